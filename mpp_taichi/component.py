@@ -1,0 +1,177 @@
+"""Components: one class per file, found by file name, described without being imported.
+
+`forces/newtonian_gravity.py` holds `NewtonianGravity` and is called `newtonian_gravity` in a scene. Its parameters are
+class attributes `name: type = param(default, …)`. The scene layer reads them from the source text with `ast`, so that a
+scene is checked, and the JSON Schema written, without importing Taichi or any effect that the scene does not name.
+"""
+
+import ast
+import importlib
+import importlib.util
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+PACKAGE_FOLDER = Path(__file__).parent
+# What the annotation of a parameter may say; the scene layer has one checked type for each.
+PARAMETER_TYPES = ("float", "int", "bool", "str", "Vector", "Color", "Formula", "FormulaVector", "Particle", "Shape", "Path")
+REQUIRED = object()
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a component, as the source file declares it."""
+
+    name: str
+    type: str
+    default: Any = REQUIRED
+    unit: str = ""
+    help: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    above: float | None = None  # exclusive minimum
+    choices: tuple[str, ...] = ()
+    optional: bool = False  # absent means None
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """A component read from its source: what the scene layer needs to know about it."""
+
+    kind: str
+    name: str
+    class_name: str
+    base: str  # name of the base class, which tells the family (PairForce, Splitting, …)
+    summary: str
+    parameters: tuple[Parameter, ...]
+    path: Path
+
+
+def param(default: Any = REQUIRED, **description: Any) -> Any:
+    """Declare a parameter; keywords are those of `Parameter`. All arguments must be literals."""
+    return Parameter(name="", type="", default=default, **description)
+
+
+def component(cls: type) -> type:
+    """Give a class whose attributes are `param(…)` an `__init__(**parameters)`; identity is equality.
+
+    Kernels are cached by object, so two components must never compare equal because their numbers are.
+    """
+    declared = {key: value for key, value in vars(cls).items() if isinstance(value, Parameter)}
+
+    def __init__(self: Any, **values: Any) -> None:
+        unknown = set(values) - set(declared)
+        if unknown:
+            raise TypeError(f"{cls.__name__} has no parameter {sorted(unknown)}")
+        for key, parameter in declared.items():
+            value = values.get(key, parameter.default)
+            if value is REQUIRED:
+                raise TypeError(f"{cls.__name__} needs {key}")
+            setattr(self, key, value)
+
+    cls.__init__ = __init__  # type: ignore[misc]
+    for key in declared:
+        delattr(cls, key)
+    return cls
+
+
+def class_name_of(name: str) -> str:
+    """`newtonian_gravity` → `NewtonianGravity`."""
+    return "".join(part.capitalize() for part in name.split("_"))
+
+
+def names(kind: str) -> list[str]:
+    """Every component of a kind (`forces`, `integrators`, …), by the files that are there."""
+    return sorted({path.stem for folder in folders(kind) for path in folder.glob("[!_]*.py")})
+
+
+def folders(kind: str) -> list[Path]:
+    """Where components of a kind are looked for: the package itself, then `extra_folders`."""
+    return [PACKAGE_FOLDER / kind, *(folder / kind for folder in extra_folders)]
+
+
+extra_folders: list[Path] = []
+"""Folders outside the package that hold `forces/…`, `integrators/…`, for one's own components."""
+
+
+def find_file(kind: str, name: str) -> Path | None:
+    """The file of a component, or None."""
+    for folder in folders(kind):
+        path = folder / f"{name}.py"
+        if path.is_file() and not name.startswith("_"):
+            return path
+    return None
+
+
+def declaration(kind: str, name: str) -> Declaration:
+    """What a component declares, read from its source without importing it."""
+    path = find_file(kind, name)
+    if path is None:
+        raise KeyError(f"{kind} has no component {name!r}")
+    return _read(kind, path)
+
+
+@lru_cache(maxsize=None)
+def _read(kind: str, path: Path) -> Declaration:
+    tree = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+    wanted = class_name_of(path.stem)
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef) and node.name == wanted:
+            found = tuple(p for statement in node.body if (p := _read_parameter(statement)) is not None)
+            base = ast.unparse(node.bases[0]) if node.bases else ""
+            return Declaration(kind, path.stem, wanted, base, ast.get_docstring(node) or "", found, path)
+    raise TypeError(f"{path} must hold one class {wanted}")
+
+
+def _read_parameter(statement: ast.stmt) -> Parameter | None:
+    if not isinstance(statement, ast.AnnAssign) or not isinstance(statement.value, ast.Call):
+        return None
+    call = statement.value
+    if not (isinstance(call.func, ast.Name) and call.func.id == "param" and isinstance(statement.target, ast.Name)):
+        return None
+    annotation = ast.unparse(statement.annotation)
+    if annotation not in PARAMETER_TYPES:
+        raise TypeError(f"parameter {statement.target.id}: type {annotation} is none of {', '.join(PARAMETER_TYPES)}")
+    keywords = {keyword.arg: ast.literal_eval(keyword.value) for keyword in call.keywords if keyword.arg}
+    default = ast.literal_eval(call.args[0]) if call.args else REQUIRED
+    return Parameter(name=statement.target.id, type=annotation, default=default, **keywords)
+
+
+def load(kind: str, name: str) -> type:
+    """Import one component and return its class. This is the only place that imports components."""
+    path = find_file(kind, name)
+    if path is None:
+        raise KeyError(f"{kind} has no component {name!r}")
+    if path.is_relative_to(PACKAGE_FOLDER):
+        module = importlib.import_module(f"mpp_taichi.{kind}.{name}")
+    else:
+        module = _import_file(f"mpp_taichi_extra.{kind}.{name}", path)
+    return getattr(module, class_name_of(name))
+
+
+def _import_file(module_name: str, path: Path) -> Any:
+    if module_name not in sys.modules:
+        specification = importlib.util.spec_from_file_location(module_name, path)
+        assert specification is not None and specification.loader is not None
+        module = importlib.util.module_from_spec(specification)
+        sys.modules[module_name] = module
+        specification.loader.exec_module(module)
+    return sys.modules[module_name]
+
+
+def build(kind: str, name: str, parameters: dict[str, Any]) -> Any:
+    """Import a component and make an instance."""
+    make: Callable[..., Any] = load(kind, name)
+    return make(**parameters)
+
+
+# The names a parameter's annotation may use in a component file, so that the file also reads well to Python.
+Vector = tuple  # three numbers
+Color = tuple  # red, green, blue in 0…1
+Formula = Any  # number, or an expression over per-particle names, evaluated by the generator
+FormulaVector = tuple  # three Formulas
+Particle = int  # index of a particle, given as an index or a name
+Shape = tuple  # counts along the axes

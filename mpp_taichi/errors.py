@@ -1,0 +1,51 @@
+"""Errors the user is meant to read: one line each, with the exit code of the command line."""
+
+
+class MppError(Exception):
+    """Base of every error this program raises on purpose."""
+
+    exit_code = 1
+
+
+class SceneError(MppError):
+    """A scene (or a `--set`) says something that cannot be run; one line per fault.
+
+    `faults` holds the lines, each `file:line:column: key: what is wrong, what is allowed`.
+    """
+
+    exit_code = 2
+
+    def __init__(self, *faults: str, excerpts: tuple[str, ...] = ()) -> None:
+        """Join the faults, in the order of the file, into one message; `excerpts` are for `render`."""
+        self.faults = faults
+        self.excerpts = excerpts
+        super().__init__("\n".join(faults))
+
+    def render(self) -> str:
+        """The faults for a terminal, each followed by the source line with a caret where there is one."""
+        excerpts = self.excerpts or ("",) * len(self.faults)
+        return "\n".join(f"{fault}\n{excerpt}" if excerpt else fault for fault, excerpt in zip(self.faults, excerpts))
+
+
+class BackendError(MppError):
+    """The backend, device, precision or display asked for is not available here."""
+
+    exit_code = 3
+
+
+class StabilityError(MppError):
+    """A stability or accuracy limit was broken: NaN, zero distance, a failed `expect`."""
+
+    exit_code = 4
+
+
+class OutputError(MppError):
+    """A file could not be read or written, or the video encoder failed."""
+
+    exit_code = 5
+
+
+class CapacityError(MppError):
+    """The scene asks for more memory or work than the machine has."""
+
+    exit_code = 6

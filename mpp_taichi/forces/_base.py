@@ -1,0 +1,74 @@
+"""The three kinds of force: a formula each, never a loop, an allocation or a launch.
+
+All of them speak of accelerations, so that a massless test particle needs no special case. `needs` names the quantities
+of `State` that the formula reads beside position and velocity.
+"""
+
+import taichi as ti
+
+from mpp_taichi.types import Template
+
+
+@ti.data_oriented
+class Force:
+    """What every force declares."""
+
+    needs: frozenset = frozenset()
+    conserves_energy = True  # False: the force does work that no potential accounts for
+    depends_on_velocity = False
+    depends_on_time = False
+
+
+class ExternalForce(Force):
+    """A force that acts on each particle by itself."""
+
+    @ti.func
+    def accelerate(self, state: Template, i, time):
+        """Acceleration of particle i at `time` [length / time²]."""
+
+    @ti.func
+    def potential(self, state: Template, i, time):
+        """Potential energy of particle i, in f64."""
+
+
+class PairForce(Force):
+    """A central force between any two particles, a_i = r_i Σ_j s_j g(1/ρ_ij) d_ij with d_ij = x_j − x_i.
+
+    ρ² = |d|² + ε². The response r, the source s and the shape g are the three formulas. Every pair force of one softening ε
+    shares the one inverse distance that the loop computes. Newton's third law asks for m_i r_i s_j = m_j r_j s_i.
+    """
+
+    softening = 0.0
+
+    @ti.func
+    def response(self, state: Template, i):
+        """What the force on particle i is proportional to, divided by its mass."""
+
+    @ti.func
+    def source(self, state: Template, j):
+        """What particle j contributes."""
+
+    @ti.func
+    def shape(self, inverse_distance):
+        """Dependence on the distance; positive attracts."""
+
+    @ti.func
+    def potential(self, state: Template, i, j, inverse_distance):
+        """Potential energy of the pair (i, j), in f64."""
+
+    @staticmethod
+    def interacts(snapshot) -> bool:
+        """Whether any pair of these particles feels the force (a zero distance then matters)."""
+        return True
+
+
+class BondForce(Force):
+    """A force along the springs of a scene; `h` counts half-springs, one for each end."""
+
+    @ti.func
+    def force(self, state: Template, i, j, h):
+        """Force on particle i from the half-spring h that leads to j."""
+
+    @ti.func
+    def potential(self, state: Template, i, j, h):
+        """Potential energy of the whole spring, in f64."""

@@ -1,0 +1,47 @@
+"""Coulomb force between all charges."""
+
+import taichi as ti
+
+from mpp_taichi.component import component, param
+from mpp_taichi.forces._base import PairForce
+from mpp_taichi.types import Template
+
+
+@component
+class Coulomb(PairForce):
+    """Softened Coulomb force, F_i = −k q_i Σ_j q_j d / (|d|² + ε²)^(3/2) with d = x_j − x_i.
+
+    Equal signs repel. A charged particle must have a mass. Source: Jackson, Classical Electrodynamics (1999), §1.1.
+    """
+
+    coulomb_constant: float = param(1.0, unit="force length² charge⁻²", help="k = 1/(4πε₀)")
+    softening: float = param(0.0, minimum=0.0, unit="length", help="ε, the radius inside which the force is softened")
+    needs = frozenset({"charge", "mass"})
+
+    @ti.func
+    def response(self, state: Template, i):
+        """−k q_i / m_i, and 0 for a neutral particle even where it has no mass."""
+        result = ti.cast(0.0, float)
+        if state.charge[i] != 0.0:
+            result = -self.coulomb_constant * state.charge[i] / state.mass[i]
+        return result
+
+    @ti.func
+    def source(self, state: Template, j):
+        """q_j."""
+        return state.charge[j]
+
+    @ti.func
+    def shape(self, inverse_distance):
+        """1/ρ³."""
+        return inverse_distance * inverse_distance * inverse_distance
+
+    @ti.func
+    def potential(self, state: Template, i, j, inverse_distance):
+        """k q_i q_j / ρ."""
+        return self.coulomb_constant * ti.cast(state.charge[i], ti.f64) * ti.cast(state.charge[j], ti.f64) * inverse_distance
+
+    @staticmethod
+    def interacts(snapshot) -> bool:
+        """Two charges at least."""
+        return int((snapshot.charge != 0).sum()) > 1

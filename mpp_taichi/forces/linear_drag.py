@@ -1,0 +1,27 @@
+"""Linear drag against a medium at rest."""
+
+import taichi as ti
+
+from mpp_taichi.component import component, param
+from mpp_taichi.forces._base import ExternalForce
+from mpp_taichi.types import Template
+
+
+@component
+class LinearDrag(ExternalForce):
+    """Linear (Stokes) drag, F = −c v. Takes energy out: a free particle slows as exp(−c t / m)."""
+
+    coefficient: float = param(minimum=0.0, unit="mass time⁻¹", help="c")
+    needs = frozenset({"mass"})
+    conserves_energy = False
+    depends_on_velocity = True
+
+    @ti.func
+    def accelerate(self, state: Template, i, time):
+        """−c v / m."""
+        return -(ti.cast(self.coefficient, float) / state.mass[i]) * state.velocity[i]
+
+    @ti.func
+    def potential(self, state: Template, i, time):
+        """None: drag stores nothing."""
+        return ti.cast(0.0, ti.f64)

@@ -1,0 +1,45 @@
+"""Newtonian gravity between all particles."""
+
+import taichi as ti
+
+from mpp_taichi.component import component, param
+from mpp_taichi.forces._base import PairForce
+from mpp_taichi.types import Template
+
+
+@component
+class NewtonianGravity(PairForce):
+    """Newtonian gravity, a_i = G Σ_j m_j d / (|d|² + ε²)^(3/2) with d = x_j − x_i.
+
+    With ε > 0 this is exactly the force of the potential −G m_i m_j / √(|d|² + ε²), Plummer's sphere. Massless particles
+    feel it and exert none. Source: Newton 1687; Plummer, MNRAS 71 (1911) 460.
+    """
+
+    strength: float = param(None, optional=True, unit="length³ mass⁻¹ time⁻²", help="G, or k² in Gaussian units; absent: the G of the scene's units, or 1")
+    softening: float = param(0.0, minimum=0.0, unit="length", help="ε, the radius inside which gravity is softened")
+    needs = frozenset({"mass"})
+
+    @ti.func
+    def response(self, state: Template, i):
+        """G."""
+        return ti.cast(self.strength, float)
+
+    @ti.func
+    def source(self, state: Template, j):
+        """m_j."""
+        return state.mass[j]
+
+    @ti.func
+    def shape(self, inverse_distance):
+        """1/ρ³."""
+        return inverse_distance * inverse_distance * inverse_distance
+
+    @ti.func
+    def potential(self, state: Template, i, j, inverse_distance):
+        """−G m_i m_j / ρ."""
+        return -self.strength * ti.cast(state.mass[i], ti.f64) * ti.cast(state.mass[j], ti.f64) * inverse_distance
+
+    @staticmethod
+    def interacts(snapshot) -> bool:
+        """Mass somewhere is enough: even a test particle feels it."""
+        return bool((snapshot.mass != 0).any())

@@ -1,0 +1,28 @@
+"""A uniform gravitational field."""
+
+import taichi as ti
+
+from mpp_taichi.component import Vector, component, param
+from mpp_taichi.forces._base import ExternalForce
+from mpp_taichi.types import Template
+
+
+@component
+class UniformGravity(ExternalForce):
+    """Uniform field, a = g; potential energy −m g·x, zero at the origin."""
+
+    acceleration: Vector = param([0.0, 0.0, -9.81], unit="length time⁻²", help="g")
+    needs = frozenset({"mass"})
+
+    @ti.func
+    def accelerate(self, state: Template, i, time):
+        """Return g."""
+        return ti.Vector([self.acceleration[k] for k in range(state.dimensions)], float)
+
+    @ti.func
+    def potential(self, state: Template, i, time):
+        """−m g·x."""
+        result = ti.cast(0.0, ti.f64)
+        for k in ti.static(range(state.dimensions)):
+            result -= ti.cast(state.mass[i], ti.f64) * self.acceleration[k] * ti.cast(state.position[i][k], ti.f64)
+        return result

@@ -1,0 +1,77 @@
+"""Explicit Runge–Kutta methods: a tableau, and one step for all of them."""
+
+import taichi as ti
+
+from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.types import Template
+
+# (a, b, c) of the methods that solve v' = a(v) inside a kick, by order (see _splitting).
+EULER = (((),), (1.0,))
+MIDPOINT = (((), (0.5,)), (0.0, 1.0))
+CLASSICAL = (((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
+
+
+def nystroem_rows(a: tuple, b: tuple) -> list[tuple[float, list[float], list[float]]]:
+    """Rows (c, weights, weights̄) of every stage, and last of the end of the step, in Nyström's form.
+
+    x' = v, v' = f turns into stages that store only the slopes f: with the full tableau A and c = A·1, stage s stands at
+    v₀ + h Σ A_sk f_k and x₀ + c_s h v₀ + h² Σ (A·A)_sk f_k; the end at b and b·A. Algebraically the same method.
+    """
+    stages = len(b)
+    full = [list(row) + [0.0] * (stages - len(row)) for row in a]
+    ends = [*full, list(b)]
+    bars = [[sum(row[j] * full[j][k] for j in range(stages)) for k in range(stages)] for row in ends]
+    return [(sum(row), row, bar) for row, bar in zip(ends, bars, strict=True)]
+
+
+class RungeKutta(Integrator):
+    """Explicit Runge–Kutta step for x' = v, v' = f(x, v, t), given by the tableau rows `a` and weights `b`.
+
+    Velocity-dependent forces keep the order. Not symplectic: energy drifts. Scratch: start positions, start velocities, one
+    slope per stage.
+    """
+
+    a: tuple = ()
+    b: tuple = ()
+
+    @property
+    def evaluations(self) -> int:
+        """One per stage."""
+        return len(self.b)
+
+    def scratch_count(self, velocity_dependent: bool) -> int:
+        """Start positions, start velocities, slopes."""
+        return 2 + len(self.b)
+
+    @ti.func
+    def step(self, state: Template, total_force: Template, first, time, dt, shape: Template):
+        """One step: each stage moves the state itself, so that forces always read the stage they are asked about."""
+        rows = ti.static(nystroem_rows(self.a, self.b))
+        for i in range(first, first + total_force.particle_count):
+            state.scratch_0[i] = state.position[i]
+            state.scratch_1[i] = state.velocity[i]
+        for s in ti.static(range(len(self.b))):
+            if ti.static(s > 0):
+                self.move(state, total_force, first, dt, rows[s])
+            total_force.accumulate(state, first, time + rows[s][0] * dt, shape)
+            for i in range(first, first + total_force.particle_count):
+                slope = state.acceleration[i]
+                if ti.static(total_force.depends_on_velocity):
+                    slope += total_force.local_acceleration(state, first, i, time + rows[s][0] * dt, True)
+                state.scratch[2 + s][i] = slope
+        self.move(state, total_force, first, dt, rows[ti.static(len(self.b))])
+
+    @ti.func
+    def move(self, state: Template, total_force: Template, first, dt, row: Template):
+        """Set the state to the stage, or the end of the step, that the row describes."""
+        node, weights, bars = ti.static(row)
+        for i in range(first, first + total_force.particle_count):
+            velocity_change = ti.Vector.zero(float, state.dimensions)
+            position_change = node * state.scratch_1[i]
+            for k in ti.static(range(len(self.b))):
+                if ti.static(weights[k] != 0.0):
+                    velocity_change += weights[k] * state.scratch[2 + k][i]
+                if ti.static(bars[k] != 0.0):
+                    position_change += dt * bars[k] * state.scratch[2 + k][i]
+            state.position[i] = state.scratch_0[i] + dt * position_change
+            state.velocity[i] = state.scratch_1[i] + dt * velocity_change

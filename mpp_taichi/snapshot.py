@@ -1,0 +1,98 @@
+"""Snapshot: the one form in which particles cross between host and device, file and memory, Taichi and OpenCL."""
+
+import json
+import os
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from mpp_taichi.errors import OutputError
+
+FORMAT_VERSION = 1
+_ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color", "free")
+_SPRING_ARRAYS = ("between", "stiffness", "damping", "rest_length", "color")
+
+
+@dataclass(frozen=True, eq=False)
+class Springs:
+    """Springs as arrays, one entry per spring.
+
+    between      indices (i, j) of the two ends, shape (spring_count, 2)
+    stiffness    D [force / length];  damping c [force / velocity];  rest_length [length], each (spring_count,)
+    color        red, green, blue in 0…1, shape (spring_count, 3)
+    """
+
+    between: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))
+    stiffness: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    damping: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    rest_length: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    color: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def __len__(self) -> int:
+        """Count the springs."""
+        return len(self.between)
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """All particles at one time, as float64 host arrays whatever the precision of the run.
+
+    position, velocity   [length], [length / time], shape (particle_count, 3)
+    mass, radius, charge shape (particle_count,)
+    color                red, green, blue in 0…1, shape (particle_count, 3)
+    free                 False where an axis of a particle is held fixed, shape (particle_count, 3)
+    name                 one string per particle, empty when it has none
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    mass: np.ndarray
+    radius: np.ndarray
+    charge: np.ndarray
+    color: np.ndarray
+    free: np.ndarray
+    name: tuple[str, ...]
+    springs: Springs = field(default_factory=Springs)
+    time: float = 0.0
+    step: int = 0
+
+    @property
+    def particle_count(self) -> int:
+        """Number of particles."""
+        return len(self.mass)
+
+    def moved(self, *, position: np.ndarray, velocity: np.ndarray, time: float, step: int) -> "Snapshot":
+        """The same particles elsewhere, at another time."""
+        return replace(self, position=position, velocity=velocity, time=time, step=step)
+
+    def save(self, path: str | Path) -> None:
+        """Write `.npz` (no pickles) by way of a temporary file, so that a crash leaves the old file whole."""
+        path = Path(path)
+        arrays = {key: getattr(self, key) for key in _ARRAYS}
+        arrays |= {f"spring_{key}": getattr(self.springs, key) for key in _SPRING_ARRAYS}
+        meta = {"format": FORMAT_VERSION, "time": self.time, "step": self.step}
+        temporary = path.with_name(path.name + ".part")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with open(temporary, "wb") as stream:
+                np.savez(stream, meta=json.dumps(meta), name=np.array(self.name, dtype=np.str_), **arrays)
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.replace(temporary, path)
+        except OSError as error:
+            temporary.unlink(missing_ok=True)
+            raise OutputError(f"{path}: cannot write the snapshot: {error.strerror or error}") from error
+
+    @staticmethod
+    def load(path: str | Path) -> "Snapshot":
+        """Read what `save` wrote."""
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                meta = json.loads(str(data["meta"]))
+                springs = Springs(**{key: data[f"spring_{key}"] for key in _SPRING_ARRAYS})
+                arrays = {key: data[key] for key in _ARRAYS}
+                names = tuple(str(entry) for entry in data["name"])
+        except (OSError, ValueError, KeyError) as error:
+            raise OutputError(f"{path}: not a snapshot of this program: {error}") from error
+        return Snapshot(**arrays, name=names, springs=springs, time=meta["time"], step=meta["step"])

@@ -1,0 +1,152 @@
+"""State: the device fields of a simulation, allocated only for what some effect of the scene needs."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.snapshot import Snapshot
+
+# Quantities one entry of which belongs to each particle, and the snapshot array they come from.
+PARTICLE_QUANTITIES = ("mass", "charge", "radius")
+# Quantities of the half-springs, gathered per particle (compressed sparse rows).
+SPRING_QUANTITIES = ("spring_start", "spring_neighbor", "spring_stiffness", "spring_rest_length", "spring_damping")
+
+
+def half_springs(snapshot: Snapshot) -> dict[str, np.ndarray]:
+    """Both ends of every spring, sorted by the particle they pull at: compressed sparse rows.
+
+    Row i is spring_start[i] … spring_start[i+1]; within a row the order is that of the scene, so sums are repeatable.
+    """
+    springs = snapshot.springs
+    ends = np.concatenate([springs.between[:, 0], springs.between[:, 1]])
+    others = np.concatenate([springs.between[:, 1], springs.between[:, 0]])
+    number = np.tile(np.arange(len(springs)), 2)
+    order = np.lexsort((number, ends))
+    counts = np.bincount(ends, minlength=snapshot.particle_count)
+    return {
+        "spring_start": np.concatenate([[0], np.cumsum(counts)]).astype(np.int32),
+        "spring_neighbor": others[order].astype(np.int32),
+        "spring_stiffness": springs.stiffness[number[order]],
+        "spring_rest_length": springs.rest_length[number[order]],
+        "spring_damping": springs.damping[number[order]],
+    }
+
+
+@ti.data_oriented
+class State:
+    """Fields for `replica_count` copies of `particle_count` particles, one copy after the other.
+
+    position, velocity, acceleration   vectors of `dimensions` components in the run's precision
+    free                               1 or 0 per axis, only where an axis of some particle is fixed
+    mass, charge, radius, spring_…     only where named in `needs`
+    scratch_0, scratch_1, …            vectors that an integrator asks for
+
+    Vectors are stored component by component when a pair sum streams over all of them, else together.
+    """
+
+    def __init__(self, snapshot: Snapshot, *, dimensions: int, needs: Iterable[str], scratch_count: int, streaming: bool, replica_count: int = 1):
+        """Allocate for the needs, and fill with the snapshot in every replica."""
+        self.dimensions = dimensions
+        self.particle_count = snapshot.particle_count
+        self.replica_count = replica_count
+        self.total_count = snapshot.particle_count * replica_count
+        self.has_fixed_axes = not bool(snapshot.free[:, :dimensions].all())
+        needs = frozenset(needs)
+        unknown = needs - set(PARTICLE_QUANTITIES) - set(SPRING_QUANTITIES)
+        if unknown:
+            raise TypeError(f"an effect needs {sorted(unknown)}, which State does not know")
+        self.quantities: list[str] = ["position", "velocity", "acceleration"]
+        self._builder = ti.FieldsBuilder()
+        layout = ti.Layout.SOA if streaming else ti.Layout.AOS
+        for name in self.quantities:
+            setattr(self, name, self._vector(layout))
+        for k in range(scratch_count):
+            setattr(self, f"scratch_{k}", self._vector(layout))
+            self.quantities.append(f"scratch_{k}")
+        self.scratch = tuple(getattr(self, f"scratch_{k}") for k in range(scratch_count))
+        if self.has_fixed_axes:
+            self.free = self._vector(layout)
+            self.quantities.append("free")
+        for name in PARTICLE_QUANTITIES:
+            if name in needs:
+                self._scalar(name, float, self.total_count)
+        host = half_springs(snapshot) if needs & set(SPRING_QUANTITIES) else {}
+        for name in SPRING_QUANTITIES:
+            if name in needs:
+                self._scalar(name, ti.i32 if host[name].dtype == np.int32 else float, max(len(host[name]), 1))
+        self._tree = self._builder.finalize()
+        self._fill(snapshot, needs, host)
+
+    def _vector(self, layout: Any) -> Any:
+        result = ti.Vector.field(self.dimensions, float)
+        if layout == ti.Layout.SOA:
+            for k in range(self.dimensions):
+                self._builder.dense(ti.i, self.total_count).place(result.get_scalar_field(k))
+        else:
+            self._builder.dense(ti.i, self.total_count).place(result)
+        return result
+
+    def _scalar(self, name: str, dtype: Any, count: int) -> None:
+        result = ti.field(dtype)
+        self._builder.dense(ti.i, count).place(result)
+        setattr(self, name, result)
+        self.quantities.append(name)
+
+    def _fill(self, snapshot: Snapshot, needs: frozenset, host: dict[str, np.ndarray]) -> None:
+        for name in PARTICLE_QUANTITIES:
+            if name in needs:
+                getattr(self, name).from_numpy(np.tile(getattr(snapshot, name), self.replica_count).astype(self._dtype))
+        for name, values in host.items():
+            if name in needs and len(values):
+                getattr(self, name).from_numpy(values if values.dtype == np.int32 else values.astype(self._dtype))
+        if self.has_fixed_axes:
+            free = snapshot.free[:, : self.dimensions].astype(self._dtype)
+            self.free.from_numpy(np.tile(free, (self.replica_count, 1)))
+        self.write(snapshot.position, snapshot.velocity * snapshot.free)
+
+    @property
+    def _dtype(self) -> type:
+        return np.float32 if self.position.dtype == ti.f32 else np.float64
+
+    def write(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        """Set positions and velocities: (particle_count, 3) for every replica, or (total_count, 3)."""
+        for target, values in ((self.position, position), (self.velocity, velocity)):
+            values = np.asarray(values)[:, : self.dimensions]
+            if len(values) != self.total_count:
+                values = np.tile(values, (self.replica_count, 1))
+            target.from_numpy(np.ascontiguousarray(values, dtype=self._dtype))
+
+    def read(self, replica: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities of one replica as float64, (particle_count, 3)."""
+        rows = slice(replica * self.particle_count, (replica + 1) * self.particle_count)
+        results = []
+        for source in (self.position, self.velocity):
+            values = np.zeros((self.particle_count, 3))
+            values[:, : self.dimensions] = source.to_numpy()[rows]
+            results.append(values)
+        return results[0], results[1]
+
+    def save(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities of all replicas, bit for bit."""
+        return self.position.to_numpy(), self.velocity.to_numpy()
+
+    def restore(self, saved: tuple[np.ndarray, np.ndarray]) -> None:
+        """Put back what `save` gave."""
+        self.position.from_numpy(saved[0])
+        self.velocity.from_numpy(saved[1])
+
+    def field_sizes(self) -> dict[str, int]:
+        """Bytes of every field."""
+        sizes = {}
+        for name in self.quantities:
+            field = getattr(self, name)
+            width = self.dimensions if isinstance(field, ti.MatrixField) else 1
+            bytes_each = 4 if field.dtype in (ti.f32, ti.i32) else 8
+            sizes[name] = field.shape[0] * width * bytes_each
+        return sizes
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self._tree.destroy()

@@ -1,0 +1,85 @@
+"""TotalForce: the composed sum of a scene's forces, and the only owner of the loops over particles, pairs and springs."""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
+from mpp_taichi.neighbors.all_pairs import AllPairs
+from mpp_taichi.types import Template
+
+
+@ti.data_oriented
+class TotalForce:
+    """The sum of the forces of a scene, as accelerations.
+
+    `shape` says how the loop over pairs runs: "serial" inside a serial loop, "lanes" (CPU) or "gather" (GPU) when it is to be
+    parallel. All other loops are parallel or serial by where they stand. Only what the scene has is compiled: loops over absent kinds do not exist.
+    """
+
+    def __init__(self, forces: tuple[Force, ...], particle_count: int, dimensions: int):
+        """Sort the forces by the loop they need, and by whether they depend on velocity."""
+        self.forces = forces
+        self.particle_count = particle_count
+        pairs = tuple(force for force in forces if isinstance(force, PairForce))
+        self.external = tuple(force for force in forces if isinstance(force, ExternalForce))
+        self.bonds = tuple(force for force in forces if isinstance(force, BondForce))
+        self.has_pairs = len(pairs) > 0 and particle_count > 1
+        self.pairs: Any = AllPairs(pairs, particle_count, dimensions) if self.has_pairs else None
+        self.pair_forces = pairs
+        self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
+        self.depends_on_time = any(force.depends_on_time for force in forces)
+
+    @property
+    def needs(self) -> frozenset:
+        """Union of what the forces need."""
+        return frozenset().union(*(force.needs for force in self.forces))
+
+    @ti.func
+    def local_acceleration(self, state: Template, first, i, time, velocity_dependent: Template):
+        """Acceleration of particle i from external forces and springs, only those that do (or do not) depend on velocity.
+
+        `first` is the first particle of this replica; springs count from there.
+        """
+        result = ti.Vector.zero(float, state.dimensions)
+        for force in ti.static(self.external):
+            if ti.static(force.depends_on_velocity == velocity_dependent):
+                result += force.accelerate(state, i, time)
+        for bond in ti.static(self.bonds):
+            if ti.static(bond.depends_on_velocity == velocity_dependent):
+                total = ti.Vector.zero(float, state.dimensions)
+                for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
+                    total += bond.force(state, i, first + state.spring_neighbor[h], h)
+                result += total / state.mass[i]
+        if ti.static(state.has_fixed_axes):
+            result *= state.free[i]
+        return result
+
+    @ti.func
+    def accumulate(self, state: Template, first, time, shape: Template):
+        """state.acceleration = everything that does not depend on velocity."""
+        for i in range(first, first + self.particle_count):
+            state.acceleration[i] = self.local_acceleration(state, first, i, time, False)
+        if ti.static(self.has_pairs):
+            if ti.static(shape == "serial"):
+                self.pairs.accumulate_serial(state, first)
+            if ti.static(shape == "lanes"):
+                self.pairs.accumulate_parallel_cpu(state)
+            if ti.static(shape == "gather"):
+                self.pairs.accumulate_parallel_gather(state)
+            if ti.static(state.has_fixed_axes):
+                for i in range(first, first + self.particle_count):
+                    state.acceleration[i] = state.acceleration[i] * state.free[i]
+
+    @ti.func
+    def potential_energy_of(self, state: Template, i, time):
+        """Share of particle i in the potential energy, in f64: a pair or a spring is split evenly between its ends."""
+        result = ti.cast(0.0, ti.f64)
+        for force in ti.static(self.external):
+            result += force.potential(state, i, time)
+        for bond in ti.static(self.bonds):
+            for h in range(state.spring_start[i], state.spring_start[i + 1]):
+                result += 0.5 * bond.potential(state, i, state.spring_neighbor[h], h)
+        if ti.static(self.has_pairs):
+            result += self.pairs.potential_energy_of(state, i)
+        return result
