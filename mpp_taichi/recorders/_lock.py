@@ -1,0 +1,55 @@
+"""One writer for each output: a lock file beside it that names the process."""
+
+import os
+from pathlib import Path
+
+from mpp_taichi.errors import OutputError
+
+
+class OutputLock:
+    """Holds `.name.lock` while an output is being written; a lock whose process is gone is taken over."""
+
+    def __init__(self, output: Path) -> None:
+        """Take the lock.
+
+        Raises:
+            OutputError: another process that is alive holds it, or the folder cannot be written.
+        """
+        self.path = output.with_name(f".{output.name}.lock")
+        try:
+            output.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                self._create()
+            except FileExistsError:
+                owner = self._owner()
+                if owner is not None and _is_alive(owner):
+                    raise OutputError(f"{output}: process {owner} is writing it; choose another name ({self.path})") from None
+                self.path.unlink(missing_ok=True)
+                self._create()
+        except OSError as error:
+            raise OutputError(f"{output}: cannot be written: {error.strerror or error}") from error
+
+    def release(self) -> None:
+        """Give the lock back."""
+        self.path.unlink(missing_ok=True)
+
+    def _create(self) -> None:
+        descriptor = os.open(self.path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644)
+        with os.fdopen(descriptor, "w", encoding="ascii") as stream:
+            stream.write(str(os.getpid()))
+
+    def _owner(self) -> int | None:
+        try:
+            return int(self.path.read_text(encoding="ascii"))
+        except (OSError, ValueError):
+            return None
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

@@ -1,0 +1,66 @@
+"""A film as a folder of pictures: frame_000000.png, frame_000001.png, …; needs no encoder."""
+
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from PIL import Image
+
+from mpp_taichi.errors import OutputError
+from mpp_taichi.recorders._lock import OutputLock
+
+
+class FrameRecorder:
+    """Writes each frame to a PNG of its own; a context manager, like `VideoRecorder`.
+
+    Pictures of an earlier run in the same folder are removed first, so that the folder always holds one film.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        """Make the folder.
+
+        Raises:
+            OutputError: it cannot be made or is being written by another run.
+        """
+        self.folder = Path(folder)
+        self.frame_count = 0
+        self._lock = OutputLock(self.folder / "frames")
+        for old in self.folder.glob("frame_[0-9][0-9][0-9][0-9][0-9][0-9].png"):
+            old.unlink()
+
+    def __enter__(self) -> "FrameRecorder":
+        """The recorder itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """Release the folder; every picture written is whole."""
+        self.close()
+
+    def write(self, picture: np.ndarray) -> None:
+        """Add one frame: uint8, shape (height, width, 3).
+
+        Raises:
+            OutputError: the disk is full or the folder gone.
+        """
+        path = self.folder / f"frame_{self.frame_count:06d}.png"
+        save_picture(picture, path)
+        self.frame_count += 1
+
+    def close(self) -> None:
+        """Release the folder."""
+        self._lock.release()
+
+
+def save_picture(picture: np.ndarray, path: Path) -> None:
+    """Write one PNG by way of a temporary file, so that no half a picture is left.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    temporary = path.with_name(path.name + ".part")
+    try:
+        Image.fromarray(picture).save(temporary, format="PNG", compress_level=3)
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise OutputError(f"{path}: cannot write the picture: {error.strerror or error}") from error

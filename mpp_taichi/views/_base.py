@@ -1,0 +1,110 @@
+"""What every view takes and gives: a `Frame` in, a picture (or a window) out."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mpp_taichi.snapshot import Snapshot
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One moment of a scene as a view draws it; plain host arrays, so that no view knows a simulation or a device.
+
+    position     [length], shape (particle_count, 3)
+    radius       [length], shape (particle_count,)
+    color        red, green, blue in 0…1 as displayed (sRGB), shape (particle_count, 3)
+    between      particle indices of the two ends of each spring, shape (spring_count, 2)
+    spring_color as `color`, shape (spring_count, 3)
+    center       what a camera without a target looks at [length]; the middle of the bounding box when None
+    extra        one more line of caption, such as the energy error
+    """
+
+    position: np.ndarray
+    radius: np.ndarray
+    color: np.ndarray
+    between: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))
+    spring_color: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    time: float = 0.0
+    title: str = ""
+    extra: str = ""
+    center: tuple[float, float, float] | None = None
+
+    @staticmethod
+    def of(snapshot: Snapshot, *, title: str = "", extra: str = "") -> "Frame":
+        """The frame of a snapshot; its center is the center of mass, which orbits stay around."""
+        mass = np.maximum(snapshot.mass, 0.0)
+        center = None
+        if mass.sum() > 0.0:
+            x, y, z = mass @ snapshot.position / mass.sum()
+            center = (float(x), float(y), float(z))
+        springs = snapshot.springs
+        return Frame(
+            position=snapshot.position,
+            radius=snapshot.radius,
+            color=snapshot.color,
+            between=springs.between,
+            spring_color=springs.color,
+            time=snapshot.time,
+            title=title,
+            extra=extra,
+            center=center,
+        )
+
+
+class View(ABC):
+    """Draws frames into pictures. The one interface a replacement of GGUI has to meet."""
+
+    @abstractmethod
+    def draw(self, frame: Frame) -> np.ndarray:
+        """The picture of a frame: red, green, blue as uint8, shape (height, width, 3), first row on top."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release what the view holds; harmless when called twice."""
+
+
+class Trails:
+    """The last positions of every particle, as line segments that fade into the background.
+
+    `length` counts frames. A frame at the same time as the last one (a paused simulation) adds nothing; one at an earlier
+    time, or with another number of particles, starts afresh.
+    """
+
+    def __init__(self, length: int) -> None:
+        """Keep nothing yet."""
+        self.length = length
+        self._positions: list[np.ndarray] = []
+        self._time = -np.inf
+
+    def clear(self) -> None:
+        """Forget every position."""
+        self._positions.clear()
+        self._time = -np.inf
+
+    def add(self, frame: Frame) -> None:
+        """Remember where the particles of a frame are."""
+        if self.length < 1 or frame.time == self._time:
+            return
+        if frame.time < self._time or (self._positions and len(self._positions[-1]) != len(frame.position)):
+            self.clear()
+        self._time = frame.time
+        self._positions.append(np.array(frame.position, dtype=float))
+        del self._positions[: -(self.length + 1)]
+
+    def segments(self, color: np.ndarray, background: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Segments from oldest to newest: ends (count, 2, 3) and colours of both ends (count, 2, 3), then the ages.
+
+        The age of a segment, shape (count,), is 0 for the newest and grows to 1 for the oldest.
+        """
+        steps = len(self._positions) - 1
+        if steps < 1 or self.length < 1:
+            return np.zeros((0, 2, 3)), np.zeros((0, 2, 3)), np.zeros(0)
+        path = np.stack(self._positions)
+        ends = np.stack([path[:-1], path[1:]], axis=2).reshape(-1, 2, 3)
+        brightness = 1.0 - np.arange(steps, -1, -1)[:, None, None] / self.length
+        fading = background + brightness * (np.asarray(color, dtype=float) - background)
+        colors = np.stack([fading[:-1], fading[1:]], axis=2).reshape(-1, 2, 3)
+        age = np.repeat(1.0 - brightness[1:, 0, 0], len(color))
+        return ends, colors, age

@@ -1,0 +1,182 @@
+"""Orbit camera: where the picture is taken from, and how a mouse moves it. NumPy only, float64."""
+
+import math
+
+import numpy as np
+
+from mpp_taichi.scene.spec import CameraSpec
+from mpp_taichi.views._base import Frame
+
+MARGIN = 1.12  # room left around the scene when it is framed
+FLAT = 1.0e-3  # an axis whose extent is below this share of the largest one counts as flat
+POLE = math.radians(89.0)  # a turntable never quite looks along its own axis
+AXIS_VIEWS = {
+    "x": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    "y": ((0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
+    "z": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
+}
+"""For each axis view: where the camera stands, seen from its target, and what is up."""
+THREE_QUARTER_VIEW = ((0.55, -0.75, 0.45), (0.0, 0.0, 1.0))
+
+
+class Camera:
+    """A turntable around `target`: `backward` points from the target to the camera, `axis` is what rotation turns about.
+
+    Camera coordinates are (right, up, depth), the depth growing away from the viewer [length].
+    """
+
+    def __init__(self, spec: CameraSpec, frame: Frame, *, aspect: float, dimensions: int = 3) -> None:
+        """Take what the spec says and choose the rest so that every particle of the frame is in view."""
+        self.field_of_view = spec.field_of_view
+        self.orthographic = spec.projection == "orthographic"
+        backward, axis = default_view(frame.position, dimensions)
+        center, _ = bounds(frame)
+        self.target = np.array(center if spec.look_at is None else spec.look_at, dtype=float)
+        self.distance = 1.0
+        self.height = 1.0
+        if spec.position is not None:
+            offset = np.array(spec.position, dtype=float) - self.target
+            self.distance = float(np.linalg.norm(offset)) or 1.0
+            backward = tuple(offset / self.distance) if offset.any() else backward
+        self.turn_to(backward, axis if spec.up is None else spec.up)
+        if spec.position is None:
+            self._fit(frame, aspect)
+        else:
+            self.height = 2.0 * self.distance * math.tan(math.radians(self.field_of_view) / 2.0)
+        if spec.height is not None:
+            self.height = spec.height
+        self._start = (self.target.copy(), self.backward, self.axis, self.distance, self.height)
+
+    @property
+    def position(self) -> np.ndarray:
+        """Where the camera stands [length], shape (3,)."""
+        return self.target + self.distance * self.backward
+
+    @property
+    def right(self) -> np.ndarray:
+        """Unit vector to the right of the picture."""
+        right = np.cross(self.axis, self.backward)
+        return right / np.linalg.norm(right)
+
+    @property
+    def up(self) -> np.ndarray:
+        """Unit vector to the top of the picture."""
+        return np.cross(self.backward, self.right)
+
+    @property
+    def visible_height(self) -> float:
+        """Height of the picture at the depth of the target [length]."""
+        if self.orthographic:
+            return self.height
+        return 2.0 * self.distance * math.tan(math.radians(self.field_of_view) / 2.0)
+
+    def view(self, points: np.ndarray) -> np.ndarray:
+        """Camera coordinates (right, up, depth) of points of shape (…, 3)."""
+        offset = np.asarray(points, dtype=float) - self.target
+        turned = offset @ np.stack([self.right, self.up, -self.backward], axis=1)
+        turned[..., 2] += self.distance
+        return turned
+
+    def length_per_pixel(self, depth: np.ndarray, rows: int) -> np.ndarray:
+        """What one pixel of a picture of so many rows covers at a depth [length]."""
+        if self.orthographic:
+            return np.full_like(depth, self.height / rows)
+        return np.maximum(depth, 0.0) * (2.0 * math.tan(math.radians(self.field_of_view) / 2.0) / rows)
+
+    def drawn_radius(self, radius: np.ndarray, depth: np.ndarray, rows: int, *, scale: float, minimum_pixels: float) -> np.ndarray:
+        """Radius at which a sphere is drawn [length]: scaled, and never below so many pixels."""
+        return np.maximum(radius * scale, minimum_pixels * self.length_per_pixel(depth, rows))
+
+    def turn_to(self, backward: tuple[float, ...] | np.ndarray, axis: tuple[float, ...] | np.ndarray) -> None:
+        """Look from `backward` with `axis` up; an axis along the line of sight is replaced by another."""
+        self.backward = np.array(backward, dtype=float) / np.linalg.norm(backward)
+        for candidate in (axis, (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)):
+            length = np.linalg.norm(candidate)
+            if length > 0.0 and np.linalg.norm(np.cross(candidate, self.backward)) > 1.0e-3 * length:
+                self.axis = np.array(candidate, dtype=float) / length
+                return
+
+    def rotate(self, right: float, up: float) -> None:
+        """Drag by shares of the picture's height: the scene follows the hand, half a turn per height."""
+        azimuth = -math.pi * right
+        cosine, sine = math.cos(azimuth), math.sin(azimuth)
+        along = self.axis * (self.axis @ self.backward)
+        backward = along + cosine * (self.backward - along) + sine * np.cross(self.axis, self.backward)
+        level = backward - along
+        level /= np.linalg.norm(level)
+        elevation = math.asin(float(np.clip(self.axis @ backward, -1.0, 1.0))) - math.pi * up
+        elevation = min(max(elevation, -POLE), POLE)
+        self.backward = math.cos(elevation) * level + math.sin(elevation) * self.axis
+
+    def pan(self, right: float, up: float) -> None:
+        """Drag by shares of the picture's height: the point under the hand at the target's depth stays under it."""
+        self.target = self.target - self.visible_height * (right * self.right + up * self.up)
+
+    def zoom(self, factor: float) -> None:
+        """Make the picture larger by a factor."""
+        self.distance /= factor
+        self.height /= factor
+
+    def reset(self) -> None:
+        """Go back to where the camera was at first."""
+        target, self.backward, self.axis, self.distance, self.height = self._start
+        self.target = target.copy()
+
+    def look_along(self, axis: str) -> None:
+        """Look along the axis `x`, `y` or `z` from the same distance."""
+        self.turn_to(*AXIS_VIEWS[axis])
+
+    def frame_all(self, frame: Frame, aspect: float) -> None:
+        """Aim at the middle of the scene and step back until every particle is in view."""
+        self.target = bounds(frame)[0]
+        self._fit(frame, aspect)
+
+    def _fit(self, frame: Frame, aspect: float) -> None:
+        center, reach = bounds(frame)
+        reach = MARGIN * (reach + float(np.linalg.norm(center - self.target)))
+        half_angle = math.radians(self.field_of_view) / 2.0
+        narrow = min(half_angle, math.atan(aspect * math.tan(half_angle)))
+        self.distance = reach / math.sin(narrow)
+        self.height = 2.0 * reach / min(aspect, 1.0)
+
+    def as_yaml(self) -> str:
+        """The `view:` entry of a scene that puts the camera where it is now."""
+
+        def numbers(vector: np.ndarray) -> str:
+            return "[" + ", ".join(f"{value:.6g}" for value in vector) + "]"
+
+        lines = ["view:", "  camera:", f"    position: {numbers(self.position)}", f"    look_at: {numbers(self.target)}"]
+        lines.append(f"    up: {numbers(self.axis)}")
+        lines.append(f"    field_of_view: {self.field_of_view:.6g}")
+        if self.orthographic:
+            lines += ["    projection: orthographic", f"    height: {self.height:.6g}"]
+        return "\n".join(lines) + "\n"
+
+
+def bounds(frame: Frame) -> tuple[np.ndarray, float]:
+    """Center and radius [length] of a sphere that holds every particle; particles without a finite position do not count."""
+    seen = np.isfinite(frame.position).all(axis=1)
+    position, radius = np.asarray(frame.position)[seen], np.asarray(frame.radius)[seen]
+    if len(position) == 0:
+        return np.zeros(3), 1.0
+    center = (position.min(axis=0) + position.max(axis=0)) / 2.0
+    if frame.center is not None and np.isfinite(frame.center).all():
+        center = np.array(frame.center, dtype=float)
+    reach = float((np.linalg.norm(position - center, axis=1) + radius).max())
+    if reach <= 2.0 * float(radius.max()):
+        reach *= 3.0  # one body alone: leave it room to move
+    return center, reach or 1.0
+
+
+def default_view(position: np.ndarray, dimensions: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Where to stand and what is up: face on for a flat scene, from above at an angle for a solid one."""
+    position = position[np.isfinite(position).all(axis=1)]
+    extent = np.ptp(position, axis=0) if len(position) else np.zeros(3)
+    flat = extent <= FLAT * extent.max()
+    if dimensions == 2 or flat[2]:
+        return AXIS_VIEWS["z"]
+    if flat[1]:
+        return AXIS_VIEWS["y"]
+    if flat[0]:
+        return AXIS_VIEWS["x"]
+    return THREE_QUARTER_VIEW

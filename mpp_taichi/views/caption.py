@@ -1,0 +1,50 @@
+"""Text in pictures: title, time and one more line, drawn on the host."""
+
+import importlib.util
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from mpp_taichi.views._base import Frame
+
+TEXT_COLOR, SHADOW_COLOR = (235, 235, 240), (0, 0, 0)
+LINES_PER_PICTURE = 36  # the height of one line is this share of the picture, 20 pixels at 720
+
+
+@lru_cache(maxsize=8)
+def _font(height: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """Go Regular, which comes with Taichi and holds Latin, Greek and Cyrillic; Pillow's own holds little beyond ASCII."""
+    taichi = importlib.util.find_spec("taichi")
+    if taichi is not None and taichi.origin is not None:
+        font = Path(taichi.origin).parent / "assets" / "Go-Regular.ttf"
+        if font.is_file():
+            return ImageFont.truetype(str(font), height)
+    return ImageFont.load_default(size=height)
+
+
+def caption_lines(frame: Frame) -> list[str]:
+    """The lines of a frame's caption, from the top."""
+    return [line for line in (frame.title, f"t = {frame.time:.4g}", frame.extra) if line]
+
+
+def draw_caption(picture: np.ndarray, frame: Frame) -> None:
+    """Write the caption into the upper left corner of a picture (height, width, 3), in place."""
+    draw_text(picture, "\n".join(caption_lines(frame)))
+
+
+def draw_text(picture: np.ndarray, text: str) -> None:
+    """Write lines of text into the upper left corner of a picture, in place; what does not fit is cut off."""
+    height, width = picture.shape[:2]
+    size = max(height // LINES_PER_PICTURE, 9)
+    margin = size // 2
+    font = _font(size)
+    ruler = ImageDraw.Draw(Image.new("RGB", (1, 1)))
+    _, _, right, bottom = ruler.multiline_textbbox((margin, margin), text, font=font, spacing=size // 3)
+    box = min(int(right) + margin, width), min(int(bottom) + margin, height)
+    corner = Image.fromarray(picture[: box[1], : box[0]])
+    pen = ImageDraw.Draw(corner)
+    pen.multiline_text((margin + 1, margin + 1), text, font=font, fill=SHADOW_COLOR, spacing=size // 3)
+    pen.multiline_text((margin, margin), text, font=font, fill=TEXT_COLOR, spacing=size // 3)
+    picture[: box[1], : box[0]] = np.asarray(corner)

@@ -1,0 +1,227 @@
+"""The program's own renderer: shaded spheres and lines, drawn by one Taichi kernel on whatever backend runs.
+
+It needs no graphics driver and no display, works in single precision, and gives the same picture twice: every pixel gathers
+from the list of its tile, in one order, and nothing is added atomically.
+"""
+
+import math
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.scene.spec import ViewSpec
+from mpp_taichi.types import Template
+from mpp_taichi.views._base import Frame, Trails, View
+from mpp_taichi.views._primitives import TILE, Primitives, Screen, bin_into_tiles, lines, spheres
+from mpp_taichi.views.camera import Camera
+from mpp_taichi.views.caption import draw_caption
+
+SAMPLES = ((-0.125, -0.375), (0.375, -0.125), (-0.375, 0.125), (0.125, 0.375))  # rotated grid, in pixels from the middle
+LIGHT = np.array([-0.45, 0.6, -0.66]) / math.sqrt(0.45**2 + 0.6**2 + 0.66**2)  # from where: upper left, before the scene
+AMBIENT, DIFFUSE, SPECULAR = 0.12, 0.88, 0.18
+TRAIL_WIDTH = 1.5  # pixels
+GAMMA_ENTRIES = 4096
+LOOP_LIMIT = 40_000  # iterations of one thread; software Vulkan stops silently at 65,535
+THREADS = 65_536  # threads of one launch on a GPU backend
+
+
+def linear_from_srgb(color: np.ndarray) -> np.ndarray:
+    """Light from displayed values in 0…1.  [IEC 61966-2-1]"""
+    color = np.clip(color, 0.0, 1.0)
+    return np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)
+
+
+def srgb_from_linear(light: np.ndarray) -> np.ndarray:
+    """Displayed values in 0…1 from light.  [IEC 61966-2-1]"""
+    light = np.clip(light, 0.0, 1.0)
+    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
+
+
+class Renderer(View):
+    """Draws frames at a fixed size. `ti.init` has been called; the renderer owns no field, so several may live together."""
+
+    def __init__(self, spec: ViewSpec, size: tuple[int, int], *, dimensions: int = 3) -> None:
+        """Set up; the camera is placed by the first frame."""
+        self.spec, self.size, self.dimensions = spec, size, dimensions
+        self.camera: Camera | None = None
+        self.trails = Trails(spec.trails)
+        levels = srgb_from_linear(np.linspace(0.0, 1.0, GAMMA_ENTRIES))
+        self._gamma = np.rint(255.0 * levels).astype(np.int32)
+        self._packed = np.zeros((size[1], size[0]), np.uint32)
+
+    def draw(self, frame: Frame) -> np.ndarray:
+        """The picture of a frame, uint8, shape (height, width, 3)."""
+        width, height = self.size
+        if self.camera is None:
+            self.camera = Camera(self.spec.camera, frame, aspect=width / height, dimensions=self.dimensions)
+        self.trails.add(frame)
+        screen = Screen.of(self.camera, width, height)
+        self._rasterize(self._primitives(frame, self.camera, screen), screen)
+        picture = np.ascontiguousarray(self._packed.view(np.uint8).reshape(height, width, 4)[:, :, :3])
+        if self.spec.caption:
+            draw_caption(picture, frame)
+        return picture
+
+    def close(self) -> None:
+        """Nothing is held on the device."""
+
+    def _primitives(self, frame: Frame, camera: Camera, screen: Screen) -> Primitives:
+        scale, spec = camera.distance, self.spec
+        center = camera.view(frame.position)
+        radius = camera.drawn_radius(
+            frame.radius, center[:, 2], screen.height, scale=spec.radius_scale, minimum_pixels=spec.minimum_pixels
+        )
+        drawn = spheres(center / scale, radius / scale, linear_from_srgb(frame.color), screen)
+        ends, colors, age = self.trails.segments(np.asarray(frame.color), np.array(spec.background))
+        springs = center[np.asarray(frame.between, dtype=np.int64)].reshape(-1, 2, 3)
+        all_ends = np.concatenate([springs, camera.view(ends)]) / scale
+        color = linear_from_srgb(np.concatenate([frame.spring_color, colors.mean(axis=1)]))
+        thickness = np.concatenate([np.full(len(springs), spec.spring_width), TRAIL_WIDTH * (1.0 - 0.5 * age)])
+        return bin_into_tiles(drawn, lines(all_ends, color, thickness * screen.height / 720.0, screen), screen)
+
+    def _rasterize(self, primitives: Primitives, screen: Screen) -> None:
+        background = np.array(self.spec.background)
+        red, green, blue = (int(value) for value in np.rint(255.0 * np.clip(background, 0.0, 1.0)))
+        longest = int(np.diff(primitives.start).max())
+        pixels = screen.width * screen.height
+        chunk = pixels
+        if ti.lang.impl.current_cfg().arch != ti.cpu:
+            chunk = max(THREADS * max(LOOP_LIMIT // (longest + 1), 1), 1)
+        for first in range(0, pixels, chunk):
+            _draw_pixels(
+                first,
+                min(first + chunk, pixels),
+                screen.width,
+                screen.height,
+                primitives.sphere_count,
+                primitives.table if len(primitives.table) else np.zeros((1, 16), np.float32),
+                primitives.start,
+                primitives.entry if len(primitives.entry) else np.zeros(1, np.int32),
+                self._gamma,
+                self._packed,
+                screen.focal,
+                int(screen.orthographic),
+                ti.Vector(LIGHT.tolist()),
+                ti.Vector(linear_from_srgb(background).tolist()),
+                red | green << 8 | blue << 16,
+            )
+
+
+@ti.func
+def _single(number):
+    """A literal in single precision; Taichi gives literals the precision of the simulation."""
+    return ti.cast(number, ti.f32)
+
+
+@ti.func
+def _sphere_hit(table: Template, p, x, y, orthographic):
+    """Depth where the ray through (x, y) meets sphere p, negative for none; the ray is (x, y, 1) t, or (x, y) + (0, 0, t).
+
+    Measured from the point of the ray nearest to the centre, so that far small spheres keep their shape in single precision.
+    """
+    mx, my, dx, dy = table[p, 5], table[p, 6], x, y
+    if orthographic == 1:
+        mx, my, dx, dy = mx - x, my - y, _single(0.0), _single(0.0)
+    mz = table[p, 7]
+    d2 = dx * dx + dy * dy + 1
+    nearest = (mx * dx + my * dy + mz) / d2
+    ox, oy, oz = mx - nearest * dx, my - nearest * dy, mz - nearest
+    under = table[p, 8] * table[p, 8] - (ox * ox + oy * oy + oz * oz)
+    depth = _single(-1.0)
+    if under > 0:
+        depth = nearest - ti.sqrt(under / d2)
+    return depth
+
+
+@ti.func
+def _line_hit(table: Template, p, x, y, orthographic):
+    """Depth where the pixel position (x, y) lies on line p, negative where it lies beside."""
+    ax, ay = x - table[p, 5], y - table[p, 6]
+    share = ti.min(ti.max((ax * table[p, 8] + ay * table[p, 9]) * table[p, 11], _single(0.0)), _single(1.0))
+    ox, oy = ax - share * table[p, 8], ay - share * table[p, 9]
+    depth = _single(-1.0)
+    if ox * ox + oy * oy < table[p, 12] * table[p, 12]:
+        depth = table[p, 7] + share * table[p, 10]
+        if orthographic == 0:
+            depth = _single(1.0) / depth
+    return depth
+
+
+@ti.func
+def _shade(table: Template, p, sphere_count, x, y, depth, orthographic, light):
+    """Light that reaches the eye from primitive p: ambient, diffuse and a highlight on spheres, flat on lines."""
+    color = ti.Vector([table[p, 13], table[p, 14], table[p, 15]])
+    if p < sphere_count:
+        albedo = ti.Vector([table[p, 9], table[p, 10], table[p, 11]])
+        ray = ti.Vector([x, y, _single(1.0)])
+        point = ray * depth
+        if orthographic == 1:
+            ray = ti.Vector([_single(0.0), _single(0.0), _single(1.0)])
+            point = ti.Vector([x, y, depth])
+        normal = (point - ti.Vector([table[p, 5], table[p, 6], table[p, 7]])) / table[p, 8]
+        diffuse = ti.max(normal.dot(light), _single(0.0))
+        halfway = light - ray / ti.sqrt(ray.dot(ray))  # not norm(), whose default argument is in the simulation's precision
+        shine = ti.max(normal.dot(halfway) / ti.sqrt(halfway.dot(halfway)), _single(0.0))
+        shine = shine * shine * shine * shine
+        shine = shine * shine * shine * shine
+        shine = shine * shine
+        color = albedo * (_single(AMBIENT) + _single(DIFFUSE) * diffuse) + _single(SPECULAR) * shine
+    return color
+
+
+@ti.kernel
+def _draw_pixels(
+    first: ti.i32,
+    last: ti.i32,
+    width: ti.i32,
+    height: ti.i32,
+    sphere_count: ti.i32,
+    table: ti.types.ndarray(ti.f32, ndim=2),
+    start: ti.types.ndarray(ti.i32, ndim=1),
+    entry: ti.types.ndarray(ti.i32, ndim=1),
+    gamma: ti.types.ndarray(ti.i32, ndim=1),
+    packed: ti.types.ndarray(ti.u32, ndim=2),
+    focal: ti.f32,
+    orthographic: ti.i32,
+    light: ti.types.vector(3, ti.f32),
+    background: ti.types.vector(3, ti.f32),
+    packed_background: ti.u32,
+):
+    for q in range(first, last):
+        row, column = q // width, q % width
+        tile = row // TILE * ((width + TILE - 1) // TILE) + column // TILE
+        # The samples on the screen [pixels] and, below, as rays.
+        sx, sy = ti.Vector([_single(0)] * 4), ti.Vector([_single(0)] * 4)
+        depth, hit = ti.Vector([_single(3.0e38)] * 4), ti.Vector([-1] * 4)
+        for s in ti.static(range(4)):
+            sx[s] = ti.cast(column, ti.f32) + _single(0.5 + SAMPLES[s][0])
+            sy[s] = ti.cast(row, ti.f32) + _single(0.5 + SAMPLES[s][1])
+        rx, ry = (sx - _single(0.5) * width) / focal, (_single(0.5) * height - sy) / focal
+        k, end = start[tile], start[tile + 1]
+        while k < end:
+            p = entry[k]
+            k += 1
+            if table[p, 4] > depth.max():
+                k = end  # nearest first: nothing behind can be seen in any sample
+            elif table[p, 0] < column + 1 and table[p, 1] > column and table[p, 2] < row + 1 and table[p, 3] > row:
+                for s in ti.static(range(4)):
+                    found = _single(-1)
+                    if p < sphere_count:
+                        found = _sphere_hit(table, p, rx[s], ry[s], orthographic)
+                    else:
+                        found = _line_hit(table, p, sx[s], sy[s], orthographic)
+                    if found > 0 and found < depth[s]:
+                        depth[s] = found
+                        hit[s] = p
+        color = packed_background
+        if hit.max() >= 0:
+            total = ti.Vector([_single(0), _single(0), _single(0)])
+            for s in ti.static(range(4)):
+                if hit[s] >= 0:
+                    light_seen = _shade(table, hit[s], sphere_count, rx[s], ry[s], depth[s], orthographic, light)
+                    total += ti.min(light_seen, ti.Vector([_single(1)] * 3))
+                else:
+                    total += background
+            level = ti.cast(total * _single((GAMMA_ENTRIES - 1) / 4) + _single(0.5), ti.i32)
+            color = ti.cast(gamma[level[0]] | gamma[level[1]] << 8 | gamma[level[2]] << 16, ti.u32)
+        packed[row, column] = color
