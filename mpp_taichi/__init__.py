@@ -1,0 +1,48 @@
+"""mpp_taichi: scenes of particles, compiled to just the physics they name.
+
+    import mpp_taichi as mpp
+    with mpp.Simulation("scenes/ring.yaml", backend="cpu") as simulation:
+        simulation.run(duration=100.0)
+        print(simulation.diagnostics()["total_energy"])
+
+Importing the package starts no device and imports no Taichi.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi.errors import BackendError, CapacityError, MppError, OutputError, SceneError, StabilityError
+
+if TYPE_CHECKING:
+    from mpp_taichi.scene.load import load_scene
+    from mpp_taichi.scene.spec import SceneSpec
+    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.snapshot import Snapshot
+
+__version__ = "0.1.0"
+__all__ = [
+    "BackendError",
+    "CapacityError",
+    "MppError",
+    "OutputError",
+    "SceneError",
+    "SceneSpec",
+    "Simulation",
+    "Snapshot",
+    "StabilityError",
+    "load_scene",
+]
+
+_LAZY = {
+    "SceneSpec": "mpp_taichi.scene.spec",
+    "Simulation": "mpp_taichi.simulation",
+    "Snapshot": "mpp_taichi.snapshot",
+    "load_scene": "mpp_taichi.scene.load",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the rest on first use, so that `import mpp_taichi` costs next to nothing."""
+    if name in _LAZY:
+        return getattr(importlib.import_module(_LAZY[name]), name)
+    raise AttributeError(f"module 'mpp_taichi' has no attribute {name!r}")

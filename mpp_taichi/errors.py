@@ -34,9 +34,15 @@ class BackendError(MppError):
 
 
 class StabilityError(MppError):
-    """A stability or accuracy limit was broken: NaN, zero distance, a failed `expect`."""
+    """A stability or accuracy limit was broken: NaN, zero distance, a failed `expect`.
+
+    For a number that is no longer finite, `step`, `time` and `particle` say where it was born.
+    """
 
     exit_code = 4
+    step: int | None = None
+    time: float | None = None
+    particle: int | None = None
 
 
 class OutputError(MppError):

@@ -46,9 +46,10 @@ class State:
     Vectors are stored component by component when a pair sum streams over all of them, else together.
     """
 
-    def __init__(self, snapshot: Snapshot, *, dimensions: int, needs: Iterable[str], scratch_count: int, streaming: bool, replica_count: int = 1):
+    def __init__(self, snapshot: Snapshot, *, dimensions: int, needs: Iterable[str], scratch_count: int, streaming: bool, replica_count: int = 1, wide: Any = ti.f64):
         """Allocate for the needs, and fill with the snapshot in every replica."""
         self.dimensions = dimensions
+        self.wide = wide  # of energies: f64 where the device has it
         self.particle_count = snapshot.particle_count
         self.replica_count = replica_count
         self.total_count = snapshot.particle_count * replica_count

@@ -4,9 +4,20 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi import component
 from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
-from mpp_taichi.neighbors.all_pairs import AllPairs
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
+
+
+def compose(spec: SceneSpec, snapshot: Snapshot) -> tuple[Force, ...]:
+    """Import and build the forces that a scene names, and its springs when it has some."""
+    forces = [component.build("forces", entry.name, entry.parameters) for entry in spec.forces]
+    if len(snapshot.springs):
+        damping = spec.spring_damping if (snapshot.springs.damping != 0).any() else "none"
+        forces.append(component.build("forces", "spring", {"damping": damping}))
+    return tuple(forces)
 
 
 @ti.data_oriented
@@ -25,7 +36,11 @@ class TotalForce:
         self.external = tuple(force for force in forces if isinstance(force, ExternalForce))
         self.bonds = tuple(force for force in forces if isinstance(force, BondForce))
         self.has_pairs = len(pairs) > 0 and particle_count > 1
-        self.pairs: Any = AllPairs(pairs, particle_count, dimensions) if self.has_pairs else None
+        self.pairs: Any = None
+        if self.has_pairs:
+            from mpp_taichi.neighbors.all_pairs import AllPairs  # only for scenes that have pairs
+
+            self.pairs = AllPairs(pairs, particle_count, dimensions)
         self.pair_forces = pairs
         self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
         self.depends_on_time = any(force.depends_on_time for force in forces)
@@ -74,7 +89,7 @@ class TotalForce:
     @ti.func
     def potential_energy_of(self, state: Template, i, time):
         """Share of particle i in the potential energy, in f64: a pair or a spring is split evenly between its ends."""
-        result = ti.cast(0.0, ti.f64)
+        result = ti.cast(0.0, state.wide)
         for force in ti.static(self.external):
             result += force.potential(state, i, time)
         for bond in ti.static(self.bonds):

@@ -28,7 +28,7 @@ class ExternalForce(Force):
 
     @ti.func
     def potential(self, state: Template, i, time):
-        """Potential energy of particle i, in f64."""
+        """Potential energy of particle i, in the widest float of the device (`state.wide`)."""
 
 
 class PairForce(Force):
@@ -54,7 +54,7 @@ class PairForce(Force):
 
     @ti.func
     def potential(self, state: Template, i, j, inverse_distance):
-        """Potential energy of the pair (i, j), in f64."""
+        """Potential energy of the pair (i, j), in the widest float of the device (`state.wide`)."""
 
     @staticmethod
     def interacts(snapshot) -> bool:
@@ -71,4 +71,4 @@ class BondForce(Force):
 
     @ti.func
     def potential(self, state: Template, i, j, h):
-        """Potential energy of the whole spring, in f64."""
+        """Potential energy of the whole spring, in the widest float of the device (`state.wide`)."""

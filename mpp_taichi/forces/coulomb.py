@@ -39,7 +39,7 @@ class Coulomb(PairForce):
     @ti.func
     def potential(self, state: Template, i, j, inverse_distance):
         """k q_i q_j / ρ."""
-        return self.coulomb_constant * ti.cast(state.charge[i], ti.f64) * ti.cast(state.charge[j], ti.f64) * inverse_distance
+        return self.coulomb_constant * ti.cast(state.charge[i], state.wide) * ti.cast(state.charge[j], state.wide) * inverse_distance
 
     @staticmethod
     def interacts(snapshot) -> bool:

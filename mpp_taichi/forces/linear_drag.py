@@ -24,4 +24,4 @@ class LinearDrag(ExternalForce):
     @ti.func
     def potential(self, state: Template, i, time):
         """None: drag stores nothing."""
-        return ti.cast(0.0, ti.f64)
+        return ti.cast(0.0, state.wide)

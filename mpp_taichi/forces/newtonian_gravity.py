@@ -37,7 +37,7 @@ class NewtonianGravity(PairForce):
     @ti.func
     def potential(self, state: Template, i, j, inverse_distance):
         """−G m_i m_j / ρ."""
-        return -self.strength * ti.cast(state.mass[i], ti.f64) * ti.cast(state.mass[j], ti.f64) * inverse_distance
+        return -self.strength * ti.cast(state.mass[i], state.wide) * ti.cast(state.mass[j], state.wide) * inverse_distance
 
     @staticmethod
     def interacts(snapshot) -> bool:

@@ -53,9 +53,9 @@ class Spring(BondForce):
     @ti.func
     def potential(self, state: Template, i, j, h):
         """½ D (|d| − L)²."""
-        squared = ti.cast(0.0, ti.f64)
+        squared = ti.cast(0.0, state.wide)
         for k in ti.static(range(state.dimensions)):
-            component_k = ti.cast(state.position[j][k], ti.f64) - ti.cast(state.position[i][k], ti.f64)
+            component_k = ti.cast(state.position[j][k], state.wide) - ti.cast(state.position[i][k], state.wide)
             squared += component_k * component_k
-        stretch = ti.sqrt(squared) - ti.cast(state.spring_rest_length[h], ti.f64)
-        return 0.5 * ti.cast(state.spring_stiffness[h], ti.f64) * stretch * stretch
+        stretch = ti.sqrt(squared) - ti.cast(state.spring_rest_length[h], state.wide)
+        return 0.5 * ti.cast(state.spring_stiffness[h], state.wide) * stretch * stretch

@@ -22,7 +22,7 @@ class UniformGravity(ExternalForce):
     @ti.func
     def potential(self, state: Template, i, time):
         """−m g·x."""
-        result = ti.cast(0.0, ti.f64)
+        result = ti.cast(0.0, state.wide)
         for k in ti.static(range(state.dimensions)):
-            result -= ti.cast(state.mass[i], ti.f64) * self.acceleration[k] * ti.cast(state.position[i][k], ti.f64)
+            result -= ti.cast(state.mass[i], state.wide) * self.acceleration[k] * ti.cast(state.position[i][k], state.wide)
         return result

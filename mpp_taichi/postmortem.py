@@ -1,0 +1,52 @@
+"""Where a run broke: the first step that gives a number that is not finite, and the particle and pair it began with."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mpp_taichi.errors import StabilityError
+from mpp_taichi.snapshot import Snapshot
+
+
+def first_bad_step(steps: int, advance: Callable[[int], bool], keep: Callable[[], None], rewind: Callable[[], None]) -> int:
+    """Number k in 1 … steps such that k − 1 steps are finite and k are not, by bisection; leaves the state at k − 1 steps.
+
+    `advance(n)` steps and says whether all is finite, `keep` stores the state, `rewind` goes back to the stored one. The stored
+    state is at 0 steps at first, and `steps` steps from there are known to end badly. Costs at most 2·steps steps.
+    """
+    good, bad = 0, steps
+    while bad - good > 1:
+        middle = (good + bad) // 2
+        rewind()
+        if advance(middle - good):
+            keep()
+            good = middle
+        else:
+            bad = middle
+    rewind()
+    return bad
+
+
+def label(snapshot: Snapshot, i: int) -> str:
+    """`particle 3 ('earth')`, or `particle 3`."""
+    name = snapshot.name[i] if i < len(snapshot.name) else ""
+    return f"particle {i} ({name!r})" if name else f"particle {i}"
+
+
+def diagnose(before: Snapshot, particle: int, *, step: int, time: float, pairs_singular: bool) -> StabilityError:
+    """The error for a step that turned `particle` into NaN or infinity; `before` is the last finite state."""
+    message = f"step {step}, time {time:.9g}: the position or velocity of {label(before, particle)} is no longer a finite number"
+    if before.particle_count > 1:
+        distance = np.linalg.norm(before.position - before.position[particle], axis=1)
+        distance[particle] = np.inf
+        other = int(np.argmin(distance))
+        message += f"; its nearest neighbour is {label(before, other)} at distance {distance[other]:.3g}"
+        if pairs_singular and distance[other] == 0.0:
+            message += ", a zero distance, where unsoftened forces are infinite: give the force a softening"
+        elif pairs_singular:
+            message += "; a close encounter of unsoftened particles needs a smaller dt or a softening"
+        else:
+            message += "; the step is probably too large: try a smaller dt"
+    error = StabilityError(message)
+    error.step, error.time, error.particle = step, time, particle
+    return error
