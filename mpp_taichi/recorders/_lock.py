@@ -6,6 +6,10 @@ from pathlib import Path
 from mpp_taichi.errors import OutputError
 
 
+_held: set[Path] = set()
+"""Locks of this process. A lock that names this process and is not here is left over from one that had the same number."""
+
+
 class OutputLock:
     """Holds `.name.lock` while an output is being written; a lock whose process is gone is taken over."""
 
@@ -15,23 +19,28 @@ class OutputLock:
         Raises:
             OutputError: another process that is alive holds it, or the folder cannot be written.
         """
-        self.path = output.with_name(f".{output.name}.lock")
+        self.path = output.absolute().with_name(f".{output.name}.lock")
         try:
             output.parent.mkdir(parents=True, exist_ok=True)
             try:
                 self._create()
             except FileExistsError:
                 owner = self._owner()
-                if owner is not None and _is_alive(owner):
-                    raise OutputError(f"{output}: process {owner} is writing it; choose another name ({self.path})") from None
+                if owner is not None and (self.path in _held or _is_alive(owner)):
+                    raise OutputError(
+                        f"{output}: process {owner} is writing it; choose another name, or remove {self.path} if that process is gone"
+                    ) from None
                 self.path.unlink(missing_ok=True)
                 self._create()
         except OSError as error:
             raise OutputError(f"{output}: cannot be written: {error.strerror or error}") from error
+        _held.add(self.path)
 
     def release(self) -> None:
-        """Give the lock back."""
-        self.path.unlink(missing_ok=True)
+        """Give the lock back; harmless when called twice."""
+        if self.path in _held:
+            _held.remove(self.path)
+            self.path.unlink(missing_ok=True)
 
     def _create(self) -> None:
         descriptor = os.open(self.path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644)
@@ -46,6 +55,10 @@ class OutputLock:
 
 
 def _is_alive(process: int) -> bool:
+    if process == os.getpid():
+        return False
+    if os.name == "nt":
+        return True  # there, signal 0 would be a Ctrl-C
     try:
         os.kill(process, 0)
     except ProcessLookupError:

@@ -10,10 +10,13 @@ import os
 import queue
 import shutil
 import subprocess
+import sys
 import threading
+import time
 from collections import deque
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +28,8 @@ logger = logging.getLogger(__name__)
 FORMATS = (".mp4", ".gif", ".webp")
 QUEUED_FRAMES = 4  # enough to ride out a slow frame, little enough to hold in memory
 MESSAGE_LINES = 6  # of FFmpeg's last words, shown when it fails
-STALL_SECONDS = 60.0  # FFmpeg took no frame for so long: it hangs
+STALL_SECONDS = 60.0  # FFmpeg took no frame, or wrote nothing, for so long: it hangs
+FAREWELL_SECONDS = 5.0  # to end by itself
 POLL_SECONDS = 0.2
 ADVICE = "a sequence of pictures needs no encoder: --frames FOLDER"
 
@@ -76,7 +80,7 @@ class VideoRecorder:
         suffix = self.path.suffix.lower()
         if suffix not in FORMATS:
             raise OutputError(f"{self.path}: the video format {suffix!r} is none of {', '.join(FORMATS)}")
-        self._part = self.path.with_name(f"{self.path.stem}.part{suffix}")
+        self._part = self.path.with_name(f"{self.path.stem}.part{PART_SUFFIX[suffix]}")
         self._executable = check_encoder()
         self.frame_count = 0
         self._lines: deque[str] = deque(maxlen=MESSAGE_LINES)
@@ -90,6 +94,7 @@ class VideoRecorder:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
+                **OWN_GROUP,
             )
         except OSError as error:
             self._lock.release()
@@ -123,7 +128,11 @@ class VideoRecorder:
         self.frame_count += 1
 
     def close(self) -> None:
-        """Finish the film and give it its name."""
+        """Finish the film and give it its name.
+
+        Raises:
+            OutputError: the encoder failed, the disk is full, or not one frame was written.
+        """
         if self._closed:
             return
         try:
@@ -136,30 +145,21 @@ class VideoRecorder:
             self.abandon()
 
     def abandon(self) -> None:
-        """End the encoder at once, keeping the fragments it wrote; harmless after `close`."""
+        """End the encoder, keeping the fragments it wrote under the name with `.part`; harmless after `close`."""
         if self._closed:
             return
         self._closed = True
-        self._failed.set()
-        if self._process.poll() is None and self.frame_count > 0:
-            self._end_input()
-        try:
-            self._process.wait(timeout=POLL_SECONDS if self.frame_count == 0 else 5.0)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._listener.join()
-        self._lock.release()
-        if self._part.exists() and self._part.suffix.lower() != ".mp4":
-            self._part.unlink()
-
-    def _end_input(self) -> None:
-        """Let the writer thread close the pipe, so that the encoder ends its last fragment."""
         try:
             while True:
                 self._queue.get_nowait()
         except queue.Empty:
-            self._queue.put(None)
+            self._queue.put(None)  # the writer closes the pipe, and the encoder ends its last fragment
+        self._end(FAREWELL_SECONDS)
+        self._writer.join()
+        self._listener.join()
+        if self.frame_count == 0:
+            self._part.unlink(missing_ok=True)
+        self._lock.release()
 
     def _put(self, picture: np.ndarray | None) -> None:
         waited = 0.0
@@ -177,26 +177,34 @@ class VideoRecorder:
 
     def _wait(self) -> None:
         """Wait until every queued frame is written and the encoder has ended well."""
-        self._writer.join(timeout=STALL_SECONDS)
-        try:
-            code = self._process.wait(timeout=STALL_SECONDS)
-        except subprocess.TimeoutExpired as error:
-            self._process.kill()
-            raise OutputError(f"{self.path}: the video encoder did not finish within {STALL_SECONDS:.0f} s; {ADVICE}") from error
-        if code != 0 or self._failed.is_set():
+        size, changed = -1, time.monotonic()
+        while self._process.poll() is None:
+            time.sleep(POLL_SECONDS / 10)
+            grown = self._part.stat().st_size if self._part.exists() else 0
+            if grown != size:
+                size, changed = grown, time.monotonic()
+            elif time.monotonic() - changed > STALL_SECONDS:
+                self._process.kill()
+                raise OutputError(f"{self.path}: the video encoder wrote nothing for {STALL_SECONDS:.0f} s and was ended; {ADVICE}")
+        self._writer.join()
+        if self._process.returncode != 0 or self._failed.is_set():
             raise self._failure()
 
     def _finish(self) -> None:
+        """Make the final file from the fragments, and move it to its name."""
+        whole = self.path.with_name(f"{self.path.stem}.whole{self.path.suffix}")
+        palette = self.path.with_name(f"{self.path.stem}.palette.png")
         try:
-            if self._part.suffix.lower() == ".mp4":
-                final = self.path.with_name(f"{self.path.stem}.final{self.path.suffix}")
-                self._run([self._executable, *QUIET, "-i", f"file:{self._part}", *COPY, f"file:{final}"])
-                os.replace(final, self.path)
-                self._part.unlink()
-            else:
-                os.replace(self._part, self.path)
+            commands = finishing_commands(self._executable, self._part, whole, palette)
+            for command in commands:
+                self._run(command)
+            os.replace(whole if commands else self._part, self.path)
+            self._part.unlink(missing_ok=True)
         except OSError as error:
             raise OutputError(f"{self.path}: cannot write the video: {error.strerror or error}; it is kept as {self._part}") from error
+        finally:
+            whole.unlink(missing_ok=True)
+            palette.unlink(missing_ok=True)
 
     def _run(self, command: list[str]) -> None:
         done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
@@ -205,11 +213,17 @@ class VideoRecorder:
             raise OutputError(f"{self.path}: cannot finish the video; it is kept as {self._part}: " + " | ".join(message))
 
     def _failure(self) -> OutputError:
-        self._process.kill()  # it failed, or its pipe did; either way nothing more can come of it
-        code = self._process.wait()
+        self._end(FAREWELL_SECONDS)  # the pipe broke; the last words may still be on their way
         self._listener.join()
-        message = " | ".join(self._lines) or f"it ended with code {code} and said nothing"
+        message = " | ".join(self._lines) or f"it ended with code {self._process.returncode} and said nothing"
         return OutputError(f"{self.path}: the video encoder failed after {self.frame_count} frames: {message}; {ADVICE}")
+
+    def _end(self, seconds: float) -> None:
+        try:
+            self._process.wait(timeout=seconds)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
 
     def _feed(self) -> None:
         """The writer thread: frames from the queue into the pipe."""
@@ -230,21 +244,40 @@ class VideoRecorder:
                 self._lines.append(line.decode("utf-8", "replace").strip())
 
 
+# Outside the terminal's process group: a Ctrl-C is for the simulation, which then ends the film in good order.
+OWN_GROUP: dict[str, Any] = {"start_new_session": True}
+if sys.platform == "win32":
+    OWN_GROUP = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+
 QUIET = ["-hide_banner", "-loglevel", "error", "-nostdin", "-y"]
-COPY = ["-c", "copy", "-movflags", "+faststart"]
+PART_SUFFIX = {".mp4": ".mp4", ".gif": ".mkv", ".webp": ".webp"}  # a GIF needs its palette first, hence a lossless copy
 # H.264 in 4:2:0, which every browser and player shows, has even sizes only; padding keeps every pixel where a rescale blurs.
 EVEN = "pad=ceil(iw/2)*2:ceil(ih/2)*2"
-PALETTE = "split[a][b];[a]palettegen=stats_mode=diff[p];[b][p]paletteuse=dither=bayer:bayer_scale=4:diff_mode=rectangle"
+# Said and done in BT.709: players guess the matrix of an untagged film from its size, and colours shift.
+COLOR_TAGS = ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-color_range", "tv"]
+ENCODING = {
+    ".mp4": ["-vf", f"{EVEN},scale=out_color_matrix=bt709:out_range=tv", *COLOR_TAGS, "-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18", "-preset", "fast"]
+    + ["-movflags", "+empty_moov+default_base_moof", "-frag_duration", "500000"],
+    ".mkv": ["-c:v", "libx264rgb", "-qp", "0", "-preset", "ultrafast"],
+    ".webp": ["-c:v", "libwebp_anim", "-quality", "80", "-loop", "0"],
+}
 
 
-def encoder_command(executable: str, output: Path, size: tuple[int, int], fps: float) -> list[str]:
-    """The command that reads raw frames on its standard input; the suffix of `output` chooses the format."""
-    width, height = size
-    source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-video_size", f"{width}x{height}", "-framerate", f"{fps:g}", "-i", "pipe:0"]
-    encoding = {
-        ".mp4": ["-vf", EVEN, "-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18", "-preset", "fast"]
-        + ["-movflags", "+frag_keyframe+empty_moov+default_base_moof"],
-        ".gif": ["-filter_complex", PALETTE, "-loop", "0"],
-        ".webp": ["-c:v", "libwebp_anim", "-quality", "80", "-loop", "0"],
-    }[output.suffix.lower()]
-    return [executable, *QUIET, *source, "-an", *encoding, f"file:{output}"]
+def encoder_command(executable: str, part: Path, size: tuple[int, int], fps: float) -> list[str]:
+    """The command that reads raw frames on its standard input; the suffix of `part` chooses the encoding."""
+    source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-video_size", f"{size[0]}x{size[1]}", "-framerate", repr(float(fps))]
+    return [executable, *QUIET, *source, "-i", "pipe:0", "-an", *ENCODING[part.suffix], f"file:{part}"]
+
+
+def finishing_commands(executable: str, part: Path, whole: Path, palette: Path) -> list[list[str]]:
+    """The commands that make the final file: an index in front for MP4, the best 256 colours for GIF; none for WebP."""
+    given, start = ["-i", f"file:{part}"], [executable, *QUIET]
+    if part.suffix == ".webp":
+        return []
+    if part.suffix == ".mp4":
+        return [[*start, *given, "-c", "copy", "-movflags", "+faststart", f"file:{whole}"]]
+    use = "paletteuse=dither=bayer:bayer_scale=4:diff_mode=rectangle"
+    return [
+        [*start, *given, "-vf", "palettegen=stats_mode=diff", f"file:{palette}"],
+        [*start, *given, "-i", f"file:{palette}", "-lavfi", use, "-loop", "0", f"file:{whole}"],
+    ]
