@@ -1,0 +1,254 @@
+"""All pairs: the direct sum of the pair forces over every two bodies, in three loop shapes.
+
+    a_i += sum over forces of response_i * sum over j != i of source_j * shape(s_ij) * d_ij
+    d_ij = x_j - x_i,  s_ij = (|d_ij|^2 + softening^2)^(-1/2)
+
+A pair force is a formula: `softening` (a Python number) and the Taichi functions `response(state, i)`,
+`source(state, j)`, `shape(inverse_distance)`, `potential(state, i, j, inverse_distance)`. Forces of equal softening share
+one inverse distance. No loop uses an atomic, and each sum is taken in one order: the bits do not depend on the threads.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, is_elementwise
+from mpp_taichi.types import Template
+
+VECTOR_BYTES = 64  # one AVX-512 register; narrower machines hold a tile in two or four registers
+SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
+UNROLLED_PAIRS = 36  # up to nine bodies the serial double loop is written out; beyond, compiling would take seconds
+
+
+class _Member:
+    """A force and its place among all forces."""
+
+    def __init__(self, index: int, force: Any) -> None:
+        self.index = index
+        self.force = force
+        self.elementwise = is_elementwise(type(force).shape)
+
+
+class _Group:
+    """Forces of one softening."""
+
+    def __init__(self, softening: float, members: Sequence[_Member]) -> None:
+        self.softening_squared = softening * softening
+        self.members = tuple(members)
+
+
+@ti.data_oriented
+class AllPairs:
+    """Direct sum over all pairs: O(N²) work, no memory beyond the state's.
+
+    Range. Squared distances must be normal numbers of the precision: in f32, distances from 1.1e-19 to 1.8e19 [length]; an
+    inverse cube wants 1.5e-13 to 2e12 (beyond, it loses digits to underflow, and vanishes from 1e15 on). Outside, a sum is
+    inf, NaN or zero as IEEE arithmetic has it. Two bodies at one place without softening give NaN.
+    """
+
+    def __init__(self, pair_forces: Sequence[Any], particle_count: int, dimensions: int) -> None:
+        """Sort the forces by softening; needs a started Taichi, whose precision and thread count it takes."""
+        config = ti.lang.impl.current_cfg()
+        self.particle_count = particle_count
+        self.dimensions = dimensions
+        self.members = tuple(_Member(index, force) for index, force in enumerate(pair_forces))
+        softenings = dict.fromkeys(float(force.softening) for force in pair_forces)
+        self.groups = tuple(_Group(s, [m for m in self.members if float(m.force.softening) == s]) for s in softenings)
+        widest = VECTOR_BYTES // (4 if config.default_fp == ti.f32 else 8)
+        self.lane_count = min(widest, 1 << (particle_count.bit_length() - 1))
+        self.tile_count = -(-particle_count // self.lane_count)
+        self.thread_count = config.cpu_max_num_threads
+        self.has_work = particle_count > 1 and len(self.members) > 0
+        self.unrolled = particle_count * (particle_count - 1) // 2 <= UNROLLED_PAIRS
+
+    # One thread ------------------------------------------------------------------------------------------------------
+
+    @ti.func
+    def accumulate_serial(self, state: Template, first):
+        """Add the accelerations of particles first … first + N - 1; for use inside a serialized loop.
+
+        Each pair is visited once and acts both ways (Newton's third law).
+        """
+        if ti.static(self.has_work):
+            if ti.static(self.unrolled):
+                for i in ti.static(range(self.particle_count)):
+                    for j in ti.static(range(i + 1, self.particle_count)):
+                        self._act_both_ways(state, first + i, first + j)
+            else:
+                for i in range(first, first + self.particle_count):
+                    for j in range(i + 1, first + self.particle_count):
+                        self._act_both_ways(state, i, j)
+
+    @ti.func
+    def _act_both_ways(self, state: Template, i, j):
+        d = state.position[j] - state.position[i]
+        distance_squared = d.dot(d)
+        for group in ti.static(self.groups):
+            inverse_distance = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
+            for member in ti.static(group.members):
+                pull = member.force.shape(inverse_distance) * d
+                on_i = member.force.response(state, i) * member.force.source(state, j)
+                on_j = member.force.response(state, j) * member.force.source(state, i)
+                state.acceleration[i] = state.acceleration[i] + on_i * pull
+                state.acceleration[j] = state.acceleration[j] - on_j * pull
+
+    # One thread of a GPU per body ------------------------------------------------------------------------------------
+
+    @ti.func
+    def accumulate_parallel_gather(self, state: Template):
+        """Add all accelerations, one body per iteration of a parallel loop; for GPUs."""
+        if ti.static(self.has_work):
+            for i in range(self.particle_count):
+                total = state.acceleration[i]
+                for j in range(self.particle_count):
+                    if i != j:
+                        total += self._acceleration_from(state, i, j)
+                state.acceleration[i] = total
+
+    @ti.func
+    def _acceleration_from(self, state: Template, i, j):
+        d = state.position[j] - state.position[i]
+        distance_squared = d.dot(d)
+        weight = 0.0
+        for group in ti.static(self.groups):
+            inverse_distance = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
+            for member in ti.static(group.members):
+                source = member.force.source(state, j)
+                weight += member.force.response(state, i) * (source * member.force.shape(inverse_distance))
+        return weight * d
+
+    # Cores of a CPU, lanes of their vector units ---------------------------------------------------------------------
+
+    def add_accelerations(self, state: Any) -> None:
+        """Add all accelerations on the CPU at full speed: a launch of its own, compiled with explicit vectors."""
+        with explicit_vectors():
+            self._accumulate_on_cpu(state)
+
+    @ti.kernel
+    def _accumulate_on_cpu(self, state: Template):
+        self.accumulate_parallel_cpu(state)
+
+    @ti.func
+    def accumulate_parallel_cpu(self, state: Template):
+        """Add all accelerations, a tile of `lane_count` bodies at a time, one lane per body.
+
+        Correct in any kernel; fast only in one compiled with explicit vectors (`add_accelerations`).
+        """
+        if ti.static(self.has_work):
+            for block in range(self.thread_count * SMALLEST_BLOCK):
+                if block % SMALLEST_BLOCK == 0:
+                    thread = block // SMALLEST_BLOCK
+                    begin = thread * self.tile_count // self.thread_count
+                    end = (thread + 1) * self.tile_count // self.thread_count
+                    for tile in range(begin, end):
+                        self._accumulate_tile(state, tile)
+
+    @ti.func
+    def _accumulate_tile(self, state: Template, tile):
+        # The last tile is moved back to be full; bodies that it shares with the tile before are stored there alone.
+        begin = ti.min(tile * self.lane_count, self.particle_count - self.lane_count)
+        position = [
+            ti.Vector([state.position[begin + lane][axis] for lane in ti.static(range(self.lane_count))])
+            for axis in ti.static(range(self.dimensions))
+        ]
+        response = [
+            ti.Vector([member.force.response(state, begin + lane) for lane in ti.static(range(self.lane_count))])
+            for member in ti.static(self.members)
+        ]
+        total = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
+        others = ti.static(self.particle_count - self.lane_count)
+
+        # Bodies outside the tile, two at a time: 1/r and 1/s are s/(r s) and r/(r s), one division for both.
+        for pair in range(others // 2):
+            j = self._outside(2 * pair, begin)
+            k = self._outside(2 * pair + 1, begin)
+            to_j = [state.position[j][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
+            to_k = [state.position[k][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
+            squared_j = self._square(to_j)
+            squared_k = self._square(to_k)
+            weight_j = ti.Vector.zero(float, self.lane_count)
+            weight_k = ti.Vector.zero(float, self.lane_count)
+            for group in ti.static(self.groups):
+                distance_j = ti.sqrt(squared_j + group.softening_squared)
+                distance_k = ti.sqrt(squared_k + group.softening_squared)
+                inverse_product = 1.0 / (distance_j * distance_k)
+                inverse_j = inverse_product * distance_k
+                inverse_k = inverse_product * distance_j
+                for member in ti.static(group.members):
+                    weight_j = self._add_weight(weight_j, state, member, response, j, inverse_j)
+                    weight_k = self._add_weight(weight_k, state, member, response, k, inverse_k)
+            for axis in ti.static(range(self.dimensions)):
+                total[axis] = total[axis] + weight_j * to_j[axis]
+                total[axis] = total[axis] + weight_k * to_k[axis]
+
+        # The bodies of the tile, and the odd one left over. A body's own lane gets a distance of one, and pulls by zero.
+        for step in range(self.lane_count + others % 2):
+            j = begin + step
+            if step == self.lane_count:
+                j = self._outside(others - 1, begin)
+            to_j = [state.position[j][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
+            own = ti.Vector([ti.select(begin + lane == j, 1.0, 0.0) for lane in ti.static(range(self.lane_count))])
+            squared = self._square(to_j) + own
+            weight = ti.Vector.zero(float, self.lane_count)
+            for group in ti.static(self.groups):
+                inverse = 1.0 / ti.sqrt(squared + group.softening_squared)
+                for member in ti.static(group.members):
+                    weight = self._add_weight(weight, state, member, response, j, inverse)
+            for axis in ti.static(range(self.dimensions)):
+                total[axis] = total[axis] + weight * to_j[axis]
+
+        for lane in ti.static(range(self.lane_count)):
+            i = begin + lane
+            if i >= tile * self.lane_count:
+                for axis in ti.static(range(self.dimensions)):
+                    addend = total[axis][lane]
+                    if ti.static(len(self.members) == 1):
+                        addend = response[0][lane] * addend
+                    state.acceleration[i][axis] = state.acceleration[i][axis] + addend
+
+    @ti.func
+    def _outside(self, order, begin):
+        """Index of a body outside the tile, counted without the tile's own."""
+        return order + ti.select(order >= begin, self.lane_count, 0)
+
+    @ti.func
+    def _square(self, separation: Template):
+        squared = separation[0] * separation[0]
+        for axis in ti.static(range(1, self.dimensions)):
+            squared = squared + separation[axis] * separation[axis]
+        return squared
+
+    @ti.func
+    def _add_weight(self, weight, state: Template, member: Template, response: Template, j, inverse):
+        """Add one force's factor of the separation; the response of a lone force waits until the sum is done."""
+        shape = inverse
+        if ti.static(member.elementwise):
+            shape = member.force.shape(inverse)
+        else:
+            shape = ti.Vector([member.force.shape(inverse[lane]) for lane in ti.static(range(self.lane_count))])
+        addend = member.force.source(state, j) * shape
+        if ti.static(len(self.members) > 1):
+            addend = response[member.index] * addend
+        result = addend
+        if ti.static(member.index > 0):
+            result = weight + addend
+        return result
+
+    # Energy ----------------------------------------------------------------------------------------------------------
+
+    @ti.func
+    def potential_energy_of(self, state: Template, i):
+        """Half of the potential energy of body i with all others, in f64 whatever the precision of the run."""
+        energy = ti.f64(0.0)
+        first = i // self.particle_count * self.particle_count
+        position = ti.cast(state.position[i], ti.f64)
+        for j in range(first, first + self.particle_count):
+            if j != i:
+                d = ti.cast(state.position[j], ti.f64) - position
+                distance_squared = d.dot(d)
+                for group in ti.static(self.groups):
+                    inverse_distance = ti.f64(1.0) / ti.sqrt(distance_squared + group.softening_squared)
+                    for member in ti.static(group.members):
+                        energy += 0.5 * member.force.potential(state, i, j, inverse_distance)
+        return energy
