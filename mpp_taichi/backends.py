@@ -1,27 +1,19 @@
 """Backends: the only place that starts Taichi. What is asked for is what runs, or an error says why not."""
 
 import contextlib
-import importlib.util
 import io
-import json
 import logging
 import os
-import platform
-import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
+from mpp_taichi.availability import BACKENDS, availability, cpu_name, present, remembered
 from mpp_taichi.errors import BackendError
 
 log = logging.getLogger(__name__)
 
-TAICHI_VERSION = "1.7.4"
-BACKENDS = ("cpu", "cuda", "vulkan", "metal")
 PRECISIONS = ("f32", "f64")
-PROBE_SECONDS = 60
 
 
 @dataclass(frozen=True)
@@ -79,7 +71,7 @@ def import_taichi() -> Any:
         import taichi
     except ImportError as error:
         raise BackendError(
-            f"taichi cannot be imported ({error}); its wheels exist for Python 3.10–3.13 on Linux x86-64, Windows and macOS arm64"
+            f"taichi cannot be imported ({error}); it has wheels for Python 3.10–3.13 on Linux x86-64, Windows, macOS arm64"
         ) from error
     return taichi
 
@@ -95,7 +87,8 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
     if chosen != "cpu":
         report = availability(chosen)
         if not report["available"]:
-            raise BackendError(f"backend {chosen} does not start here: {report['reason']}; here are: {', '.join(_present())}")
+            here = ", ".join(present())
+            raise BackendError(f"backend {chosen} does not start here: {report['reason']}; here are: {here}")
     precision = precision or ("f64" if chosen == "cpu" else "f32")
     running = _runtime.device
     if running and (running.backend, running.precision) == (chosen, precision) and threads in (None, running.threads):
@@ -111,7 +104,7 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
     if not probes.finds_nan:
         stop()
         raise BackendError(f"backend {chosen} on this device does not detect NaN, so no result of it can be trusted")
-    name = _cpu_name() if chosen == "cpu" else availability(chosen)["device"]
+    name = cpu_name() if chosen == "cpu" else availability(chosen)["device"]
     used = threads or os.cpu_count() or 1
     _runtime.device = Device(chosen, name, precision, used if chosen == "cpu" else 0, probes, _runtime.generation)
     return _runtime.device
@@ -170,83 +163,11 @@ def is_alive(device: Device) -> bool:
     return _runtime.device is not None and _runtime.generation == device.generation
 
 
-def availability(backend: str) -> dict[str, Any]:
-    """Whether a backend really starts here: {available, reason, device}. Tried in a child process, which may crash; remembered."""
-    _check_names(backend, None)
-    if backend == "cpu":
-        return {"available": True, "reason": "", "device": _cpu_name()}
-    missing = _missing_library(backend)
-    if missing:
-        return {"available": False, "reason": missing, "device": ""}
-    return _remembered(f"start-{backend}", lambda: _try_in_child(backend), keep=lambda report: report["available"])
-
-
-def _try_in_child(backend: str) -> dict[str, Any]:
-    command = [sys.executable, "-m", "mpp_taichi.probes", backend]
-    environment = dict(os.environ, PYTHONPATH=os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")]))
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_SECONDS, env=environment, check=False)
-    except subprocess.TimeoutExpired:
-        return {"available": False, "reason": f"it did not answer within {PROBE_SECONDS} s", "device": ""}
-    try:
-        return json.loads(done.stdout.strip().splitlines()[-1])
-    except (IndexError, ValueError):
-        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        return {"available": False, "reason": f"a trial start ended with status {done.returncode}: {last}", "device": ""}
-
-
 def _probe_here(ti: Any, backend: str) -> Probes:
     from mpp_taichi import probes
 
     name = f"probes-{backend}-{availability(backend)['device']}"
-    return Probes(**_remembered(name, lambda: probes.run(ti, backend), keep=lambda report: True))
-
-
-def _remembered(name: str, find: Any, *, keep: Any) -> dict[str, Any]:
-    """A finding kept between runs; a cache that cannot be read or written is only slower."""
-    version = importlib.util.find_spec("mpp_taichi")
-    key = "".join(letter if letter.isalnum() else "-" for letter in f"{name}-{TAICHI_VERSION}-{platform.machine()}")
-    stamp = [key, _driver_stamp(), os.environ.get("VK_ICD_FILENAMES", ""), os.environ.get("VK_DRIVER_FILES", ""), PROBE_REVISION]
-    path = cache_folder() / f"{key[:120]}.json"
-    with contextlib.suppress(OSError, ValueError, KeyError):
-        stored = json.loads(path.read_text(encoding="utf-8"))
-        if stored["stamp"] == stamp:
-            return stored["found"]
-    found = find()
-    if keep(found) and version is not None:
-        with contextlib.suppress(OSError):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps({"stamp": stamp, "found": found}), encoding="utf-8")
-    return found
-
-
-PROBE_REVISION = 1  # raise when a probe changes
-
-
-def _driver_stamp() -> list[str]:
-    """Names and times of the installed Vulkan drivers, so that a new driver is tried afresh."""
-    folders = [Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d")]
-    return [f"{entry.name}:{entry.stat().st_mtime_ns}" for folder in folders if folder.is_dir() for entry in sorted(folder.iterdir())]
-
-
-def cache_folder() -> Path:
-    """Where findings about this machine are kept."""
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path(os.path.expanduser("~")) / ".cache") / "mpp_taichi"
-
-
-def _missing_library(backend: str) -> str:
-    import ctypes.util
-
-    if backend == "metal":
-        return "" if sys.platform == "darwin" else "Metal exists on macOS only"
-    wanted = {"cuda": ("nvcuda" if os.name == "nt" else "cuda"), "vulkan": ("vulkan-1" if os.name == "nt" else "vulkan")}[backend]
-    candidates = [f"lib{wanted}.so.1", f"lib{wanted}.so", f"{wanted}.dll", f"lib{wanted}.dylib", f"lib{wanted}.1.dylib"]
-    for candidate in candidates:
-        with contextlib.suppress(OSError):
-            ctypes.CDLL(candidate)
-            return ""
-    return {"cuda": "no NVIDIA driver (libcuda) is installed", "vulkan": "no Vulkan loader (libvulkan) is installed"}[backend]
+    return Probes(**remembered(name, lambda: probes.run(ti, backend), keep=lambda report: True))
 
 
 def _choose(large: bool) -> str:
@@ -254,16 +175,9 @@ def _choose(large: bool) -> str:
     if large:
         for backend in ("cuda", "metal", "vulkan"):
             report = availability(backend)
-            if report["available"] and not report.get("software", False):
+            if report["available"] and not report["software"]:
                 return backend
     return "cpu"
-
-
-def _present() -> Iterator[str]:
-    for backend in BACKENDS:
-        report = availability(backend)
-        if report["available"]:
-            yield f"{backend} ({report['device']})"
 
 
 def _check_names(backend: str, precision: str | None) -> None:
@@ -271,11 +185,3 @@ def _check_names(backend: str, precision: str | None) -> None:
         raise BackendError(f"backend {backend!r} is unknown; there are auto, {', '.join(BACKENDS)}")
     if precision not in (*PRECISIONS, None):
         raise BackendError(f"precision {precision!r} is unknown; there are {', '.join(PRECISIONS)}")
-
-
-def _cpu_name() -> str:
-    with contextlib.suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    return platform.processor() or platform.machine()

@@ -102,7 +102,7 @@ def try_start(backend: str) -> dict[str, Any]:
 
     fill()
     if int(field.to_numpy().sum()) != 140:
-        return {"available": False, "reason": "a trial kernel gave a wrong result", "device": ""}
+        return {"available": False, "reason": "a trial kernel gave a wrong result", "device": "", "software": False}
     name, software = chosen_device() if backend == "vulkan" else (f"{backend} device", False)
     if backend == "cuda":
         name = _cuda_name()
@@ -124,4 +124,4 @@ if __name__ == "__main__":
     try:
         print(json.dumps(try_start(sys.argv[1])))
     except BackendError as error:
-        print(json.dumps({"available": False, "reason": str(error), "device": ""}))
+        print(json.dumps({"available": False, "reason": str(error), "device": "", "software": False}))

@@ -81,7 +81,9 @@ class Simulation:
         replica_count = max(1, len(starts))
         self.plan = plan if plan != "auto" else plans.choose(work, on_cpu=self.device.on_cpu, replica_count=replica_count)
         if self.plan not in plans.PLANS or (replica_count > 1) != (self.plan == "replicas"):
-            raise BackendError(f"plan {plan!r} does not fit; there are auto, serial and parallel for one copy, replicas for several")
+            raise BackendError(
+                f"plan {plan!r} does not fit; there are auto, serial and parallel for one copy, replicas for several"
+            )
         self.state = State(
             start,
             dimensions=self.spec.dimensions,
@@ -110,7 +112,8 @@ class Simulation:
         if longest > limit:
             raise CapacityError(
                 f"this device ({self.device.name}) stops a kernel thread after {limit:,} loop iterations, and one step of "
-                f"{self.state.particle_count:,} particles under the {self.plan} plan needs {longest:,}; use --backend cpu or another plan"
+                f"{self.state.particle_count:,} particles under the {self.plan} plan needs {longest:,}; "
+                "use --backend cpu or another plan"
             )
         return allowed
 

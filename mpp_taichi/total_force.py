@@ -24,8 +24,9 @@ def compose(spec: SceneSpec, snapshot: Snapshot) -> tuple[Force, ...]:
 class TotalForce:
     """The sum of the forces of a scene, as accelerations.
 
-    `shape` says how the loop over pairs runs: "serial" inside a serial loop, "lanes" (CPU) or "gather" (GPU) when it is to be
-    parallel. All other loops are parallel or serial by where they stand. Only what the scene has is compiled: loops over absent kinds do not exist.
+    `shape` says how the loop over pairs runs: "serial" inside a serial loop, "lanes" (CPU) or "gather" (GPU) when it is
+    to be parallel. All other loops are parallel or serial by where they stand. Only what the scene has is compiled: loops
+    over absent kinds do not exist.
     """
 
     def __init__(self, forces: tuple[Force, ...], particle_count: int, dimensions: int):

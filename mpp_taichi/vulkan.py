@@ -1,4 +1,7 @@
-"""Names of the Vulkan devices here, asked from the loader itself. May crash with a broken driver: call it in a child process."""
+"""Names of the Vulkan devices here, asked from the loader itself.
+
+A broken driver may crash the interpreter: call it in a child process.
+"""
 
 import ctypes
 import os

@@ -1,0 +1,35 @@
+"""Shared by all tests: the tests' own modules on the path, and a clean Taichi runtime for each test."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(autouse=True)
+def fresh_runtime():
+    """Whatever a test started is stopped after it."""
+    yield
+    if "taichi" in sys.modules:
+        from mpp_taichi import backends
+
+        backends.stop()
+
+
+@pytest.fixture(scope="session")
+def software_vulkan():
+    """Skip where no Vulkan device starts, and say why."""
+    from mpp_taichi.availability import availability
+
+    report = availability("vulkan")
+    if not report["available"]:
+        pytest.skip(f"no Vulkan here: {report['reason']}")
+    return report["device"]
+
+
+def pytest_configure(config):
+    """Bundled scenes and tools are found from anywhere."""
+    config.root_folder = ROOT

@@ -1,0 +1,1 @@
+"""Plain NumPy physics, written apart from the program, to hold it against."""

@@ -1,0 +1,64 @@
+"""Small scenes, as mappings of the shape of the YAML, that several tests use."""
+
+import math
+
+
+def kepler(eccentricity=0.3, dt=0.01, integrator="leapfrog", forces=()):
+    """A light body around one of mass 1 with G = 1, from pericentre; semi-major axis 1, period 2π."""
+    pericentre = 1.0 - eccentricity
+    speed = math.sqrt((1.0 + eccentricity) / pericentre)
+    return {
+        "title": "Kepler",
+        "particles": [
+            {"body": {"name": "sun", "mass": 1.0}},
+            {"body": {"name": "planet", "mass": 1e-3, "position": [pericentre, 0, 0], "velocity": [0, speed, 0]}},
+        ],
+        "forces": [{"newtonian_gravity": {"strength": 1.0}}, *forces],
+        "integrator": {integrator: {"dt": dt}},
+        "move_to_center_of_mass": True,
+    }
+
+
+def cluster(count=40, *, seed=1, softening=0.1, dt=0.01, integrator="leapfrog", dimensions=3):
+    """Bodies of different masses at random places, at rest."""
+    import numpy as np
+
+    random = np.random.default_rng(seed)
+    places = random.uniform(-1, 1, (count, 3))
+    places[:, dimensions:] = 0.0
+    masses = random.uniform(0.5, 1.5, count) / count
+    bodies = [{"body": {"mass": float(m), "position": [float(x) for x in p]}} for m, p in zip(masses, places)]
+    return {
+        "title": "Cluster",
+        "dimensions": dimensions,
+        "particles": bodies,
+        "forces": [{"newtonian_gravity": {"strength": 1.0, "softening": softening}}],
+        "integrator": {integrator: {"dt": dt}},
+    }
+
+
+def everything(dt=0.005, integrator="leapfrog", damping=0.3, drag=0.2):
+    """Gravity, charges, a uniform field, drag and damped springs at once; five bodies, one axis fixed."""
+    bodies = [
+        {"body": {"mass": 1.0, "charge": 0.4, "position": [0, 0, 0], "velocity": [0.1, 0, 0], "free": [True, True, False]}},
+        {"body": {"mass": 2.0, "charge": -0.3, "position": [1, 0.1, 0], "velocity": [0, 0.3, 0.1]}},
+        {"body": {"mass": 0.5, "charge": 0.2, "position": [0.2, 1.1, 0.3], "velocity": [0, 0, -0.2]}},
+        {"body": {"mass": 1.5, "charge": 0.1, "position": [-0.8, 0.4, 0.9], "velocity": [0.2, 0.1, 0]}},
+        {"body": {"mass": 0.7, "charge": -0.5, "position": [0.5, -0.9, 0.4], "velocity": [-0.1, 0.2, 0.3]}},
+    ]
+    links = [[0, 1], [1, 2], [2, 3], [3, 0], [3, 4]]
+    return {
+        "title": "Everything",
+        "particles": bodies,
+        "springs": [
+            {"link": {"between": pair, "stiffness": 4.0 + k, "damping": damping, "rest_length": 0.9 + 0.05 * k}}
+            for k, pair in enumerate(links)
+        ],
+        "forces": [
+            {"newtonian_gravity": {"strength": 0.7, "softening": 0.2}},
+            {"coulomb": {"coulomb_constant": 0.5, "softening": 0.3}},
+            {"uniform_gravity": {"acceleration": [0.1, -0.2, -0.3]}},
+            *([{"linear_drag": {"coefficient": drag}}] if drag else []),
+        ],
+        "integrator": {integrator: {"dt": dt}},
+    }
