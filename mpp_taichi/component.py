@@ -17,7 +17,10 @@ from typing import Any
 
 PACKAGE_FOLDER = Path(__file__).parent
 # What the annotation of a parameter may say; the scene layer has one checked type for each.
-PARAMETER_TYPES = ("float", "int", "bool", "str", "Vector", "Color", "Formula", "FormulaVector", "Particle", "Shape", "Path")
+PARAMETER_TYPES = (
+    *("float", "int", "bool", "str", "Vector", "Color", "Axes", "Shape"),
+    *("Formula", "FormulaVector", "Particle", "Pair", "Path"),
+)
 REQUIRED = object()
 
 
@@ -35,6 +38,7 @@ class Parameter:
     above: float | None = None  # exclusive minimum
     choices: tuple[str, ...] = ()
     optional: bool = False  # absent means None
+    names: tuple[str, ...] = ()  # per-particle names that a Formula may use
 
 
 @dataclass(frozen=True)
@@ -174,4 +178,6 @@ Color = tuple  # red, green, blue in 0…1
 Formula = Any  # number, or an expression over per-particle names, evaluated by the generator
 FormulaVector = tuple  # three Formulas
 Particle = int  # index of a particle, given as an index or a name
+Pair = tuple  # two different Particles
+Axes = tuple  # three booleans, one for each axis
 Shape = tuple  # counts along the axes

@@ -1,0 +1,1 @@
+"""Generators of particles, one per file."""

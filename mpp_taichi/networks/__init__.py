@@ -1,0 +1,1 @@
+"""Generators of springs, one per file."""

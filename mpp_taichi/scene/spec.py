@@ -1,20 +1,16 @@
 """SceneSpec: the immutable, checked description of a scene. Pure Python; no device, no Taichi."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
+from pydantic import ConfigDict, Field
 
-@dataclass(frozen=True)
-class Location:
-    """Where in which file something was written; `file` is `--set …` for an override."""
+from mpp_taichi.scene.fields import Flag, ListOf, Number, Text, Whole
+from mpp_taichi.scene.location import Location
 
-    file: str
-    line: int
-    column: int
-
-    def __str__(self) -> str:
-        """`file:line:column`, or the file alone where there are no lines (`--set path=value`, a dict)."""
-        return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+__all__ = ["CameraSpec", "ComponentSpec", "Expectation", "Location", "RecordSpec", "RunSpec", "SceneSpec", "ViewSpec"]
+_CLOSED = ConfigDict(extra="forbid")
+_COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,43 +26,47 @@ class ComponentSpec:
 class CameraSpec:
     """Where the picture is taken from; None means: chosen so that every particle is in view."""
 
-    position: tuple[float, float, float] | None = None
-    look_at: tuple[float, float, float] | None = None
-    up: tuple[float, float, float] | None = None
-    field_of_view: float = 45.0  # vertical, degrees
-    projection: str = "perspective"  # or "orthographic"
-    height: float | None = None  # of the picture in scene lengths, orthographic only
+    __pydantic_config__ = _CLOSED
+    position: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="of the eye")] = None
+    look_at: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="middle of the picture")] = None
+    up: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="direction that is up")] = None
+    field_of_view: Annotated[float, Number(minimum=1.0, maximum=170.0), Field(description="vertical, degrees")] = 45.0
+    projection: Annotated[str, Text(("perspective", "orthographic"))] = "perspective"
+    height: Annotated[float | None, Number(above=0.0), Field(description="of the picture in scene lengths, orthographic only")] = None
 
 
 @dataclass(frozen=True)
 class ViewSpec:
     """What is drawn."""
 
-    camera: CameraSpec = field(default_factory=CameraSpec)
-    background: tuple[float, float, float] = (0.02, 0.02, 0.05)
-    radius_scale: float = 1.0  # display only
-    minimum_pixels: float = 1.5  # radius in pixels below which no sphere is drawn smaller
-    spring_width: float = 2.0  # pixels
-    trails: int = 0  # frames of trail kept per particle, 0 = none
-    caption: bool = True  # title and time
+    __pydantic_config__ = _CLOSED
+    camera: Annotated[CameraSpec, Field(description="where the picture is taken from")] = field(default_factory=CameraSpec)
+    background: Annotated[tuple[float, float, float], _COLOR] = (0.02, 0.02, 0.05)
+    radius_scale: Annotated[float, Number(above=0.0), Field(description="of the spheres, display only")] = 1.0
+    minimum_pixels: Annotated[float, Number(minimum=0.0), Field(description="no sphere is drawn smaller than this radius")] = 1.5
+    spring_width: Annotated[float, Number(above=0.0, maximum=100.0), Field(description="pixels")] = 2.0
+    trails: Annotated[int, Whole(minimum=0, maximum=10_000), Field(description="frames of trail per particle, 0 = none")] = 0
+    caption: Annotated[bool, Flag(), Field(description="title and time")] = True
 
 
 @dataclass(frozen=True)
 class RecordSpec:
     """How a film is made; `seconds` is the length of the film, over which `run.duration` is spread."""
 
-    size: tuple[int, int] = (1280, 720)
-    fps: float = 30.0
-    seconds: float = 10.0
+    __pydantic_config__ = _CLOSED
+    size: Annotated[tuple[int, int], ListOf(Whole(minimum=16, maximum=8192), (2,)), Field(description="pixels")] = (1280, 720)
+    fps: Annotated[float, Number(above=0.0, maximum=1000.0), Field(description="frames per second")] = 30.0
+    seconds: Annotated[float, Number(above=0.0, maximum=86_400.0), Field(description="length of the film")] = 10.0
 
 
 @dataclass(frozen=True)
 class RunSpec:
     """How long to run and how often to look. `every` counts steps between diagnostic samples."""
 
-    duration: float | None = None
-    steps: int | None = None
-    every: int | None = None
+    __pydantic_config__ = _CLOSED
+    duration: Annotated[float | None, Number(above=0.0), Field(description="time to simulate; or give steps")] = None
+    steps: Annotated[int | None, Whole(minimum=1), Field(description="steps to do; or give duration")] = None
+    every: Annotated[int | None, Whole(minimum=1), Field(description="steps between diagnostic samples")] = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,4 +106,4 @@ class SceneSpec:
     view: ViewSpec
     record: RecordSpec
     expect: tuple[Expectation, ...]
-    resolved: dict[str, Any]  # plain YAML-able mapping with extends, constants and overrides applied
+    resolved: dict[str, Any]  # plain YAML-able mapping, itself a scene: extends and overrides applied, expressions kept

@@ -1,0 +1,95 @@
+"""Generator: parameters of one entry of `particles:` → a group of particles, in NumPy on the host."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+BYTES_PER_PARTICLE = 600
+"""Host memory that a particle takes while a scene is assembled, device fields included: an upper bound for the estimate."""
+DEFAULT_COLOR = (0.9, 0.9, 0.9)
+
+
+class PlacementError(ValueError):
+    """The parameters are fine one by one, but no particles can be placed so."""
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """The particles of one entry: arrays as in `Snapshot`, and where springs at rest would hold them.
+
+    rest_position   differs from position where a generator displaces its particles, shape (particle_count, 3)
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    mass: np.ndarray
+    radius: np.ndarray
+    charge: np.ndarray
+    color: np.ndarray
+    free: np.ndarray
+    rest_position: np.ndarray
+    name: tuple[str, ...]
+
+    def __len__(self) -> int:
+        """Count the particles."""
+        return len(self.mass)
+
+
+@dataclass(frozen=True)
+class Center:
+    """A particle to place others around."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    mass: float
+
+
+@dataclass(frozen=True, eq=False)
+class GeneratorContext:
+    """What a generator may look at.
+
+    random    its own source of random numbers, the same whatever the other entries are
+    strength, softening   of the scene's newtonian_gravity, (0, 0) without it
+    find      particles placed by the entries before this one, by index
+    """
+
+    random: np.random.Generator
+    strength: float
+    softening: float
+    find: Callable[[int], Center]
+
+
+class Generator(ABC):
+    """Places particles. Parameters are those that the file declares."""
+
+    @abstractmethod
+    def particle_count(self) -> int:
+        """How many particles there will be, found without making them."""
+
+    @abstractmethod
+    def generate(self, context: GeneratorContext) -> Group:
+        """Make the particles; PlacementError where that cannot be done."""
+
+
+def make_group(count: int, *, position: Any, **given: Any) -> Group:
+    """A group from positions and whatever else is given, one value for all or one for each."""
+
+    def fill(key: str, default: Any, shape: tuple[int, ...], kind: Any = float) -> np.ndarray:
+        return np.array(np.broadcast_to(np.asarray(given.get(key, default), dtype=kind), shape))
+
+    vectors, scalars = (count, 3), (count,)
+    place = np.array(np.broadcast_to(np.asarray(position, dtype=float), vectors))
+    return Group(
+        position=place,
+        velocity=fill("velocity", 0.0, vectors),
+        mass=fill("mass", 0.0, scalars),
+        radius=fill("radius", 0.0, scalars),
+        charge=fill("charge", 0.0, scalars),
+        color=fill("color", DEFAULT_COLOR, vectors),
+        free=fill("free", True, vectors, bool),
+        rest_position=fill("rest_position", place, vectors),
+        name=tuple(given.get("name", ("",) * count)),
+    )

@@ -1,0 +1,53 @@
+"""Network: parameters of one entry of `springs:` → springs between particles, in NumPy on the host."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.generators._base import PlacementError
+from mpp_taichi.snapshot import Springs
+
+__all__ = ["BYTES_PER_SPRING", "Network", "NetworkContext", "PlacementError", "make_springs"]
+BYTES_PER_SPRING = 400
+"""Host memory that a spring takes while a scene is assembled, device fields included: an upper bound for the estimate."""
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkContext:
+    """What a network may look at.
+
+    rest_position   of every particle, shape (particle_count, 3)
+    lattice         name → (index of its first particle, counts along the axes); PlacementError when there is none
+    """
+
+    rest_position: np.ndarray
+    lattice: Callable[[str], tuple[int, tuple[int, int, int]]]
+
+
+class Network(ABC):
+    """Links particles. Parameters are those that the file declares."""
+
+    @abstractmethod
+    def spring_count(self, lattice: Callable[[str], tuple[int, tuple[int, int, int]]]) -> int:
+        """How many springs there will be, found without making them."""
+
+    @abstractmethod
+    def generate(self, context: NetworkContext) -> Springs:
+        """Make the springs; PlacementError where that cannot be done."""
+
+
+def make_springs(between: np.ndarray, context: NetworkContext, *, rest_length: float | None, stretch: float = 1.0, **given: Any) -> Springs:
+    """Springs between pairs of particles; without a rest length they are at rest as placed, divided by `stretch`."""
+    count = len(between)
+    separation = context.rest_position[between[:, 1]] - context.rest_position[between[:, 0]]
+    placed = np.sqrt(np.sum(separation**2, axis=1)) / stretch
+    return Springs(
+        between=between.astype(np.int32),
+        stiffness=np.full(count, given["stiffness"], dtype=float),
+        damping=np.full(count, given["damping"], dtype=float),
+        rest_length=placed if rest_length is None else np.full(count, rest_length, dtype=float),
+        color=np.array(np.broadcast_to(np.asarray(given["color"], dtype=float), (count, 3))),
+    )

@@ -1,0 +1,31 @@
+"""One spring between two particles."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from mpp_taichi.component import Color, Pair, component, param
+from mpp_taichi.networks._base import Network, NetworkContext, make_springs
+from mpp_taichi.snapshot import Springs
+
+
+@component
+class Link(Network):
+    """One spring."""
+
+    between: Pair = param(help="the two ends, by index or name")
+    stiffness: float = param(minimum=0.0, unit="force length⁻¹", help="D")
+    damping: float = param(0.0, minimum=0.0, unit="force time length⁻¹", help="c")
+    rest_length: float = param(None, optional=True, minimum=0.0, unit="length", help="absent: as placed")
+    color: Color = param((0.4, 0.4, 1.0))
+
+    def spring_count(self, lattice: Callable) -> int:
+        """One."""
+        return 1
+
+    def generate(self, context: NetworkContext) -> Springs:
+        """Link the two."""
+        between = np.array([self.between])
+        return make_springs(
+            between, context, rest_length=self.rest_length, stiffness=self.stiffness, damping=self.damping, color=self.color
+        )

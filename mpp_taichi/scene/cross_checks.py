@@ -1,0 +1,50 @@
+"""Cross checks: what two keys of a scene, each fine alone, must not say together."""
+
+from mpp_taichi.scene.document import Node
+from mpp_taichi.scene.faults import Faults
+from mpp_taichi.scene.spec import SceneSpec
+
+
+def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
+    """Add what is wrong between the keys."""
+    _check_run(spec, tree, faults)
+    _check_camera(spec, tree, faults)
+    _check_expect(spec, faults)
+    names = [entry.name for entry in spec.forces]
+    for number, entry in enumerate(spec.forces):
+        if entry.name in names[:number]:
+            faults.add(entry.location, f"forces[{number}]", f"{entry.name} is in the list already, allowed: once")
+
+
+def _check_run(spec: SceneSpec, tree: Node, faults: Faults) -> None:
+    run = tree.get("run")
+    if run is not None and spec.run.duration is not None and spec.run.steps is not None:
+        faults.add(run.value["steps"].place, "run", "has both duration and steps, must have one of them")
+    step = spec.integrator.parameters.get("dt")
+    if step is not None and spec.run.duration is not None and step > spec.run.duration:
+        key = f"integrator.{spec.integrator.name}.dt"
+        place = tree.value["integrator"].value[spec.integrator.name].value["dt"].location
+        faults.add(place, key, f"a step of {step:g} is longer than the run, must be at most run.duration = {spec.run.duration:g}")
+
+
+def _check_camera(spec: SceneSpec, tree: Node, faults: Faults) -> None:
+    camera = spec.view.camera
+    view = tree.get("view")
+    node = view.get("camera") if view is not None else None
+    if node is None:
+        return
+    if camera.position is not None and camera.position == camera.look_at:
+        faults.add(node.location, "view.camera", "position and look_at must be different points")
+    if camera.up is not None and not any(camera.up):
+        faults.add(node.location, "view.camera.up", "must not be [0, 0, 0]")
+
+
+def _check_expect(spec: SceneSpec, faults: Faults) -> None:
+    for each in spec.expect:
+        key = f"expect.{each.quantity}"
+        if each.below is None and each.above is None and each.near is None:
+            faults.add(each.location, key, "says nothing, must have below, above, or near with within")
+        if (each.near is None) != (each.within is None):
+            faults.add(each.location, key, "near and within belong together: |value − near| ≤ within · |near|")
+        if each.near == 0.0:
+            faults.add(each.location, key, "within is relative, so near must not be 0; write below: instead")

@@ -1,0 +1,166 @@
+"""Document: a scene's text as a tree in which every value remembers where it was written."""
+
+import numbers
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mpp_taichi.errors import SceneError
+from mpp_taichi.scene import guard
+from mpp_taichi.scene.faults import Faults, printable, shown
+from mpp_taichi.scene.scalars import read_plain
+from mpp_taichi.scene.location import Location
+
+_DEEPEST_DICT = guard.DEPTH_ALLOWED
+
+
+@dataclass(frozen=True)
+class Node:
+    """A value and its place.
+
+    value          dict of Nodes, list of Nodes, or a scalar
+    location       where the value begins
+    key_location   where its key begins, if it has one
+    text_column    column of the first character of a text on its line, 0 when the text is escaped or folded
+    """
+
+    value: Any
+    location: Location
+    key_location: Location | None = None
+    text_column: int = 0
+
+    @property
+    def place(self) -> Location:
+        """Where the key stands, or the value when it has no key."""
+        return self.key_location or self.location
+
+    def plain(self) -> Any:
+        """The value without places, of plain dicts, lists and scalars."""
+        if isinstance(self.value, dict):
+            return {key: node.plain() for key, node in self.value.items()}
+        if isinstance(self.value, list):
+            return [node.plain() for node in self.value]
+        return self.value
+
+    def get(self, key: str) -> "Node | None":
+        """The entry of a mapping; None where it, or the mapping, is not there."""
+        return self.value.get(key) if isinstance(self.value, dict) else None
+
+    def along(self, path: tuple[Any, ...]) -> Iterator[tuple[Any, "Node"]]:
+        """Walk down a path, yielding (key, Node); keys that are not there are passed over."""
+        node = self
+        for key in path:
+            child = None
+            if isinstance(node.value, dict):
+                child = node.value.get(key)
+            elif isinstance(node.value, list) and isinstance(key, int) and key < len(node.value):
+                child = node.value[key]
+            if child is not None:
+                node = child
+                yield key, node
+
+
+def read_file(path: Path, file: str, faults: Faults) -> Node:
+    """The tree of a YAML file; `file` is the name that messages show."""
+    try:
+        if not path.is_file():
+            raise SceneError(f"{printable(file)}: no such file" if not path.exists() else f"{printable(file)}: not a file")
+        with open(path, "rb") as stream:
+            data = stream.read(guard.BYTES_ALLOWED + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise SceneError(f"{printable(file)}: cannot read the scene: {reason}") from None
+    return read_text(guard.decode(data, file), file, faults)
+
+
+def read_text(text: str, file: str, faults: Faults) -> Node:
+    """The tree of a YAML text, whose root must be a mapping."""
+    faults.sources[file] = text.splitlines()
+    guard.check_events(text, file)
+    root = yaml.compose(text, Loader=guard.LOADER)
+    if root is None or (isinstance(root, yaml.ScalarNode) and root.value == ""):
+        raise SceneError(f"{file}:1:1: the scene is empty; it needs at least particles: and integrator:")
+    if not isinstance(root, yaml.MappingNode):
+        kind = "a list" if isinstance(root, yaml.SequenceNode) else f"the text {shown(root.value)}"
+        raise SceneError(f"{file}:{root.start_mark.line + 1}:1: a scene is a mapping of keys to values, not {kind}")
+    return _build(root, file, faults)
+
+
+def read_value(text: str, location: Location) -> Node:
+    """The tree of one value, as `--set` gives it; every part of it is placed at `location`."""
+    guard.check_events(guard.check_characters(text, location.file), location.file)
+    faults = Faults()
+    root = yaml.compose(text, Loader=guard.LOADER)
+    node = Node(None, location) if root is None else _placed(_build(root, location.file, faults), location)
+    faults.raise_if_any()
+    return node
+
+
+def from_python(value: Any, location: Location, depth: int = 0) -> Node:
+    """The tree of a Python value of the same shape as the YAML; tuples and NumPy values are welcome."""
+    if depth > _DEEPEST_DICT:
+        raise SceneError(f"{location}: nested deeper than {_DEEPEST_DICT} levels")
+    if hasattr(value, "tolist"):  # NumPy arrays and scalars
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return Node({str(key): from_python(entry, location, depth + 1) for key, entry in value.items()}, location)
+    if isinstance(value, (list, tuple)):
+        return Node([from_python(entry, location, depth + 1) for entry in value], location)
+    if isinstance(value, Path):
+        value = str(value)
+    if value is not None and not isinstance(value, (bool, str, numbers.Real)):
+        raise SceneError(f"{location}: a {type(value).__name__} cannot stand in a scene")
+    return Node(value, location)
+
+
+def _placed(node: Node, location: Location) -> Node:
+    value = node.value
+    if isinstance(value, dict):
+        value = {key: _placed(child, location) for key, child in value.items()}
+    elif isinstance(value, list):
+        value = [_placed(child, location) for child in value]
+    return replace(node, value=value, location=location, key_location=None, text_column=0)
+
+
+def _build(node: yaml.Node, file: str, faults: Faults, key_location: Location | None = None) -> Node:
+    location = _locate(node, file)
+    if isinstance(node, yaml.MappingNode):
+        return Node(_build_mapping(node, file, faults), location, key_location)
+    if isinstance(node, yaml.SequenceNode):
+        return Node([_build(child, file, faults) for child in node.value], location, key_location)
+    value: Any = node.value
+    quotes = 1 if node.style in ("'", '"') else 0
+    if node.style in (None, ""):
+        try:
+            value = read_plain(node.value)
+        except ValueError as error:
+            faults.settle(location, str(error))
+            value = None
+    start = location.column - 1 + quotes
+    lines = faults.sources.get(file, [])
+    exact = location.line <= len(lines) and lines[location.line - 1].startswith(node.value, start)
+    return Node(value, location, key_location, start + 1 if exact else 0)
+
+
+def _build_mapping(node: yaml.MappingNode, file: str, faults: Faults) -> dict[str, Node]:
+    entries: dict[str, Node] = {}
+    for key_node, value_node in node.value:
+        place = _locate(key_node, file)
+        if not isinstance(key_node, yaml.ScalarNode) or key_node.value == "":
+            faults.add(place, "", "a key must be a word")
+            continue
+        key = key_node.value
+        if key == "<<":
+            faults.add(place, "<<", "merge keys are not part of YAML 1.2, use extends: or repeat the lines")
+        elif key in entries:
+            faults.add(place, key, f"the key {shown(key)} is here twice, first at {entries[key].place}")
+        else:
+            entries[key] = _build(value_node, file, faults, place)
+    return entries
+
+
+def _locate(node: yaml.Node, file: str) -> Location:
+    return Location(file, node.start_mark.line + 1, node.start_mark.column + 1)

@@ -1,0 +1,86 @@
+"""Estimate: what a scene will cost, before any of it is allocated."""
+
+import math
+from dataclasses import dataclass
+
+from mpp_taichi import component
+from mpp_taichi.errors import CapacityError
+from mpp_taichi.generators._base import BYTES_PER_PARTICLE
+from mpp_taichi.networks._base import BYTES_PER_SPRING
+from mpp_taichi.scene.layout import build, layout_of
+from mpp_taichi.scene.spec import SceneSpec
+
+LARGEST_COUNT = 2**31 - 1  # an index is a signed 32-bit integer on every device
+MOST_STEPS = 10**9
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a run needs.
+
+    bytes                        host memory while the scene is assembled and copied to the device, an upper bound
+    pair_interactions_per_step   ordered pairs N (N − 1) that one evaluation of the pair forces visits
+    steps                        None where the scene does not end by itself
+    """
+
+    particle_count: int
+    spring_count: int
+    bytes: int
+    pair_interactions_per_step: int
+    steps: int | None
+
+
+def estimate(spec: SceneSpec) -> Estimate:
+    """Count without making anything."""
+    layout = layout_of(spec)
+    particles = layout.total
+    springs = sum(build("networks", entry).spring_count(layout.lattice) for entry in spec.springs)
+    has_pairs = any(component.declaration("forces", entry.name).base == "PairForce" for entry in spec.forces)
+    return Estimate(
+        particle_count=particles,
+        spring_count=springs,
+        bytes=particles * BYTES_PER_PARTICLE + springs * BYTES_PER_SPRING,
+        pair_interactions_per_step=particles * (particles - 1) if has_pairs else 0,
+        steps=_steps(spec),
+    )
+
+
+def check_capacity(needed: Estimate) -> None:
+    """CapacityError, with the numbers, when this machine cannot do it."""
+    for count, what in ((needed.particle_count, "particles"), (needed.spring_count, "springs")):
+        if count > LARGEST_COUNT:
+            raise CapacityError(f"the scene has {_short(count)} {what}, allowed: {LARGEST_COUNT}")
+    free = available_bytes()
+    if free is not None and needed.bytes > free:
+        raise CapacityError(
+            f"the scene needs {needed.bytes / 2**30:.3g} GiB for {needed.particle_count} particles and {needed.spring_count} springs, "
+            f"this machine has {free / 2**30:.3g} GiB available"
+        )
+    if needed.steps is not None and needed.steps > MOST_STEPS:
+        raise CapacityError(f"the run takes {_short(needed.steps)} steps, allowed: {MOST_STEPS}; enlarge dt or shorten run.duration")
+
+
+def available_bytes() -> int | None:
+    """Memory that can be taken without swapping; None where the system does not say."""
+    try:
+        with open("/proc/meminfo", encoding="ascii") as stream:
+            for line in stream:
+                if line.startswith("MemAvailable:"):
+                    return int(line.split()[1]) * 1024
+    except (OSError, ValueError, IndexError):
+        return None
+    return None
+
+
+def _steps(spec: SceneSpec) -> int | None:
+    if spec.run.steps is not None:
+        return spec.run.steps
+    step = spec.integrator.parameters.get("dt")
+    if spec.run.duration is None or step is None:
+        return None
+    ratio = spec.run.duration / step
+    return math.ceil(ratio * (1.0 - 1e-12)) if math.isfinite(ratio) else MOST_STEPS * 1000
+
+
+def _short(count: int) -> str:
+    return str(count) if count < 10**15 else f"{count:.3g}"

@@ -1,0 +1,32 @@
+"""Expectations: the statements of physics that a scene makes about itself, and `check` asserts."""
+
+from typing import Any
+
+from mpp_taichi.scene.document import Node
+from mpp_taichi.scene.spec import Expectation
+
+# What every run measures anyway, without a diagnostic of that name.
+SUMMARY_QUANTITIES = {
+    "relative_energy_error_max": "largest |E − E₀| / |E₀| of the run, work of dissipative forces left out of no account",
+    "momentum_error_max": "largest change of the total momentum, relative to Σ m |v|",
+    "angular_momentum_error_max": "largest change of the total angular momentum, relative to Σ m |r × v|",
+    "center_of_mass_error_max": "largest distance of the centre of mass from uniform motion, relative to the system's size",
+    "steps": "steps done",
+    "time": "time reached",
+}
+BOUNDS = ("below", "above", "near", "within")
+
+
+def build(validated: Any, node: Node | None) -> tuple[Expectation, ...]:
+    """Expectations from the checked `expect:` block; `node` gives their places."""
+    found = []
+    for quantity in validated.model_fields_set if validated is not None else ():
+        for number, entry in enumerate(getattr(validated, quantity)):
+            values = {name: getattr(entry, name) for name in type(entry).model_fields}
+            bounds = {name: values.pop(name) for name in BOUNDS}
+            assert node is not None
+            place = node.value[quantity]
+            if isinstance(place.value, list):
+                place = place.value[number]
+            found.append(Expectation(quantity, values, location=place.place, **bounds))
+    return tuple(sorted(found, key=lambda expectation: (expectation.location.line, expectation.location.column)))

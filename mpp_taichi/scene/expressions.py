@@ -1,0 +1,235 @@
+"""Expressions in a scene, such as `sqrt(k2 / r)`: a small arithmetic, read with `ast` and walked, never executed as Python.
+
+Allowed are numbers (all taken as floats), names, + - * / // % **, signs and parentheses, and the functions of FUNCTIONS.
+Whatever does not give a real number (1/0, sqrt(-1), overflow) is an error at the column where it happens.
+"""
+
+import ast
+import math
+import operator
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.scene.faults import shown, suggestion
+
+LENGTH_ALLOWED = 1000  # characters
+NODES_ALLOWED = 300
+_ANY = (1, 50)
+# name → (on numbers, on arrays, fewest and most arguments)
+FUNCTIONS: dict[str, tuple[Callable[..., Any], Callable[..., Any], tuple[int, int]]] = {
+    "sqrt": (math.sqrt, np.sqrt, (1, 1)),
+    "exp": (math.exp, np.exp, (1, 1)),
+    "log": (math.log, np.log, (1, 1)),
+    "log10": (math.log10, np.log10, (1, 1)),
+    "sin": (math.sin, np.sin, (1, 1)),
+    "cos": (math.cos, np.cos, (1, 1)),
+    "tan": (math.tan, np.tan, (1, 1)),
+    "asin": (math.asin, np.arcsin, (1, 1)),
+    "acos": (math.acos, np.arccos, (1, 1)),
+    "atan": (math.atan, np.arctan, (1, 1)),
+    "atan2": (math.atan2, np.arctan2, (2, 2)),
+    "sinh": (math.sinh, np.sinh, (1, 1)),
+    "cosh": (math.cosh, np.cosh, (1, 1)),
+    "tanh": (math.tanh, np.tanh, (1, 1)),
+    "radians": (math.radians, np.radians, (1, 1)),
+    "degrees": (math.degrees, np.degrees, (1, 1)),
+    "hypot": (math.hypot, lambda *values: np.sqrt(sum(np.square(value) for value in values)), _ANY),
+    "abs": (abs, np.abs, (1, 1)),
+    "floor": (lambda value: float(math.floor(value)), np.floor, (1, 1)),
+    "min": (lambda *values: min(values), lambda *values: np.minimum.reduce(np.broadcast_arrays(*values)), _ANY),
+    "max": (lambda *values: max(values), lambda *values: np.maximum.reduce(np.broadcast_arrays(*values)), _ANY),
+}
+BUILT_IN = {"pi": math.pi, "tau": math.tau, "e": math.e}
+RESERVED = frozenset(FUNCTIONS) | frozenset(BUILT_IN)
+_BINARY: dict[type, Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.Pow: operator.pow,
+}
+_UNARY: dict[type, Callable[[Any], Any]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
+
+
+class ExpressionError(ValueError):
+    """What is wrong with an expression, and at which character (from 0)."""
+
+    def __init__(self, message: str, offset: int = 0) -> None:
+        """Keep the character beside the message."""
+        self.offset = offset
+        super().__init__(message)
+
+
+class UnresolvedConstant(ExpressionError):
+    """A constant is named whose own value is at fault, which is reported where it is defined."""
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A checked expression, ready to be given values for its names."""
+
+    text: str
+    tree: ast.expr
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The names that must be given, built-in constants left out."""
+        return frozenset(self._name_offsets())
+
+    def check_names(self, known: Iterable[str]) -> None:
+        """Refuse the first name that is not known, at its column."""
+        known = set(known)
+        for name, offset in self._name_offsets().items():
+            if name not in known:
+                raise ExpressionError(f"unknown name {shown(name)}{suggestion(name, known | RESERVED)}", offset)
+
+    def number(self, values: Mapping[str, float | None]) -> float:
+        """The value with numbers for the names; a name whose value is None raises UnresolvedConstant."""
+        self.check_names(values)
+        return float(_Evaluation(self.text, values, on_arrays=False).of(self.tree))
+
+    def array(self, values: Mapping[str, Any]) -> Any:
+        """The value with arrays (or numbers) for the names, by NumPy's broadcasting."""
+        self.check_names(values)
+        with np.errstate(divide="raise", over="raise", invalid="raise", under="ignore"):
+            return _Evaluation(self.text, values, on_arrays=True).of(self.tree)
+
+    def _name_offsets(self) -> dict[str, int]:
+        found: dict[str, int] = {}
+        called = {id(node.func) for node in ast.walk(self.tree) if isinstance(node, ast.Call)}
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.Name) and id(node) not in called and node.id not in BUILT_IN:
+                offset = _offset(self.text, node)
+                found[node.id] = min(offset, found.get(node.id, offset))
+        return dict(sorted(found.items(), key=lambda item: item[1]))
+
+
+def parse(text: str) -> Expression:
+    """Read an expression; ExpressionError says what is not allowed and where."""
+    if len(text) > LENGTH_ALLOWED:
+        raise ExpressionError(f"an expression of {len(text)} characters is too long, allowed: {LENGTH_ALLOWED}")
+    padding = len(text) - len(text.lstrip())
+    flat = text.replace("\n", " ").replace("\t", " ")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            tree = ast.parse(flat.lstrip(), mode="eval").body
+    except SyntaxError as error:
+        column = min(max((error.offset or 1) - 1, 0), max(len(text) - padding - 1, 0))
+        raise ExpressionError(f"{shown(text)} is neither a number nor an expression", column + padding) from None
+    except (ValueError, RecursionError, MemoryError, OverflowError):
+        raise ExpressionError(f"{shown(text)} is neither a number nor an expression") from None
+    for node in ast.walk(tree):  # columns as in the text itself
+        if hasattr(node, "col_offset"):
+            node.col_offset += padding
+    expression = Expression(flat, tree)
+    _check(expression)
+    return expression
+
+
+def _offset(text: str, node: ast.AST) -> int:
+    """Column in characters; `ast` counts bytes."""
+    return len(text.encode()[: getattr(node, "col_offset", 0)].decode(errors="ignore"))
+
+
+def _check(expression: Expression) -> None:
+    """Refuse everything that is not in the small arithmetic."""
+    functions = {id(node.func) for node in ast.walk(expression.tree) if isinstance(node, ast.Call)}
+    for count, node in enumerate(ast.walk(expression.tree)):
+        reason = _refusal(node, functions)
+        if count > NODES_ALLOWED:
+            reason = f"the expression has more than {NODES_ALLOWED} parts"
+        if reason:
+            raise ExpressionError(reason, _offset(expression.text, node))
+
+
+def _refusal(node: ast.AST, functions: set[int]) -> str:
+    """Why a node may not stand in an expression; empty when it may."""
+    if isinstance(node, ast.Constant):
+        if isinstance(node.value, bool) or not isinstance(node.value, (int, float)):
+            return f"{shown(node.value)} is not a number"
+    elif isinstance(node, ast.Name):
+        if id(node) in functions and node.id not in FUNCTIONS:
+            return f"unknown function {shown(node.id)}{suggestion(node.id, FUNCTIONS)}"
+        if id(node) not in functions and node.id in FUNCTIONS:
+            return f"{node.id} is a function, write {node.id}(…)"
+    elif isinstance(node, ast.Call):
+        if not isinstance(node.func, ast.Name):
+            return "only the named functions can be called"
+        if node.keywords or any(isinstance(argument, ast.Starred) for argument in node.args):
+            return f"{node.func.id} takes numbers only"
+        fewest, most = FUNCTIONS.get(node.func.id, (None, None, _ANY))[2]
+        if not fewest <= len(node.args) <= most:
+            return f"{node.func.id} takes {fewest if fewest == most else 'one or more'} number(s), not {len(node.args)}"
+    elif isinstance(node, ast.BinOp):
+        if type(node.op) not in _BINARY:
+            return "this operator is not allowed; a power is **" if isinstance(node.op, ast.BitXor) else "this operator is not allowed"
+    elif isinstance(node, ast.UnaryOp):
+        if type(node.op) not in _UNARY:
+            return "this operator is not allowed"
+    elif not isinstance(node, (ast.operator, ast.unaryop, ast.expr_context)):
+        return "only numbers, names, + - * / // % ** and functions are allowed in an expression"
+    return ""
+
+
+@dataclass(frozen=True)
+class _Evaluation:
+    """One walk over an expression, with values for its names."""
+
+    text: str
+    values: Mapping[str, Any]
+    on_arrays: bool
+
+    def of(self, node: ast.expr) -> Any:
+        if isinstance(node, ast.Name):
+            return self._name(node)
+        try:
+            if isinstance(node, ast.Constant):
+                result = float(node.value)  # type: ignore[arg-type]
+            elif isinstance(node, ast.UnaryOp):
+                result = _UNARY[type(node.op)](self.of(node.operand))
+            elif isinstance(node, ast.BinOp):
+                left, right = self.of(node.left), self.of(node.right)
+                if self.on_arrays and isinstance(node.op, ast.Pow):
+                    left = np.asarray(left, dtype=float)  # so that numbers, too, fail as arrays do
+                result = _BINARY[type(node.op)](left, right)
+            else:
+                assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+                result = FUNCTIONS[node.func.id][int(self.on_arrays)](*[self.of(argument) for argument in node.args])
+        except ExpressionError:
+            raise
+        except (ArithmeticError, ValueError) as error:
+            reason = "division by zero" if isinstance(error, ZeroDivisionError) else "not a real number here"
+            reason = "too large a number" if isinstance(error, OverflowError) else reason
+            raise ExpressionError(f"{shown(ast.unparse(node))}: {reason}", _offset(self.text, node)) from None
+        if isinstance(result, complex) or (not self.on_arrays and not math.isfinite(result)):
+            raise ExpressionError(f"{shown(ast.unparse(node))}: not a real number here", _offset(self.text, node))
+        return result
+
+    def _name(self, node: ast.Name) -> Any:
+        value = self.values[node.id] if node.id in self.values else BUILT_IN[node.id]
+        if value is None:
+            raise UnresolvedConstant(f"{node.id} has no value", _offset(self.text, node))
+        return value
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A number or expression with a value for every particle, over names that the generator offers."""
+
+    expression: Expression
+    constants: Mapping[str, float]
+
+    def __call__(self, count: int, **names: Any) -> np.ndarray:
+        """Evaluate for `count` particles; every result is finite, or ExpressionError says why not."""
+        result = np.broadcast_to(np.asarray(self.expression.array({**self.constants, **names}), dtype=float), (count,))
+        if not np.all(np.isfinite(result)):
+            first = int(np.flatnonzero(~np.isfinite(result))[0])
+            raise ExpressionError(f"{shown(self.expression.text)} is {result[first]} for particle {first}")
+        return result

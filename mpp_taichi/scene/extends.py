@@ -1,0 +1,62 @@
+"""`extends: base.yaml`: a scene that completes another one in its folder."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from mpp_taichi.scene.document import Node, read_file
+from mpp_taichi.scene.faults import Faults, shown
+
+DEEPEST = 4
+
+
+def resolve(tree: Node, file: Path, root: Path, faults: Faults, chain: tuple[Path, ...] = ()) -> Node:
+    """The tree merged over what it extends; mappings merge, everything else is replaced. `root` bounds where files may be."""
+    node = tree.get("extends")
+    if node is None:
+        return tree
+    rest = replace(tree, value={key: child for key, child in tree.value.items() if key != "extends"})
+    chain = (*chain, _resolved(file))
+    name = node.value
+    if not isinstance(name, str):
+        faults.add(node.location, "extends", f"must be the name of a scene file, not {shown(node.plain())}")
+        return rest
+    path = _resolved(file.parent / name) if "\0" not in name else file
+    if path in chain:
+        faults.add(node.location, "extends", f"{shown(name)} leads back to itself")
+    elif not path.is_relative_to(_resolved(root)):
+        faults.add(node.location, "extends", f"{shown(name)} is outside the scene's folder")
+    elif len(chain) > DEEPEST:
+        faults.add(node.location, "extends", f"more than {DEEPEST} scenes extend one another")
+    elif not _is_file(path):
+        faults.add(node.location, "extends", f"there is no file {shown(name)}")
+    else:
+        shown_name = str(file.parent / name)
+        base = resolve(read_file(path, shown_name, faults), path, root, faults, chain)
+        return merge(base, rest)
+    return rest
+
+
+def merge(base: Node, over: Node, key: str = "") -> Node:
+    """`over` completed by `base`: mappings key by key, the rest as in `over`; another integrator replaces the whole one."""
+    if not isinstance(base.value, dict) or not isinstance(over.value, dict):
+        return over
+    if key == "integrator" and base.value.keys() != over.value.keys():
+        return over
+    merged = dict(base.value)
+    for name, child in over.value.items():
+        merged[name] = merge(merged[name], child, name) if name in merged else child
+    return replace(over, value=merged)
+
+
+def _resolved(path: Path) -> Path:
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError):
+        return path
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False

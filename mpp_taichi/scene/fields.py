@@ -1,0 +1,318 @@
+"""Fields: the checked types that keys of a scene have, as annotations for pydantic.
+
+Each says in one place what a value may be, how an expression becomes a number, what the message is when it is wrong, and how
+the JSON Schema (and so the editor) describes it.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic_core import PydanticCustomError, core_schema
+
+from mpp_taichi.scene.expressions import ExpressionError, Formula, UnresolvedConstant, parse
+from mpp_taichi.scene.faults import choices, shown
+
+LARGEST_NUMBER = 1e300
+
+
+@dataclass(frozen=True)
+class Context:
+    """What the checks of one scene need to know; None stands for a constant that is at fault itself."""
+
+    constants: Mapping[str, float | None] = field(default_factory=dict)
+    dimensions: int = 3
+    folder: Path = Path()
+
+
+class Wrong(Exception):
+    """Something wrong inside a value: where below its key, at which character of a text, and why."""
+
+    def __init__(self, message: str, *, path: tuple[Any, ...] = (), offset: int | None = None) -> None:
+        """Keep the place beside the message."""
+        self.parts: list[tuple[tuple[Any, ...], int | None, str]] = [(path, offset, message)] if message else []
+        super().__init__(message)
+
+
+class Field:
+    """Base of the annotations: `check` returns the value or raises Wrong, `schema` describes it."""
+
+    def check(self, value: Any, context: Context) -> Any:
+        """Turn what the scene says into what the program uses."""
+        raise NotImplementedError
+
+    def schema(self) -> dict[str, Any]:
+        """The JSON Schema of what the scene may say."""
+        raise NotImplementedError
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Let pydantic call `check`."""
+
+        def validate(value: Any, info: Any) -> Any:
+            try:
+                return self.check(value, info.context)
+            except Wrong as wrong:
+                raise PydanticCustomError("wrong", "{reason}", {"reason": str(wrong), "parts": wrong.parts}) from None
+
+        return core_schema.with_info_plain_validator_function(validate)
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
+        """Let pydantic use `schema`."""
+        return self.schema()
+
+
+def calculate(value: Any, context: Context) -> float:
+    """A number, or the value of an expression over the scene's constants."""
+    if isinstance(value, str):
+        try:
+            value = parse(value).number(context.constants)
+        except UnresolvedConstant:
+            raise Wrong("") from None  # reported where the constant is defined
+        except ExpressionError as error:
+            raise Wrong(str(error), offset=error.offset) from None
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise Wrong(f"{shown(value)} is not a number")
+    if not abs(value) <= LARGEST_NUMBER:
+        raise Wrong(f"{shown(value)} is not a finite number" + ("" if math.isnan(value) else f" up to {LARGEST_NUMBER:g}"))
+    return float(value)
+
+
+@dataclass(frozen=True)
+class Number(Field):
+    """A finite number or an expression, within a range."""
+
+    minimum: float | None = None
+    maximum: float | None = None
+    above: float | None = None
+
+    def check(self, value: Any, context: Context) -> float:
+        """Calculate and compare with the range."""
+        number = calculate(value, context)
+        low = (self.minimum is None or number >= self.minimum) and (self.above is None or number > self.above)
+        if not low or (self.maximum is not None and number > self.maximum):
+            raise Wrong(f"{shown(number)} is not allowed, must be {self.range()}")
+        return number
+
+    def range(self) -> str:
+        """The range in words."""
+        parts = []
+        if self.above is not None:
+            parts.append(f"above {self.above:g}")
+        if self.minimum is not None:
+            parts.append(f"at least {self.minimum:g}")
+        if self.maximum is not None:
+            parts.append(f"at most {self.maximum:g}")
+        return " and ".join(parts)
+
+    def schema(self) -> dict[str, Any]:
+        """A number in the range, or text."""
+        bounds = {"minimum": self.minimum, "maximum": self.maximum, "exclusiveMinimum": self.above}
+        return {"anyOf": [{"type": "number", **_present(bounds)}, {"type": "string", "description": "an expression"}]}
+
+
+@dataclass(frozen=True)
+class Whole(Number):
+    """A whole number within a range; 1e6 and expressions are welcome."""
+
+    def check(self, value: Any, context: Context) -> int:  # type: ignore[override]
+        """Calculate and refuse a fraction."""
+        number = super().check(value, context)
+        if number != math.floor(number):
+            raise Wrong(f"{shown(number)} is not a whole number")
+        return int(value) if isinstance(value, int) else int(number)
+
+    def schema(self) -> dict[str, Any]:
+        """An integer in the range, or text."""
+        bounds = {"minimum": self.minimum, "maximum": self.maximum, "exclusiveMinimum": self.above}
+        return {"anyOf": [{"type": "integer", **_present(bounds)}, {"type": "string", "description": "an expression"}]}
+
+
+@dataclass(frozen=True)
+class Flag(Field):
+    """true or false, nothing else."""
+
+    def check(self, value: Any, context: Context) -> bool:
+        """Refuse everything else."""
+        if not isinstance(value, bool):
+            raise Wrong(f"must be true or false, not {shown(value)}")
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        """A boolean."""
+        return {"type": "boolean"}
+
+
+@dataclass(frozen=True)
+class Text(Field):
+    """A text, or one of several words."""
+
+    choices: tuple[str, ...] = ()
+
+    def check(self, value: Any, context: Context) -> str:
+        """Compare with the words."""
+        if not isinstance(value, str):
+            raise Wrong(f"must be text, not {shown(value)}" + ("" if isinstance(value, (dict, list)) else "; put it in quotes"))
+        if self.choices and value not in self.choices:
+            raise Wrong(f"{shown(value)} is unknown{choices(value, self.choices)}")
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        """A string."""
+        return {"type": "string", "enum": list(self.choices)} if self.choices else {"type": "string"}
+
+
+@dataclass(frozen=True)
+class ListOf(Field):
+    """A list of a fixed length, every item of one type; all faulty items are reported."""
+
+    item: Field
+    lengths: tuple[int, ...] = (3,)
+    what: str = "numbers"
+
+    def check(self, value: Any, context: Context) -> tuple[Any, ...]:
+        """Check every item."""
+        if not isinstance(value, list) or len(value) not in self.lengths:
+            count = " or ".join(str(length) for length in self.lengths)
+            raise Wrong(f"must be a list of {count} {self.what}, not {shown(value)}")
+        wrong = Wrong("")
+        items = []
+        for index, entry in enumerate(value):
+            try:
+                items.append(self.item.check(entry, context))
+            except Wrong as inner:
+                wrong.parts += [((index, *path), offset, message) for path, offset, message in inner.parts]
+                wrong.parts += [] if inner.parts else [((), None, "")]
+        if wrong.parts:
+            raise wrong
+        return tuple(items)
+
+    def schema(self) -> dict[str, Any]:
+        """An array."""
+        return {"type": "array", "items": self.item.schema(), "minItems": min(self.lengths), "maxItems": max(self.lengths)}
+
+
+@dataclass(frozen=True)
+class InSpace(Field):
+    """A vector in the scene's space: with `dimensions: 2`, two components will do and the third must be 0."""
+
+    item: Field
+
+    def check(self, value: Any, context: Context) -> tuple[Any, ...]:
+        """Check the components, and add the third one in the plane."""
+        flat = context.dimensions == 2
+        vector = ListOf(self.item, (2, 3) if flat else (3,)).check(value, context)
+        if flat and len(vector) == 3 and not _is_zero(vector[2]):
+            raise Wrong(f"must be 0 in a scene of dimensions: 2, not {shown(value[2])}", path=(2,))
+        return vector if len(vector) == 3 else (*vector, self.item.check(0.0, context))
+
+    def schema(self) -> dict[str, Any]:
+        """An array of two or three."""
+        return ListOf(self.item, (2, 3)).schema()
+
+
+@dataclass(frozen=True)
+class Axes(Field):
+    """true or false for every axis, or one for all."""
+
+    def check(self, value: Any, context: Context) -> tuple[bool, ...]:
+        """Spread one value over the axes; the third axis of a flat scene is free."""
+        if isinstance(value, bool):
+            return (value, value, value)
+        lengths = (2, 3) if context.dimensions == 2 else (3,)
+        axes = ListOf(Flag(), lengths, "of true and false").check(value, context)
+        return axes if len(axes) == 3 else (*axes, True)
+
+    def schema(self) -> dict[str, Any]:
+        """A boolean or an array of them."""
+        return {"anyOf": [{"type": "boolean"}, ListOf(Flag(), (2, 3)).schema()]}
+
+
+@dataclass(frozen=True)
+class Counts(Field):
+    """Counts along one, two or three axes, filled up with 1."""
+
+    def check(self, value: Any, context: Context) -> tuple[int, ...]:
+        """Fill up to three axes."""
+        counts = ListOf(Whole(minimum=1), (1, 2, 3), "counts").check(value, context)
+        return (*counts, 1, 1)[:3]
+
+    def schema(self) -> dict[str, Any]:
+        """An array of integers."""
+        return ListOf(Whole(minimum=1), (1, 2, 3)).schema()
+
+
+@dataclass(frozen=True)
+class Reference(Field):
+    """A particle by index or name; which it is is known only when all particles are counted (references.py)."""
+
+    def check(self, value: Any, context: Context) -> int | str:
+        """Check the form."""
+        if isinstance(value, bool) or not isinstance(value, (int, str)):
+            raise Wrong(f"must be a particle's index or name, not {shown(value)}")
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        """An integer or a string."""
+        return {"anyOf": [{"type": "integer", "minimum": 0}, {"type": "string"}]}
+
+
+@dataclass(frozen=True)
+class FileBeside(Field):
+    """A file in the scene's folder or below it, links resolved; the value is its full path."""
+
+    def check(self, value: Any, context: Context) -> str:
+        """Find the file and refuse one outside."""
+        name = Text().check(value, context)
+        try:
+            root = context.folder.resolve()
+            path = (root / name).resolve()
+            inside, exists = path.is_relative_to(root), path.is_file()
+        except (OSError, ValueError, RuntimeError):
+            inside, exists = True, False
+        if not inside:
+            raise Wrong(f"{shown(name)} is outside the scene's folder, allowed: files in that folder and below")
+        if not exists:
+            raise Wrong(f"there is no file {shown(name)} beside the scene")
+        return str(path)
+
+    def schema(self) -> dict[str, Any]:
+        """A string."""
+        return {"type": "string"}
+
+
+@dataclass(frozen=True)
+class PerParticle(Field):
+    """A Formula: a number or an expression over constants and the names a generator offers."""
+
+    names: tuple[str, ...]
+
+    def check(self, value: Any, context: Context) -> Formula:
+        """Check every name now; the values come when the particles do."""
+        if not isinstance(value, str):
+            value = repr(calculate(value, context))
+        try:
+            expression = parse(value)
+            expression.check_names({*context.constants, *self.names})
+        except ExpressionError as error:
+            raise Wrong(str(error), offset=error.offset) from None
+        if ambiguous := sorted(expression.names & set(self.names) & set(context.constants)):
+            raise Wrong(f"{ambiguous[0]} is both a constant and a value of each particle here, rename the constant")
+        if any(context.constants.get(name, 0.0) is None for name in expression.names - set(self.names)):
+            raise Wrong("")
+        constants = {name: context.constants[name] for name in expression.names - set(self.names)}
+        return Formula(expression, constants)
+
+    def schema(self) -> dict[str, Any]:
+        """A number or text."""
+        description = f"an expression over {', '.join(self.names)}" if self.names else "an expression"
+        return {"anyOf": [{"type": "number"}, {"type": "string", "description": description}]}
+
+
+def _is_zero(component: Any) -> bool:
+    return component == 0.0 if isinstance(component, float) else str(component.expression.text) in ("0", "0.0", "-0.0")
+
+
+def _present(entries: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in entries.items() if value is not None}

@@ -1,0 +1,122 @@
+"""Guard: refuses YAML that is hostile or no scene at all, from the stream of events, before anything is built.
+
+The parser's events come one at a time and need no recursion, so nesting bombs and alias bombs are stopped at the first event
+that breaks a limit; only then may the (recursive, in C) composer see the text.
+"""
+
+import re
+from dataclasses import dataclass
+
+import yaml
+
+from mpp_taichi.errors import SceneError
+from mpp_taichi.scene.location import Location
+
+BYTES_ALLOWED = 1 << 20
+DEPTH_ALLOWED = 64
+NODES_ALLOWED = 200_000  # after every alias is expanded
+LOADER = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # resolves nothing: scalars.py does
+_NOT_IN_YAML = re.compile(r"[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+@dataclass
+class _Open:
+    """A collection whose end has not come yet: its anchor, nodes so far, and nesting below it."""
+
+    anchor: str | None
+    nodes: int = 1
+    height: int = 1
+
+
+def decode(data: bytes, file: str) -> str:
+    """Bytes of a scene as text: UTF-8 with or without byte order mark, at most 1 MiB, no control characters."""
+    if len(data) > BYTES_ALLOWED:
+        raise SceneError(
+            f"{file}:1:1: the file is larger than {BYTES_ALLOWED} bytes; put bulk particles into a .npz or .csv file and name "
+            "it with particles: - file: {path: …}"
+        )
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = data[: error.start]
+        line, column = before.count(b"\n") + 1, error.start - (before.rfind(b"\n") + 1) + 1
+        raise SceneError(f"{file}:{line}:{column}: the file is not UTF-8 text (byte {data[error.start]:#04x})") from None
+    return check_characters(text, file)
+
+
+def check_characters(text: str, file: str) -> str:
+    """The text itself, if every character may stand in YAML."""
+    if (bad := _NOT_IN_YAML.search(text)) is not None:
+        before = text[: bad.start()]
+        line, column = before.count("\n") + 1, bad.start() - (before.rfind("\n") + 1) + 1
+        raise SceneError(f"{file}:{line}:{column}: character U+{ord(bad.group()):04X} is not allowed in a scene")
+    return text
+
+
+def check_events(text: str, file: str) -> None:
+    """Refuse, at the place where a limit breaks, what `decode` let through: bombs, tags, several documents, bad syntax."""
+    stack: list[_Open] = []
+    anchors: dict[str, _Open] = {}
+    total = documents = 0
+
+    def refuse(event: yaml.Event, message: str) -> None:
+        raise SceneError(f"{file}:{event.start_mark.line + 1}:{event.start_mark.column + 1}: {message}")
+
+    for event in _events(text, file):
+        if isinstance(event, yaml.DocumentStartEvent):
+            documents += 1
+            if documents > 1:
+                refuse(event, "a second document begins here; a scene is one document")
+        elif isinstance(event, yaml.AliasEvent):
+            known = anchors.get(event.anchor)
+            if known is None:
+                refuse(event, f"alias *{event.anchor[:40]} has no anchor before it, or refers to itself")
+            else:
+                total += known.nodes
+                _close(stack, known)
+                if len(stack) + known.height > DEPTH_ALLOWED:
+                    refuse(event, f"nested deeper than {DEPTH_ALLOWED} levels")
+        elif isinstance(event, yaml.NodeEvent):
+            if event.tag is not None:
+                refuse(event, f"tag {event.tag[:60]} is not allowed: a scene holds plain text, numbers, lists and mappings")
+            total += 1
+            entry = _Open(event.anchor)
+            if event.anchor:
+                anchors.pop(event.anchor, None)  # an anchor means something only after its node has ended
+            if isinstance(event, yaml.ScalarEvent):
+                entry.height = 0
+                _name(anchors, entry)
+                _close(stack, entry)
+            else:
+                stack.append(entry)
+                if len(stack) > DEPTH_ALLOWED:
+                    refuse(event, f"nested deeper than {DEPTH_ALLOWED} levels")
+        elif isinstance(event, yaml.CollectionEndEvent):
+            entry = stack.pop()
+            _name(anchors, entry)
+            _close(stack, entry)
+        if total > NODES_ALLOWED:
+            refuse(event, f"more than {NODES_ALLOWED} values after expanding aliases; put bulk particles into a file")
+
+
+def _events(text: str, file: str):
+    try:
+        yield from yaml.parse(text, Loader=LOADER)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = f"{file}:{mark.line + 1}:{mark.column + 1}" if mark else f"{file}:1:1"
+        context = f" {error.context}" if error.context else ""
+        raise SceneError(f"{place}: not valid YAML: {error.problem or 'cannot be read'}{context}") from None
+    except yaml.YAMLError as error:
+        raise SceneError(f"{file}:1:1: not valid YAML: {str(error).splitlines()[0]}") from None
+
+
+def _name(anchors: dict[str, _Open], entry: _Open) -> None:
+    if entry.anchor:
+        anchors[entry.anchor] = entry
+
+
+def _close(stack: list[_Open], entry: _Open) -> None:
+    if stack:
+        stack[-1].nodes += entry.nodes
+        stack[-1].height = max(stack[-1].height, entry.height + 1)

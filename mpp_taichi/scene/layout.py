@@ -1,0 +1,98 @@
+"""Layout: which particles and springs each entry of a scene makes, known without making them."""
+
+import bisect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mpp_taichi import component
+from mpp_taichi.generators._base import PlacementError
+from mpp_taichi.scene.faults import choices, shown
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
+
+Lattice = tuple[int, tuple[int, int, int]]  # index of the first particle, counts along the axes
+
+
+@dataclass(frozen=True, eq=False)
+class ParticleLayout:
+    """Counts of the entries of `particles:`, and where each begins."""
+
+    entries: tuple[ComponentSpec, ...]
+    counts: tuple[int, ...]
+    starts: tuple[int, ...]
+    names: dict[str, int]  # name of an entry → its number
+    lattices: dict[str, Lattice]
+
+    @property
+    def total(self) -> int:
+        """All particles."""
+        return self.starts[-1] + self.counts[-1] if self.counts else 0
+
+    def entry_of(self, index: int) -> int:
+        """Which entry made a particle."""
+        return bisect.bisect_right(self.starts, index) - 1
+
+    def label(self, index: int) -> str:
+        """A particle as a message calls it: its name, or that of its group, or its index alone."""
+        number = self.entry_of(index)
+        name = self.entries[number].parameters.get("name") or self.entries[number].name
+        part = f"{name}[{index - self.starts[number]}]" if self.counts[number] > 1 else name
+        return f"particle {index} ({part})"
+
+    def find(self, reference: int | str) -> int:
+        """Index of a particle given by index, by the name of a body, or as `group[number]`; PlacementError says what there is."""
+        if isinstance(reference, int):
+            if not 0 <= reference < self.total:
+                raise PlacementError(f"there is no particle {shown(reference)}, allowed: 0 to {shown(self.total - 1)}")
+            return reference
+        word, _, rest = reference.partition("[")
+        number = self.names.get(word)
+        if number is None:
+            raise PlacementError(f"no particle is called {shown(word)}{choices(word, self.names)}")
+        count = self.counts[number]
+        digits = rest.removesuffix("]") if rest.endswith("]") else "-"
+        offset = int(digits) if digits.isascii() and digits.isdigit() and len(digits) < 12 else -1
+        offset = 0 if not rest and count == 1 else offset
+        if not 0 <= offset < count:
+            raise PlacementError(f"{shown(reference)} is no single particle, allowed: {word}[0] to {word}[{shown(count - 1)}]")
+        return self.starts[number] + offset
+
+    def lattice(self, name: str) -> Lattice:
+        """The lattice of a name; PlacementError says which there are."""
+        if name not in self.lattices:
+            raise PlacementError(f"of: no lattice is called {shown(name)}{choices(name, self.lattices)}")
+        return self.lattices[name]
+
+
+def build(kind: str, entry: ComponentSpec) -> Any:
+    """The component of an entry, with its parameters."""
+    return component.build(kind, entry.name, entry.parameters)
+
+
+def particle_layout(entries: Sequence[ComponentSpec], count: Callable[[ComponentSpec], int]) -> ParticleLayout:
+    """Lay out the entries; `count` gives the particles of one."""
+    counts = tuple(count(entry) for entry in entries)
+    starts = tuple(sum_before(counts))
+    names: dict[str, int] = {}
+    lattices: dict[str, Lattice] = {}
+    for number, (entry, start) in enumerate(zip(entries, starts, strict=True)):
+        name = entry.parameters.get("name")
+        if name:
+            names.setdefault(name, number)
+        if name and "shape" in entry.parameters:
+            lattices.setdefault(name, (start, entry.parameters["shape"]))
+    return ParticleLayout(tuple(entries), counts, starts, names, lattices)
+
+
+def layout_of(spec: SceneSpec) -> ParticleLayout:
+    """The layout of a checked scene."""
+    return particle_layout(spec.particles, lambda entry: build("generators", entry).particle_count())
+
+
+def sum_before(counts: Sequence[int]) -> list[int]:
+    """For every entry the sum of those before it."""
+    starts, total = [], 0
+    for count in counts:
+        starts.append(total)
+        total += count
+    return starts

@@ -1,0 +1,127 @@
+"""Loading: from a file, a dict or a SceneSpec, with overrides, to a checked SceneSpec. Every fault of a scene at once."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from mpp_taichi.scene import constants, expectations, extends, messages, references, units
+from mpp_taichi.scene import overrides as override
+from mpp_taichi.scene.cross_checks import check_together
+from mpp_taichi.scene.document import Node, from_python, read_file
+from mpp_taichi.scene.faults import Faults
+from mpp_taichi.scene.fields import Context, Whole, Wrong
+from mpp_taichi.scene.location import Location
+from mpp_taichi.scene.model import scene_model, select
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
+
+_Overrides = Mapping[str, Any] | Sequence[str]
+
+
+def load_scene(source: str | Path | dict | SceneSpec, *, overrides: _Overrides = ()) -> SceneSpec:
+    """Read and check a scene; SceneError lists every fault.
+
+    `overrides` is a mapping {"integrator.leapfrog.dt": 0.01} or texts "integrator.leapfrog.dt=0.01" (see overrides.py).
+    No particle is made and nothing large is allocated.
+    """
+    if isinstance(source, SceneSpec) and not overrides:
+        return source
+    faults = Faults()
+    tree, name, folder = _read(source, faults)
+    tree = _override(tree, overrides, faults)
+    context = _context(tree, folder, faults)
+    model = scene_model(select(tree.plain()))
+    try:
+        validated = model.model_validate(tree.plain(), context=context)
+    except ValidationError as error:
+        messages.report(error, tree, model, faults)
+        faults.raise_if_any()
+        raise  # a fault without a message would be a bug
+    faults.raise_if_any()
+    spec = _specification(validated, tree, name, context)
+    spec = references.resolve(spec, tree, faults)
+    check_together(spec, tree, faults)
+    faults.raise_if_any()
+    return spec
+
+
+def _read(source: str | Path | dict | SceneSpec, faults: Faults) -> tuple[Node, str, Path]:
+    """The tree, the name it goes by, and the folder its files are in."""
+    if isinstance(source, SceneSpec):
+        return from_python(source.resolved, Location(source.source, 0, 0)), source.source, Path(source.source).parent
+    if isinstance(source, Mapping):
+        here = Path.cwd()
+        tree = from_python(source, Location("scene", 0, 0))
+        return extends.resolve(tree, here / "scene", here, faults), "scene", here
+    path = Path(source)
+    tree = read_file(path, str(path), faults)
+    return extends.resolve(tree, path, path.parent, faults), str(path), path.parent
+
+
+def _override(tree: Node, given: _Overrides, faults: Faults) -> Node:
+    tree = override.apply(tree, given, faults)
+    if (node := tree.get("extends")) is not None:
+        faults.add(node.location, "extends", "cannot be overridden")
+    return tree
+
+
+def _context(tree: Node, folder: Path, faults: Faults) -> Context:
+    """What the checks need beforehand: dimensions, units and constants."""
+    dimensions = tree.get("dimensions")
+    try:
+        flat = dimensions is not None and Whole(minimum=2, maximum=3).check(dimensions.value, Context()) == 2
+    except Wrong:
+        flat = False
+    given: dict[str, float | None] = {}
+    if (node := tree.get("units")) is not None and node.value is not None:
+        words = node.plain()
+        try:
+            given["G"] = units.gravitational_constant(words["length"], words["time"], words["mass"])
+        except (KeyError, TypeError):
+            given["G"] = None  # the check of `units:` says what is wrong
+    values = constants.resolve(tree.get("constants"), given, faults)
+    return Context(values, 2 if flat else 3, folder)
+
+
+def _specification(validated: Any, tree: Node, name: str, context: Context) -> SceneSpec:
+    gravity = context.constants.get("G", 1.0) if validated.units else 1.0
+    forces = tuple(_with_gravity(entry, gravity) for entry in _entries(validated.forces, tree, "forces"))
+    return SceneSpec(
+        source=name,
+        title=validated.title,
+        dimensions=validated.dimensions,
+        seed=validated.seed,
+        units=dict(validated.units) if validated.units else None,
+        constants={key: value for key, value in context.constants.items() if value is not None},
+        particles=_entries(validated.particles, tree, "particles"),
+        springs=_entries(validated.springs, tree, "springs"),
+        spring_damping=validated.spring_damping,
+        forces=forces,
+        integrator=_entry(validated.integrator, tree.value["integrator"]),
+        move_to_center_of_mass=validated.move_to_center_of_mass,
+        run=validated.run,
+        view=validated.view,
+        record=validated.record,
+        expect=expectations.build(validated.expect, tree.get("expect")),
+        resolved=tree.plain(),
+    )
+
+
+def _entries(validated: Sequence[BaseModel], tree: Node, key: str) -> tuple[ComponentSpec, ...]:
+    node = tree.get(key)
+    return tuple(_entry(entry, place) for entry, place in zip(validated, node.value if node else (), strict=True))
+
+
+def _entry(entry: BaseModel, node: Node) -> ComponentSpec:
+    (name,) = entry.model_fields_set
+    body = getattr(entry, name)
+    return ComponentSpec(name, {key: getattr(body, key) for key in type(body).model_fields}, node.value[name].place)
+
+
+def _with_gravity(entry: ComponentSpec, strength: float | None) -> ComponentSpec:
+    """Gravity whose strength is not said has that of the scene's units, or 1."""
+    if entry.name != "newtonian_gravity" or entry.parameters.get("strength") is not None:
+        return entry
+    return ComponentSpec(entry.name, {**entry.parameters, "strength": strength}, entry.location)
+

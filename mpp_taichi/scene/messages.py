@@ -1,0 +1,140 @@
+"""Messages: what pydantic found wrong with a scene, said in the scene's own words at the scene's own lines."""
+
+import dataclasses
+import typing
+from collections.abc import Iterable
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from mpp_taichi import component
+from mpp_taichi.scene.document import Node
+from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
+from mpp_taichi.scene.faults import Faults, allowed, choices, shown, suggestion
+from mpp_taichi.scene.location import Location
+from mpp_taichi.scene.model import KINDS, LATER_KEYS, available
+
+_KIND_WORDS = {"generators": "generator of particles", "networks": "generator of springs", "forces": "force", "integrators": "integrator"}
+
+
+def report(error: ValidationError, tree: Node, model: type[BaseModel], faults: Faults) -> None:
+    """Add every fault that a ValidationError holds."""
+    for detail in error.errors(include_url=False, include_input=False):
+        place = _Place(tree, detail["loc"])
+        if detail["type"] == "wrong":
+            for below, offset, message in detail["ctx"]["parts"]:
+                if message:
+                    _report_part(_Place(tree, (*detail["loc"], *below)), offset, message, faults)
+        else:
+            faults.add(place.location_for(detail["type"]), place.key, _message(detail, place, model))
+
+
+class _Place:
+    """A pydantic location, freed of what pydantic put in and the document does not have (tags of unions, list of one)."""
+
+    def __init__(self, tree: Node, path: tuple[Any, ...]) -> None:
+        walked = list(tree.along(path))
+        self.path = tuple(key for key, _ in walked)
+        self.node = walked[-1][1] if walked else tree
+        self.last = str(path[-1]) if path else ""
+        self.reached = bool(walked) and walked[-1][0] == (path[-1] if path else None)
+
+    @property
+    def key(self) -> str:
+        return key_text(self.path)
+
+    def location_for(self, kind: str) -> Location:
+        return self.node.place if kind in ("extra_forbidden", "unexpected_keyword_argument", "missing") else self.node.location
+
+
+def key_text(path: Iterable[Any]) -> str:
+    """`particles[0].ring.count`."""
+    text = ""
+    for key in path:
+        text += f"[{key}]" if isinstance(key, int) else f".{key}" if text else str(key)
+    return text
+
+
+def _report_part(place: _Place, offset: int | None, message: str, faults: Faults) -> None:
+    location = place.node.location
+    if offset is not None and place.node.text_column:
+        location = Location(location.file, location.line, place.node.text_column + offset)
+    faults.add(location, place.key, message)
+
+
+def _message(detail: Any, place: _Place, model: type[BaseModel]) -> str:
+    kind = detail["type"]
+    if kind == "missing":
+        return f"missing key {place.last!r}{_help(model, detail['loc'])}"
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+        return _unknown_key(place, _keys(model, detail["loc"][:-1]))
+    if kind == "not_one":
+        return _not_one_component(place)
+    if kind in ("list_type", "too_short"):
+        return f"must be a list with one entry at least, not {shown(place.node.plain())}"
+    if kind in ("model_type", "dict_type", "dataclass_type", "model_attributes_type"):
+        return f"must be a mapping of keys to values, not {shown(place.node.plain())}"
+    return str(detail["msg"])
+
+
+def _unknown_key(place: _Place, known: list[str]) -> str:
+    word = place.last
+    if place.path == (word,) and word in LATER_KEYS:
+        return f"this version does not have {word!r} yet, {allowed(known)}"
+    if place.path[:1] == ("expect",) and len(place.path) == 2:
+        known = sorted({*SUMMARY_QUANTITIES, *available("diagnostics")})
+    elif place.path[0] in KINDS and place.path[0] != "expect" and place.path[1:] in ((word,), (*place.path[1:2], word)):
+        return _unknown_component(KINDS[str(place.path[0])], word)
+    return f"unknown key {shown(word)}{choices(word, known)}"
+
+
+def _unknown_component(kind: str, word: str) -> str:
+    if component.find_file(kind, word) is not None:
+        return f"{word!r} acts by itself where a scene has springs: list them under springs:"
+    known = available(kind)
+    return f"unknown {_KIND_WORDS[kind]} {shown(word)}{choices(word, known)}"
+
+
+def _not_one_component(place: _Place) -> str:
+    kind = KINDS[str(place.path[0])]
+    value = place.node.value
+    given = f"{len(value)} keys" if isinstance(value, dict) else shown(place.node.plain())
+    near = isinstance(value, str) and suggestion(value, available(kind)) or ","
+    return f"must be one entry, written {{name: {{parameters}}}}, not {given}{near} {allowed(available(kind))}"
+
+
+def _keys(model: Any, path: tuple[Any, ...]) -> list[str]:
+    target = _descend(model, path)
+    if isinstance(target, type) and issubclass(target, BaseModel):
+        return list(target.model_fields)
+    if dataclasses.is_dataclass(target):
+        return [field.name for field in dataclasses.fields(target)]
+    return []
+
+
+def _help(model: Any, path: tuple[Any, ...]) -> str:
+    target = _descend(model, path[:-1])
+    if isinstance(target, type) and issubclass(target, BaseModel):
+        described = target.model_fields[str(path[-1])].description
+        return f" ({described})" if described else ""
+    return ""
+
+
+def _descend(annotation: Any, path: tuple[Any, ...]) -> Any:
+    """The model or dataclass that pydantic's location `path` leads to, from a type."""
+    options = [annotation]
+    while len(options) == 1 and typing.get_origin(options[0]) not in (None, list):
+        origin, arguments = typing.get_origin(options[0]), typing.get_args(options[0])
+        options = [arguments[0]] if origin is typing.Annotated else [each for each in arguments if each is not type(None)]
+    target = options[0]
+    if not path or len(options) > 1:
+        return None if len(options) > 1 else target
+    step, rest = path[0], path[1:]
+    if typing.get_origin(target) is list:
+        return _descend(typing.get_args(target)[0], rest)
+    if isinstance(target, type) and issubclass(target, BaseModel) and step in target.model_fields:
+        return _descend(target.model_fields[step].annotation, rest)
+    if dataclasses.is_dataclass(target):
+        hints = typing.get_type_hints(target)
+        return _descend(hints[step], rest) if step in hints else None
+    return None

@@ -1,0 +1,210 @@
+"""The model of a scene: which keys it has and what each may hold, built for pydantic from the components' declarations.
+
+Components are not imported. A scene is checked against a model that holds only the components it names; the JSON Schema is
+written from the model that holds all of them.
+"""
+
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, create_model
+from pydantic import Field as Describe
+from pydantic_core import PydanticCustomError
+
+from mpp_taichi import component
+from mpp_taichi.component import REQUIRED, Parameter
+from mpp_taichi.scene import fields, units
+from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
+from mpp_taichi.scene.fields import Context, Field, Number, Text, Whole, Wrong
+from mpp_taichi.scene.spec import RecordSpec, RunSpec, ViewSpec
+
+# Keys of a scene that hold components, and the folder those come from.
+KINDS = {"particles": "generators", "springs": "networks", "forces": "forces", "integrator": "integrators", "expect": "diagnostics"}
+LATER_KEYS = ("contacts", "walls", "inspect", "sliders", "timeline", "accuracy")
+_STRICT = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, protected_namespaces=())
+Selection = tuple[tuple[str, tuple[str, ...]], ...]  # kind → names of the components in the model
+
+
+class Units(BaseModel):
+    """Units that the scene's numbers are in; with them the constant G is known."""
+
+    model_config = _STRICT
+    length: Annotated[str, Text(tuple(units.LENGTHS))]
+    time: Annotated[str, Text(tuple(units.TIMES))]
+    mass: Annotated[str, Text(tuple(units.GRAVITATIONAL_PARAMETERS))]
+
+
+class Bound(Field):
+    """A number for every precision, or one for each."""
+
+    def __init__(self, number: Number) -> None:
+        """Keep what the numbers may be."""
+        self.number = number
+
+    def check(self, value: Any, context: Context) -> dict[str, float]:
+        """Fill in both precisions."""
+        if not isinstance(value, dict):
+            number = self.number.check(value, context)
+            return {"f64": number, "f32": number}
+        if set(value) != {"f64", "f32"}:
+            raise Wrong("must be a number or {f64: number, f32: number}")
+        return {key: self.number.check(entry, context) for key, entry in value.items()}
+
+    def schema(self) -> dict[str, Any]:
+        """A number, or a mapping of two."""
+        number = self.number.schema()
+        each = {"type": "object", "properties": {"f64": number, "f32": number}, "required": ["f64", "f32"]}
+        return {"anyOf": [*number["anyOf"], {**each, "additionalProperties": False}]}
+
+
+_BOUND_FIELDS: dict[str, Any] = {
+    "below": (Annotated[dict | None, Bound(Number())], Describe(None, description="upper bound (|value| of a vector)")),
+    "above": (Annotated[dict | None, Bound(Number())], Describe(None, description="lower bound")),
+    "near": (Annotated[float | None, Number()], Describe(None, description="the value expected")),
+    "within": (Annotated[dict | None, Bound(Number(minimum=0.0))], Describe(None, description="allowed |value − near| / |near|")),
+}
+
+
+def field_of(parameter: Parameter) -> Field:
+    """The check that a parameter's declared type asks for."""
+    span = {"minimum": parameter.minimum, "maximum": parameter.maximum, "above": parameter.above}
+    makers = {
+        "float": lambda: Number(**span),
+        "int": lambda: Whole(**span),
+        "bool": fields.Flag,
+        "str": lambda: Text(tuple(parameter.choices)),
+        "Vector": lambda: fields.InSpace(Number(**span)),
+        "Color": lambda: fields.ListOf(Number(minimum=0.0, maximum=1.0)),
+        "Axes": fields.Axes,
+        "Shape": fields.Counts,
+        "Formula": lambda: fields.PerParticle(tuple(parameter.names)),
+        "FormulaVector": lambda: fields.InSpace(fields.PerParticle(tuple(parameter.names))),
+        "Particle": fields.Reference,
+        "Pair": lambda: fields.ListOf(fields.Reference(), (2,), "particles"),
+        "Path": fields.FileBeside,
+    }
+    return makers[parameter.type]()
+
+
+@lru_cache(maxsize=64)
+def scene_model(selection: Selection) -> type[BaseModel]:
+    """The pydantic model of scenes that use the components selected."""
+    chosen = dict(selection)
+    particles = _entries("generators", chosen["generators"])
+    springs, forces = _entries("networks", chosen["networks"]), _entries("forces", chosen["forces"])
+    return create_model(
+        "Scene",
+        __config__=_STRICT,
+        __doc__="A scene: particles, what acts between them, how time goes on, and what is looked at.",
+        title=_key(Text(), "", "what the window and the film are headed"),
+        description=_key(Text(), "", "what to look at and what to try"),
+        extends=_key(Text(), None, "a scene in this folder that this one completes; mappings merge, lists replace"),
+        units=(Units | None, Describe(None, description="units of the numbers; without them they are dimensionless")),
+        constants=(dict[str, Annotated[float, Number()]] | None, Describe(None, description="names for numbers, usable in expressions")),
+        dimensions=_key(Whole(minimum=2, maximum=3), 3, "2 for a scene in the x–y plane"),
+        seed=_key(Whole(minimum=0, maximum=2**53), 0, "of every random number of the scene"),
+        particles=(Annotated[list[particles], Describe(min_length=1)], Describe(description="generators, in the order of the indices")),
+        springs=(list[springs], Describe([], description="springs between particles")),
+        spring_damping=_key(Text(("axial", "full")), "axial", "damping along the spring, or of the whole relative velocity"),
+        forces=(list[forces], Describe([], description="what acts on the particles besides springs")),
+        integrator=(_entries("integrators", chosen["integrators"]), Describe(description="the method that advances time")),
+        move_to_center_of_mass=_key(fields.Flag(), False, "start with the centre of mass at rest at the origin"),
+        run=(RunSpec, Describe(RunSpec(), description="how long to run")),
+        view=(ViewSpec, Describe(ViewSpec(), description="what is drawn")),
+        record=(RecordSpec, Describe(RecordSpec(), description="how a film is made")),
+        expect=(_expect_model(chosen["diagnostics"]) | None, Describe(None, description="physics that must come out")),
+    )
+
+
+def all_components() -> Selection:
+    """Every component a scene may name."""
+    return tuple((kind, tuple(available(kind))) for kind in KINDS.values())
+
+
+def available(kind: str) -> list[str]:
+    """The names a scene may use; bond forces act through `springs:` and are not listed under `forces:`."""
+    return [name for name in component.names(kind) if component.declaration(kind, name).base != "BondForce"]
+
+
+def select(scene: Mapping[str, Any]) -> Selection:
+    """The components that a scene, as plain data, names and that exist."""
+    found = []
+    for key, kind in KINDS.items():
+        entries = scene.get(key)
+        entries = [entries] if isinstance(entries, dict) else entries if isinstance(entries, list) else []
+        named = {name for entry in entries if isinstance(entry, dict) for name in entry}
+        found.append((kind, tuple(name for name in sorted(named) if _exists(kind, name))))
+    return tuple(found)
+
+
+def _exists(kind: str, name: str) -> bool:
+    return name.isidentifier() and component.find_file(kind, name) is not None and name in available(kind)
+
+
+def _key(check: Field, default: Any, description: str) -> Any:
+    return (Annotated[Any, check], Describe(default, description=description))
+
+
+def _entries(kind: str, names: Iterable[str]) -> Any:
+    """The type of a one-key mapping {component: {parameters}}."""
+    members: dict[str, Any] = {}
+    for name in names:
+        declared = component.declaration(kind, name)
+        summary = declared.summary.split("\n\n")[0]
+        body = create_model(declared.class_name, __config__=_STRICT, __doc__=summary, **_parameter_fields(declared.parameters))
+        wrapped = Annotated[body, BeforeValidator(_nothing_is_empty, json_schema_input_type=body)]
+        members[name] = (wrapped, Describe(None, description=summary))
+    config = ConfigDict(**_STRICT, json_schema_extra={"minProperties": 1, "maxProperties": 1})
+    entry = create_model(f"{kind.capitalize()}Entry", __config__=config, __doc__=f"One of {kind}/.", **members)
+    return Annotated[entry, BeforeValidator(_only_one, json_schema_input_type=entry)]
+
+
+def _parameter_fields(parameters: Iterable[Parameter]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for parameter in parameters:
+        description = " ".join(part for part in (parameter.help, f"[{parameter.unit}]" if parameter.unit else "") if part)
+        options: dict[str, Any] = {"description": description or None}
+        if parameter.default is REQUIRED:
+            options["default"] = None if parameter.optional else ...
+        else:
+            options["default"] = _lists(parameter.default)
+            options["validate_default"] = parameter.default is not None
+        found[parameter.name] = (Annotated[Any, field_of(parameter)], Describe(**options))
+    return found
+
+
+def _expect_model(names: Iterable[str]) -> Any:
+    quantities: dict[str, Any] = {}
+    for name, summary in SUMMARY_QUANTITIES.items():
+        quantities[name] = (_one_or_more(create_model("Bounds", __config__=_STRICT, **_BOUND_FIELDS)), Describe(None, description=summary))
+    for name in names:
+        declared = component.declaration("diagnostics", name)
+        body = create_model(f"{declared.class_name}Bounds", __config__=_STRICT, **_BOUND_FIELDS, **_parameter_fields(declared.parameters))
+        quantities[name] = (_one_or_more(body), Describe(None, description=declared.summary.split("\n\n")[0]))
+    return create_model("Expect", __config__=_STRICT, **quantities)
+
+
+def _one_or_more(body: Any) -> Any:
+    """A list of statements about one quantity, or just one."""
+    return Annotated[list[body], BeforeValidator(_as_list, json_schema_input_type=body | list[body])]
+
+
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
+def _nothing_is_empty(value: Any) -> Any:
+    """`leapfrog:` with nothing after it is a component without parameters."""
+    return {} if value is None else value
+
+
+def _only_one(value: Any) -> Any:
+    if isinstance(value, dict) and len(value) == 1:
+        return value
+    raise PydanticCustomError("not_one", "must be one component")
+
+
+def _lists(value: Any) -> Any:
+    return [_lists(item) for item in value] if isinstance(value, (list, tuple)) else value
+

@@ -1,0 +1,110 @@
+"""Overrides: `--set path=value` and the `overrides=` of Python, put into a scene's tree before it is checked.
+
+A path is dotted, `integrator.leapfrog.dt`, with `[0]` or `.0` for the entries of lists. It sets what the scene has, or a key
+that such a place may have; `+path=value` adds whatever is not there. Values are read as in a scene file.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from mpp_taichi.errors import SceneError
+from mpp_taichi.scene.document import Node, from_python, read_value
+from mpp_taichi.scene.faults import Faults, allowed, printable, shown, suggestion
+from mpp_taichi.scene.location import Location
+from mpp_taichi.scene.messages import key_text
+from mpp_taichi.scene.model import KINDS
+
+_STEP = re.compile(r"\.?([^.\[\]=]+)|\[([0-9]{1,9})\]")
+_MADE_WHEN_ABSENT = (("run",), ("view",), ("view", "camera"), ("record",), ("units",))
+Path = tuple[Any, ...]
+
+
+def apply(tree: Node, overrides: Mapping[str, Any] | Sequence[str], faults: Faults) -> Node:
+    """The tree with every override in it; faults are placed at the override."""
+    if isinstance(overrides, str):
+        overrides = [overrides]
+    pairs = overrides.items() if isinstance(overrides, Mapping) else [(text, None) for text in overrides]
+    for written, value in pairs:
+        try:
+            path, adding, new = _read(str(written), value, from_text=not isinstance(overrides, Mapping))
+            tree = _put(tree, path, new, adding, ())
+        except SceneError as error:
+            for fault in error.faults:
+                faults.found.append((Location("--set", 0, 0), fault))
+    return tree
+
+
+def _read(written: str, value: Any, *, from_text: bool) -> tuple[Path, bool, Node]:
+    text, equals, value_text = written.partition("=") if from_text else (written, "=", "")
+    location = Location(printable(f"--set {written}" if from_text else f"--set {written}={_short(value)}"), 0, 0)
+    if not equals:
+        raise SceneError(f"{location}: must be path=value, as in integrator.leapfrog.dt=0.01")
+    adding = text.startswith("+")
+    path = _steps(text.removeprefix("+").strip())
+    if not path:
+        raise SceneError(f"{location}: {shown(text)} is no path, allowed: names with dots and [index], as in particles[0].body.mass")
+    if not from_text:
+        return path, adding, from_python(value, location)
+    try:
+        return path, adding, read_value(value_text, location)
+    except SceneError as error:
+        places = re.compile(re.escape(location.file) + r":\d+:\d+: ")
+        raise SceneError(*(places.sub(f"{location}: ", fault) for fault in error.faults)) from None
+
+
+def _steps(text: str) -> Path:
+    """The steps of a path; empty when it is none."""
+    steps: list[Any] = []
+    end = 0
+    for found in _STEP.finditer(text):
+        if found.start() != end or (found.group(0).startswith(".") == (end == 0) and found.group(1)):
+            return ()
+        end = found.end()
+        steps.append(int(found.group(2)) if found.group(2) else found.group(1))
+    return tuple(steps) if end == len(text) else ()
+
+
+def _put(node: Node, path: Path, new: Node, adding: bool, walked: Path) -> Node:
+    """A copy of the tree with `new` at `path` below `walked`; nodes beside the path are shared."""
+    if not path:
+        return replace(new, key_location=None)
+    step, rest = path[0], path[1:]
+    where = key_text(walked) or "the scene"
+    if isinstance(node.value, list):
+        return replace(node, value=_put_in_list(node.value, step, rest, new, adding, walked))
+    if node.value is None:
+        node = replace(node, value={})
+    if not isinstance(node.value, dict):
+        raise SceneError(f"{new.location}: {where} is {shown(node.plain())} and has no {shown(str(step))}")
+    key = str(step)
+    child = node.value.get(key)
+    if child is None:
+        if not adding and (not _may_have_more(walked) if not rest else (*walked, key) not in _MADE_WHEN_ABSENT):
+            near = suggestion(key, node.value) or f", +{key_text((*walked, *path))}=… adds it,"
+            raise SceneError(f"{new.location}: unknown key {shown(key)} in {where}{near} {allowed(node.value)}")
+        child = Node(None, new.location)
+    return replace(node, value={**node.value, key: _put(child, rest, new, adding, (*walked, key))})
+
+
+def _put_in_list(entries: list[Node], step: Any, rest: Path, new: Node, adding: bool, walked: Path) -> list[Node]:
+    text = str(step)
+    index = int(text) if text.isascii() and text.isdigit() and len(text) < 10 else -1
+    if index == len(entries) and adding:
+        return [*entries, _put(Node(None, new.location), rest, new, adding, (*walked, index))]
+    if not 0 <= index < len(entries):
+        raise SceneError(f"{new.location}: {key_text(walked)} has no entry {shown(text)}, allowed: 0 to {len(entries) - 1}")
+    changed = _put(entries[index], rest, new, adding, (*walked, index))
+    return [*entries[:index], changed, *entries[index + 1 :]]
+
+
+def _may_have_more(walked: Path) -> bool:
+    """Whether the model knows all keys of a place, so that an unknown one is found when the scene is checked."""
+    if walked in (("constants",), ("expect",), ("integrator",)):
+        return False
+    return not (len(walked) == 2 and walked[0] in KINDS and isinstance(walked[1], int))
+
+
+def _short(value: Any) -> str:
+    return shown(value) if isinstance(value, (bool, int, float, str)) or value is None else printable(str(value), width=60)

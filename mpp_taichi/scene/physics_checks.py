@@ -1,0 +1,126 @@
+"""Physics checks: arrangements of particles that no computation should start from, each named with its particles."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mpp_taichi.errors import SceneError
+from mpp_taichi.scene.faults import FAULTS_SHOWN
+from mpp_taichi.scene.layout import ParticleLayout, build
+from mpp_taichi.scene.spec import ComponentSpec, Location, SceneSpec
+from mpp_taichi.snapshot import Snapshot
+
+LARGEST_COORDINATE = 1e100
+"""Positions, velocities: their squares and cubes must stay finite."""
+_PROPORTIONAL_TO_MASS = {"newtonian_gravity", "uniform_gravity"}
+_NEEDS_NO_MASS_WITHOUT_CHARGE = {"coulomb"}
+_SINGULAR = {"newtonian_gravity": ("mass", "strength", any), "coulomb": ("charge", "coulomb_constant", all)}
+Fault = tuple[Location, str]
+
+
+def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> None:
+    """Raise SceneError with every arrangement that cannot be run."""
+    found: list[Fault] = []
+    for check in (_numbers, _masses, _held_but_moving, _springs, _coincidences, _center_of_mass):
+        found += check(spec, snapshot, layout)
+    lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]
+    if len(found) > len(lines):
+        lines.append(f"{spec.source}: … and {len(found) - len(lines)} more faults")
+    if lines:
+        raise SceneError(*lines)
+
+
+def _at(layout: ParticleLayout, index: int, message: str) -> Fault:
+    number = layout.entry_of(index)
+    entry = layout.entries[number]
+    return entry.location, f"particles[{number}].{entry.name}: {layout.label(index)} {message}"
+
+
+def _first_of_each_entry(layout: ParticleLayout, bad: np.ndarray) -> Iterator[int]:
+    """One particle of every entry that has a bad one."""
+    indices = np.flatnonzero(bad)
+    starts = np.asarray(layout.starts)
+    _, first = np.unique(np.searchsorted(starts, indices, side="right"), return_index=True)
+    yield from (int(indices[position]) for position in first)
+
+
+def _numbers(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    for key in ("position", "velocity"):
+        large = ~np.all(np.abs(getattr(snapshot, key)) <= LARGEST_COORDINATE, axis=1)
+        for index in _first_of_each_entry(layout, large):
+            yield _at(layout, index, f"has a {key} beyond {LARGEST_COORDINATE:g}, whose cube is no number any more")
+    for index in _first_of_each_entry(layout, snapshot.radius < 0.0):
+        yield _at(layout, index, f"has the radius {snapshot.radius[index]:g}, must be 0 or more")
+
+
+def _masses(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    """Negative masses only where gravity alone acts; massless particles only where every force is proportional to mass."""
+    forces = {entry.name for entry in spec.forces}
+    if (forces | ({"springs"} if len(snapshot.springs) else set())) - {"newtonian_gravity"}:
+        for index in _first_of_each_entry(layout, snapshot.mass < 0.0):
+            yield _at(layout, index, f"has the mass {snapshot.mass[index]:g}, allowed below 0 only where newtonian_gravity alone acts")
+    massless = (snapshot.mass == 0.0) & np.any(snapshot.free, axis=1)
+    linked = np.zeros(snapshot.particle_count, dtype=bool)
+    linked[snapshot.springs.between.ravel()] = True
+    for index in _first_of_each_entry(layout, massless & linked):
+        yield _at(layout, index, "has no mass but a spring, must have a mass above 0 or be held fixed")
+    for index in _first_of_each_entry(layout, massless & (snapshot.charge != 0.0) if "coulomb" in forces else np.zeros(0, bool)):
+        yield _at(layout, index, "has a charge but no mass, must have a mass above 0 where coulomb acts")
+    others = sorted(forces - _PROPORTIONAL_TO_MASS - _NEEDS_NO_MASS_WITHOUT_CHARGE)
+    for index in _first_of_each_entry(layout, massless if others else np.zeros(0, bool)):
+        yield _at(layout, index, f"has no mass, must have one above 0 where {', '.join(others)} acts")
+
+
+def _held_but_moving(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    for index in _first_of_each_entry(layout, np.any(~snapshot.free & (snapshot.velocity != 0.0), axis=1)):
+        yield _at(layout, index, "has a velocity along an axis that is held fixed, must be 0 there")
+
+
+def _springs(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    """A spring whose ends coincide has no direction; it may only have the rest length 0, given in so many words."""
+    springs = snapshot.springs
+    if not len(springs):
+        return
+    ends = snapshot.position[springs.between]
+    together = np.all(ends[:, 0] == ends[:, 1], axis=1)
+    number = 0
+    for place, entry in enumerate(spec.springs):
+        count = _count(entry, layout)
+        said = entry.parameters.get("rest_length")
+        bad = np.flatnonzero(together[number : number + count] & ((said is None) | (springs.rest_length[number : number + count] > 0.0)))
+        if len(bad):
+            first, second = (int(end) for end in springs.between[number + bad[0]])
+            text = f"the spring between {layout.label(first)} and {layout.label(second)} has no direction, its ends are at the same place"
+            yield entry.location, f"springs[{place}].{entry.name}: {text}; only rest_length: 0 is allowed there"
+        number += count
+
+
+def _count(entry: ComponentSpec, layout: ParticleLayout) -> int:
+    return build("networks", entry).spring_count(layout.lattice)
+
+
+def _coincidences(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    """Two particles at one place, between which an unsoftened force has no value."""
+    singular = [entry for entry in spec.forces if entry.name in _SINGULAR and entry.parameters.get("softening") == 0.0]
+    if not singular or snapshot.particle_count < 2:
+        return
+    order = np.lexsort(snapshot.position.T)
+    ordered = snapshot.position[order]
+    for row in np.flatnonzero(np.all(ordered[1:] == ordered[:-1], axis=1)):
+        first, second = sorted((int(order[row]), int(order[row + 1])))
+        for entry in singular:
+            source, strength, enough = _SINGULAR[entry.name]
+            values = getattr(snapshot, source)[[first, second]]
+            if entry.parameters[strength] != 0.0 and enough(value != 0.0 for value in values):
+                yield _at(layout, second, f"is where {layout.label(first)} is, must be elsewhere or {entry.name} needs a softening")
+                break
+
+
+def _center_of_mass(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    if not spec.move_to_center_of_mass:
+        return
+    place = Location(spec.source, 0, 0)
+    if snapshot.mass.sum() <= 0.0:
+        yield place, "move_to_center_of_mass: the total mass must be above 0"
+    if not np.all(snapshot.free):
+        yield place, "move_to_center_of_mass: not allowed where a particle is held fixed"

@@ -1,0 +1,102 @@
+"""References: the particles and lattices that a scene names, found once all particles are counted."""
+
+from dataclasses import replace
+from typing import Any
+
+from mpp_taichi.component import Declaration, declaration
+from mpp_taichi.generators._base import PlacementError
+from mpp_taichi.scene.document import Node
+from mpp_taichi.scene.faults import Faults, shown
+from mpp_taichi.scene.layout import ParticleLayout, build, particle_layout
+from mpp_taichi.scene.messages import key_text
+from mpp_taichi.scene.model import KINDS
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
+
+
+def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
+    """The scene with every Particle an index; what is not there becomes a fault."""
+
+    def count(entry: ComponentSpec) -> int:
+        try:
+            return build("generators", entry).particle_count()
+        except PlacementError as error:
+            faults.add(entry.location, entry.name, str(error))
+            return 1
+
+    layout = particle_layout(spec.particles, count)
+    _check_names(spec, tree, faults)
+    finder = _Finder(layout, tree, faults)
+    changed: dict[str, Any] = {
+        key: tuple(finder.entry(each, KINDS[key], (key, number, each.name)) for number, each in enumerate(getattr(spec, key)))
+        for key in ("particles", "springs", "forces")
+    }
+    changed["integrator"] = finder.entry(spec.integrator, "integrators", ("integrator", spec.integrator.name))
+    changed["expect"] = tuple(
+        replace(each, parameters=finder.parameters(each.parameters, _diagnostic(each.quantity), ("expect", each.quantity)))
+        for each in spec.expect
+    )
+    for number, each in enumerate(spec.springs):
+        try:
+            build("networks", each).spring_count(layout.lattice)
+        except PlacementError as error:
+            place = (tree.value["springs"].value[number].value[each.name].get("of") or tree).location
+            faults.add(place, f"springs[{number}].{each.name}", str(error))
+    return replace(spec, **changed)
+
+
+def _diagnostic(quantity: str) -> Declaration | None:
+    try:
+        return declaration("diagnostics", quantity)
+    except KeyError:
+        return None
+
+
+class _Finder:
+    """Finds particles, and says where in the scene they were named."""
+
+    def __init__(self, layout: ParticleLayout, tree: Node, faults: Faults) -> None:
+        self.layout, self.tree, self.faults = layout, tree, faults
+
+    def entry(self, entry: ComponentSpec, kind: str, path: tuple[Any, ...]) -> ComponentSpec:
+        return replace(entry, parameters=self.parameters(entry.parameters, declaration(kind, entry.name), path))
+
+    def parameters(self, given: dict[str, Any], declared: Declaration | None, path: tuple[Any, ...]) -> dict[str, Any]:
+        found = dict(given)
+        for parameter in declared.parameters if declared else ():
+            value = given[parameter.name]
+            if parameter.type == "Particle" and value is not None:
+                found[parameter.name] = self._find(value, (*path, parameter.name))
+            elif parameter.type == "Pair" and value is not None:
+                places = [(*path, parameter.name, end) for end in (0, 1)]
+                pair = tuple(self._find(end, place) for end, place in zip(value, places, strict=True))
+                if pair[0] == pair[1] is not None:
+                    self._fault(places[1], f"both ends are {self.layout.label(pair[0])}, must be two different particles")
+                found[parameter.name] = pair
+        return found
+
+    def _find(self, reference: int | str, path: tuple[Any, ...]) -> int | None:
+        try:
+            return self.layout.find(reference)
+        except PlacementError as error:
+            self._fault(path, str(error))
+            return None
+
+    def _fault(self, path: tuple[Any, ...], message: str) -> None:
+        walked = list(self.tree.along(path))
+        self.faults.add(walked[-1][1].location if walked else self.tree.location, key_text(path), message)
+
+
+def _check_names(spec: SceneSpec, tree: Node, faults: Faults) -> None:
+    """Refuse a name that two entries have, or that could not be told from an index or `group[number]`."""
+    first: dict[str, int] = {}
+    for number, entry in enumerate(spec.particles):
+        name = entry.parameters.get("name")
+        if not name:
+            continue
+        key = f"particles[{number}].{entry.name}.name"
+        place = tree.value["particles"].value[number].value[entry.name].value["name"].location
+        if name in first:
+            faults.add(place, key, f"{shown(name)} is the name of particles[{first[name]}] already")
+        elif "[" in name or name.isdigit():
+            faults.add(place, key, f"{shown(name)} cannot be a name, allowed: text without [ that is no number")
+        first.setdefault(name, number)

@@ -1,0 +1,20 @@
+"""The JSON Schema of scenes, for editors: written from the model and the components' declarations."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from mpp_taichi.scene.model import all_components, scene_model
+
+SCHEMA_FILE = Path(__file__).parent.parent / "scene.schema.json"
+
+
+def scene_schema() -> dict[str, Any]:
+    """The schema of everything this version (and `component.extra_folders`) has."""
+    schema = scene_model(all_components()).model_json_schema(mode="validation")
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def schema_text() -> str:
+    """The schema as it is shipped."""
+    return json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n"
