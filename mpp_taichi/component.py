@@ -105,7 +105,7 @@ def find_file(kind: str, name: str) -> Path | None:
     """The file of a component, or None."""
     for folder in folders(kind):
         path = folder / f"{name}.py"
-        if path.is_file() and not name.startswith("_"):
+        if name.isidentifier() and not name.startswith("_") and path.is_file():
             return path
     return None
 

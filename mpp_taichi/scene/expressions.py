@@ -8,7 +8,7 @@ import ast
 import math
 import operator
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,12 +82,11 @@ class Expression:
         """The names that must be given, built-in constants left out."""
         return frozenset(self._name_offsets())
 
-    def check_names(self, known: Iterable[str]) -> None:
+    def check_names(self, known: Collection[str]) -> None:
         """Refuse the first name that is not known, at its column."""
-        known = set(known)
         for name, offset in self._name_offsets().items():
             if name not in known:
-                raise ExpressionError(f"unknown name {shown(name)}{suggestion(name, known | RESERVED)}", offset)
+                raise ExpressionError(f"unknown name {shown(name)}{suggestion(name, [*known, *RESERVED])}", offset)
 
     def number(self, values: Mapping[str, float | None]) -> float:
         """The value with numbers for the names; a name whose value is None raises UnresolvedConstant."""

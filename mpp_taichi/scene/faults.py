@@ -19,6 +19,7 @@ class Faults:
 
     sources: dict[str, list[str]] = field(default_factory=dict)
     found: list[tuple[Location, str]] = field(default_factory=list)
+    more: int = 0  # faults that were counted only
     _settled: set[Location] = field(default_factory=set)
 
     def settle(self, location: Location, message: str) -> None:
@@ -43,8 +44,8 @@ class Faults:
         shown = unique[:FAULTS_SHOWN]
         lines = [line for _, line in shown]
         excerpts = [self._excerpt(location) for location, _ in shown]
-        if len(unique) > len(shown):
-            lines.append(f"{shown[-1][0].file}: … and {len(unique) - len(shown)} more faults")
+        if rest := len(unique) - len(shown) + self.more:
+            lines.append(f"{shown[-1][0].file}: … and {rest} more faults")
             excerpts.append("")
         raise SceneError(*lines, excerpts=tuple(excerpts))
 
@@ -84,8 +85,9 @@ def shown(value: Any) -> str:
 
 def suggestion(word: str, known: Iterable[str]) -> str:
     """`, did you mean 'x'?` when a known spelling is near, else nothing."""
-    near = difflib.get_close_matches(word[:100], list(known)[:10_000], n=1, cutoff=0.5 if len(word) == 2 else 0.6)
-    return f", did you mean {near[0]!r}?" if near else ""
+    spellings = {each.lower(): each for each in list(known)[:10_000]}
+    near = difflib.get_close_matches(word[:100].lower(), spellings, n=1, cutoff=0.5 if len(word) == 2 else 0.6)
+    return f", did you mean {spellings[near[0]]!r}?" if near else ""
 
 
 def choices(word: str, known: Iterable[str]) -> str:

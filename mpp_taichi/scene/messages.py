@@ -16,10 +16,14 @@ from mpp_taichi.scene.model import KINDS, LATER_KEYS, available
 
 _KIND_WORDS = {"generators": "generator of particles", "networks": "generator of springs", "forces": "force", "integrators": "integrator"}
 
+EXAMINED = 1000  # faults for which a message is composed; the rest is counted
+
 
 def report(error: ValidationError, tree: Node, model: type[BaseModel], faults: Faults) -> None:
     """Add every fault that a ValidationError holds."""
-    for detail in error.errors(include_url=False, include_input=False):
+    details = error.errors(include_url=False, include_input=False)
+    faults.more += max(len(details) - EXAMINED, 0)
+    for detail in details[:EXAMINED]:
         place = _Place(tree, detail["loc"])
         if detail["type"] == "wrong":
             for below, offset, message in detail["ctx"]["parts"]:

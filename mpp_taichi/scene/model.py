@@ -6,6 +6,7 @@ written from the model that holds all of them.
 
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
+from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, create_model
@@ -87,9 +88,14 @@ def field_of(parameter: Parameter) -> Field:
     return makers[parameter.type]()
 
 
-@lru_cache(maxsize=64)
 def scene_model(selection: Selection) -> type[BaseModel]:
     """The pydantic model of scenes that use the components selected."""
+    return _scene_model(selection, tuple(component.extra_folders))
+
+
+@lru_cache(maxsize=64)
+def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[BaseModel]:
+    del extra_folders  # only tells apart models made from other files of the same names
     chosen = dict(selection)
     particles = _entries("generators", chosen["generators"])
     springs, forces = _entries("networks", chosen["networks"]), _entries("forces", chosen["forces"])
@@ -139,7 +145,7 @@ def select(scene: Mapping[str, Any]) -> Selection:
 
 
 def _exists(kind: str, name: str) -> bool:
-    return name.isidentifier() and component.find_file(kind, name) is not None and name in available(kind)
+    return component.find_file(kind, name) is not None and name in available(kind)
 
 
 def _key(check: Field, default: Any, description: str) -> Any:

@@ -15,6 +15,15 @@ def scene_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
+def write() -> None:
+    """Renew the schema that is shipped: `python -m mpp_taichi.scene.schema`."""
+    SCHEMA_FILE.write_text(schema_text(), encoding="utf-8")
+
+
 def schema_text() -> str:
     """The schema as it is shipped."""
     return json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    write()
