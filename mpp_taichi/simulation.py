@@ -57,6 +57,7 @@ class Simulation:
         self.setup_seconds = clock.perf_counter() - began
         self.compile_seconds = 0.0
         self.advance_seconds = 0.0
+        self.kernel_calls = 0  # of the stepper; under the serial plan each is one launch
         self.restart()
 
     def _build(self, backend: str, precision: str | None, plan: str, starts: tuple[Snapshot, ...], threads: int | None) -> None:
@@ -64,7 +65,7 @@ class Simulation:
         start = self._start
         has_pairs = any(component.declaration("forces", f.name).base == "PairForce" for f in self.spec.forces)
         evaluations = 1 if make_integrator.base == "Splitting" else 2
-        work = plans.step_work(start.particle_count, len(start.springs), has_pairs, evaluations)
+        work = self.step_work = plans.step_work(start.particle_count, len(start.springs), has_pairs, evaluations)
         self.device = backends.start(backend, precision, large=work >= GPU_WORTH_WORK, threads=threads)
         backends.retain(self.device)
         self._closed = False
@@ -215,6 +216,7 @@ class Simulation:
             self.stepper.prepare(self.time)
             self._prepared = True
         self.stepper.advance(self.time, dt, steps)
+        self.kernel_calls += 1
 
     def _move_clock(self, steps: int, dt: float) -> None:
         if dt == self.dt:

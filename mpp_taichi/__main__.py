@@ -1,0 +1,8 @@
+"""`python -m mpp_taichi SCENE` is the command line."""
+
+import sys
+
+from mpp_taichi.cli.main import main
+
+if __name__ == "__main__":
+    sys.exit(main())

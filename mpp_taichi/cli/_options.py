@@ -1,0 +1,113 @@
+"""Options that several verbs share, and the checks of what they say."""
+
+import argparse
+import math
+from pathlib import Path
+
+from mpp_taichi.cli._terminal import UsageError
+
+LARGEST_SIDE = 16384  # pixels
+
+
+def add_scene(parser: argparse.ArgumentParser) -> None:
+    """SCENE and --set."""
+    parser.add_argument("scene", metavar="SCENE", help="a scene file (YAML)")
+    parser.add_argument(
+        "--set", dest="overrides", action="append", default=[], metavar="PATH=VALUE", help="change a value of the scene; repeatable"
+    )
+
+
+def add_device(parser: argparse.ArgumentParser) -> None:
+    """--backend, --precision, --plan, --threads."""
+    group = parser.add_argument_group("where and how")
+    group.add_argument("--backend", default="auto", choices=("auto", "cpu", "cuda", "vulkan", "metal"), help="what computes")
+    group.add_argument("--precision", choices=("f32", "f64"), help="f64 on the CPU and f32 elsewhere when absent")
+    group.add_argument("--plan", default="auto", choices=("auto", "serial", "parallel"), help="how a step is launched")
+    group.add_argument("--threads", type=positive_integer, metavar="N", help="CPU threads")
+
+
+def add_length(parser: argparse.ArgumentParser) -> None:
+    """--until, --steps."""
+    group = parser.add_argument_group("how long").add_mutually_exclusive_group()
+    group.add_argument("--until", type=positive_number, metavar="T", help="simulated time to reach; the scene's own end when absent")
+    group.add_argument("--steps", type=whole_number, metavar="N", help="steps to do")
+
+
+def add_tables(parser: argparse.ArgumentParser) -> None:
+    """--trajectory, --snapshot, --diagnostics, --every."""
+    group = parser.add_argument_group("files to write")
+    group.add_argument("--trajectory", type=output_path, metavar="F", help="positions along the run: .npz, .xyz or .extxyz")
+    group.add_argument("--snapshot", type=output_path, metavar="F.npz", help="the final state")
+    group.add_argument("--diagnostics", type=output_path, metavar="F", help="table of energies and momenta: .csv or .npz")
+    group.add_argument("--every", type=positive_integer, metavar="N", help="steps between two samples; about 200 samples when absent")
+
+
+def add_report(parser: argparse.ArgumentParser) -> None:
+    """--json, --quiet."""
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    parser.add_argument("--quiet", "-q", action="store_true", help="no progress and no summary")
+
+
+def positive_number(text: str) -> float:
+    """A finite number above zero."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+    if not (math.isfinite(value) and value > 0.0):
+        raise argparse.ArgumentTypeError(f"{text} must be finite and above 0")
+    return value
+
+
+def whole_number(text: str) -> int:
+    """A whole number from zero on; 1e6 is welcome."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+    if not (0.0 <= value <= 2.0**53 and value == math.floor(value)):
+        raise argparse.ArgumentTypeError(f"{text} must be a whole number from 0 to 2^53")
+    return int(value)
+
+
+def positive_integer(text: str) -> int:
+    """A whole number from one on."""
+    value = whole_number(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} must be at least 1")
+    return value
+
+
+def picture_size(text: str) -> tuple[int, int]:
+    """`1280x720`."""
+    width, cross, height = text.lower().partition("x")
+    if not (cross and width.isascii() and width.isdigit() and height.isascii() and height.isdigit()):
+        raise argparse.ArgumentTypeError(f"{text!r} must be WIDTHxHEIGHT, as 1280x720")
+    size = int(width), int(height)
+    if not all(16 <= side <= LARGEST_SIDE for side in size):
+        raise argparse.ArgumentTypeError(f"{text}: sides must be from 16 to {LARGEST_SIDE} pixels")
+    return size
+
+
+def output_path(text: str) -> Path:
+    """A file to write: no address of a network, no control characters."""
+    if not text.isprintable() or not text.strip():
+        raise argparse.ArgumentTypeError(f"{text!r} is no name of a file")
+    if "://" in text:
+        raise argparse.ArgumentTypeError(f"{text!r} is an address; files are written to this machine only")
+    return Path(text)
+
+
+def require_suffix(path: Path | None, allowed: tuple[str, ...], option: str) -> None:
+    """Refuse a file whose suffix says another format.
+
+    Raises:
+        UsageError: it is none of the allowed.
+    """
+    if path is not None and path.suffix.lower() not in allowed:
+        raise UsageError(f"{option} {path}: the suffix must be one of {', '.join(allowed)}")
+
+
+def output_stem(source: str) -> str:
+    """The name that a scene's own output files begin with."""
+    return Path(source).stem or "scene"

@@ -1,0 +1,320 @@
+"""Session: one scene run from the command line, with its recorders, its limits and what it leaves behind."""
+
+import logging
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi.cli._options import output_stem, require_suffix
+from mpp_taichi.cli._signals import Interrupted, Interruption
+from mpp_taichi.cli._terminal import UsageError, say
+from mpp_taichi.errors import MppError, OutputError, StabilityError
+from mpp_taichi.expectations import Verdict, Watcher
+from mpp_taichi.recorders._lock import OutputLock
+from mpp_taichi.recorders.film import FilmRecorder
+from mpp_taichi.recorders.frames import FrameRecorder
+from mpp_taichi.recorders.progress import ProgressRecorder
+from mpp_taichi.recorders.table import FORMATS as TABLE_FORMATS
+from mpp_taichi.recorders.table import TableRecorder
+from mpp_taichi.recorders.trajectory import FORMATS as TRAJECTORY_FORMATS
+from mpp_taichi.recorders.trajectory import TrajectoryRecorder
+from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
+from mpp_taichi.recorders.video import VideoRecorder, check_encoder
+from mpp_taichi.recorders.watchdog import EnergyWatchdog
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.summary import Stopwatch, Timed, lines, summarize
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation import Simulation
+
+log = logging.getLogger(__name__)
+
+OUTPUT_FOLDER = Path("out")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of a run beside the scene itself; the names are those of the options."""
+
+    backend: str = "auto"
+    precision: str | None = None
+    plan: str = "auto"
+    threads: int | None = None
+    until: float | None = None
+    steps: int | None = None
+    video: Path | None = None
+    frames: Path | None = None
+    size: tuple[int, int] | None = None
+    fps: float | None = None
+    film_seconds: float | None = None
+    trajectory: Path | None = None
+    snapshot: Path | None = None
+    diagnostics: Path | None = None
+    every: int | None = None
+    quiet: bool = False
+    allow_inaccurate: bool = False
+    window: bool = False
+
+    @property
+    def films(self) -> bool:
+        """Whether pictures are recorded."""
+        return self.video is not None or self.frames is not None
+
+    def check(self) -> None:
+        """Refuse what cannot be written, before anything is computed.
+
+        Raises:
+            UsageError: a suffix that is no format of that file.
+            OutputError: a film is wanted and there is no encoder.
+        """
+        require_suffix(self.video, VIDEO_FORMATS, "--video")
+        require_suffix(self.trajectory, TRAJECTORY_FORMATS, "--trajectory")
+        require_suffix(self.snapshot, (".npz",), "--snapshot")
+        require_suffix(self.diagnostics, TABLE_FORMATS, "--diagnostics")
+        if self.video is not None:
+            check_encoder()
+
+
+@dataclass(eq=False)
+class Outcome:
+    """How a run ended."""
+
+    summary: dict[str, Any]
+    exit_code: int
+    error: MppError | None = None
+    verdicts: list[Verdict] = field(default_factory=list)
+    files: list[str] = field(default_factory=list)
+
+    def as_json(self) -> dict[str, Any]:
+        """The one object of `--json`."""
+        expected = [{**vars(verdict), "label": verdict.label} for verdict in self.verdicts]
+        trouble = {"error": str(self.error)} if self.error else {}
+        return {**self.summary, "expect": expected, "files": self.files, **trouble, "exit_code": self.exit_code}
+
+    def lines(self) -> list[str]:
+        """The closing summary for a person."""
+        return lines(self.summary, files=self.files, verdicts=self.verdicts)
+
+
+@dataclass(frozen=True)
+class Goal:
+    """How long a run is: to `until` [time] or for `steps` steps; both None for a run without an end."""
+
+    until: float | None
+    steps: int | None
+    whole: bool  # the scene's own full duration, of which its expectations speak
+
+    @staticmethod
+    def of(spec: SceneSpec, request: Request) -> "Goal":
+        """What the command line says, else what the scene says."""
+        own = Goal(spec.run.duration, spec.run.steps if spec.run.duration is None else None, True)
+        if request.until is None and request.steps is None:
+            return own
+        asked = Goal(request.until, request.steps, False)
+        return own if (asked.until, asked.steps) == (own.until, own.steps) else asked
+
+    @property
+    def endless(self) -> bool:
+        """Whether nothing says where to stop."""
+        return self.until is None and self.steps is None
+
+    def span(self, dt: float) -> float:
+        """Simulated time of the run, which starts at 0 [time]."""
+        return self.until if self.until is not None else (self.steps or 0) * dt
+
+    def step_count(self, dt: float) -> int | None:
+        """Steps of the run, or None without an end."""
+        if self.until is not None:
+            return max(1, round(self.until / dt))
+        return self.steps
+
+
+def run_scene(spec: SceneSpec, request: Request) -> Outcome:
+    """Run a checked scene as asked; ends in an Outcome, also when a limit was broken or a signal came.
+
+    Raises:
+        MppError: it could not be started.
+    """
+    stopwatch = Stopwatch()
+    request.check()
+    goal = Goal.of(spec, request)
+    if goal.endless and not request.window:
+        raise UsageError(f"{spec.source}: the scene has no run.duration: say how long, --until T or --steps N")
+    with ExitStack() as stack:
+        interruption = stack.enter_context(Interruption())
+        _lock_outputs(request, stack)
+        sinks = _open_sinks(spec, request, stack)
+        trajectory = stack.enter_context(TrajectoryRecorder(request.trajectory)) if request.trajectory else None
+        simulation = stack.enter_context(_start(spec, request))
+        return _Run(spec, request, goal, simulation, stopwatch).go(interruption, sinks, trajectory)
+
+
+def _lock_outputs(request: Request, stack: ExitStack) -> None:
+    """Hold the names of the files written at the end, so that a second run with the same names is refused now."""
+    for path in (request.snapshot, request.diagnostics):
+        if path is not None:
+            stack.callback(OutputLock(path).release)
+
+
+def _open_sinks(spec: SceneSpec, request: Request, stack: ExitStack) -> list[Any]:
+    """The film's files; on an exception they keep what was written."""
+    sinks: list[Any] = []
+    if request.video is not None:
+        size, fps = request.size or spec.record.size, request.fps or spec.record.fps
+        sinks.append(stack.enter_context(VideoRecorder(request.video, size, fps)))
+    if request.frames is not None:
+        sinks.append(stack.enter_context(FrameRecorder(request.frames)))
+    return sinks
+
+
+def _start(spec: SceneSpec, request: Request) -> "Simulation":
+    from mpp_taichi.simulation import Simulation  # the first import of Taichi: the scene is known to be sound
+
+    return Simulation(spec, backend=request.backend, precision=request.precision, plan=request.plan, threads=request.threads)
+
+
+class _Run:
+    """The middle part of a session, when everything stands: step, look, and close in good order."""
+
+    def __init__(self, spec: SceneSpec, request: Request, goal: Goal, simulation: "Simulation", stopwatch: Stopwatch) -> None:
+        self.spec, self.request, self.goal, self.simulation, self.stopwatch = spec, request, goal, simulation, stopwatch
+        self.total_steps = goal.step_count(simulation.dt)
+        self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps)
+        self.table = TableRecorder(self.every)
+        self.watchdog = EnergyWatchdog(self.table)
+        self.watcher = Watcher(spec.expect if goal.whole else (), self.every)
+        self.films: list[FilmRecorder] = []
+        self.files: list[str] = []
+        self.error: MppError | None = None
+        self.interrupted: Interrupted | None = None
+
+    def go(self, interruption: Interruption, sinks: Sequence[Any], trajectory: TrajectoryRecorder | None) -> Outcome:
+        """Run to the end, or as far as it goes; then write what there is."""
+        if sinks:
+            self.films = [self._film(sinks)]
+        if trajectory is not None:
+            trajectory.every = self.every
+        looks: list[Any] = [self.table, self.watchdog, self.watcher, *([trajectory] if trajectory else [])]
+        timed = [Timed(look, self.stopwatch, "diagnostics") for look in looks]
+        bar = sys.stderr is not None and sys.stderr.isatty()
+        progress = ProgressRecorder(self.total_steps, self._energy_error, bar=bar and not self.request.window)
+        recorders = [*timed, *self.films, interruption, *([] if self.request.quiet else [progress])]
+        try:
+            self._advance(recorders, progress)
+            self._finish([*looks, *self.films])
+        except Interrupted as signal:
+            self.interrupted = signal
+            self._finish([self.table, self.watchdog, *([trajectory] if trajectory else [])])
+        except (StabilityError, OutputError) as error:
+            self.error = error
+            say(f"error: {error}")
+        with self.stopwatch("encode"):
+            self._close(sinks, trajectory)
+        return self._outcome()
+
+    def _advance(self, recorders: list[Any], progress: ProgressRecorder) -> None:
+        if self.request.window:
+            from mpp_taichi.cli._interactive import show
+
+            show(self.simulation, self.spec, self.goal, recorders)
+        elif self.request.quiet:
+            self.simulation.run(until=self.goal.until, steps=self.goal.steps, recorders=recorders)
+        else:
+            with progress:
+                self.simulation.run(until=self.goal.until, steps=self.goal.steps, recorders=recorders)
+
+    def _film(self, sinks: Sequence[Any]) -> FilmRecorder:
+        from mpp_taichi.views.offscreen import open_offscreen
+
+        request, record = self.request, self.spec.record
+        size, fps, seconds = request.size or record.size, request.fps or record.fps, request.film_seconds or record.seconds
+        view = open_offscreen(self.spec.view, size, dimensions=self.spec.dimensions)
+        return FilmRecorder(
+            view,
+            sinks,
+            round(fps * seconds),
+            self.goal.span(self.simulation.dt),
+            title=self.spec.title,
+            caption=self._caption,
+            stopwatch=self.stopwatch,
+        )
+
+    def _energy_error(self) -> float | None:
+        rows = self.table.rows
+        return rows[-1]["relative_energy_error"] if rows and self.simulation.conserves_energy else None
+
+    def _caption(self) -> str:
+        error = self._energy_error()
+        return f"energy error {error:.1e}" if error else ""
+
+    def _finish(self, recorders: Sequence[Any]) -> None:
+        """The last looks, at the state the run ended in."""
+        for recorder in recorders:
+            if isinstance(recorder, EnergyWatchdog):
+                recorder.record(self.simulation)
+            else:
+                recorder.finish(self.simulation)
+
+    def _close(self, sinks: Sequence[Any], trajectory: TrajectoryRecorder | None) -> None:
+        """Give every file its name, whatever happened; the first that fails is reported, the others are still written."""
+        request, simulation, state = self.request, self.simulation, self._state_file()
+        jobs: list[tuple[Path, Any]] = []
+        for sink in sinks:
+            if sink.frame_count == 0 and (self.error or self.interrupted):
+                continue  # its context takes it back
+            jobs.append((sink.path if isinstance(sink, VideoRecorder) else sink.folder, sink.close))
+        if trajectory is not None and trajectory.frame_count > 0:
+            jobs.append((trajectory.path, trajectory.close))
+        if request.diagnostics is not None and self.table.rows:
+            jobs.append((request.diagnostics, lambda: self.table.save(request.diagnostics)))
+        if state is not None:
+            jobs.append((state, lambda: simulation.snapshot().save(state)))
+        for path, job in jobs:
+            try:
+                job()
+                self.files.append(str(path))
+            except OutputError as error:
+                if str(error) != str(self.error):
+                    say(f"error: {error}")
+                self.error = self.error or error
+
+    def _state_file(self) -> Path | None:
+        """Where the last state goes: as asked, or, when the run broke off, beside the other output."""
+        stem = output_stem(self.spec.source)
+        if self.interrupted:
+            return OUTPUT_FOLDER / f"{stem}.interrupted.npz"
+        if isinstance(self.error, StabilityError):
+            return OUTPUT_FOLDER / f"{stem}.crash.npz"
+        return self.request.snapshot
+
+    def _outcome(self) -> Outcome:
+        summary = summarize(self.simulation, self.table, self.stopwatch, plan_asked=self.request.plan)
+        verdicts: list[Verdict] = []
+        if self._reached_the_end():
+            verdicts = self.watcher.verdicts(summary, self.simulation.device.precision)
+        failed = any(not verdict.passed for verdict in verdicts)
+        inaccurate = self.watchdog.broken_at is not None
+        code = 0
+        if self.error is not None:
+            status, code = "failed", self.error.exit_code
+        elif self.interrupted is not None:
+            status, code = "interrupted", self.interrupted.code
+        elif failed:
+            status, code = "failed", StabilityError.exit_code
+        elif inaccurate:
+            status, code = "inaccurate", 0 if self.request.allow_inaccurate else StabilityError.exit_code
+        else:
+            status = "ok"
+        summary["status"] = status
+        return Outcome(summary, code, self.error, verdicts, self.files)
+
+    def _reached_the_end(self) -> bool:
+        """Whether the run came to the end that the scene's expectations speak of."""
+        if not self.goal.whole or self.goal.endless or self.error is not None or self.interrupted is not None:
+            return False
+        if self.goal.steps is not None:
+            return self.simulation.step_count >= self.goal.steps
+        return self.simulation.time >= (self.goal.until or 0.0) * (1.0 - 1e-12)

@@ -1,0 +1,85 @@
+"""Check scenes: run each one and compare what came out with its own `expect:` block.
+
+Takes files and folders; a folder means every *.yaml in it. Scenes run one after the other in this process, without pictures.
+"""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from mpp_taichi.cli import _options
+from mpp_taichi.cli._terminal import UsageError, explain_error, output_reserved, put, put_json, say
+from mpp_taichi.errors import MppError, SceneError, StabilityError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("scenes", nargs="+", metavar="SCENE", help="scene files, or folders of them")
+    _options.add_device(parser)
+    _options.add_report(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Check them all; the code of the first scene that could not be run, else 4 when an expectation failed, else 0."""
+    scenes = _scene_files(arguments.scenes)
+    with output_reserved(arguments.json):
+        results = [_check(scene, arguments) for scene in scenes]
+    broken = [result["exit_code"] for result in results if result["exit_code"] not in (0, StabilityError.exit_code)]
+    code = broken[0] if broken else max(result["exit_code"] for result in results)
+    if arguments.json:
+        put_json({"scenes": results, "status": "ok" if code == 0 else "failed", "exit_code": code})
+    elif not arguments.quiet:
+        _put_table(results)
+    return code
+
+
+def _scene_files(given: list[str]) -> list[Path]:
+    found: list[Path] = []
+    for text in given:
+        path = Path(text)
+        inside = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
+        if not inside:
+            raise UsageError(f"check: {path} holds no *.yaml")
+        found += inside
+    return found
+
+
+def _check(scene: Path, arguments: argparse.Namespace) -> dict[str, Any]:
+    from mpp_taichi.cli._session import Request, run_scene
+    from mpp_taichi.cli._signals import Interrupted
+    from mpp_taichi.scene.load import load_scene
+
+    request = Request(
+        backend=arguments.backend, precision=arguments.precision, plan=arguments.plan, threads=arguments.threads, quiet=True
+    )
+    if not arguments.quiet:
+        say(f"checking {scene}")
+    try:
+        outcome = run_scene(load_scene(scene), request)
+    except MppError as error:
+        explain_error(error)
+        faults = list(error.faults) if isinstance(error, SceneError) else [str(error)]
+        return {"scene": str(scene), "status": "failed", "error": str(error), "faults": faults, "expect": [], "exit_code": error.exit_code}
+    if outcome.summary["status"] == "interrupted":
+        raise Interrupted(outcome.exit_code - 128)
+    return outcome.as_json()
+
+
+def _put_table(results: list[dict[str, Any]]) -> None:
+    lines = []
+    for result in results:
+        seconds = f"{result['wall_seconds']:.1f} s" if "wall_seconds" in result else ""
+        lines.append(f"{_mark(result['exit_code'] == 0)}  {result['scene']}  {result['status']}  {seconds}".rstrip())
+        lines += [f"      {line}" for line in str(result.get("error", "")).splitlines()]
+        for row in result["expect"]:
+            value = "undefined" if row["value"] is None else f"{row['value']:.6g}"
+            reason = f"  ({row['reason']})" if row["reason"] else ""
+            lines.append(f"      {_mark(row['passed'])}  {row['label']} = {value}, expected {row['bound']}{reason}")
+        if not result["expect"] and "error" not in result:
+            lines.append("      it expects nothing")
+    passed = sum(result["exit_code"] == 0 for result in results)
+    put("\n".join([*lines, f"{passed} of {len(results)} scenes pass"]))
+
+
+def _mark(passed: bool) -> str:
+    return "pass" if passed else "FAIL"

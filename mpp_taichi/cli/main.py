@@ -1,0 +1,144 @@
+"""Entry of the command line: which verb, its arguments, and what an error becomes.
+
+Exit codes: 0 ok · 1 internal error · 2 wrong usage or invalid scene · 3 backend, device or display not available · 4 a stability or
+accuracy limit was broken, or an `expect` failed · 5 input or output · 6 more than the machine has · 128 + signal when interrupted.
+"""
+
+import argparse
+import difflib
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from types import ModuleType
+from typing import NoReturn
+
+from mpp_taichi import __version__
+from mpp_taichi.cli import check, record, run, schema
+from mpp_taichi.cli._signals import Interrupted
+from mpp_taichi.cli._terminal import (
+    CLOSED_OUTPUT_CODE,
+    ClosedOutputError,
+    UsageError,
+    explain_error,
+    prepare_streams,
+    put_json,
+    say,
+    warnings_shown,
+)
+from mpp_taichi.errors import MppError, OutputError, SceneError
+
+VERBS: dict[str, ModuleType] = {
+    "run": run,
+    "record": record,
+    "check": check,
+    "schema": schema,
+}
+LATER_VERBS = ("accuracy", "compare", "sweep", "convert")
+INTERNAL_ERROR_CODE = 1
+DEBUG_VARIABLE = "MPP_TAICHI_DEBUG"
+EPILOG = __doc__.partition("\n\n")[2]
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, and how to learn more in another."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise instead of ending the process."""
+        raise UsageError(f"{self.prog}: {message}\n{self.prog} --help lists what there is")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code."""
+    prepare_streams()
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    json_wanted = "--json" in words
+    code = INTERNAL_ERROR_CODE
+    try:
+        with warnings_shown():
+            code = _dispatch(words)
+    except ClosedOutputError:
+        return CLOSED_OUTPUT_CODE
+    except SystemExit as end:  # --help and --version
+        return int(end.code or 0)
+    except MppError as error:
+        explain_error(error)
+        code = error.exit_code
+        if json_wanted:
+            faults = list(error.faults) if isinstance(error, SceneError) else [str(error)]
+            code = _put_failure({"status": "failed", "error": str(error), "faults": faults, "exit_code": code}, code)
+    except Interrupted as signal:
+        code = signal.code
+    except KeyboardInterrupt:
+        code = 130
+    except OSError as error:  # standard output on a full disk, for one
+        say(f"error: {error.strerror or error}")
+        code = OutputError.exit_code
+    except Exception as error:
+        say(f"internal error: {type(error).__name__}: {error}; please report it")
+        if os.environ.get(DEBUG_VARIABLE) == "1":
+            traceback.print_exc()
+        else:
+            say(f"with {DEBUG_VARIABLE}=1 the place is shown")
+        if json_wanted:
+            code = _put_failure({"status": "failed", "error": f"internal error: {error}", "exit_code": code}, code)
+    return code
+
+
+def _dispatch(words: list[str]) -> int:
+    parser = _parser()
+    chosen = parser.parse_args(_with_verb(words))
+    if chosen.verb is None:
+        parser.print_help()
+        return 0
+    return VERBS[chosen.verb].execute(chosen)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="mpp-taichi",
+        description="Scenes of particles, compiled to just the physics they name. `mpp-taichi SCENE` is `mpp-taichi run SCENE`.",
+        epilog=EPILOG,
+    )
+    parser.add_argument("--version", action="version", version=f"mpp_taichi {__version__}")
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", parser_class=_Parser)
+    for name, module in VERBS.items():
+        summary = (module.__doc__ or "").partition("\n")[0]
+        verb = verbs.add_parser(
+            name,
+            help=summary,
+            description=module.__doc__,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
+        module.add_arguments(verb)
+    return parser
+
+
+def _with_verb(words: list[str]) -> list[str]:
+    """Put `run` before a bare scene.
+
+    Raises:
+        UsageError: the first word is neither a verb nor a file.
+    """
+    if not words or words[0] in VERBS or words[0] in ("-h", "--help", "--version"):
+        return words
+    first = words[0]
+    if first in LATER_VERBS:
+        raise UsageError(f"{first} is a verb of a later version; this one has {', '.join(VERBS)}")
+    looks_like_a_file = "." in first or os.sep in first or os.path.exists(first)
+    if not first.startswith("-") and not looks_like_a_file:
+        near = difflib.get_close_matches(first, VERBS, n=1)
+        hint = f", did you mean {near[0]!r}?" if near else ""
+        raise UsageError(f"{first!r} is neither a verb nor a scene file{hint} verbs: {', '.join(VERBS)}")
+    return ["run", *words]
+
+
+def _put_failure(found: dict, code: int) -> int:
+    try:
+        put_json(found)
+    except ClosedOutputError:
+        return CLOSED_OUTPUT_CODE
+    except OSError:
+        return OutputError.exit_code
+    return code

@@ -1,0 +1,51 @@
+"""Record a scene as a film, frame by frame, without a window.
+
+The film has exactly round(FPS x T) frames, and the run is spread evenly over them: frame k shows the simulated time
+k / (frames - 1) of the run. Between two steps the positions shown are x + v d, where d < dt is the time since the last step
+(dense output of first order); the computation itself takes the same steps as without a film.
+"""
+
+import argparse
+
+from mpp_taichi.cli import _options
+from mpp_taichi.cli._terminal import UsageError, output_reserved, put_json, say
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    _options.add_scene(parser)
+    parser.add_argument("--video", type=_options.output_path, metavar="F", help="the film: .mp4, .gif or .webp")
+    parser.add_argument("--frames", type=_options.output_path, metavar="DIR", help="a folder of pictures, which needs no encoder")
+    parser.add_argument("--size", type=_options.picture_size, metavar="WxH", help="of the picture in pixels; the scene's when absent")
+    parser.add_argument("--fps", type=_options.positive_number, metavar="N", help="frames a second; the scene's when absent")
+    parser.add_argument(
+        "--duration", type=_options.positive_number, metavar="T", help="length of the film in seconds; the scene's when absent"
+    )
+    _options.add_length(parser)
+    _options.add_device(parser)
+    _options.add_tables(parser)
+    parser.add_argument("--allow-inaccurate", action="store_true", help="end with code 0 even when energy was lost")
+    _options.add_report(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Record, and return the exit code."""
+    from mpp_taichi.scene.load import load_scene
+
+    if arguments.video is None and arguments.frames is None:
+        raise UsageError("record: where to? --video F.mp4 (or .gif, .webp) or --frames DIR")
+    spec = load_scene(arguments.scene, overrides=arguments.overrides)
+    fps, seconds = arguments.fps or spec.record.fps, arguments.duration or spec.record.seconds
+    if round(fps * seconds) < 1:
+        raise UsageError(f"record: a film of {seconds:g} s at {fps:g} frames a second has no frame")
+    from mpp_taichi.cli._session import Request, run_scene
+
+    names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "frames", "size", "fps", "trajectory", "snapshot")
+    given = {name: getattr(arguments, name) for name in (*names, "diagnostics", "every", "quiet", "allow_inaccurate")}
+    with output_reserved(arguments.json):
+        outcome = run_scene(spec, Request(**given, film_seconds=arguments.duration))
+    if not arguments.quiet:
+        say("\n".join(outcome.lines()))
+    if arguments.json:
+        put_json(outcome.as_json())
+    return outcome.exit_code

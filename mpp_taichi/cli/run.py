@@ -1,0 +1,77 @@
+"""Run a scene: in a window where there is a display, else into a film.
+
+With --headless nothing is shown and only what is asked for is written. With --video (or without a display: out/SCENE.mp4) the run
+becomes a film. A window stays open until it is closed; at the end of the scene's duration it pauses.
+"""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from mpp_taichi.cli import _options
+from mpp_taichi.cli._terminal import UsageError, output_reserved, put_json, say
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    _options.add_scene(parser)
+    parser.add_argument("--headless", action="store_true", help="no window, and no film unless --video says so")
+    parser.add_argument("--video", type=_options.output_path, metavar="F", help="film of the run: .mp4, .gif or .webp")
+    _options.add_length(parser)
+    _options.add_device(parser)
+    _options.add_tables(parser)
+    parser.add_argument("--dry-run", action="store_true", help="say what would be done, and start no device")
+    parser.add_argument("--allow-inaccurate", action="store_true", help="end with code 0 even when energy was lost")
+    _options.add_report(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Run, and return the exit code."""
+    from mpp_taichi.scene.load import load_scene
+
+    spec = load_scene(arguments.scene, overrides=arguments.overrides)
+    if arguments.dry_run:
+        from mpp_taichi.cli._dry_run import dry_run
+
+        return dry_run(spec, arguments)
+    from mpp_taichi.cli._session import run_scene
+
+    with output_reserved(arguments.json):
+        request = request_of(arguments, spec)
+        outcome = run_scene(spec, request)
+    if not arguments.quiet:
+        say("\n".join(outcome.lines()))
+    if arguments.json:
+        put_json(outcome.as_json())
+    return outcome.exit_code
+
+
+def request_of(arguments: argparse.Namespace, spec):
+    """The request that the options make, with the window or the film that goes without saying."""
+    from mpp_taichi.cli._session import OUTPUT_FOLDER, Request
+
+    names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "trajectory", "snapshot")
+    given = {name: getattr(arguments, name) for name in (*names, "diagnostics", "every", "quiet", "allow_inaccurate")}
+    if arguments.headless or arguments.video is not None:
+        return Request(**given)
+    problem = no_window()
+    if not problem:
+        return Request(**given, window=True)
+    film = OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.mp4"
+    if spec.run.duration is None and spec.run.steps is None and arguments.until is None and arguments.steps is None:
+        raise UsageError(f"{problem}, and a film needs an end: --until T or --steps N")
+    say(f"{problem}: making a film instead, {film}")
+    return Request(**{**given, "video": film})
+
+
+def no_window() -> str:
+    """Why no window can be opened here; empty when one can."""
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return "there is no display"
+    from mpp_taichi.backends import import_taichi
+
+    import_taichi()
+    from mpp_taichi.views.ggui import probe
+
+    return probe(shown=True)

@@ -1,0 +1,32 @@
+"""What every diagnostic is: a number that a run is watched for."""
+
+import math
+from abc import ABC, abstractmethod
+
+from mpp_taichi.errors import StabilityError
+from mpp_taichi.snapshot import Snapshot
+
+
+class NoResultError(StabilityError):
+    """The run ended before the quantity was defined; the message says what did not happen."""
+
+
+class Diagnostic(ABC):
+    """Watches a run from its start and comes to one number. Changes nothing."""
+
+    @abstractmethod
+    def observe(self, time: float, snapshot: Snapshot) -> None:
+        """Look at the particles; called at the start, at the end, and at least as often as `interval` asks in between."""
+
+    @abstractmethod
+    def result(self) -> float:
+        """The number, finite.
+
+        Raises:
+            NoResultError: it is not defined by what was seen.
+        """
+
+    @property
+    def interval(self) -> float:
+        """Longest time until the next look [time]; without a wish, the samples of the run's table will do."""
+        return math.inf

@@ -1,0 +1,87 @@
+"""Time of the first full turn of one particle around another."""
+
+import math
+
+import numpy as np
+
+from mpp_taichi.component import Particle, component, param
+from mpp_taichi.diagnostics._base import Diagnostic, NoResultError
+from mpp_taichi.snapshot import Snapshot
+
+LOOK_ANGLE = 0.05  # radians between two looks; the cubic below is then good to about 1e-9 of a turn, and less on a circle
+
+
+@component
+class OrbitalPeriod(Diagnostic):
+    """Time of the first full turn of `of` around `around`, as seen from `around` in the plane of their first motion.
+
+    The angle is that of the relative position, its rate ω = (r × v)·n / |r in the plane|². Between two looks the angle is the
+    cubic with both angles and both rates (Hermite), and the turn is complete at its root. The turn is the sidereal one:
+    against fixed directions, not from pericentre to pericentre.
+    """
+
+    of: Particle = param(help="the particle that goes round")
+    around: Particle = param(help="the particle it is seen from")
+    _axes: np.ndarray | None = None
+    _last: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    _start: float = 0.0
+    _period: float | None = None
+
+    def observe(self, time: float, snapshot: Snapshot) -> None:
+        """Follow the angle until it has grown by 2π."""
+        if self._period is not None:
+            return
+        separation = snapshot.position[self.of] - snapshot.position[self.around]
+        motion = snapshot.velocity[self.of] - snapshot.velocity[self.around]
+        if self._axes is None:
+            self._axes = _plane(separation, motion)
+            self._start = time
+        x, y = self._axes @ separation
+        u, w = self._axes @ motion
+        squared = x * x + y * y
+        rate = (x * w - y * u) / squared if squared > 0.0 else 0.0
+        last_time, last_angle, last_rate = self._last
+        turned = (math.atan2(y, x) - last_angle + math.pi) % (2.0 * math.pi) - math.pi
+        angle = last_angle + turned
+        if angle >= 2.0 * math.pi:
+            self._period = _crossing(last_time, time, (last_angle, last_rate), (angle, rate)) - self._start
+        self._last = (time, angle, rate)
+
+    @property
+    def interval(self) -> float:
+        """A small angle at the present rate."""
+        if self._period is not None or self._last[2] == 0.0:
+            return math.inf
+        return LOOK_ANGLE / abs(self._last[2])
+
+    def result(self) -> float:
+        """The period [time]."""
+        if self._period is None:
+            degrees = math.degrees(self._last[1])
+            raise NoResultError(f"particle {self.of} did not complete a turn around particle {self.around}: it reached {degrees:.1f}°")
+        return self._period
+
+
+def _plane(separation: np.ndarray, motion: np.ndarray) -> np.ndarray:
+    """Two unit vectors, shape (2, 3): along the separation, and across it in the sense of the motion."""
+    normal = np.cross(separation, motion)
+    if not np.linalg.norm(normal) > 0.0:
+        raise NoResultError("there is no orbit to time: the two particles move along one line")
+    first = separation / np.linalg.norm(separation)
+    second = np.cross(normal, separation)
+    return np.array([first, second / np.linalg.norm(second)])
+
+
+def _crossing(begin: float, end: float, before: tuple[float, float], after: tuple[float, float]) -> float:
+    """When the Hermite cubic through (angle, rate) before and after reaches 2π; by bisection, to the last bit."""
+    h = end - begin
+
+    def angle(s: float) -> float:
+        rise = s * s * (3.0 - 2.0 * s)
+        return (1.0 - rise) * before[0] + rise * after[0] + h * s * (1.0 - s) * ((1.0 - s) * before[1] - s * after[1])
+
+    low, high = 0.0, 1.0
+    while high - low > 1e-15:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if angle(middle) >= 2.0 * math.pi else (middle, high)
+    return begin + high * h

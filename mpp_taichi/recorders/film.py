@@ -1,0 +1,100 @@
+"""Film: pictures of a run at evenly spaced times, for a video or a folder of frames."""
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from mpp_taichi.views._base import Frame, View
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation import Simulation
+
+SAME_TIME = 1e-6  # of a step: what rounding may do to a frame's time
+
+
+class PictureSink(Protocol):
+    """Where pictures go: `VideoRecorder`, `FrameRecorder`."""
+
+    def write(self, picture: np.ndarray) -> None:
+        """Add one picture."""
+
+
+class FilmRecorder:
+    """Draws exactly `frame_count` frames; frame k shows the time start + k / (frame_count − 1) · span.
+
+    Where that lies between two steps, at δ < dt after one, the positions shown are x + v δ: dense output of first order, whose
+    error ½ a δ² is far below a pixel for any step that resolves the motion. The first frame is the start and the last one the
+    end of the run, both exact. A single frame shows the start.
+    """
+
+    def __init__(
+        self,
+        view: View,
+        sinks: Sequence[PictureSink],
+        frame_count: int,
+        span: float,
+        *,
+        title: str = "",
+        caption: Callable[[], str] = lambda: "",
+        stopwatch: Callable[[str], AbstractContextManager[Any]],
+    ) -> None:
+        """`stopwatch(name)` times a block; drawing is counted as capture, handing over to a sink as encode."""
+        self.view, self.sinks, self.frame_count, self.span = view, tuple(sinks), frame_count, span
+        self.title, self.caption, self.stopwatch = title, caption, stopwatch
+        self.drawn_count = 0
+        self._start: float | None = None
+
+    def steps_until_due(self, simulation: "Simulation") -> int:
+        """Until the last step not after the next frame's time; for the last frame, until the end."""
+        if self._start is None:
+            self._start = simulation.time
+        if self.drawn_count >= self.frame_count:
+            return 2**31
+        ahead = (self._due_time() - simulation.time) / simulation.dt
+        if ahead <= SAME_TIME:
+            return 0
+        if self._is_last():
+            return max(1, int(ahead + SAME_TIME))
+        return int(ahead + SAME_TIME)
+
+    def record(self, simulation: "Simulation") -> None:
+        """Draw every frame that lies before the next step."""
+        with self.stopwatch("capture"):
+            snapshot = simulation.snapshot()
+        while self.drawn_count < self.frame_count:
+            offset = self._due_time() - simulation.time
+            exact = abs(offset) <= SAME_TIME * simulation.dt
+            if not exact and (offset >= simulation.dt * (1.0 - SAME_TIME) or self._is_last()):
+                return
+            moved = snapshot.moved(
+                position=snapshot.position + snapshot.velocity * (0.0 if exact else offset),
+                velocity=snapshot.velocity,
+                time=self._due_time(),
+                step=snapshot.step,
+            )
+            self._draw(Frame.of(moved, title=self.title, extra=self.caption()))
+
+    def finish(self, simulation: "Simulation") -> None:
+        """Draw the last frame, which rounding of the time may have put a hair past the end."""
+        if self.drawn_count == self.frame_count - 1 and self.drawn_count > 0:
+            with self.stopwatch("capture"):
+                snapshot = simulation.snapshot()
+            self._draw(replace(Frame.of(snapshot, title=self.title, extra=self.caption()), time=self._due_time()))
+
+    def _due_time(self) -> float:
+        assert self._start is not None
+        return self._start + self.span * self.drawn_count / max(1, self.frame_count - 1)
+
+    def _is_last(self) -> bool:
+        return self.drawn_count == self.frame_count - 1 and self.frame_count > 1
+
+    def _draw(self, frame: Frame) -> None:
+        with self.stopwatch("capture"):
+            picture = self.view.draw(frame)
+        with self.stopwatch("encode"):
+            for sink in self.sinks:
+                sink.write(picture)
+        self.drawn_count += 1

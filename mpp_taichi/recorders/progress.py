@@ -1,0 +1,83 @@
+"""Progress: a bar on a terminal, a line now and then in a log, nothing where neither is wanted."""
+
+import sys
+import time as clock
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation import Simulation
+
+BAR_SECONDS = 0.1  # at most ten looks a second
+LINE_SECONDS = 30.0
+LINE_PERCENT = 10
+
+
+class ProgressRecorder:
+    """Reads step count and time, never the device, so that looking costs nothing. A context manager.
+
+    On a terminal: a bar with per cent, steps per second, simulated time, time left and the last known energy error. Otherwise
+    one plain line for every tenth of the run, or half a minute.
+    """
+
+    def __init__(self, total_steps: int | None, energy_error: Callable[[], float | None], *, bar: bool) -> None:
+        """`total_steps` is None for a run without an end; `energy_error` gives the last sampled one."""
+        self.total_steps = total_steps
+        self.energy_error = energy_error
+        self._looked = self._began = clock.perf_counter()
+        self._told_percent = 0
+        self._told = self._began
+        self._bar: Any = _make_bar(total_steps) if bar else None
+        self._task: Any = None
+
+    def __enter__(self) -> "ProgressRecorder":
+        """Show the bar."""
+        if self._bar is not None:
+            self._bar.start()
+            self._task = self._bar.add_task("compiling", total=self.total_steps, state="compiling kernels")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Take the bar away."""
+        if self._bar is not None:
+            self._bar.stop()
+
+    def steps_until_due(self, simulation: "Simulation") -> int:
+        """By the clock, not by steps: now, or far away."""
+        return 0 if clock.perf_counter() - self._looked >= BAR_SECONDS else 2**31
+
+    def record(self, simulation: "Simulation") -> None:
+        """Move the bar, or say a line when it is time."""
+        self._looked = clock.perf_counter()
+        if self._bar is not None:
+            self._bar.update(self._task, completed=simulation.step_count, state=self._state(simulation))
+            return
+        percent = int(100 * simulation.step_count / self.total_steps) if self.total_steps else 0
+        tenth = percent // LINE_PERCENT * LINE_PERCENT
+        if simulation.step_count and (tenth > self._told_percent or self._looked - self._told >= LINE_SECONDS):
+            self._told_percent, self._told = tenth, self._looked
+            lead = f"{percent:3d} %  " if self.total_steps else ""
+            print(f"{lead}{self._state(simulation)}{self._left(simulation)}", file=sys.stderr, flush=True)
+
+    def _state(self, simulation: "Simulation") -> str:
+        if not simulation.advance_seconds:
+            return "compiling kernels"
+        speed = simulation.step_count / max(clock.perf_counter() - self._began, 1e-9)
+        error = self.energy_error()
+        told = f" · ΔE/E {error:.1e}" if error is not None else ""
+        return f"{speed:,.0f} steps/s · t = {simulation.time:.6g}{told}"
+
+    def _left(self, simulation: "Simulation") -> str:
+        if not self.total_steps:
+            return ""
+        seconds = (clock.perf_counter() - self._began) * (self.total_steps - simulation.step_count) / simulation.step_count
+        return f" · {seconds:.0f} s left"
+
+
+def _make_bar(total_steps: int | None) -> Any:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    columns = [BarColumn(), TaskProgressColumn(), TimeRemainingColumn()] if total_steps else []
+    state = TextColumn("{task.fields[state]}", markup=False)
+    return Progress(*columns, state, console=Console(stderr=True), transient=True, refresh_per_second=10)

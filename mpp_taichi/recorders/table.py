@@ -1,0 +1,143 @@
+"""Table: conserved quantities sampled along a run, their errors, and the files they are written to."""
+
+import csv
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mpp_taichi.errors import OutputError
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation import Simulation
+
+SAMPLES_PER_RUN = 200
+ZERO_ENERGY = 1e-12  # an |E₀| below this share of kinetic + |potential| is what rounding left of zero
+FORMATS = (".csv", ".npz")
+_SCALARS = ("time", "step", "kinetic_energy", "potential_energy", "total_energy")
+_VECTORS = ("momentum", "angular_momentum", "center_of_mass")
+ERRORS = ("relative_energy_error", "momentum_error", "angular_momentum_error", "center_of_mass_error")
+
+
+class TableRecorder:
+    """Samples energies, momentum, angular momentum and centre of mass every `every` steps, all in f64.
+
+    Errors are against the first sample:
+
+    relative_energy_error   |E − E₀| / |E₀|; where E₀ is zero, over the largest kinetic + |potential| seen so far instead
+    momentum_error          |P − P₀| over the largest Σ m |v| seen so far
+    angular_momentum_error  |L − L₀| over the largest Σ m |x| |v| seen so far
+    center_of_mass_error    distance of the centre of mass from uniform motion, over the radius of the system at the start,
+                            or over its own largest way where the system is a point
+    """
+
+    def __init__(self, every: int) -> None:
+        """Sample every `every` steps; `finish` takes the last one."""
+        self.every = max(1, every)
+        self.rows: list[dict[str, Any]] = []
+        self._drift = np.zeros(3)
+        self._radius = 0.0
+        self._largest = dict.fromkeys(("energy", "momentum", "angular_momentum", "way"), 0.0)
+
+    @staticmethod
+    def every_for(steps: int | None) -> int:
+        """Steps between samples that make about `SAMPLES_PER_RUN` of them; of an endless run, every 100th step."""
+        return 100 if steps is None else max(1, steps // SAMPLES_PER_RUN)
+
+    def steps_until_due(self, simulation: "Simulation") -> int:
+        """Until the next sample."""
+        return self.rows[-1]["step"] + self.every - simulation.step_count if self.rows else 0
+
+    def record(self, simulation: "Simulation") -> None:
+        """Take a sample."""
+        row = simulation.diagnostics()
+        if not self.rows:
+            self._remember_start(simulation)
+        self.rows.append({**row, **self._errors(row)})
+
+    def finish(self, simulation: "Simulation") -> None:
+        """Take the last sample, unless that was just done."""
+        if not self.rows or self.rows[-1]["step"] != simulation.step_count:
+            self.record(simulation)
+
+    def _remember_start(self, simulation: "Simulation") -> None:
+        snapshot = simulation.snapshot()
+        weight = snapshot.mass / snapshot.mass.sum() if snapshot.mass.sum() else np.full(len(snapshot.mass), 1.0 / len(snapshot.mass))
+        self._drift = weight @ snapshot.velocity
+        self._radius = float(np.linalg.norm(snapshot.position - weight @ snapshot.position, axis=1).max())
+
+    def _errors(self, row: dict[str, Any]) -> dict[str, float]:
+        first = self.rows[0] if self.rows else row
+        way = row["center_of_mass"] - first["center_of_mass"]
+        self._raise("energy", row["kinetic_energy"] + abs(row["potential_energy"]))
+        self._raise("momentum", row["momentum_scale"])
+        self._raise("angular_momentum", row["angular_momentum_scale"])
+        self._raise("way", float(np.linalg.norm(way)))
+        start, largest = abs(first["total_energy"]), self._largest
+        uniform = self._drift * (row["time"] - first["time"])
+        return {
+            "relative_energy_error": _ratio(
+                row["total_energy"] - first["total_energy"], start if start > ZERO_ENERGY * largest["energy"] else largest["energy"]
+            ),
+            "momentum_error": _ratio(row["momentum"] - first["momentum"], largest["momentum"]),
+            "angular_momentum_error": _ratio(row["angular_momentum"] - first["angular_momentum"], largest["angular_momentum"]),
+            "center_of_mass_error": _ratio(way - uniform, self._radius or largest["way"]),
+        }
+
+    def _raise(self, name: str, value: float) -> None:
+        self._largest[name] = max(self._largest[name], value)
+
+    def summary(self) -> dict[str, float]:
+        """First and last energy, and the largest of every error (`relative_energy_error_max`, …)."""
+        found = {
+            "total_energy_initial": self.rows[0]["total_energy"],
+            "total_energy_final": self.rows[-1]["total_energy"],
+            "kinetic_energy_final": self.rows[-1]["kinetic_energy"],
+            "potential_energy_final": self.rows[-1]["potential_energy"],
+        }
+        return found | {f"{name}_max": max(row[name] for row in self.rows) for name in ERRORS}
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Every column: scalars (sample_count,), vectors (sample_count, 3)."""
+        return {name: np.array([row[name] for row in self.rows]) for name in (*_SCALARS, *_VECTORS, *ERRORS)}
+
+    def save(self, path: Path) -> None:
+        """Write the table as its suffix says, by way of a temporary file.
+
+        Raises:
+            OutputError: the suffix is none of `FORMATS`, or the file cannot be written.
+        """
+        if path.suffix.lower() not in FORMATS:
+            raise OutputError(f"{path}: the table format {path.suffix!r} is none of {', '.join(FORMATS)}")
+        temporary = path.with_name(path.name + ".part")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if path.suffix.lower() == ".csv":
+                with open(temporary, "w", encoding="utf-8", newline="") as stream:
+                    csv.writer(stream).writerows(self._lines())
+            else:
+                with open(temporary, "wb") as raw:
+                    np.savez(raw, **self.columns())
+            os.replace(temporary, path)
+        except OSError as error:
+            temporary.unlink(missing_ok=True)
+            raise OutputError(f"{path}: cannot write the table: {error.strerror or error}") from error
+
+    def _lines(self) -> list[Sequence[str]]:
+        """Header and rows; numbers in their shortest exact spelling."""
+        header = [*_SCALARS, *(f"{name}_{axis}" for name in _VECTORS for axis in "xyz"), *ERRORS]
+        lines: list[Sequence[str]] = [header]
+        for row in self.rows:
+            numbers = [row[name] for name in _SCALARS]
+            numbers += [value for name in _VECTORS for value in row[name]]
+            numbers += [row[name] for name in ERRORS]
+            lines.append([repr(value) if isinstance(value, int) else repr(float(value)) for value in numbers])
+        return lines
+
+
+def _ratio(change: Any, scale: float) -> float:
+    """|change| / scale; nothing over nothing is nothing."""
+    size = float(np.linalg.norm(change))
+    return size / scale if scale > 0.0 else (0.0 if size == 0.0 else float("inf"))

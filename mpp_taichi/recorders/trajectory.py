@@ -1,0 +1,174 @@
+"""Trajectory: positions and velocities along a run, streamed to disk as NumPy arrays or extended XYZ."""
+
+import json
+import os
+import shutil
+import zipfile
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+
+from mpp_taichi.errors import OutputError
+from mpp_taichi.recorders._lock import OutputLock
+from mpp_taichi.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation import Simulation
+
+FORMATS = (".npz", ".xyz", ".extxyz")
+
+
+class TrajectoryRecorder:
+    """Writes the particles every `every` steps, at the start and at the end; memory does not grow with the run.
+
+    `.npz` holds time and step (frame_count,), position and velocity (frame_count, particle_count, 3) in f64, and mass, radius,
+    charge, name as in a `Snapshot`; the frames wait in raw files beside it until `close` packs them. `.xyz` and `.extxyz` are
+    text, one block a frame. The file appears under its name only when it is whole. A context manager.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        """Take the file.
+
+        Raises:
+            OutputError: the suffix is none of `FORMATS`, or the file cannot be written.
+        """
+        self.path = Path(path)
+        self.every = 1
+        self.frame_count = 0
+        self._last_step = -1
+        suffix = self.path.suffix.lower()
+        if suffix not in FORMATS:
+            raise OutputError(f"{self.path}: the trajectory format {suffix!r} is none of {', '.join(FORMATS)}")
+        self._lock = OutputLock(self.path)
+        self._writer: _ArrayWriter | _TextWriter | None = None
+        try:
+            self._writer = _ArrayWriter(self.path) if suffix == ".npz" else _TextWriter(self.path)
+        except OSError as error:
+            self._lock.release()
+            raise self._failure(error) from error
+
+    def __enter__(self) -> "TrajectoryRecorder":
+        """The recorder itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Keep what was written, whatever happened."""
+        self.close()
+
+    def steps_until_due(self, simulation: "Simulation") -> int:
+        """Until the next frame."""
+        return 0 if self._last_step < 0 else self._last_step + self.every - simulation.step_count
+
+    def record(self, simulation: "Simulation") -> None:
+        """Write a frame.
+
+        Raises:
+            OutputError: the disk is full.
+        """
+        assert self._writer is not None
+        try:
+            self._writer.write(simulation.snapshot())
+        except OSError as error:
+            raise self._failure(error) from error
+        self._last_step = simulation.step_count
+        self.frame_count += 1
+
+    def finish(self, simulation: "Simulation") -> None:
+        """Write the last frame, unless that was just done."""
+        if self._last_step != simulation.step_count:
+            self.record(simulation)
+
+    def close(self) -> None:
+        """Give the file its name; nothing is left when not one frame was written. Harmless when called twice."""
+        if self._writer is None:
+            return
+        writer, self._writer = self._writer, None
+        try:
+            writer.close(keep=self.frame_count > 0)
+        except OSError as error:
+            raise self._failure(error) from error
+        finally:
+            self._lock.release()
+
+    def _failure(self, error: OSError) -> OutputError:
+        return OutputError(f"{self.path}: cannot write the trajectory: {error.strerror or error}")
+
+
+class _ArrayWriter:
+    """Raw frames in one file per array, packed into one `.npz` at the end."""
+
+    ARRAYS = ("position", "velocity")
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._parts = {name: path.with_name(f"{path.name}.{name}.part") for name in self.ARRAYS}
+        self._streams: dict[str, IO[bytes]] = {name: open(part, "w+b") for name, part in self._parts.items()}
+        self._times: list[float] = []
+        self._steps: list[int] = []
+        self._particles: Snapshot | None = None
+
+    def write(self, snapshot: Snapshot) -> None:
+        for name in self.ARRAYS:
+            self._streams[name].write(np.ascontiguousarray(getattr(snapshot, name), dtype="<f8").tobytes())
+        self._times.append(snapshot.time)
+        self._steps.append(snapshot.step)
+        self._particles = snapshot
+
+    def close(self, *, keep: bool) -> None:
+        whole = self.path.with_name(self.path.name + ".part")
+        try:
+            if keep:
+                with zipfile.ZipFile(whole, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
+                    self._pack(archive)
+                os.replace(whole, self.path)
+        finally:
+            whole.unlink(missing_ok=True)
+            for name in self.ARRAYS:
+                self._streams[name].close()
+                self._parts[name].unlink(missing_ok=True)
+
+    def _pack(self, archive: zipfile.ZipFile) -> None:
+        assert self._particles is not None
+        small: dict[str, Any] = {"time": np.array(self._times), "step": np.array(self._steps)}
+        small |= {name: getattr(self._particles, name) for name in ("mass", "radius", "charge")}
+        small["name"] = np.array(self._particles.name, dtype=np.str_)
+        for name, values in small.items():
+            with archive.open(f"{name}.npy", "w") as member:
+                np.lib.format.write_array(member, values, allow_pickle=False)
+        header = {"descr": "<f8", "fortran_order": False, "shape": (len(self._times), self._particles.particle_count, 3)}
+        for name, stream in self._streams.items():
+            stream.seek(0)
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array_header_1_0(member, header)
+                shutil.copyfileobj(stream, member, 1 << 20)
+
+
+class _TextWriter:
+    """Extended XYZ: particle count, a comment that names the columns, one line a particle."""
+
+    COLUMNS = "species:S:1:pos:R:3:velo:R:3:mass:R:1:radius:R:1:charge:R:1"
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._part = path.with_name(path.name + ".part")
+        self._stream = open(self._part, "w", encoding="utf-8")
+
+    def write(self, snapshot: Snapshot) -> None:
+        self._stream.write(f"{snapshot.particle_count}\nProperties={self.COLUMNS} Time={snapshot.time!r} Step={snapshot.step} pbc=\"F F F\"\n")
+        numbers = np.column_stack([snapshot.position, snapshot.velocity, snapshot.mass, snapshot.radius, snapshot.charge])
+        for name, row in zip(snapshot.name, numbers.tolist(), strict=True):
+            self._stream.write(f"{_species(name)} {' '.join(map(repr, row))}\n")
+
+    def close(self, *, keep: bool) -> None:
+        self._stream.close()
+        if keep:
+            os.replace(self._part, self.path)
+        else:
+            self._part.unlink(missing_ok=True)
+
+
+def _species(name: str) -> str:
+    """One word: the name without blanks, or X."""
+    word = json.dumps("_".join(name.split()), ensure_ascii=False)[1:-1]
+    return word or "X"

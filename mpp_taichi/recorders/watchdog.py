@@ -1,0 +1,46 @@
+"""Watchdog: says when a run that ought to keep its energy has lost it."""
+
+import logging
+from typing import TYPE_CHECKING
+
+from mpp_taichi.recorders.table import TableRecorder
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation import Simulation
+
+log = logging.getLogger(__name__)
+
+ENERGY_LIMIT = 0.1
+"""Relative energy error above which a run of conservative forces is called inaccurate: orbits are then other orbits."""
+
+
+class EnergyWatchdog:
+    """Reads the table as it grows; the first sample above `ENERGY_LIMIT` is kept as `broken_at` and warned about.
+
+    Stands after its table in the list of recorders. Watches only scenes all of whose forces conserve energy.
+    """
+
+    def __init__(self, table: TableRecorder) -> None:
+        """Watch a table."""
+        self.table = table
+        self.broken_at: float | None = None
+        self._seen = 0
+
+    def steps_until_due(self, simulation: "Simulation") -> int:
+        """Now, when the table has grown."""
+        if self.broken_at is not None or not simulation.conserves_energy:
+            return 2**31
+        return 0 if len(self.table.rows) > self._seen else self.table.steps_until_due(simulation)
+
+    def record(self, simulation: "Simulation") -> None:
+        """Compare the new samples with the limit."""
+        for row in self.table.rows[self._seen :]:
+            if self.broken_at is None and not row["relative_energy_error"] <= ENERGY_LIMIT:
+                self.broken_at = row["time"]
+                log.warning(
+                    "the energy was off by %.2g of itself at time %.6g although every force conserves it: "
+                    "the results are not accurate; try a smaller dt, a better integrator or a softening",
+                    row["relative_energy_error"],
+                    row["time"],
+                )
+        self._seen = len(self.table.rows)
