@@ -35,7 +35,9 @@ def label(snapshot: Snapshot, i: int) -> str:
 
 def diagnose(before: Snapshot, particle: int, *, step: int, time: float, pairs_singular: bool) -> StabilityError:
     """The error for a step that turned `particle` into NaN or infinity; `before` is the last finite state."""
-    message = f"step {step}, time {time:.9g}: the position or velocity of {label(before, particle)} is no longer a finite number"
+    message = (
+        f"step {step}, time {time:.9g}: the position or velocity of {label(before, particle)} is no longer a finite number"
+    )
     if before.particle_count > 1:
         distance = np.linalg.norm(before.position - before.position[particle], axis=1)
         distance[particle] = np.inf

@@ -46,7 +46,17 @@ class State:
     Vectors are stored component by component when a pair sum streams over all of them, else together.
     """
 
-    def __init__(self, snapshot: Snapshot, *, dimensions: int, needs: Iterable[str], scratch_count: int, streaming: bool, replica_count: int = 1, wide: Any = ti.f64):
+    def __init__(
+        self,
+        snapshot: Snapshot,
+        *,
+        dimensions: int,
+        needs: Iterable[str],
+        scratch_count: int,
+        streaming: bool,
+        replica_count: int = 1,
+        wide: Any = ti.f64,
+    ):
         """Allocate for the needs, and fill with the snapshot in every replica."""
         self.dimensions = dimensions
         self.wide = wide  # of energies: f64 where the device has it

@@ -22,16 +22,20 @@ class Stepper:
         self.total_force = total_force
         self.integrator = integrator
         self.plan = plan
-        self.parallel_shape = "lanes" if on_cpu else "gather"
+        # The pair sum of the CPU is compiled in a mode of its own, so it cannot share a kernel with the rest of the step.
+        self.launches_stages = plan == "parallel" and on_cpu and total_force.has_pairs
         self.grain = CPU_GRAIN if on_cpu else 1
         self._bad: Any = ti.field(ti.i32, shape=())
 
     def prepare(self, time: float) -> None:
-        """Run the integrator's `prepare`, after the state was set from outside."""
-        if self.plan == "parallel":
-            self._prepare_parallel(time)
-        else:
-            self._prepare_replicas(time)
+        """Compute the force that the first step expects to find, after the state was set from outside."""
+        if self.integrator.keeps_force:
+            if self.launches_stages:
+                self._launch_force(time)
+            elif self.plan == "parallel":
+                self._prepare_parallel(time)
+            else:
+                self._prepare_replicas(time)
 
     def advance(self, time: float, dt: float, steps: int) -> None:
         """Advance by `steps` steps of `dt` from `time`."""
@@ -39,9 +43,22 @@ class Stepper:
             self._advance_serial(time, dt, steps)
         elif self.plan == "replicas":
             self._advance_replicas(time, dt, steps)
+        elif self.launches_stages:
+            for s in range(steps):
+                self._launch_stages(time + s * dt, dt)
         else:
             for s in range(steps):
                 self._advance_parallel(time + s * dt, dt)
+
+    def launches_per_step(self) -> int:
+        """Parallel loops started in one step; a serial or replica launch holds many steps and counts as none."""
+        if self.plan != "parallel":
+            return 0
+        damped = self.total_force.depends_on_velocity
+        force = 1 + (1 + self.state.has_fixed_axes if self.total_force.has_pairs else 0)
+        return self.integrator.evaluations * force + sum(
+            self.integrator.loops(k, damped) for k in range(self.integrator.evaluations + 1)
+        )
 
     def loop_iterations_per_step(self) -> int:
         """Loop iterations of one thread in one step of a serial or replica kernel, an upper bound."""
@@ -58,7 +75,7 @@ class Stepper:
 
     @ti.kernel
     def _advance_parallel(self, time: float, dt: float):
-        self.integrator.step(self.state, self.total_force, 0, time, dt, self.parallel_shape)
+        self.integrator.step(self.state, self.total_force, 0, time, dt, "parallel")
 
     @ti.kernel
     def _advance_replicas(self, time: float, dt: float, steps: ti.i32):
@@ -68,16 +85,41 @@ class Stepper:
                 for s in range(steps):
                     self.integrator.step(self.state, self.total_force, first, time + s * dt, dt, "serial")
 
+    def _launch_stages(self, time: float, dt: float) -> None:
+        """The step's own stages and forces, each a launch."""
+        self._stage(time, dt, 0)
+        for k, node in enumerate(self.integrator.nodes):
+            self._launch_force(time + node * dt)
+            self._stage(time, dt, k + 1)
+
+    def _launch_force(self, time: float) -> None:
+        self._begin_sum(time)
+        self.total_force.pairs.add_accelerations(self.state)
+        if self.state.has_fixed_axes:
+            self._end_sum()
+
+    @ti.kernel
+    def _stage(self, time: float, dt: float, k: ti.template()):
+        self.integrator.stage(self.state, self.total_force, 0, time, dt, k)
+
+    @ti.kernel
+    def _begin_sum(self, time: float):
+        self.total_force.begin_sum(self.state, 0, time)
+
+    @ti.kernel
+    def _end_sum(self):
+        self.total_force.end_sum(self.state, 0)
+
     @ti.kernel
     def _prepare_parallel(self, time: float):
-        self.integrator.prepare(self.state, self.total_force, 0, time, self.parallel_shape)
+        self.total_force.accumulate(self.state, 0, time, "parallel")
 
     @ti.kernel
     def _prepare_replicas(self, time: float):
         for q in range(self.state.replica_count * self.grain):
             if q % self.grain == 0:
                 first = q // self.grain * self.state.particle_count
-                self.integrator.prepare(self.state, self.total_force, first, time, "serial")
+                self.total_force.accumulate(self.state, first, time, "serial")
 
     def first_bad_particle(self) -> int:
         """Index of the first particle whose position or velocity is not finite, or −1."""

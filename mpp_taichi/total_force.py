@@ -24,9 +24,9 @@ def compose(spec: SceneSpec, snapshot: Snapshot) -> tuple[Force, ...]:
 class TotalForce:
     """The sum of the forces of a scene, as accelerations.
 
-    `shape` says how the loop over pairs runs: "serial" inside a serial loop, "lanes" (CPU) or "gather" (GPU) when it is
-    to be parallel. All other loops are parallel or serial by where they stand. Only what the scene has is compiled: loops
-    over absent kinds do not exist.
+    `shape` says how the loop over pairs runs: "serial" inside a serial loop, "parallel" at the top of a kernel. All other
+    loops are parallel or serial by where they stand. Only what the scene has is compiled: loops over absent kinds do not
+    exist.
     """
 
     def __init__(self, forces: tuple[Force, ...], particle_count: int, dimensions: int):
@@ -74,18 +74,26 @@ class TotalForce:
     @ti.func
     def accumulate(self, state: Template, first, time, shape: Template):
         """state.acceleration = everything that does not depend on velocity."""
-        for i in range(first, first + self.particle_count):
-            state.acceleration[i] = self.local_acceleration(state, first, i, time, False)
+        self.begin_sum(state, first, time)
         if ti.static(self.has_pairs):
             if ti.static(shape == "serial"):
                 self.pairs.accumulate_serial(state, first)
-            if ti.static(shape == "lanes"):
-                self.pairs.accumulate_parallel_cpu(state)
-            if ti.static(shape == "gather"):
+            else:
                 self.pairs.accumulate_parallel_gather(state)
-            if ti.static(state.has_fixed_axes):
-                for i in range(first, first + self.particle_count):
-                    state.acceleration[i] = state.acceleration[i] * state.free[i]
+            self.end_sum(state, first)
+
+    @ti.func
+    def begin_sum(self, state: Template, first, time):
+        """state.acceleration = external forces and springs."""
+        for i in range(first, first + self.particle_count):
+            state.acceleration[i] = self.local_acceleration(state, first, i, time, False)
+
+    @ti.func
+    def end_sum(self, state: Template, first):
+        """Take the pair forces off the axes that are held."""
+        if ti.static(state.has_fixed_axes):
+            for i in range(first, first + self.particle_count):
+                state.acceleration[i] = state.acceleration[i] * state.free[i]
 
     @ti.func
     def potential_energy_of(self, state: Template, i, time):

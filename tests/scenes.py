@@ -10,7 +10,7 @@ def kepler(eccentricity=0.3, dt=0.01, integrator="leapfrog", forces=()):
     return {
         "title": "Kepler",
         "particles": [
-            {"body": {"name": "sun", "mass": 1.0}},
+            {"body": {"name": "sun", "mass": 1.0, "position": [0, 0, 0]}},
             {"body": {"name": "planet", "mass": 1e-3, "position": [pericentre, 0, 0], "velocity": [0, speed, 0]}},
         ],
         "forces": [{"newtonian_gravity": {"strength": 1.0}}, *forces],

@@ -20,11 +20,8 @@ class Coulomb(PairForce):
 
     @ti.func
     def response(self, state: Template, i):
-        """−k q_i / m_i, and 0 for a neutral particle even where it has no mass."""
-        result = ti.cast(0.0, float)
-        if state.charge[i] != 0.0:
-            result = -self.coulomb_constant * state.charge[i] / state.mass[i]
-        return result
+        """Charge over mass, −k q_i / m_i, and 0 for a neutral particle even where it has no mass."""
+        return ti.select(state.charge[i] != 0.0, -self.coulomb_constant * state.charge[i] / state.mass[i], 0.0)
 
     @ti.func
     def source(self, state: Template, j):
@@ -38,8 +35,13 @@ class Coulomb(PairForce):
 
     @ti.func
     def potential(self, state: Template, i, j, inverse_distance):
-        """k q_i q_j / ρ."""
-        return self.coulomb_constant * ti.cast(state.charge[i], state.wide) * ti.cast(state.charge[j], state.wide) * inverse_distance
+        """Energy k q_i q_j / ρ."""
+        return (
+            self.coulomb_constant
+            * ti.cast(state.charge[i], state.wide)
+            * ti.cast(state.charge[j], state.wide)
+            * inverse_distance
+        )
 
     @staticmethod
     def interacts(snapshot) -> bool:

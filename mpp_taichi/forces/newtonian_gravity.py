@@ -15,7 +15,12 @@ class NewtonianGravity(PairForce):
     feel it and exert none. Source: Newton 1687; Plummer, MNRAS 71 (1911) 460.
     """
 
-    strength: float = param(None, optional=True, unit="length³ mass⁻¹ time⁻²", help="G, or k² in Gaussian units; absent: the G of the scene's units, or 1")
+    strength: float = param(
+        None,
+        optional=True,
+        unit="length³ mass⁻¹ time⁻²",
+        help="G, or k² in Gaussian units; absent: the G of the scene's units, or 1",
+    )
     softening: float = param(0.0, minimum=0.0, unit="length", help="ε, the radius inside which gravity is softened")
     needs = frozenset({"mass"})
 

@@ -7,28 +7,64 @@ from mpp_taichi.types import Template
 
 @ti.data_oriented
 class Integrator:
-    """What every integrator declares.
+    """What every integrator declares, and the step of all of them: an opening stage, then force and stage in turn.
 
     order            of the global error in dt
     symplectic       keeps the energy of a conservative system bounded for ever
     time_reversible  a step of −dt undoes a step of dt, to round-off
-    scratch_count    how many vector fields it needs from State
-    evaluations      of the velocity-independent force per step
+    nodes            times, as parts of dt, at which a step wants the force
+    keeps_force      a step uses, at its start, the force that the step before ended with
+
+    Subclasses may make any of them a property; here they must stay plain attributes, or Taichi would take these instead.
     """
 
     order = 0
     symplectic = False
     time_reversible = False
-    evaluations = 0
+    nodes: tuple = ()
+    keeps_force = False
+
+    @property
+    def evaluations(self) -> int:
+        """Forces per step."""
+        return len(self.nodes)
 
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Vector fields beyond position, velocity and acceleration."""
         raise TypeError(f"{type(self).__name__} does not say what it needs")
 
+    def loops(self, k: int, velocity_dependent: bool) -> int:
+        """How many loops over particles stage k runs."""
+        raise TypeError(f"{type(self).__name__} does not say how many loops it runs")
+
     @ti.func
-    def prepare(self, state: Template, total_force: Template, first, time, shape: Template):
-        """Compute what the first step expects to find; run once when the state was set from outside."""
+    def stage(self, state: Template, total_force: Template, first, time, dt, k: Template):
+        """Stage k of the step that began at `time`: 0 opens it, k + 1 follows the force at nodes[k].
+
+        Works on the particles first … first + particle_count − 1. Never reads what another particle's entry is given here.
+        """
+
+    @ti.func
+    def stage_after_force(self, state: Template, total_force: Template, first, time, dt, k):
+        """Stage k ≥ 1, where k is known only when the kernel runs."""
+        for c in ti.static(range(1, self.evaluations + 1)):
+            if k == c:
+                self.stage(state, total_force, first, time, dt, c)
 
     @ti.func
     def step(self, state: Template, total_force: Template, first, time, dt, shape: Template):
-        """Advance the particles first … first + particle_count − 1 from `time` to `time + dt`."""
+        """Advance from `time` to `time + dt`."""
+        self.stage(state, total_force, first, time, dt, 0)
+        if ti.static(shape == "serial" and self.evaluations > 1):
+            # The force is by far the most there is to compile, so the kernel holds it once and loops over the stages.
+            for k in range(self.evaluations):
+                node = 0.0
+                for c in ti.static(range(self.evaluations)):
+                    if k == c:
+                        node = self.nodes[c]
+                total_force.accumulate(state, first, time + node * dt, shape)
+                self.stage_after_force(state, total_force, first, time, dt, k + 1)
+        else:
+            for k in ti.static(range(self.evaluations)):
+                total_force.accumulate(state, first, time + self.nodes[k] * dt, shape)
+                self.stage(state, total_force, first, time, dt, k + 1)

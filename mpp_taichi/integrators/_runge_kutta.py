@@ -35,31 +35,33 @@ class RungeKutta(Integrator):
     b: tuple = ()
 
     @property
-    def evaluations(self) -> int:
-        """One per stage."""
-        return len(self.b)
+    def nodes(self) -> tuple:
+        """Where the slopes are taken."""
+        return tuple(node for node, _weights, _bars in nystroem_rows(self.a, self.b)[:-1])
 
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Start positions, start velocities, slopes."""
         return 2 + len(self.b)
 
+    def loops(self, k: int, velocity_dependent: bool) -> int:
+        """Remember the start; or take a slope, then move."""
+        return 1 if k == 0 else 2
+
     @ti.func
-    def step(self, state: Template, total_force: Template, first, time, dt, shape: Template):
-        """One step: each stage moves the state itself, so that forces always read the stage they are asked about."""
+    def stage(self, state: Template, total_force: Template, first, time, dt, k: Template):
+        """Remember the start; then take slope k − 1 and move the state itself to where the next force is wanted."""
         rows = ti.static(nystroem_rows(self.a, self.b))
-        for i in range(first, first + total_force.particle_count):
-            state.scratch_0[i] = state.position[i]
-            state.scratch_1[i] = state.velocity[i]
-        for s in ti.static(range(len(self.b))):
-            if ti.static(s > 0):
-                self.move(state, total_force, first, dt, rows[s])
-            total_force.accumulate(state, first, time + rows[s][0] * dt, shape)
+        if ti.static(k == 0):
+            for i in range(first, first + total_force.particle_count):
+                state.scratch_0[i] = state.position[i]
+                state.scratch_1[i] = state.velocity[i]
+        else:
             for i in range(first, first + total_force.particle_count):
                 slope = state.acceleration[i]
                 if ti.static(total_force.depends_on_velocity):
-                    slope += total_force.local_acceleration(state, first, i, time + rows[s][0] * dt, True)
-                state.scratch[2 + s][i] = slope
-        self.move(state, total_force, first, dt, rows[ti.static(len(self.b))])
+                    slope += total_force.local_acceleration(state, first, i, time + rows[k - 1][0] * dt, True)
+                state.scratch[1 + k][i] = slope
+            self.move(state, total_force, first, dt, rows[k])
 
     @ti.func
     def move(self, state: Template, total_force: Template, first, dt, row: Template):

@@ -34,54 +34,62 @@ class Splitting(Integrator):
         return len(self.kicks) > len(self.drifts)
 
     @property
-    def evaluations(self) -> int:
-        """One per kick, less the one that is handed on."""
-        return len(self.kicks) - (1 if self.begins_with_kick else 0)
+    def keeps_force(self) -> bool:
+        """A step that begins with a kick uses the force that the step before ended with."""
+        return self.begins_with_kick
+
+    @property
+    def entries(self) -> tuple:
+        """(node, kick, drift) of each stage: the first is the opening drift, or a kick by the force that was kept."""
+        kicks = self.kicks if self.begins_with_kick else (0.0, *self.kicks)
+        drifts = (*self.drifts, 0.0) if self.begins_with_kick else self.drifts
+        return tuple((sum(drifts[:k]), kick, drift) for k, (kick, drift) in enumerate(zip(kicks, drifts, strict=True)))
+
+    @property
+    def nodes(self) -> tuple:
+        """Where the drifts have led to."""
+        return tuple(node for node, _kick, _drift in self.entries[1:])
 
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Start velocities and slopes of the kick's own method."""
         return 1 + len(KICK_METHODS[self.order][1]) if velocity_dependent else 0
 
-    @ti.func
-    def prepare(self, state: Template, total_force: Template, first, time, shape: Template):
-        """A step that begins with a kick expects the acceleration."""
-        if ti.static(self.begins_with_kick):
-            total_force.accumulate(state, first, time, shape)
-
-    def entries(self) -> list[tuple[float, float, float]]:
-        """(node, kick, drift) in turn: force at `node`·dt, then the kick, then the drift.
-
-        The first entry needs no new force: it is the opening drift, or the kick that uses the force of the step before.
-        """
-        kicks = self.kicks if self.begins_with_kick else (0.0, *self.kicks)
-        drifts = (*self.drifts, 0.0) if self.begins_with_kick else self.drifts
-        return [(sum(drifts[:k]), kick, drift) for k, (kick, drift) in enumerate(zip(kicks, drifts, strict=True))]
+    def loops(self, k: int, velocity_dependent: bool) -> int:
+        """One, and three or more for a kick that forces change on the way."""
+        _node, kick, drift = self.entries[k]
+        damped = velocity_dependent and kick != 0.0
+        stages = len(KICK_METHODS[self.order][1])
+        return (1 + 2 * stages if damped else 0) + (1 if drift != 0.0 or (kick != 0.0 and not damped) else 0)
 
     @ti.func
-    def step(self, state: Template, total_force: Template, first, time, dt, shape: Template):
-        """Drift, kick, drift, … as the table says; each kick and the drift after it share one loop."""
-        entries = ti.static(self.entries())
-        for k in ti.static(range(len(entries))):
-            node, kick, drift = ti.static(entries[k])
-            if ti.static(k > 0):
-                total_force.accumulate(state, first, time + node * dt, shape)
-            self.kick_and_drift(state, total_force, first, time + node * dt, dt, kick, drift)
+    def stage(self, state: Template, total_force: Template, first, time, dt, k: Template):
+        """A kick and the drift after it; a coefficient of zero costs nothing."""
+        node, kick, drift = ti.static(self.entries[k])
+        self.kick_and_drift(state, total_force, first, time + node * dt, kick * dt, drift * dt, kick != 0.0, drift != 0.0)
 
     @ti.func
-    def kick_and_drift(self, state: Template, total_force: Template, first, time, dt, kick: Template, drift: Template):
-        """v += kick·dt·a, then x += drift·dt·v; a zero coefficient costs nothing."""
-        if ti.static(total_force.depends_on_velocity and kick != 0.0):
-            self.damped_kick(state, total_force, first, time, kick * dt)
-            if ti.static(drift != 0.0):
-                for i in range(first, first + total_force.particle_count):
-                    state.position[i] = state.position[i] + drift * dt * state.velocity[i]
-        else:
-            if ti.static(kick != 0.0 or drift != 0.0):
-                for i in range(first, first + total_force.particle_count):
-                    if ti.static(kick != 0.0):
-                        state.velocity[i] = state.velocity[i] + kick * dt * state.acceleration[i]
-                    if ti.static(drift != 0.0):
-                        state.position[i] = state.position[i] + drift * dt * state.velocity[i]
+    def stage_after_force(self, state: Template, total_force: Template, first, time, dt, k):
+        """The same with coefficients looked up while running: one copy of the code serves all stages."""
+        node, kick, drift = 0.0, 0.0, 0.0
+        for c in ti.static(range(1, self.evaluations + 1)):
+            if k == c:
+                node, kick, drift = self.entries[c]
+        self.kick_and_drift(state, total_force, first, time + node * dt, kick * dt, drift * dt, True, True)
+
+    @ti.func
+    def kick_and_drift(
+        self, state: Template, total_force: Template, first, time, kick, drift, has_kick: Template, has_drift: Template
+    ):
+        """v += kick·a, then x += drift·v, in one loop."""
+        damped = ti.static(total_force.depends_on_velocity and has_kick)
+        if ti.static(damped):
+            self.damped_kick(state, total_force, first, time, kick)
+        if ti.static(has_drift or not damped):
+            for i in range(first, first + total_force.particle_count):
+                if ti.static(has_kick and not damped):
+                    state.velocity[i] = state.velocity[i] + kick * state.acceleration[i]
+                if ti.static(has_drift):
+                    state.position[i] = state.position[i] + drift * state.velocity[i]
 
     @ti.func
     def damped_kick(self, state: Template, total_force: Template, first, time, h):

@@ -1,0 +1,173 @@
+"""Every integrator of the catalogue: order, reversibility, energy, velocity-dependent forces; a new file is tested by being there."""
+
+import math
+
+import numpy as np
+import pytest
+from reference import accelerations
+from scenes import everything, kepler
+from scipy.integrate import solve_ivp
+
+from mpp_taichi import Simulation, component
+
+INTEGRATORS = component.names("integrators")
+SLOPE_TOLERANCE = 0.1
+ROUND_OFF = 2.0**-53
+
+
+def declared(name, attribute):
+    return getattr(component.build("integrators", name, {"dt": 1.0}), attribute)
+
+
+def slope(steps, errors):
+    """Least-squares slope of log error against log dt."""
+    return np.polyfit(np.log(steps), np.log(errors), 1)[0]
+
+
+def ladder(order):
+    """Steps per unit of time where truncation dominates: far above round-off, far below breakdown."""
+    finest = {1: 4096, 2: 512, 4: 160}[order]
+    return [finest // 8, finest // 4, finest // 2, finest]
+
+
+def errors_at(scene, name, duration, reference):
+    """Position error at the end, for each dt of the ladder, compiled once."""
+    errors, dts = [], []
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        for count in ladder(declared(name, "order")):
+            simulation.dt = 1.0 / count
+            simulation.restart()
+            simulation.run(steps=round(duration * count))
+            errors.append(np.abs(simulation.snapshot().position - reference(simulation)).max())
+            dts.append(simulation.dt)
+    return dts, errors
+
+
+def kepler_reference(simulation):
+    """Two bodies of masses 1 and 1e-3 by Kepler's equation, about their centre of mass."""
+    start = simulation.start
+    separation, velocity = start.position[1] - start.position[0], start.velocity[1] - start.velocity[0]
+    mu = start.mass.sum()
+    distance = np.linalg.norm(separation)
+    a = 1.0 / (2.0 / distance - velocity @ velocity / mu)
+    e = 1.0 - distance / a
+    mean = math.sqrt(mu / a**3) * simulation.time
+    anomaly = mean
+    for _ in range(60):
+        anomaly -= (anomaly - e * math.sin(anomaly) - mean) / (1.0 - e * math.cos(anomaly))
+    x = np.array([a * (math.cos(anomaly) - e), a * math.sqrt(1 - e * e) * math.sin(anomaly), 0.0])
+    return np.array([-start.mass[1] / mu * x, start.mass[0] / mu * x])
+
+
+def everything_reference(simulation):
+    """The scene with every effect by SciPy's DOP853 at its tightest, from the textbook formulas."""
+    start = simulation.start
+    s, m, free = start.springs, start.mass, start.free
+
+    def slopes(_, y):
+        x, v = y.reshape(2, -1, 3)
+        a = accelerations.gravity(x, m, 0.7, 0.2)
+        a += accelerations.coulomb(x, m, start.charge, 0.5, 0.3)
+        a += accelerations.springs(x, v, m, s.between, s.stiffness, s.damping, s.rest_length)
+        a += np.array([0.1, -0.2, -0.3]) - 0.2 * v / m[:, None]
+        return np.concatenate([v.ravel(), (a * free).ravel()])
+
+    y = np.concatenate([start.position.ravel(), (start.velocity * free).ravel()])
+    end = solve_ivp(slopes, (0.0, simulation.time), y, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+    return end[: y.size // 2].reshape(-1, 3)
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_order_of_convergence_on_an_eccentric_orbit(name):
+    dts, errors = errors_at(kepler(0.3, integrator=name), name, 5.0, kepler_reference)
+    assert errors[-1] > 1e-11, "the ladder reaches round-off and shows nothing"
+    assert slope(dts, errors) == pytest.approx(declared(name, "order"), abs=SLOPE_TOLERANCE)
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_order_is_kept_by_forces_that_depend_on_velocity(name):
+    dts, errors = errors_at(everything(integrator=name), name, 2.0, everything_reference)
+    assert slope(dts, errors) == pytest.approx(declared(name, "order"), abs=SLOPE_TOLERANCE)
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_time_reversible_integrators_return_to_round_off_and_others_do_not(name):
+    steps = 1000
+    with Simulation(kepler(0.5, dt=0.02, integrator=name), backend="cpu", precision="f64") as simulation:
+        before = simulation.snapshot()
+        simulation.run(steps=steps)
+        simulation.dt = -simulation.dt
+        simulation.run(steps=steps)
+        back = np.abs(simulation.snapshot().position - before.position).max()
+    # Each of the 2·1000 steps rounds numbers of size ≤ 2; along an orbit a rounding grows at most with the square of the
+    # number of steps taken after it (phase drift), which over n steps sums to n^{3/2}·few ulp when the roundings are random.
+    limit = 30 * (2 * steps) ** 1.5 * ROUND_OFF
+    if declared(name, "time_reversible"):
+        assert back <= limit
+    else:
+        assert back > 100 * limit
+
+
+def test_palindromic_tables_are_exactly_those_called_reversible():
+    reversible = {name for name in INTEGRATORS if declared(name, "time_reversible")}
+    assert reversible == {"leapfrog", "velocity_verlet", "yoshida4", "pefrl"}
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_energy_is_bounded_for_symplectic_integrators_and_drifts_for_others(name):
+    """Over 200 orbits the largest error of the last quarter stays that of the first, or grows with it."""
+    errors = []
+    with Simulation(kepler(0.3, dt=0.05, integrator=name), backend="cpu", precision="f64") as simulation:
+        energy = simulation.diagnostics()["total_energy"]
+        for _ in range(800):
+            simulation.run(steps=31)  # a quarter of a turn
+            errors.append(abs(simulation.diagnostics()["total_energy"] / energy - 1.0))
+    first, last = max(errors[:200]), max(errors[600:])
+    if declared(name, "symplectic"):
+        assert last < 1.5 * first
+    else:
+        assert last > 2.0 * first
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_momentum_is_kept_to_round_off(name):
+    scene = everything(integrator=name, drag=0.0)
+    scene["forces"] = scene["forces"][:2]
+    scene["particles"][0]["body"]["free"] = [True, True, True]
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        before = simulation.diagnostics()
+        simulation.run(steps=1000)
+        after = simulation.diagnostics()
+    error = np.abs(after["momentum"] - before["momentum"]).max()
+    assert error <= 1000 * ROUND_OFF * before["momentum_scale"]
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_tables_are_consistent(name):
+    """Weights sum to one: the first condition of any order."""
+    method = component.build("integrators", name, {"dt": 1.0})
+    if method.symplectic:
+        assert math.fsum(method.drifts) == pytest.approx(1.0, abs=4 * ROUND_OFF)
+        assert math.fsum(method.kicks) == pytest.approx(1.0, abs=4 * ROUND_OFF)
+    else:
+        assert math.fsum(method.b) == pytest.approx(1.0, abs=4 * ROUND_OFF)
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_a_free_particle_flies_straight(name):
+    scene = {"particles": [{"body": {"mass": 1.0, "position": [0, 0, 0], "velocity": [1, 2, 3]}}], "integrator": {name: {"dt": 0.5}}}
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        simulation.run(duration=16.0)
+        np.testing.assert_allclose(simulation.snapshot().position, [[16, 32, 48]], rtol=1e-15)
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_fixed_axes_do_not_move_a_bit(name):
+    scene = everything(integrator=name)
+    scene["particles"][0]["body"] |= {"position": [0.1, 0.2, 0.3], "velocity": [0.4, 0.5, 0.6], "free": [True, False, False]}
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        simulation.run(steps=500)
+        end = simulation.snapshot()
+    assert end.position[0, 1] == 0.2 and end.position[0, 2] == 0.3
+    assert abs(end.position[0, 0] - 0.1) > 1e-3
+    assert end.velocity[0, 1] == end.velocity[0, 2] == 0.0

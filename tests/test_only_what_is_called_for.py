@@ -1,0 +1,156 @@
+"""A scene pays for what it names: imports, memory, kernels. And a component is one file with no other edit."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scenes import everything, kepler
+
+from mpp_taichi import SceneError, Simulation, component
+
+
+def run_python(code):
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_importing_the_package_starts_no_device_and_imports_no_taichi():
+    loaded = run_python("import sys, json, mpp_taichi; print(json.dumps(sorted(sys.modules)))")
+    assert "taichi" not in json.loads(loaded)
+    assert "numpy" not in json.loads(loaded)
+
+
+def test_reading_a_scene_imports_no_taichi():
+    loaded = run_python(
+        "import sys; from mpp_taichi.scene.load import load_scene; from mpp_taichi.generators._assemble import assemble\n"
+        "assemble(load_scene('scenes/sun_earth.yaml')); print('taichi' in sys.modules)"
+    )
+    assert loaded.strip() == "False"
+
+
+def test_a_gravity_scene_imports_and_allocates_gravity_only():
+    code = (
+        "import sys, json; from mpp_taichi import Simulation\n"
+        "s = Simulation('scenes/sun_earth.yaml', backend='cpu'); s.run(steps=2)\n"
+        "print(json.dumps([sorted(m for m in sys.modules if m.startswith('mpp_taichi')), sorted(s.state.field_sizes())]))"
+    )
+    modules, fields = json.loads(run_python(code))
+    assert "mpp_taichi.forces.newtonian_gravity" in modules
+    for absent in ("forces.coulomb", "forces.spring", "forces.uniform_gravity", "forces.linear_drag", "integrators.rk4", "views"):
+        assert not any(module.startswith(f"mpp_taichi.{absent}") for module in modules), absent
+    assert set(fields) <= {"position", "velocity", "acceleration", "mass", "free"}
+    assert "charge" not in fields and "radius" not in fields
+
+
+def test_a_scene_without_pairs_imports_no_pair_loop():
+    code = (
+        "import sys; from mpp_taichi import Simulation\n"
+        "s = Simulation({'particles': [{'body': {'mass': 1, 'position': [0, 0, 0]}}], 'forces': [{'uniform_gravity': {}}],\n"
+        "                'integrator': {'leapfrog': {'dt': 0.1}}}, backend='cpu')\n"
+        "s.run(steps=2); print('mpp_taichi.neighbors.all_pairs' in sys.modules)"
+    )
+    assert run_python(code).strip() == "False"
+
+
+def test_fields_are_those_that_the_effects_need():
+    with Simulation(everything(), backend="cpu") as simulation:
+        assert {"charge", "spring_damping", "free", "scratch_0"} <= set(simulation.state.field_sizes())
+    with Simulation(everything(damping=0.0, drag=0.0), backend="cpu") as simulation:
+        assert not {"spring_damping", "scratch_0", "radius"} & set(simulation.state.field_sizes())
+
+
+def test_an_effect_of_zero_changes_no_bit():
+    with Simulation(kepler(0.3), backend="cpu", plan="serial") as simulation:
+        without = simulation.run(steps=500).snapshot()
+    scene = kepler(0.3, forces=[{"uniform_gravity": {"acceleration": [0, 0, 0]}}])
+    with Simulation(scene, backend="cpu", plan="serial") as simulation:
+        with_zero = simulation.run(steps=500).snapshot()
+    assert np.array_equal(without.position, with_zero.position)
+
+
+FORCE = '''"""A spring to the origin."""
+import taichi as ti
+from mpp_taichi.component import component, param
+from mpp_taichi.forces._base import ExternalForce
+from mpp_taichi.types import Template
+
+@component
+class HarmonicTrap(ExternalForce):
+    """F = -k x."""
+
+    stiffness: float = param(1.0, minimum=0.0, unit="force length⁻¹", help="k")
+    needs = frozenset({"mass"})
+
+    @ti.func
+    def accelerate(self, state: Template, i, time):
+        """-k x / m."""
+        return -(self.stiffness / state.mass[i]) * state.position[i]
+
+    @ti.func
+    def potential(self, state: Template, i, time):
+        """k x² / 2."""
+        x = ti.cast(state.position[i], state.wide)
+        return 0.5 * self.stiffness * x.dot(x)
+'''
+INTEGRATOR = '''"""McLachlan's second-order method with two kicks."""
+from mpp_taichi.component import component, param
+from mpp_taichi.integrators._splitting import Splitting
+
+@component
+class Mclachlan2(Splitting):
+    """Second order, two kicks, small error. Source: McLachlan, SIAM J. Sci. Comput. 16 (1995) 151."""
+
+    dt: float = param(above=0.0, unit="time", help="time step")
+    order = 2
+    drifts, kicks = (0.1931833275037836, 0.6136333449924328, 0.1931833275037836), (0.5, 0.5)
+'''
+GENERATOR = '''"""Particles along a line."""
+import numpy as np
+from mpp_taichi.component import component, param
+from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make_group
+
+@component
+class Row(Generator):
+    """`count` particles of unit spacing along x."""
+
+    count: int = param(minimum=1, help="how many")
+    mass: float = param(1.0, minimum=0.0, help="of each")
+
+    def particle_count(self) -> int:
+        """As many as asked for."""
+        return self.count
+
+    def generate(self, context: GeneratorContext) -> Group:
+        """One after the other."""
+        return make_group(self.count, position=np.outer(np.arange(self.count), [1.0, 0, 0]), mass=self.mass)
+'''
+
+
+@pytest.fixture
+def own_folder(tmp_path):
+    component.extra_folders.append(tmp_path)
+    yield tmp_path
+    component.extra_folders.remove(tmp_path)
+
+
+def test_a_force_an_integrator_and_a_generator_are_one_file_each(own_folder):
+    for place, text in (("forces/harmonic_trap", FORCE), ("integrators/mclachlan2", INTEGRATOR), ("generators/row", GENERATOR)):
+        path = own_folder / f"{place}.py"
+        path.parent.mkdir()
+        path.write_text(text, encoding="utf-8")
+    scene = {
+        "particles": [{"row": {"count": 3, "mass": 2.0}}],
+        "forces": [{"harmonic_trap": {"stiffness": 8.0}}],
+        "integrator": {"mclachlan2": {"dt": 0.001}},
+    }
+    with Simulation(scene, backend="cpu") as simulation:
+        simulation.run(duration=1.0)
+        x = simulation.snapshot().position[:, 0]
+    # ω = √(k/m) = 2, amplitudes 0, 1 and 2; second order with (ω dt)² = 4e-6 and an error constant below 1/24.
+    np.testing.assert_allclose(x, np.arange(3) * np.cos(2.0), atol=1e-6)
+    assert "harmonic_trap" in component.names("forces")
+    with pytest.raises(SceneError, match="must|minimum|least"):
+        Simulation(scene | {"particles": [{"row": {"count": 0}}]}, backend="cpu")

@@ -1,0 +1,129 @@
+"""One text of the step: serial, parallel and replica plans and every backend give the same trajectory; repeated runs the same bits."""
+
+import hashlib
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scenes import cluster, everything, kepler
+
+from mpp_taichi import Simulation, component
+from mpp_taichi.snapshot import Snapshot
+
+PRECISIONS = {"f32": 2.0**-24, "f64": 2.0**-53}
+INTEGRATORS = component.names("integrators")
+
+
+def end_of(scene, *, steps=200, **options):
+    with Simulation(scene, **options) as simulation:
+        return simulation.run(steps=steps).snapshot()
+
+
+def difference(a: Snapshot, b: Snapshot):
+    return np.abs(a.position - b.position).max()
+
+
+def growth(scene, steps, precision):
+    """How far roundings of one run grow: twice the effect of moving every start position by one ulp, plus one ulp a step."""
+    with Simulation(scene, backend="cpu", precision="f64", plan="serial") as simulation:
+        base = simulation.run(steps=steps).snapshot().position
+        simulation.restart()
+        signs = np.where(np.random.default_rng(0).random(base.shape) < 0.5, -1.0, 1.0)
+        nudge = 1e-7 * signs * simulation.start.free
+        simulation.state.write(simulation.start.position + nudge, simulation.start.velocity * simulation.start.free)
+        amplification = np.abs(simulation.run(steps=steps).snapshot().position - base).max() / 1e-7
+    size = max(1.0, np.abs(base).max())
+    # A rounding of half an ulp enters in each step of about ten operations, and later ones grow no more than the first.
+    return 10 * steps * PRECISIONS[precision] * size * max(1.0, amplification)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_serial_and_parallel_agree_to_round_off(name, precision):
+    scene = everything(integrator=name)
+    serial = end_of(scene, backend="cpu", precision=precision, plan="serial")
+    parallel = end_of(scene, backend="cpu", precision=precision, plan="parallel")
+    assert difference(serial, parallel) <= growth(scene, 200, precision)
+
+
+@pytest.mark.parametrize("plan", ["serial", "parallel"])
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_vulkan_agrees_with_the_cpu_to_round_off(software_vulkan, precision, plan):
+    for scene in (everything(), cluster(30)):
+        here = end_of(scene, backend="cpu", precision=precision, plan="serial", steps=50)
+        there = end_of(scene, backend="vulkan", precision=precision, plan=plan, steps=50)
+        assert 0 < np.abs(here.position - Simulation(scene, backend="cpu").start.position).max()
+        assert difference(here, there) <= growth(scene, 50, precision)
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+@pytest.mark.parametrize("plan", ["serial", "parallel"])
+def test_the_same_run_twice_gives_the_same_bits(plan, dimensions):
+    scene = cluster(70, dimensions=dimensions)
+    runs = [end_of(scene, backend="cpu", plan=plan) for _ in range(3)]
+    assert all(np.array_equal(runs[0].position, run.position) for run in runs[1:])
+    assert all(np.array_equal(runs[0].velocity, run.velocity) for run in runs[1:])
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_any_number_of_threads_gives_the_same_bits(precision):
+    code = (
+        "import sys, hashlib; sys.path.insert(0, 'tests'); from scenes import cluster; from mpp_taichi import Simulation\n"
+        "s = Simulation(cluster(1500), backend='cpu', precision=sys.argv[2], plan='parallel', threads=int(sys.argv[1]))\n"
+        "print(hashlib.sha256(s.run(steps=5).snapshot().position.tobytes()).hexdigest())"
+    )
+    digests = {
+        subprocess.run([sys.executable, "-c", code, threads, precision], capture_output=True, text=True, check=True).stdout
+        for threads in ("1", "2", "4")
+    }
+    assert len(digests) == 1 and len(digests.pop().strip()) == len(hashlib.sha256().hexdigest())
+
+
+def test_two_dimensions_give_what_three_give_in_the_plane():
+    flat = end_of(cluster(20, dimensions=2), backend="cpu", plan="serial")
+    scene = cluster(20, dimensions=2) | {"dimensions": 3}
+    assert difference(flat, end_of(scene, backend="cpu", plan="serial")) <= growth(scene, 200, "f64")
+
+
+@pytest.mark.parametrize("name", ["leapfrog", "rk4", "velocity_verlet"])
+@pytest.mark.parametrize("backend", ["cpu", "vulkan"])
+def test_a_thousand_replicas_each_equal_their_single_run(name, backend, request):
+    if backend == "vulkan":
+        request.getfixturevalue("software_vulkan")
+    scene = kepler(0.3, dt=0.02, integrator=name)
+    random = np.random.default_rng(5)
+    with Simulation(scene, backend=backend, precision="f64", plan="serial") as simulation:
+        start = simulation.start
+        starts = [
+            start.moved(position=start.position, velocity=start.velocity * random.uniform(0.8, 1.1), time=0.0, step=0)
+            for _ in range(1000)
+        ]
+        single = {}
+        for k in (0, 1, 499, 998, 999):
+            simulation.restart()
+            simulation.state.write(starts[k].position, starts[k].velocity)
+            single[k] = simulation.run(steps=300).snapshot()
+    with Simulation(scene, backend=backend, precision="f64", replica_starts=starts) as ensemble:
+        assert ensemble.plan == "replicas"
+        ensemble.run(steps=300)
+        for k, expected in single.items():
+            found = ensemble.snapshot(replica=k)
+            assert np.array_equal(found.position, expected.position)
+            assert np.array_equal(found.velocity, expected.velocity)
+        assert difference(ensemble.snapshot(replica=0), ensemble.snapshot(replica=1)) > 1e-3
+
+
+def test_the_step_stands_once():
+    """Only the base class and the two steppers define `step`; the plans are kernels around it."""
+    from mpp_taichi.component import PACKAGE_FOLDER
+
+    found = [path.stem for path in PACKAGE_FOLDER.rglob("*.py") if "def step(self, state" in path.read_text(encoding="utf-8")]
+    assert sorted(found) == ["_base", "_runge_kutta", "_splitting"]
+
+
+def test_small_scenes_take_the_serial_plan_and_large_ones_the_parallel_plan():
+    with Simulation(cluster(10), backend="cpu") as small:
+        assert small.plan == "serial"
+    with Simulation(cluster(1000), backend="cpu") as large:
+        assert large.plan == "parallel"
