@@ -43,7 +43,7 @@ class AllPairs:
     """Direct sum over all pairs: O(N²) work, no memory beyond the state's.
 
     Range. Squared distances must be normal numbers of the precision: in f32, distances from 1.1e-19 to 1.8e19 [length]; an
-    inverse cube wants 1.5e-13 to 2e12 (beyond, it loses digits to underflow, and vanishes from 1e15 on). Outside, a sum is
+    inverse cube wants 1.5e-13 to 4e12 (beyond, it loses digits to underflow, and vanishes from 9e14 on). Outside, a sum is
     inf, NaN or zero as IEEE arithmetic has it. Two bodies at one place without softening give NaN.
     """
 
@@ -72,26 +72,44 @@ class AllPairs:
         """
         if ti.static(self.has_work):
             if ti.static(self.unrolled):
-                for i in ti.static(range(self.particle_count)):
-                    for j in ti.static(range(i + 1, self.particle_count)):
-                        self._act_both_ways(state, first + i, first + j)
+                self._accumulate_unrolled(state, first)
+            elif ti.static(len(self.members) == 1):
+                for tile in range(self.tile_count):
+                    self._accumulate_tile(state, first, tile)
             else:
                 for i in range(first, first + self.particle_count):
                     for j in range(i + 1, first + self.particle_count):
-                        self._act_both_ways(state, i, j)
+                        d = state.position[j] - state.position[i]
+                        on_i, on_j = self._weights(state, i, j, d.dot(d))
+                        state.acceleration[i] = state.acceleration[i] + on_i * d
+                        state.acceleration[j] = state.acceleration[j] - on_j * d
 
     @ti.func
-    def _act_both_ways(self, state: Template, i, j):
-        d = state.position[j] - state.position[i]
-        distance_squared = d.dot(d)
+    def _accumulate_unrolled(self, state: Template, first):
+        """All in registers: every position is read once and every acceleration written once."""
+        position = [state.position[first + i] for i in ti.static(range(self.particle_count))]
+        total = [state.acceleration[first + i] for i in ti.static(range(self.particle_count))]
+        for i in ti.static(range(self.particle_count)):
+            for j in ti.static(range(i + 1, self.particle_count)):
+                d = position[j] - position[i]
+                on_i, on_j = self._weights(state, first + i, first + j, d.dot(d))
+                total[i] = total[i] + on_i * d
+                total[j] = total[j] - on_j * d
+        for i in ti.static(range(self.particle_count)):
+            state.acceleration[first + i] = total[i]
+
+    @ti.func
+    def _weights(self, state: Template, i, j, distance_squared):
+        """Factors of d_ij in the accelerations of i and, with the opposite sign, of j."""
+        on_i = 0.0
+        on_j = 0.0
         for group in ti.static(self.groups):
             inverse_distance = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
             for member in ti.static(group.members):
-                pull = member.force.shape(inverse_distance) * d
-                on_i = member.force.response(state, i) * member.force.source(state, j)
-                on_j = member.force.response(state, j) * member.force.source(state, i)
-                state.acceleration[i] = state.acceleration[i] + on_i * pull
-                state.acceleration[j] = state.acceleration[j] - on_j * pull
+                shape = member.force.shape(inverse_distance)
+                on_i += member.force.response(state, i) * (member.force.source(state, j) * shape)
+                on_j += member.force.response(state, j) * (member.force.source(state, i) * shape)
+        return on_i, on_j
 
     # One thread of a GPU per body ------------------------------------------------------------------------------------
 
@@ -121,7 +139,15 @@ class AllPairs:
     # Cores of a CPU, lanes of their vector units ---------------------------------------------------------------------
 
     def add_accelerations(self, state: Any) -> None:
-        """Add all accelerations on the CPU at full speed: a launch of its own, compiled with explicit vectors."""
+        """Add all accelerations on the CPU in a launch of its own, compiled with explicit vectors; same bits as inlined.
+
+        Raises TypeError when the vectors of the state are not stored component by component (`ti.Layout.SOA`): Taichi
+        would store nothing, and say nothing.
+        """
+        for field in (state.position, state.acceleration):
+            components = [field.get_scalar_field(axis).parent() for axis in range(self.dimensions)]
+            if components[0] == components[-1]:
+                raise TypeError("explicit vectors need positions and accelerations stored component by component")
         with explicit_vectors():
             self._accumulate_on_cpu(state)
 
@@ -133,7 +159,8 @@ class AllPairs:
     def accumulate_parallel_cpu(self, state: Template):
         """Add all accelerations, a tile of `lane_count` bodies at a time, one lane per body.
 
-        Correct in any kernel; fast only in one compiled with explicit vectors (`add_accelerations`).
+        LLVM finds the lanes again by itself for a lone force and vectors stored component by component; for several forces
+        it may not, and `add_accelerations` is then up to five times faster.
         """
         if ti.static(self.has_work):
             for block in range(self.thread_count * SMALLEST_BLOCK):
@@ -142,12 +169,12 @@ class AllPairs:
                     begin = thread * self.tile_count // self.thread_count
                     end = (thread + 1) * self.tile_count // self.thread_count
                     for tile in range(begin, end):
-                        self._accumulate_tile(state, tile)
+                        self._accumulate_tile(state, 0, tile)
 
     @ti.func
-    def _accumulate_tile(self, state: Template, tile):
+    def _accumulate_tile(self, state: Template, first, tile):
         # The last tile is moved back to be full; bodies that it shares with the tile before are stored there alone.
-        begin = ti.min(tile * self.lane_count, self.particle_count - self.lane_count)
+        begin = first + ti.min(tile * self.lane_count, self.particle_count - self.lane_count)
         position = [
             ti.Vector([state.position[begin + lane][axis] for lane in ti.static(range(self.lane_count))])
             for axis in ti.static(range(self.dimensions))
@@ -161,8 +188,8 @@ class AllPairs:
 
         # Bodies outside the tile, two at a time: 1/r and 1/s are s/(r s) and r/(r s), one division for both.
         for pair in range(others // 2):
-            j = self._outside(2 * pair, begin)
-            k = self._outside(2 * pair + 1, begin)
+            j = self._outside(first + 2 * pair, begin)
+            k = self._outside(first + 2 * pair + 1, begin)
             to_j = [state.position[j][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
             to_k = [state.position[k][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
             squared_j = self._square(to_j)
@@ -186,7 +213,7 @@ class AllPairs:
         for step in range(self.lane_count + others % 2):
             j = begin + step
             if step == self.lane_count:
-                j = self._outside(others - 1, begin)
+                j = self._outside(first + others - 1, begin)
             to_j = [state.position[j][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
             own = ti.Vector([ti.select(begin + lane == j, 1.0, 0.0) for lane in ti.static(range(self.lane_count))])
             squared = self._square(to_j) + own
@@ -200,7 +227,7 @@ class AllPairs:
 
         for lane in ti.static(range(self.lane_count)):
             i = begin + lane
-            if i >= tile * self.lane_count:
+            if i >= first + tile * self.lane_count:
                 for axis in ti.static(range(self.dimensions)):
                     addend = total[axis][lane]
                     if ti.static(len(self.members) == 1):
@@ -239,16 +266,19 @@ class AllPairs:
 
     @ti.func
     def potential_energy_of(self, state: Template, i):
-        """Half of the potential energy of body i with all others, in f64 whatever the precision of the run."""
-        energy = ti.f64(0.0)
+        """Half of the potential energy of body i with the others of its replica, in the widest float (`state.wide`).
+
+        Constants are rounded as in the forces, so that it is the potential of these forces and no others.
+        """
+        energy = ti.cast(0.0, state.wide)
         first = i // self.particle_count * self.particle_count
-        position = ti.cast(state.position[i], ti.f64)
+        position = ti.cast(state.position[i], state.wide)
         for j in range(first, first + self.particle_count):
             if j != i:
-                d = ti.cast(state.position[j], ti.f64) - position
+                d = ti.cast(state.position[j], state.wide) - position
                 distance_squared = d.dot(d)
                 for group in ti.static(self.groups):
-                    inverse_distance = ti.f64(1.0) / ti.sqrt(distance_squared + group.softening_squared)
+                    inverse_distance = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
                     for member in ti.static(group.members):
                         energy += 0.5 * member.force.potential(state, i, j, inverse_distance)
         return energy
