@@ -18,6 +18,7 @@ from mpp_taichi.recorders import video
 from mpp_taichi.recorders.frames import FrameRecorder
 from mpp_taichi.recorders.video import VideoRecorder, check_encoder
 
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}
 SIZE = (160, 120)
 
 
@@ -154,7 +155,10 @@ def test_encoder_that_does_not_start(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("body", "message"),
     [
-        ("sys.stdin.buffer.read(3 * 57600)\nsys.stderr.write('first words\\nthe disk is on fire\\n')\nsys.exit(1)", "disk is on fire"),
+        (
+            "sys.stdin.buffer.read(3 * 57600)\nsys.stderr.write('first words\\nthe disk is on fire\\n')\nsys.exit(1)",
+            "disk is on fire",
+        ),
         ("sys.stdin.buffer.read(3 * 57600)\nos.kill(os.getpid(), signal.SIGKILL)", "code -9"),
         ("sys.exit(3)", "code 3"),
         ("sys.stdin.buffer.read()\nsys.stderr.write('too late\\n' * 100000)\nsys.exit(1)", "too late"),
@@ -195,8 +199,10 @@ def test_two_writers_of_one_film(tmp_path: Path) -> None:
         recorder.write(picture(0))
         with pytest.raises(OutputError, match="is writing it"):
             VideoRecorder(tmp_path / "film.mp4", SIZE, 30)
-        command = "import sys; from mpp_taichi.recorders._lock import OutputLock; from pathlib import Path; OutputLock(Path(sys.argv[1]))"
-        other = subprocess.run([sys.executable, "-c", command, tmp_path / "film.mp4"], capture_output=True, text=True)
+        command = "import sys, pathlib, mpp_taichi.recorders._lock as lock; lock.OutputLock(pathlib.Path(sys.argv[1]))"
+        other = subprocess.run(
+            [sys.executable, "-c", command, tmp_path / "film.mp4"], capture_output=True, text=True, env=ENVIRONMENT
+        )
         assert other.returncode != 0 and f"process {os.getpid()} is writing it" in other.stderr
     assert len(decode(tmp_path / "film.mp4", SIZE)) == 1
 
@@ -239,7 +245,7 @@ for index in range(10000):
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 @pytest.mark.parametrize("whole_group", [False, True], ids=["the program", "the program and the encoder"])
 def test_film_plays_after_the_program_was_killed(tmp_path: Path, whole_group: bool) -> None:
-    process = subprocess.Popen([sys.executable, "-c", ENDLESS, tmp_path / "film.mp4"], stdout=subprocess.PIPE)
+    process = subprocess.Popen([sys.executable, "-c", ENDLESS, tmp_path / "film.mp4"], stdout=subprocess.PIPE, env=ENVIRONMENT)
     assert process.stdout is not None and process.stdout.readline() == b"ready\n"
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
     encoders = [int(child) for child in children.read_text().split()] if children.exists() else []

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from mpp_taichi.errors import OutputError
 
-
 _held: set[Path] = set()
 """Locks of this process. A lock that names this process and is not here is left over from one that had the same number."""
 
@@ -27,9 +26,7 @@ class OutputLock:
             except FileExistsError:
                 owner = self._owner()
                 if owner is not None and (self.path in _held or _is_alive(owner)):
-                    raise OutputError(
-                        f"{output}: process {owner} is writing it; choose another name, or remove {self.path} if that process is gone"
-                    ) from None
+                    raise OutputError(f"{output}: process {owner} is writing it; if it is gone, remove {self.path}") from None
                 self.path.unlink(missing_ok=True)
                 self._create()
         except OSError as error:

@@ -4,10 +4,9 @@ from pathlib import Path
 from types import TracebackType
 
 import numpy as np
-from PIL import Image
 
-from mpp_taichi.errors import OutputError
 from mpp_taichi.recorders._lock import OutputLock
+from mpp_taichi.views.picture import save_picture
 
 
 class FrameRecorder:
@@ -49,18 +48,3 @@ class FrameRecorder:
     def close(self) -> None:
         """Release the folder."""
         self._lock.release()
-
-
-def save_picture(picture: np.ndarray, path: Path) -> None:
-    """Write one PNG by way of a temporary file, so that no half a picture is left.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    temporary = path.with_name(path.name + ".part")
-    try:
-        Image.fromarray(picture).save(temporary, format="PNG", compress_level=3)
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise OutputError(f"{path}: cannot write the picture: {error.strerror or error}") from error

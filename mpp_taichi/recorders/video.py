@@ -45,7 +45,12 @@ def check_encoder() -> str:
         raise OutputError(f"no video encoder: neither ffmpeg nor the package imageio-ffmpeg is installed; {ADVICE}")
     try:
         subprocess.run(
-            [executable, "-version"], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=20, check=True
+            [executable, "-version"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            timeout=20,
+            check=True,
         )
     except (OSError, subprocess.SubprocessError) as error:
         raise OutputError(f"the video encoder {executable} does not start: {error}; {ADVICE}") from error
@@ -185,7 +190,9 @@ class VideoRecorder:
                 size, changed = grown, time.monotonic()
             elif time.monotonic() - changed > STALL_SECONDS:
                 self._process.kill()
-                raise OutputError(f"{self.path}: the video encoder wrote nothing for {STALL_SECONDS:.0f} s and was ended; {ADVICE}")
+                raise OutputError(
+                    f"{self.path}: the video encoder wrote nothing for {STALL_SECONDS:.0f} s and was ended; {ADVICE}"
+                )
         self._writer.join()
         if self._process.returncode != 0 or self._failed.is_set():
             raise self._failure()
@@ -201,7 +208,9 @@ class VideoRecorder:
             os.replace(whole if commands else self._part, self.path)
             self._part.unlink(missing_ok=True)
         except OSError as error:
-            raise OutputError(f"{self.path}: cannot write the video: {error.strerror or error}; it is kept as {self._part}") from error
+            raise OutputError(
+                f"{self.path}: cannot write the video: {error.strerror or error}; it is kept as {self._part}"
+            ) from error
         finally:
             whole.unlink(missing_ok=True)
             palette.unlink(missing_ok=True)
@@ -256,7 +265,19 @@ EVEN = "pad=ceil(iw/2)*2:ceil(ih/2)*2"
 # Said and done in BT.709: players guess the matrix of an untagged film from its size, and colours shift.
 COLOR_TAGS = ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-color_range", "tv"]
 ENCODING = {
-    ".mp4": ["-vf", f"{EVEN},scale=out_color_matrix=bt709:out_range=tv", *COLOR_TAGS, "-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18", "-preset", "fast"]
+    ".mp4": [
+        "-vf",
+        f"{EVEN},scale=out_color_matrix=bt709:out_range=tv",
+        *COLOR_TAGS,
+        "-c:v",
+        "libx264",
+        "-pix_fmt",
+        "yuv420p",
+        "-crf",
+        "18",
+        "-preset",
+        "fast",
+    ]
     + ["-movflags", "+empty_moov+default_base_moof", "-frag_duration", "500000"],
     ".mkv": ["-c:v", "libx264rgb", "-qp", "0", "-preset", "ultrafast"],
     ".webp": ["-c:v", "libwebp_anim", "-quality", "80", "-loop", "0"],

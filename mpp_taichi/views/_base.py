@@ -18,6 +18,7 @@ class Frame:
     between      particle indices of the two ends of each spring, shape (spring_count, 2)
     spring_color as `color`, shape (spring_count, 3)
     center       what a camera without a target looks at [length]; the middle of the bounding box when None
+    velocity     [length / time], shape (particle_count, 3); only tells a camera without a position in which plane things move
     extra        one more line of caption, such as the energy error
     """
 
@@ -30,6 +31,7 @@ class Frame:
     title: str = ""
     extra: str = ""
     center: tuple[float, float, float] | None = None
+    velocity: np.ndarray | None = None
 
     @staticmethod
     def of(snapshot: Snapshot, *, title: str = "", extra: str = "") -> "Frame":
@@ -50,6 +52,7 @@ class Frame:
             title=title,
             extra=extra,
             center=center,
+            velocity=snapshot.velocity,
         )
 
 

@@ -12,13 +12,13 @@ import numpy as np
 from mpp_taichi.views.camera import Camera
 
 TILE = 16  # pixels; side of the square that shares one list of primitives
-NEAR = 1.0e-3  # nearest depth drawn, in camera distances
+NEAR, FAR = 1.0e-3, 1.0e9  # depths drawn, in camera distances; squares of FAR fit into single precision
 FIELDS = 16
 """Columns of the table, float32, one row per primitive.
 
  0…3   box on the screen: left, right, top, bottom [pixels];  4: smallest depth
  sphere: 5…7 centre in camera coordinates, 8 radius, 9…11 linear colour
- line:   5…7 first end: x, y [pixels], w;  8…10 second end less the first;  11: 1/|second − first|² on the screen (0 for a point);
+ line:   5…7 first end: x, y [pixels], w;  8…10 second end less the first;  11: 1/|second − first|² on the screen, or 0;
          12: half the width [pixels];  13…15: linear colour.  w is 1/depth in perspective, which is linear on the screen,
          and the depth itself in an orthographic picture.
 """
@@ -69,11 +69,11 @@ def spheres(center: np.ndarray, radius: np.ndarray, color: np.ndarray, screen: S
 
     A sphere that holds the camera is left out; one that reaches behind the near plane is boxed by the whole picture.
     """
-    usable = np.isfinite(center).all(axis=1) & np.isfinite(radius) & (radius > 0.0)
-    usable &= center[:, 2] + radius > NEAR
-    if not screen.orthographic:
-        usable &= np.einsum("ij,ij->i", center, center) > radius * radius * (1.0 + 1.0e-6)
+    usable = (np.abs(center) < FAR).all(axis=1) & (radius > 0.0) & (radius < FAR) & (center[:, 2] + radius > NEAR)
     center, radius, color = center[usable], radius[usable], color[usable]
+    if not screen.orthographic:
+        outside = np.einsum("ij,ij->i", center, center) > radius * radius * (1.0 + 1.0e-6)
+        center, radius, color = center[outside], radius[outside], color[outside]
     right, up, depth = center.T
     if screen.orthographic:
         low_x, high_x, low_y, high_y = right - radius, right + radius, up - radius, up + radius
@@ -104,7 +104,7 @@ def _tangents(side: np.ndarray, depth: np.ndarray, radius: np.ndarray) -> tuple[
 
 def lines(ends: np.ndarray, color: np.ndarray, width: np.ndarray, screen: Screen) -> np.ndarray:
     """Rows for segments, clipped to the picture; `ends` (count, 2, 3) in scaled camera coordinates, width in pixels."""
-    usable = np.isfinite(ends).all(axis=(1, 2)) & (ends[..., 2] > NEAR).any(axis=1)
+    usable = (np.abs(ends) < FAR).all(axis=(1, 2)) & (ends[..., 2] > NEAR).any(axis=1)
     first, second = ends[usable, 0], ends[usable, 1]
     color, half = color[usable], width[usable] / 2.0
     first, second = _in_front(first, second), _in_front(second, first)
@@ -196,6 +196,8 @@ def _reach(line: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ax, ay, dx, dy, half = line[:, 5], line[:, 6], line[:, 8], line[:, 9], line[:, 12]
     level = np.abs(dy) < 1.0e-3
     step = np.where(level, 1.0, dy)
-    share = [np.where(level, end, np.clip(((row + end) * TILE + (2.0 * end - 1.0) * half - ay) / step, 0, 1)) for end in (0.0, 1.0)]
+    share = [
+        np.where(level, end, np.clip(((row + end) * TILE + (2.0 * end - 1.0) * half - ay) / step, 0, 1)) for end in (0.0, 1.0)
+    ]
     x = [ax + s * dx for s in share]
     return np.minimum(*x) - half, np.maximum(*x) + half

@@ -9,6 +9,7 @@ from mpp_taichi.views._base import Frame
 
 MARGIN = 1.12  # room left around the scene when it is framed
 FLAT = 1.0e-3  # an axis whose extent is below this share of the largest one counts as flat
+HORIZON = 1.0e100  # scene lengths; what is farther, or nowhere, is lost
 POLE = math.radians(89.0)  # a turntable never quite looks along its own axis
 AXIS_VIEWS = {
     "x": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
@@ -29,7 +30,7 @@ class Camera:
         """Take what the spec says and choose the rest so that every particle of the frame is in view."""
         self.field_of_view = spec.field_of_view
         self.orthographic = spec.projection == "orthographic"
-        backward, axis = default_view(frame.position, dimensions)
+        backward, axis = default_view(frame, dimensions)
         center, _ = bounds(frame)
         self.target = np.array(center if spec.look_at is None else spec.look_at, dtype=float)
         self.distance = 1.0
@@ -73,7 +74,8 @@ class Camera:
     def view(self, points: np.ndarray) -> np.ndarray:
         """Camera coordinates (right, up, depth) of points of shape (…, 3)."""
         offset = np.asarray(points, dtype=float) - self.target
-        turned = offset @ np.stack([self.right, self.up, -self.backward], axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):  # a run that blew up is drawn without what is not finite
+            turned = offset @ np.stack([self.right, self.up, -self.backward], axis=1)
         turned[..., 2] += self.distance
         return turned
 
@@ -83,7 +85,9 @@ class Camera:
             return np.full_like(depth, self.height / rows)
         return np.maximum(depth, 0.0) * (2.0 * math.tan(math.radians(self.field_of_view) / 2.0) / rows)
 
-    def drawn_radius(self, radius: np.ndarray, depth: np.ndarray, rows: int, *, scale: float, minimum_pixels: float) -> np.ndarray:
+    def drawn_radius(
+        self, radius: np.ndarray, depth: np.ndarray, rows: int, *, scale: float, minimum_pixels: float
+    ) -> np.ndarray:
         """Radius at which a sphere is drawn [length]: scaled, and never below so many pixels."""
         return np.maximum(radius * scale, minimum_pixels * self.length_per_pixel(depth, rows))
 
@@ -154,8 +158,8 @@ class Camera:
 
 
 def bounds(frame: Frame) -> tuple[np.ndarray, float]:
-    """Center and radius [length] of a sphere that holds every particle; particles without a finite position do not count."""
-    seen = np.isfinite(frame.position).all(axis=1)
+    """Center and radius [length] of a sphere that holds every particle; lost particles do not count."""
+    seen = (np.abs(frame.position) < HORIZON).all(axis=1)
     position, radius = np.asarray(frame.position)[seen], np.asarray(frame.radius)[seen]
     if len(position) == 0:
         return np.zeros(3), 1.0
@@ -168,11 +172,11 @@ def bounds(frame: Frame) -> tuple[np.ndarray, float]:
     return center, reach or 1.0
 
 
-def default_view(position: np.ndarray, dimensions: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Where to stand and what is up: face on for a flat scene, from above at an angle for a solid one."""
-    position = position[np.isfinite(position).all(axis=1)]
-    extent = np.ptp(position, axis=0) if len(position) else np.zeros(3)
-    flat = extent <= FLAT * extent.max()
+def default_view(frame: Frame, dimensions: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Where to stand and what is up: face on when all lies and moves in one plane, else from above at an angle."""
+    flat = _flat(frame.position)
+    if frame.velocity is not None:
+        flat &= _flat(np.concatenate([frame.velocity, np.zeros((1, 3))]))
     if dimensions == 2 or flat[2]:
         return AXIS_VIEWS["z"]
     if flat[1]:
@@ -180,3 +184,10 @@ def default_view(position: np.ndarray, dimensions: int) -> tuple[tuple[float, ..
     if flat[0]:
         return AXIS_VIEWS["x"]
     return THREE_QUARTER_VIEW
+
+
+def _flat(vectors: np.ndarray) -> np.ndarray:
+    """Along which axes the vectors do not differ, next to the axis along which they differ most; shape (3,)."""
+    vectors = np.asarray(vectors)[np.isfinite(vectors).all(axis=1)]
+    extent = np.ptp(vectors, axis=0) if len(vectors) else np.zeros(3)
+    return np.asarray(extent <= FLAT * extent.max())

@@ -4,6 +4,7 @@ It needs no graphics driver and no display, works in single precision, and gives
 from the list of its tile, in one order, and nothing is added atomically.
 """
 
+import logging
 import math
 
 import numpy as np
@@ -12,17 +13,18 @@ import taichi as ti
 from mpp_taichi.scene.spec import ViewSpec
 from mpp_taichi.types import Template
 from mpp_taichi.views._base import Frame, Trails, View
-from mpp_taichi.views._primitives import TILE, Primitives, Screen, bin_into_tiles, lines, spheres
+from mpp_taichi.views._primitives import FIELDS, TILE, Primitives, Screen, bin_into_tiles, lines, spheres
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
+
+logger = logging.getLogger(__name__)
 
 SAMPLES = ((-0.125, -0.375), (0.375, -0.125), (-0.375, 0.125), (0.125, 0.375))  # rotated grid, in pixels from the middle
 LIGHT = np.array([-0.45, 0.6, -0.66]) / math.sqrt(0.45**2 + 0.6**2 + 0.66**2)  # from where: upper left, before the scene
 AMBIENT, DIFFUSE, SPECULAR = 0.12, 0.88, 0.18
 TRAIL_WIDTH = 1.5  # pixels
 GAMMA_ENTRIES = 4096
-LOOP_LIMIT = 40_000  # iterations of one thread; software Vulkan stops silently at 65,535
-THREADS = 65_536  # threads of one launch on a GPU backend
+LOOP_LIMIT = 65_000  # software Vulkan ends a thread's loop silently at 65,535 iterations
 
 
 def linear_from_srgb(color: np.ndarray) -> np.ndarray:
@@ -83,28 +85,25 @@ class Renderer(View):
         background = np.array(self.spec.background)
         red, green, blue = (int(value) for value in np.rint(255.0 * np.clip(background, 0.0, 1.0)))
         longest = int(np.diff(primitives.start).max())
-        pixels = screen.width * screen.height
-        chunk = pixels
-        if ti.lang.impl.current_cfg().arch != ti.cpu:
-            chunk = max(THREADS * max(LOOP_LIMIT // (longest + 1), 1), 1)
-        for first in range(0, pixels, chunk):
-            _draw_pixels(
-                first,
-                min(first + chunk, pixels),
-                screen.width,
-                screen.height,
-                primitives.sphere_count,
-                primitives.table if len(primitives.table) else np.zeros((1, 16), np.float32),
-                primitives.start,
-                primitives.entry if len(primitives.entry) else np.zeros(1, np.int32),
-                self._gamma,
-                self._packed,
-                screen.focal,
-                int(screen.orthographic),
-                ti.Vector(LIGHT.tolist()),
-                ti.Vector(linear_from_srgb(background).tolist()),
-                red | green << 8 | blue << 16,
+        if longest > LOOP_LIMIT and ti.lang.impl.current_cfg().arch == ti.vulkan:
+            logger.warning(
+                "%d particles share one tile of the picture; software Vulkan draws the nearest %d", longest, LOOP_LIMIT
             )
+        _draw_pixels(
+            screen.width,
+            screen.height,
+            primitives.sphere_count,
+            primitives.table if len(primitives.table) else np.zeros((1, FIELDS), np.float32),
+            primitives.start,
+            primitives.entry if len(primitives.entry) else np.zeros(1, np.int32),
+            self._gamma,
+            self._packed,
+            screen.focal,
+            int(screen.orthographic),
+            ti.Vector(LIGHT.tolist()),
+            ti.Vector(linear_from_srgb(background).tolist()),
+            red | green << 8 | blue << 16,
+        )
 
 
 @ti.func
@@ -171,8 +170,6 @@ def _shade(table: Template, p, sphere_count, x, y, depth, orthographic, light):
 
 @ti.kernel
 def _draw_pixels(
-    first: ti.i32,
-    last: ti.i32,
     width: ti.i32,
     height: ti.i32,
     sphere_count: ti.i32,
@@ -187,7 +184,7 @@ def _draw_pixels(
     background: ti.types.vector(3, ti.f32),
     packed_background: ti.u32,
 ):
-    for q in range(first, last):
+    for q in range(width * height):
         row, column = q // width, q % width
         tile = row // TILE * ((width + TILE - 1) // TILE) + column // TILE
         # The samples on the screen [pixels] and, below, as rays.

@@ -1,0 +1,222 @@
+"""Drawing with GGUI, Taichi's Vulkan window system: into a window, or into a picture without one.
+
+GGUI needs a Vulkan driver whatever backend computes (Mesa's lavapipe, in software, will do), and for a window a display.
+A driver that is broken may abort the whole process, so `probe` tries it in another one.
+"""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.errors import BackendError
+from mpp_taichi.scene.spec import ViewSpec
+from mpp_taichi.views._base import Frame, Trails, View
+from mpp_taichi.views.camera import Camera
+from mpp_taichi.views.caption import draw_caption
+
+PROBE_SECONDS = 60.0
+PROBE = """
+import os
+os.environ["TI_SKIP_VERSION_CHECK"] = "ON"
+import taichi as ti
+ti.init(arch=ti.cpu, log_level=ti.ERROR)
+window = ti.ui.Window("probe", (64, 64), show_window={shown})
+window.get_canvas().set_background_color((1.0, 1.0, 1.0))
+if {shown}:
+    window.show()
+else:
+    assert window.get_image_buffer_as_numpy().max() > 0.5
+"""
+LIGHT = (-0.75, 1.0, 1.1)  # right, up, towards the viewer, in camera distances from the target
+NEAR, FAR = 1.0e-3, 1.0e3  # in camera distances
+TRAIL_WIDTH = 1.5  # pixels
+
+
+@lru_cache(maxsize=2)
+def probe(*, shown: bool) -> str:
+    """Why GGUI does not work here, for a window or for a picture without one; empty when it does. Takes about a second."""
+    if shown and sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return "there is no display (neither DISPLAY nor WAYLAND_DISPLAY is set)"
+    command = [sys.executable, "-c", PROBE.format(shown=shown)]
+    try:
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            timeout=PROBE_SECONDS,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return f"GGUI did not draw within {PROBE_SECONDS:.0f} s"
+    if done.returncode == 0:
+        return ""
+    lines = [line for line in done.stdout.decode("utf-8", "replace").splitlines() if line and not line.startswith("[Taichi]")]
+    return f"GGUI does not start (code {done.returncode}): " + (lines[-1] if lines else "it said nothing")
+
+
+class GguiScene:
+    """Puts frames into the scene of one GGUI window. It holds fields, so it ends with the `ti.init` it was made under.
+
+    Everything is handed over relative to the camera's target and in camera distances, which keeps single precision enough
+    at any place and scale.
+    """
+
+    def __init__(self, window: "ti.ui.Window", spec: ViewSpec) -> None:
+        """Make what can be made before the first frame."""
+        ti.set_logging_level(ti.ERROR)  # GGUI logs every picture read back, and warns of its own kernels under f64
+        self._window, self._spec = window, spec
+        self._canvas, self._scene = window.get_canvas(), window.get_scene()
+        self._camera = ti.ui.Camera()
+        self._particles = _Points(with_radius=True)
+        self._lines: dict[float, _Points] = {}
+        self._canvas.set_background_color(tuple(spec.background))
+
+    def draw(self, frame: Frame, camera: Camera, trails: Trails | None) -> None:
+        """Draw a frame on the window's canvas; showing it, or reading it back, is the caller's."""
+        width, height = self._window.get_window_shape()
+        self._place(camera, width / height)
+        light = LIGHT[0] * camera.right + LIGHT[1] * camera.up + LIGHT[2] * camera.backward
+        self._scene.ambient_light((0.25, 0.25, 0.25))
+        self._scene.point_light(tuple(light.tolist()), (0.85, 0.85, 0.85))
+        count = self._particles.put(
+            (frame.position - camera.target) / camera.distance, frame.color, self._point_size(frame, camera, width, height)
+        )
+        if count > 0:
+            points = self._particles
+            self._scene.particles(
+                points.position, radius=1.0, per_vertex_color=points.color, per_vertex_radius=points.radius, index_count=count
+            )
+        thickness = height / 720.0
+        springs = np.asarray(frame.position)[np.asarray(frame.between, dtype=np.int64)].reshape(-1, 3)
+        self._draw_lines(springs, np.repeat(frame.spring_color, 2, axis=0), self._spec.spring_width * thickness, camera)
+        if trails is not None:
+            ends, colors, _ = trails.segments(np.asarray(frame.color), np.array(self._spec.background))
+            self._draw_lines(ends.reshape(-1, 3), colors.reshape(-1, 3), TRAIL_WIDTH * thickness, camera)
+        self._canvas.scene(self._scene)
+
+    def _place(self, camera: Camera, aspect: float) -> None:
+        self._camera.position(*camera.backward.tolist())
+        self._camera.lookat(0.0, 0.0, 0.0)
+        self._camera.up(*camera.up.tolist())
+        self._camera.fov(camera.field_of_view)
+        self._camera.z_near(NEAR)
+        self._camera.z_far(FAR)
+        if camera.orthographic:
+            half = camera.height / camera.distance / 2.0
+            self._camera.projection_mode(ti.ui.ProjectionMode.Orthogonal)
+            self._camera.left(-half * aspect)
+            self._camera.right(half * aspect)
+            self._camera.top(-half)  # GGUI's parallel projection is upside down
+            self._camera.bottom(half)
+        self._scene.set_camera(self._camera)
+
+    def _point_size(self, frame: Frame, camera: Camera, width: int, height: int) -> np.ndarray:
+        """The radius to ask GGUI for so that a sphere appears at its true size.
+
+        GGUI 1.7.4 draws a sphere of radius r at distance s with r/s · focal length · width/height pixels, even in parallel
+        projection: too large by the aspect ratio, as measured.
+        """
+        seen = camera.view(frame.position)
+        spec = self._spec
+        radius = camera.drawn_radius(
+            frame.radius, seen[:, 2], height, scale=spec.radius_scale, minimum_pixels=spec.minimum_pixels
+        )
+        focal = height / 2.0 / np.tan(np.radians(camera.field_of_view) / 2.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            pixels = radius / camera.length_per_pixel(seen[:, 2], height)
+        distance = np.linalg.norm(seen, axis=1) / camera.distance
+        return np.where(seen[:, 2] > 0.0, pixels * distance / focal * height / width, 0.0)
+
+    def _draw_lines(self, ends: np.ndarray, color: np.ndarray, width: float, camera: Camera) -> None:
+        points = self._lines.setdefault(width, _Points(with_radius=False))
+        count = points.put((ends - camera.target) / camera.distance, color, None)
+        if count > 0:
+            self._scene.lines(points.position, width=width, per_vertex_color=points.color, vertex_count=count)
+
+
+class _Points:
+    """Fields of one size that grows; GGUI compiles its copies anew for every field, so they are kept."""
+
+    def __init__(self, *, with_radius: bool) -> None:
+        self._capacity = 0
+        self._with_radius = with_radius
+        self.position = self.color = self.radius = None
+
+    def put(self, position: np.ndarray, color: np.ndarray, radius: np.ndarray | None) -> int:
+        """Copy points to the device and say how many; those that are not finite are moved out of sight."""
+        count = len(position)
+        if count > self._capacity:
+            self._capacity = max(count, 2 * self._capacity)
+            self.position = ti.Vector.field(3, ti.f32, self._capacity)
+            self.color = ti.Vector.field(3, ti.f32, self._capacity)
+            self.radius = ti.field(ti.f32, self._capacity) if self._with_radius else None
+        if count == 0:
+            return 0
+        self._fill(self.position, np.where(np.isfinite(position).all(axis=1)[:, None], position, 2.0 * FAR))
+        self._fill(self.color, np.clip(color, 0.0, 1.0))
+        if radius is not None:
+            self._fill(self.radius, np.nan_to_num(radius, nan=0.0, posinf=0.0))
+        return count
+
+    def _fill(self, field: "ti.Field", values: np.ndarray) -> None:
+        padded = np.zeros((self._capacity, *values.shape[1:]), np.float32)
+        padded[: len(values)] = np.clip(values, -1.0e18, 1.0e18)
+        field.from_numpy(padded)
+
+
+class GguiView(View):
+    """Pictures by GGUI without a window.
+
+    `window.show()` must never be called here: without a window it ends the process.
+    """
+
+    def __init__(self, spec: ViewSpec, size: tuple[int, int], *, dimensions: int = 3) -> None:
+        """Open the device.
+
+        Raises:
+            BackendError: GGUI does not work here.
+        """
+        problem = probe(shown=False)
+        if problem:
+            raise BackendError(f"cannot draw with GGUI: {problem}")
+        self.spec, self.size, self.dimensions = spec, size, dimensions
+        self.camera: Camera | None = None
+        self.trails = Trails(spec.trails)
+        self._window = ti.ui.Window("offscreen", size, show_window=False)
+        self._scene = GguiScene(self._window, spec)
+        self._end: Callable[[], None] = self._window.destroy
+
+    def draw(self, frame: Frame) -> np.ndarray:
+        """The picture of a frame, uint8, shape (height, width, 3)."""
+        if self.camera is None:
+            self.camera = Camera(self.spec.camera, frame, aspect=self.size[0] / self.size[1], dimensions=self.dimensions)
+        self.trails.add(frame)
+        self._scene.draw(frame, self.camera, self.trails)
+        picture = read_back(self._window)
+        if self.spec.caption:
+            draw_caption(picture, frame)
+        return picture
+
+    def close(self) -> None:
+        """Close the device's side of it."""
+        self._end()
+        self._end = _nothing
+
+
+def read_back(window: "ti.ui.Window") -> np.ndarray:
+    """What a window holds, uint8, shape (height, width, 3), first row on top.
+
+    GGUI gives (width, height, 4) floats from the lower left corner, at the size of the real frame buffer.
+    """
+    pixels = window.get_image_buffer_as_numpy()[:, ::-1, :3]
+    return np.ascontiguousarray(np.rint(255.0 * pixels).astype(np.uint8).swapaxes(0, 1))
+
+
+def _nothing() -> None:
+    """What closing a closed view does."""

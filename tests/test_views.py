@@ -1,0 +1,538 @@
+"""Pictures: what is where, how large, what hides what; the same twice, on every backend and at every scale."""
+
+import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from mpp_taichi import backends
+from mpp_taichi.errors import BackendError
+from mpp_taichi.scene.spec import CameraSpec, ViewSpec
+from mpp_taichi.snapshot import Snapshot, Springs
+from mpp_taichi.views import _primitives, caption
+from mpp_taichi.views._base import Frame, Trails
+from mpp_taichi.views.camera import Camera
+from mpp_taichi.views.controls import Controls
+from mpp_taichi.views.offscreen import open_offscreen
+
+SIZE = (320, 180)
+BLACK = (0.0, 0.0, 0.0)
+FRONT = CameraSpec(position=(0.0, 0.0, 10.0), look_at=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0))
+PARALLEL = replace(FRONT, projection="orthographic", height=8.0)
+
+
+def view_spec(camera: CameraSpec = FRONT, **others: object) -> ViewSpec:
+    """A black, bare picture."""
+    return replace(ViewSpec(camera=camera, background=BLACK, caption=False, minimum_pixels=0.01), **others)
+
+
+def frame_of(position: object, radius: object, color: object = (1.0, 1.0, 1.0), **others: object) -> Frame:
+    """A frame from nested lists; one colour may do for all."""
+    places = np.array(position, dtype=float).reshape(-1, 3)
+    colors = np.broadcast_to(np.array(color, dtype=float), places.shape)
+    return Frame(position=places, radius=np.broadcast_to(np.array(radius, dtype=float), len(places)), color=colors, **others)
+
+
+def crowd(count: int = 400, seed: int = 3) -> Frame:
+    """Spheres of all sizes and springs among them, before, around and behind the camera of `FRONT`."""
+    random = np.random.default_rng(seed)
+    position = random.normal(size=(count, 3)) * (3.0, 2.0, 5.0)
+    return Frame(
+        position=position,
+        radius=random.uniform(0.01, 0.4, count),
+        color=random.uniform(0.1, 1.0, (count, 3)),
+        between=random.integers(0, count, (count // 2, 2)),
+        spring_color=random.uniform(0.1, 1.0, (count // 2, 3)),
+        title="crowd",
+    )
+
+
+@pytest.fixture
+def cpu():
+    """The CPU backend in single precision."""
+    return backends.start("cpu", "f32")
+
+
+def draw(frame: Frame, spec: ViewSpec | None = None, size: tuple[int, int] = SIZE, renderer: str = "kernel") -> np.ndarray:
+    """One picture."""
+    view = open_offscreen(spec or view_spec(), size, renderer=renderer)
+    try:
+        return view.draw(frame)
+    finally:
+        view.close()
+
+
+def silhouette(picture: np.ndarray) -> tuple[float, float, float, float]:
+    """Middle (column, row) and size (width, height) of what is not black, in pixels."""
+    rows, columns = np.nonzero(picture.max(axis=2) > 20)
+    return (columns.min() + columns.max() + 1) / 2, (rows.min() + rows.max() + 1) / 2, np.ptp(columns) + 1, np.ptp(rows) + 1
+
+
+FOCAL = SIZE[1] / 2 / math.tan(math.radians(22.5))  # pixels, 45° high
+
+
+# Camera
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+@pytest.mark.parametrize("aspect", [16 / 9, 1.0, 0.5])
+@pytest.mark.parametrize("scale", [1.0, 1.5e11, 1e-9])
+def test_framing_shows_every_particle(projection: str, aspect: float, scale: float) -> None:
+    random = np.random.default_rng(5)
+    frame = frame_of((random.normal(size=(50, 3)) + (7.0, -3.0, 2.0)) * scale, random.uniform(0, 0.5, 50) * scale)
+    camera = Camera(CameraSpec(projection=projection), frame, aspect=aspect)
+    right, up, depth = camera.view(frame.position).T
+    half = camera.height / 2 if projection == "orthographic" else depth * math.tan(math.radians(22.5))
+    assert (depth > 0).all()
+    assert ((np.abs(up) + frame.radius) / half).max() < 1.0
+    assert ((np.abs(right) + frame.radius) / (half * aspect)).max() < 1.0
+    assert max(((np.abs(up) + frame.radius) / half).max(), ((np.abs(right) + frame.radius) / (half * aspect)).max()) > 0.5
+
+
+@pytest.mark.parametrize(
+    ("flat_axis", "dimensions", "backward", "up"),
+    [
+        (2, 3, (0, 0, 1), (0, 1, 0)),
+        (1, 3, (0, -1, 0), (0, 0, 1)),
+        (0, 3, (1, 0, 0), (0, 0, 1)),
+        (None, 2, (0, 0, 1), (0, 1, 0)),
+    ],
+)
+def test_flat_scene_is_seen_face_on(flat_axis: int | None, dimensions: int, backward: tuple, up: tuple) -> None:
+    position = np.random.default_rng(1).normal(size=(20, 3))
+    if flat_axis is not None:
+        position[:, flat_axis] = 4.0
+    camera = Camera(CameraSpec(), frame_of(position, 0.1), aspect=1.5, dimensions=dimensions)
+    np.testing.assert_allclose(camera.backward, backward, atol=1e-12)
+    np.testing.assert_allclose(camera.up, up, atol=1e-12)
+
+
+def test_plane_of_an_orbit_is_told_by_the_velocity() -> None:
+    frame = frame_of([[0, 0, 0], [1, 0, 0]], 0.05, velocity=np.array([[0, 0, 0], [0, 0, 1.0]]))
+    np.testing.assert_allclose(Camera(CameraSpec(), frame, aspect=1.5).backward, (0, -1, 0), atol=1e-12)
+
+
+def test_solid_scene_is_seen_at_an_angle() -> None:
+    camera = Camera(CameraSpec(), crowd(), aspect=1.5)
+    assert np.abs(camera.backward).min() > 0.2
+
+
+def test_center_of_mass_is_looked_at() -> None:
+    snapshot = Snapshot(
+        position=np.array([[0.0, 0, 0], [1.0, 0, 0]]),
+        velocity=np.array([[0.0, 0, 0], [0, 1.0, 0]]),
+        mass=np.array([1.0, 1e-6]),
+        radius=np.array([0.1, 0.01]),
+        charge=np.zeros(2),
+        color=np.ones((2, 3)),
+        free=np.ones((2, 3), bool),
+        name=("sun", "earth"),
+        springs=Springs(between=np.array([[0, 1]]), color=np.ones((1, 3))),
+    )
+    camera = Camera(CameraSpec(), Frame.of(snapshot), aspect=16 / 9)
+    np.testing.assert_allclose(camera.target, 0.0, atol=1e-5)
+    _, up, _ = camera.view(np.array([0.0, 1.01, 0.0]))
+    assert up < camera.visible_height / 2, "the whole orbit is in view, not only where the bodies start"
+
+
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+def test_printed_camera_is_the_same_camera(projection: str) -> None:
+    frame = crowd()
+    camera = Camera(CameraSpec(projection=projection), frame, aspect=1.5)
+    camera.rotate(0.3, -0.2)
+    camera.pan(0.1, 0.2)
+    camera.zoom(1.7)
+    again = Camera(CameraSpec(**yaml.safe_load(camera.as_yaml())["view"]["camera"]), frame, aspect=1.5)
+    np.testing.assert_allclose(again.view(frame.position), camera.view(frame.position), atol=1e-3)
+    assert again.visible_height == pytest.approx(camera.visible_height, rel=1e-4)
+
+
+def test_dragging_follows_the_hand() -> None:
+    camera = Camera(FRONT, frame_of([0, 0, 0], 1.0), aspect=1.5)
+    near, height = np.array([0.0, 0.0, 1.0]), camera.visible_height
+    camera.rotate(0.05, 0.0)
+    assert camera.view(near)[0] > 0.1 and abs(camera.view(near)[1]) < 1e-9
+    camera.rotate(-0.05, 0.05)
+    assert abs(camera.view(near)[0]) < 1e-9 and camera.view(near)[1] > 0.1
+    camera.reset()
+    camera.pan(0.25, -0.125)
+    np.testing.assert_allclose(camera.view(np.zeros(3))[:2] / height, (0.25, -0.125), atol=1e-12)
+    camera.zoom(2.0)
+    assert camera.visible_height == pytest.approx(height / 2)
+    camera.reset()
+    np.testing.assert_allclose(camera.position, FRONT.position)
+
+
+def test_rotation_stops_at_the_poles() -> None:
+    camera = Camera(CameraSpec(), crowd(), aspect=1.5)
+    for _ in range(20):
+        camera.rotate(0.1, -0.3)
+        assert camera.up @ camera.axis > 0.0
+        np.testing.assert_allclose(np.linalg.norm(camera.backward), 1.0)
+        np.testing.assert_allclose(camera.right @ camera.backward, 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        CameraSpec(position=(0, 0, 5), look_at=(0, 0, 0), up=(0, 0, 1)),
+        CameraSpec(position=(1, 1, 1), look_at=(1, 1, 1)),
+        CameraSpec(up=(0, 0, 0)),
+    ],
+    ids=["up along the line of sight", "position at its target", "no up at all"],
+)
+def test_impossible_cameras_still_see(camera: CameraSpec) -> None:
+    assert np.isfinite(Camera(camera, crowd(), aspect=1.5).view(crowd().position)).all()
+
+
+# The renderer
+
+
+@pytest.mark.parametrize("place", [(0, 0, 0), (3, 1, 0), (-2, -1, 3), (1, 0, -20)])
+def test_sphere_is_drawn_where_and_as_large_as_it_is(cpu, place: tuple) -> None:
+    depth, radius = 10.0 - place[2], 1.0
+    column, row, width, height = silhouette(draw(frame_of(place, radius)))
+
+    def edges(side: float) -> tuple[float, float]:  # the two tangents from the eye, in the plane of one axis and the depth
+        middle, half = math.atan2(side, depth), math.asin(radius / math.hypot(side, depth))
+        return FOCAL * math.tan(middle - half), FOCAL * math.tan(middle + half)
+
+    (left, right), (bottom, top) = edges(place[0]), edges(place[1])
+    assert column == pytest.approx(SIZE[0] / 2 + (left + right) / 2, abs=0.8)
+    assert row == pytest.approx(SIZE[1] / 2 - (bottom + top) / 2, abs=0.8)
+    assert (width, height) == (pytest.approx(right - left, abs=1.6), pytest.approx(top - bottom, abs=1.6))
+
+
+@pytest.mark.parametrize("place", [(0, 0, 0), (3, 1, 0), (-2, -2, 5)])
+def test_sphere_in_parallel_projection(cpu, place: tuple) -> None:
+    per_length = SIZE[1] / 8.0
+    column, row, width, height = silhouette(draw(frame_of(place, 1.0), view_spec(PARALLEL)))
+    assert column == pytest.approx(SIZE[0] / 2 + per_length * place[0], abs=0.8)
+    assert row == pytest.approx(SIZE[1] / 2 - per_length * place[1], abs=0.8)
+    assert width == pytest.approx(2 * per_length, abs=1.6) and height == pytest.approx(2 * per_length, abs=1.6)
+
+
+@pytest.mark.parametrize("camera", [FRONT, PARALLEL])
+def test_nearer_sphere_hides_the_farther(cpu, camera: CameraSpec) -> None:
+    red, green = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+    for order in (1, -1):
+        picture = draw(frame_of([[0, 0, 0], [0, 0, 2]][::order], 1.0, [red, green][::order]), view_spec(camera))
+        middle = picture[SIZE[1] // 2, SIZE[0] // 2].astype(int)
+        assert middle[1] > 2 * middle[0]
+
+
+def test_spheres_that_cross_meet_in_a_plane(cpu) -> None:
+    picture = draw(frame_of([[-0.6, 0, 0], [0.6, 0, 0]], 1.0, [(1, 0, 0), (0, 0, 1)]), view_spec(PARALLEL)).astype(int)
+    red = picture[:, :, 0] > picture[:, :, 2]
+    lit = picture.max(axis=2) > 20
+    assert red[:, : SIZE[0] // 2 - 1][lit[:, : SIZE[0] // 2 - 1]].all()
+    assert not red[:, SIZE[0] // 2 + 1 :][lit[:, SIZE[0] // 2 + 1 :]].any()
+
+
+def test_light_comes_from_the_upper_left(cpu) -> None:
+    picture = draw(frame_of([0, 0, 0], 2.0)).astype(float).sum(axis=2)
+    row, column = np.unravel_index(np.argmax(picture), picture.shape)
+    assert row < SIZE[1] / 2 - 5 and column < SIZE[0] / 2 - 5
+    assert picture[SIZE[1] // 2 - 20, SIZE[0] // 2 - 20] > picture[SIZE[1] // 2 + 20, SIZE[0] // 2 + 20] > 0
+
+
+def test_edges_are_smooth(cpu) -> None:
+    picture = draw(frame_of([0, 0, 0], 2.0, (0.0, 0.0, 0.0)), view_spec(background=(1.0, 1.0, 1.0)))
+    values = np.unique(picture[SIZE[1] // 2 - 30 : SIZE[1] // 2, :, 0])
+    assert len([value for value in values if 120 < value < 254]) >= 3, "pixels a quarter, half and three quarters covered"
+
+
+def test_background_is_exact(cpu) -> None:
+    picture = draw(frame_of([0, 0, 0], 0.1), view_spec(background=(0.2, 0.4, 0.6)))
+    np.testing.assert_array_equal(picture[0, 0], (51, 102, 153))
+
+
+def test_small_spheres_do_not_vanish(cpu) -> None:
+    places = [[x, y, 0] for x in (-3.03, 0.01, 2.57) for y in (-1.51, 0.02, 1.77)]
+    picture = draw(frame_of(places, 1e-9), view_spec(minimum_pixels=1.5))
+    lit = picture.max(axis=2) > 20
+    assert 9 * 4 <= lit.sum() <= 9 * 16
+
+
+def test_spring_is_seen_between_spheres_and_not_through_them(cpu) -> None:
+    ends = frame_of(
+        [[-3, 0, 0], [3, 0, 0], [0, 0, 0]],
+        [0.2, 0.2, 1.0],
+        (1, 0, 0),
+        between=np.array([[0, 1]]),
+        spring_color=np.array([[0, 1.0, 0]]),
+    )
+    picture = draw(ends, view_spec(spring_width=16.0)).astype(int)
+    row = SIZE[1] // 2
+    green = picture[:, :, 1] > picture[:, :, 0]
+    assert green[row, SIZE[0] // 2 - int(FOCAL * 0.2)] and not green[row, SIZE[0] // 2]
+    column = SIZE[0] // 2 - int(FOCAL * 0.2)
+    assert green[:, column].sum() == pytest.approx(16.0 * SIZE[1] / 720, abs=1.1), "width is given for a picture 720 high"
+
+
+def test_spring_that_passes_the_camera(cpu) -> None:
+    ends = frame_of([[0, -1, 0], [0.0, -1, 40]], 1e-6, between=np.array([[0, 1]]), spring_color=np.ones((1, 3)))
+    lit = draw(ends, view_spec(spring_width=8.0)).max(axis=2) > 20
+    assert lit[SIZE[1] - 1, SIZE[0] // 2] and not lit[: SIZE[1] // 2].any()
+    behind = replace(ends, position=np.array([[-5, 0, 11.0], [5, 0, 12]]))
+    assert draw(behind, view_spec(spring_width=8.0)).max() == 0
+
+
+@pytest.mark.parametrize("size", [SIZE, (321, 177), (16, 16), (5, 3), (1, 1)])
+@pytest.mark.parametrize("camera", [FRONT, PARALLEL])
+def test_tiles_change_nothing(cpu, monkeypatch: pytest.MonkeyPatch, size: tuple[int, int], camera: CameraSpec) -> None:
+    from mpp_taichi.views import renderer
+
+    spec = view_spec(camera, spring_width=6.0)
+    tiled = draw(crowd(), spec, size)
+    binned = _primitives.bin_into_tiles
+
+    def everything_everywhere(spheres: np.ndarray, lines: np.ndarray, screen: _primitives.Screen) -> _primitives.Primitives:
+        drawn = binned(spheres, lines, screen)
+        tiles, count = screen.tiles_across * screen.tiles_down, len(drawn.table)
+        table = drawn.table.copy()
+        table[:, 0], table[:, 1], table[:, 2], table[:, 3] = -1e9, 1e9, -1e9, 1e9
+        entry = np.tile(np.argsort(table[:, 4], kind="stable"), tiles).astype(np.int32)
+        table[:, 4] = -1e9  # no early end
+        return _primitives.Primitives(table, drawn.sphere_count, np.arange(tiles + 1, dtype=np.int32) * count, entry)
+
+    monkeypatch.setattr(renderer, "bin_into_tiles", everything_everywhere)
+    np.testing.assert_array_equal(draw(crowd(), spec, size), tiled)
+
+
+def test_picture_repeats_and_does_not_depend_on_the_order(cpu) -> None:
+    frame = crowd()
+    first = draw(frame)
+    np.testing.assert_array_equal(draw(frame), first)
+    order = np.random.default_rng(0).permutation(len(frame.position))
+    place = np.argsort(order)
+    shuffled = replace(
+        frame,
+        position=frame.position[order],
+        radius=frame.radius[order],
+        color=frame.color[order],
+        between=place[frame.between],
+    )
+    np.testing.assert_array_equal(draw(shuffled), first)
+
+
+@pytest.mark.parametrize("scale", [1.5e11, 1e-10])
+def test_scale_and_place_change_nothing(cpu, scale: float) -> None:
+    shift = np.array([5.0, -7.0, 3.0])
+    frame = crowd()
+    moved = replace(frame, position=(frame.position + shift) * scale, radius=frame.radius * scale)
+    camera = replace(FRONT, position=tuple((np.array(FRONT.position) + shift) * scale), look_at=tuple(shift * scale))
+    difference = np.abs(draw(moved, view_spec(camera)).astype(int) - draw(frame).astype(int)).max(axis=2)
+    assert (difference > 3).mean() < 1e-3
+
+
+def test_double_precision_of_the_simulation_changes_nothing() -> None:
+    pictures = []
+    for precision in ("f32", "f64"):
+        backends.start("cpu", precision)
+        pictures.append(draw(crowd()))
+        backends.stop()
+    np.testing.assert_array_equal(*pictures)
+
+
+def test_vulkan_draws_the_same(software_vulkan) -> None:
+    pictures = []
+    for backend in ("cpu", "vulkan"):
+        backends.start(backend, "f32")
+        pictures.append(draw(crowd()).astype(int))
+        backends.stop()
+    assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 3).mean() < 1e-3
+
+
+def test_bad_numbers_are_left_out(cpu) -> None:
+    frame = frame_of(
+        [[0, 0, 0], [np.nan, 0, 0], [np.inf, 1, 1], [1e300, 0, 0], [0, 0, 10]],
+        [1, 1, 1, 1, 1],
+        between=np.array([[0, 1], [2, 3]]),
+        spring_color=np.ones((2, 3)),
+    )
+    np.testing.assert_array_equal(draw(frame), draw(frame_of([0, 0, 0], 1.0)))
+
+
+def test_nothing_to_draw(cpu) -> None:
+    assert draw(frame_of([], 0.1), view_spec(CameraSpec())).max() == 0
+
+
+def test_particles_may_come_and_go(cpu) -> None:
+    view = open_offscreen(view_spec(trails=5), SIZE)
+    for index, count in enumerate((3, 3, 2, 0, 5)):
+        view.draw(
+            replace(
+                crowd(40),
+                position=crowd(40).position[:count],
+                radius=crowd(40).radius[:count],
+                color=crowd(40).color[:count],
+                between=np.zeros((0, 2), int),
+                spring_color=np.zeros((0, 3)),
+                time=float(index),
+            )
+        )
+
+
+# Trails and captions
+
+
+def test_trail_follows_and_fades(cpu) -> None:
+    view = open_offscreen(view_spec(trails=10, spring_width=6.0), SIZE)
+    for index in range(30):
+        picture = view.draw(frame_of([-3 + 0.2 * index, 0, 0], 0.05, time=0.1 * index))
+    row = picture[SIZE[1] // 2 - 1 : SIZE[1] // 2 + 1].max(axis=(0, 2)).astype(int)
+    head = int(SIZE[0] / 2 + FOCAL * 0.28)
+    tail = int(SIZE[0] / 2 + FOCAL * 0.08)
+    assert row[tail - 12 : tail - 4].max() == 0, "older positions are forgotten"
+    assert row[tail + 6] < row[(head + tail) // 2] < row[head - 4]
+
+
+def test_trails_wait_and_start_afresh() -> None:
+    trails = Trails(4)
+    for time in (0.0, 1.0, 1.0, 1.0, 2.0):
+        trails.add(frame_of([time, 0, 0], 0.1, time=time))
+    assert len(trails.segments(np.ones((1, 3)), np.zeros(3))[0]) == 2
+    trails.add(frame_of([0, 0, 0], 0.1, time=0.0))
+    assert len(trails.segments(np.ones((1, 3)), np.zeros(3))[0]) == 0
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (160, 90), (20, 10)])
+def test_caption_is_written(cpu, size: tuple[int, int]) -> None:
+    frame = frame_of([0, 0, 0], 1e-9, title="Drei Körper – Šídlo", time=12.5, extra="ΔE/E = 1e-9")
+    plain, written = draw(frame, view_spec(), size), draw(frame, view_spec(caption=True), size)
+    rows, columns = np.nonzero((plain != written).any(axis=2))
+    assert len(rows) > 20
+    assert rows.max() < max(size[1] / 6, 10) + 30 and columns.min() < 20
+
+
+def test_caption_has_letters_of_many_languages() -> None:
+    font = caption._font(20)
+    missing = font.getmask("\uffff").tobytes() if hasattr(font.getmask("x"), "tobytes") else bytes(font.getmask("\uffff"))
+    for letter in "äößéñŠůŁĞαΔπЖя–²·":
+        assert bytes(font.getmask(letter)) != bytes(missing), letter
+
+
+def test_views_that_only_describe_start_nothing() -> None:
+    modules = ("camera", "caption", "offscreen", "controls")
+    code = "import sys, " + ", ".join(f"mpp_taichi.views.{name}" for name in modules) + "; sys.exit('taichi' in sys.modules)"
+    assert (
+        subprocess.run([sys.executable, "-c", code], env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}).returncode
+        == 0
+    )
+
+
+# Choosing a renderer
+
+
+def test_unknown_renderer_is_refused() -> None:
+    with pytest.raises(ValueError, match="none of auto, kernel, ggui"):
+        open_offscreen(ViewSpec(), SIZE, renderer="opengl")
+
+
+def test_missing_vulkan_is_said(cpu, monkeypatch: pytest.MonkeyPatch) -> None:
+    from mpp_taichi.views import ggui
+
+    monkeypatch.setattr(ggui, "PROBE", "import os; os.abort()")
+    ggui.probe.cache_clear()
+    try:
+        with pytest.raises(BackendError, match="cannot draw with GGUI"):
+            open_offscreen(ViewSpec(), SIZE, renderer="ggui")
+    finally:
+        ggui.probe.cache_clear()
+
+
+@pytest.fixture
+def ggui_works(cpu):
+    """Skip where GGUI cannot draw without a window."""
+    from mpp_taichi.views.ggui import probe
+
+    if problem := probe(shown=False):
+        pytest.skip(problem)
+
+
+@pytest.mark.parametrize("camera", [FRONT, PARALLEL], ids=["perspective", "parallel"])
+@pytest.mark.parametrize("size", [SIZE, (200, 200), (150, 240)])
+def test_ggui_draws_the_same_shapes(ggui_works, camera: CameraSpec, size: tuple[int, int]) -> None:
+    frame = frame_of(
+        [[0, 0, 0], [2, 1, 1], [-1.5, -2, -3], [1, -1, 4]],
+        [0.8, 0.4, 0.9, 0.3],
+        (1, 1, 1),
+        between=np.array([[0, 1], [0, 2]]),
+        spring_color=np.ones((2, 3)),
+    )
+    spec = view_spec(camera, spring_width=20.0)
+    ours, theirs = (draw(frame, spec, size, name).max(axis=2) > 20 for name in ("kernel", "ggui"))
+    assert (ours & theirs).sum() / (ours | theirs).sum() > 0.93
+
+
+def test_ggui_forgets_the_last_frame(ggui_works) -> None:
+    view = open_offscreen(view_spec(), SIZE, renderer="ggui")
+    view.draw(frame_of([-3, 0, 0], 0.5))
+    column, _, width, _ = silhouette(view.draw(frame_of([3, 0, 0], 0.5)))
+    view.close()
+    view.close()
+    assert column > SIZE[0] / 2 and width < SIZE[0] / 4
+
+
+# Keys
+
+
+def test_keys_do_what_the_help_says() -> None:
+    frame = crowd()
+    camera = Camera(CameraSpec(), frame, aspect=1.5)
+    start = camera.position
+    controls = Controls()
+
+    def press(key: str, *, shift: bool = False) -> None:
+        controls.press(key, shift=shift, camera=camera, frame=frame, aspect=1.5)
+
+    press(" ")
+    assert not controls.running
+    press(" ")
+    press("Right")
+    press("Right", shift=True)
+    assert not controls.running and controls.take_steps() == 51 and controls.take_steps() == 0
+    for key, request in (("BackSpace", "restart"), ("c", "screenshot"), ("k", "print_camera")):
+        press(key)
+        assert controls.take(request) and not controls.take(request)
+    press("h")
+    press("t")
+    assert controls.help and not controls.trails
+    for key, axis in (("x", 0), ("y", 1), ("z", 2)):
+        press(key)
+        assert abs(camera.backward[axis]) == pytest.approx(1.0)
+    press("r")
+    np.testing.assert_allclose(camera.position, start)
+    camera.pan(5, 5)
+    press("f")
+    assert np.abs(camera.view(camera.target)[:2]).max() < 1e-9
+    press("q")
+    assert controls.quit
+
+
+def test_mouse_moves_the_camera() -> None:
+    frame = crowd()
+    cases = [
+        ({"LMB"}, "backward"),
+        ({"RMB"}, "target"),
+        ({"LMB", "Shift"}, "target"),
+        ({"LMB", "Control"}, "distance"),
+        ({"MMB"}, "distance"),
+        ({"i"}, "distance"),
+    ]
+    for held, changed in cases:
+        camera = Camera(CameraSpec(), frame, aspect=1.5)
+        before = {name: np.copy(getattr(camera, name)) for name in ("backward", "target", "distance")}
+        controls = Controls()
+        controls.move((0.9, 0.9), set(), camera=camera, seconds=0.1, aspect=1.5)
+        controls.move((0.2, 0.2), held, camera=camera, seconds=0.0, aspect=1.5)
+        controls.move((0.3, 0.4), held, camera=camera, seconds=0.1, aspect=1.5)
+        for name, value in before.items():
+            assert np.allclose(getattr(camera, name), value) == (name != changed), (held, name)
