@@ -42,6 +42,10 @@ class Watcher:
         """Import and build what is named."""
         self.expectations = tuple(expectations)
         self.every = every
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what was seen."""
         self._diagnostics: dict[int, Diagnostic] = {}
         self._failures: dict[int, str] = {}
         for number, expectation in enumerate(self.expectations):

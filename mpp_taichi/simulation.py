@@ -96,7 +96,7 @@ class Simulation:
         )
         self.stepper = Stepper(self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=self.device.on_cpu)
         self.energy_meter = EnergyMeter(self.state, self.total_force)
-        self._launch_limit = self._steps_per_launch()
+        self.launch_limit = self._steps_per_launch()
         self._launch_steps = 1
 
     def _steps_per_launch(self) -> int:
@@ -163,7 +163,7 @@ class Simulation:
         last = self.step_count + whole
         while self.step_count < last:
             due = min([recorder.steps_until_due(self) for recorder in recorders], default=last)
-            self._advance(max(1, min(due, last - self.step_count, self._launch_steps, self._launch_limit)), self.dt)
+            self._advance(max(1, min(due, last - self.step_count, self._launch_steps, self.launch_limit)), self.dt)
             self._notify(recorders)
         if rest > 0.0:
             self._advance(1, rest)

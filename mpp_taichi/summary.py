@@ -9,7 +9,7 @@ from mpp_taichi import plans
 
 if TYPE_CHECKING:
     from mpp_taichi.recorders.table import TableRecorder
-    from mpp_taichi.simulation import Recorder, Simulation
+    from mpp_taichi.simulation import Simulation
 
 
 class Stopwatch:
@@ -38,7 +38,7 @@ class Stopwatch:
 class Timed:
     """A recorder whose looks are timed under a name."""
 
-    def __init__(self, recorder: "Recorder", stopwatch: Stopwatch, name: str) -> None:
+    def __init__(self, recorder: Any, stopwatch: Stopwatch, name: str) -> None:
         """Wrap a recorder."""
         self.recorder, self.stopwatch, self.name = recorder, stopwatch, name
 
@@ -50,6 +50,10 @@ class Timed:
         """Look, timed."""
         with self.stopwatch(self.name):
             self.recorder.record(simulation)
+
+    def restart(self) -> None:
+        """As the recorder does."""
+        self.recorder.restart()
 
 
 def effect_names(simulation: "Simulation") -> list[str]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from mpp_taichi.cli._options import output_stem, require_suffix
 from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._terminal import UsageError, say
-from mpp_taichi.errors import MppError, OutputError, StabilityError
+from mpp_taichi.errors import CapacityError, MppError, OutputError, StabilityError
 from mpp_taichi.expectations import Verdict, Watcher
 from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.recorders.film import FilmRecorder
@@ -24,6 +24,7 @@ from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
 from mpp_taichi.recorders.video import VideoRecorder, check_encoder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
+from mpp_taichi.scene.estimate import MOST_STEPS
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.summary import Stopwatch, Timed, lines, summarize
 
@@ -131,6 +132,12 @@ class Goal:
             return max(1, round(self.until / dt))
         return self.steps
 
+    def is_reached(self, simulation: "Simulation") -> bool:
+        """Whether the simulation has come to the end."""
+        if self.until is not None:
+            return simulation.time >= self.until * (1.0 - 1e-12)
+        return self.steps is not None and simulation.step_count >= self.steps
+
 
 def run_scene(spec: SceneSpec, request: Request) -> Outcome:
     """Run a checked scene as asked; ends in an Outcome, also when a limit was broken or a signal came.
@@ -143,6 +150,9 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
     goal = Goal.of(spec, request)
     if goal.endless and not request.window:
         raise UsageError(f"{spec.source}: the scene has no run.duration: say how long, --until T or --steps N")
+    steps = goal.step_count(float(spec.integrator.parameters["dt"]))
+    if steps is not None and steps > MOST_STEPS:
+        raise CapacityError(f"{spec.source}: the run takes {steps:.3g} steps, allowed: {MOST_STEPS:,}; enlarge dt or shorten the run")
     with ExitStack() as stack:
         interruption = stack.enter_context(Interruption())
         _lock_outputs(request, stack)
@@ -200,10 +210,11 @@ class _Run:
         looks: list[Any] = [self.table, self.watchdog, self.watcher, *([trajectory] if trajectory else [])]
         timed = [Timed(look, self.stopwatch, "diagnostics") for look in looks]
         bar = sys.stderr is not None and sys.stderr.isatty()
-        progress = ProgressRecorder(self.total_steps, self._energy_error, bar=bar and not self.request.window)
-        recorders = [*timed, *self.films, interruption, *([] if self.request.quiet else [progress])]
+        progress = ProgressRecorder(self.total_steps, self._energy_error, bar=bar)
+        wants_progress = not (self.request.quiet or self.request.window)
+        recorders = [*timed, *self.films, interruption, *([progress] if wants_progress else [])]
         try:
-            self._advance(recorders, progress)
+            self._advance(recorders, progress, interruption)
             self._finish([*looks, *self.films])
         except Interrupted as signal:
             self.interrupted = signal
@@ -215,11 +226,11 @@ class _Run:
             self._close(sinks, trajectory)
         return self._outcome()
 
-    def _advance(self, recorders: list[Any], progress: ProgressRecorder) -> None:
+    def _advance(self, recorders: list[Any], progress: ProgressRecorder, interruption: Interruption) -> None:
         if self.request.window:
             from mpp_taichi.cli._interactive import show
 
-            show(self.simulation, self.spec, self.goal, recorders)
+            show(self.simulation, self.spec, self.goal, recorders, interruption)
         elif self.request.quiet:
             self.simulation.run(until=self.goal.until, steps=self.goal.steps, recorders=recorders)
         else:
@@ -313,8 +324,5 @@ class _Run:
 
     def _reached_the_end(self) -> bool:
         """Whether the run came to the end that the scene's expectations speak of."""
-        if not self.goal.whole or self.goal.endless or self.error is not None or self.interrupted is not None:
-            return False
-        if self.goal.steps is not None:
-            return self.simulation.step_count >= self.goal.steps
-        return self.simulation.time >= (self.goal.until or 0.0) * (1.0 - 1e-12)
+        broken_off = self.error is not None or self.interrupted is not None
+        return self.goal.whole and not broken_off and self.goal.is_reached(self.simulation)

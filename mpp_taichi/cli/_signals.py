@@ -59,3 +59,6 @@ class Interruption:
     def record(self, simulation: "Simulation") -> None:
         """End the run."""
         self.raise_if_any()
+
+    def restart(self) -> None:
+        """A signal stays received."""

@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import NoReturn
 
 from mpp_taichi import __version__
-from mpp_taichi.cli import check, record, run, schema
+from mpp_taichi.cli import check, explain, info, record, run, schema
 from mpp_taichi.cli._signals import Interrupted
 from mpp_taichi.cli._terminal import (
     CLOSED_OUTPUT_CODE,
@@ -31,11 +31,14 @@ from mpp_taichi.errors import MppError, OutputError, SceneError
 VERBS: dict[str, ModuleType] = {
     "run": run,
     "record": record,
+    "explain": explain,
     "check": check,
+    "info": info,
     "schema": schema,
 }
 LATER_VERBS = ("accuracy", "compare", "sweep", "convert")
 INTERNAL_ERROR_CODE = 1
+LONGEST_MESSAGE = 300
 DEBUG_VARIABLE = "MPP_TAICHI_DEBUG"
 EPILOG = __doc__.partition("\n\n")[2]
 
@@ -75,13 +78,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         say(f"error: {error.strerror or error}")
         code = OutputError.exit_code
     except Exception as error:
-        say(f"internal error: {type(error).__name__}: {error}; please report it")
+        text = " ".join(str(error).split())[:LONGEST_MESSAGE]
+        say(f"internal error: {type(error).__name__}: {text}; please report it")
         if os.environ.get(DEBUG_VARIABLE) == "1":
             traceback.print_exc()
         else:
             say(f"with {DEBUG_VARIABLE}=1 the place is shown")
         if json_wanted:
-            code = _put_failure({"status": "failed", "error": f"internal error: {error}", "exit_code": code}, code)
+            code = _put_failure({"status": "failed", "error": f"internal error: {text}", "exit_code": code}, code)
     return code
 
 

@@ -37,6 +37,11 @@ class TableRecorder:
         """Sample every `every` steps; `finish` takes the last one."""
         self.every = max(1, every)
         self.rows: list[dict[str, Any]] = []
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget every sample."""
+        self.rows.clear()
         self._drift = np.zeros(3)
         self._radius = 0.0
         self._largest = dict.fromkeys(("energy", "momentum", "angular_momentum", "way"), 0.0)
@@ -64,7 +69,11 @@ class TableRecorder:
 
     def _remember_start(self, simulation: "Simulation") -> None:
         snapshot = simulation.snapshot()
-        weight = snapshot.mass / snapshot.mass.sum() if snapshot.mass.sum() else np.full(len(snapshot.mass), 1.0 / len(snapshot.mass))
+        weight = (
+            snapshot.mass / snapshot.mass.sum()
+            if snapshot.mass.sum()
+            else np.full(len(snapshot.mass), 1.0 / len(snapshot.mass))
+        )
         self._drift = weight @ snapshot.velocity
         self._radius = float(np.linalg.norm(snapshot.position - weight @ snapshot.position, axis=1).max())
 
@@ -79,7 +88,8 @@ class TableRecorder:
         uniform = self._drift * (row["time"] - first["time"])
         return {
             "relative_energy_error": _ratio(
-                row["total_energy"] - first["total_energy"], start if start > ZERO_ENERGY * largest["energy"] else largest["energy"]
+                row["total_energy"] - first["total_energy"],
+                start if start > ZERO_ENERGY * largest["energy"] else largest["energy"],
             ),
             "momentum_error": _ratio(row["momentum"] - first["momentum"], largest["momentum"]),
             "angular_momentum_error": _ratio(row["angular_momentum"] - first["angular_momentum"], largest["angular_momentum"]),

@@ -79,6 +79,10 @@ class TrajectoryRecorder:
         if self._last_step != simulation.step_count:
             self.record(simulation)
 
+    def restart(self) -> None:
+        """The next frame is due at once; those written stay."""
+        self._last_step = -1
+
     def close(self) -> None:
         """Give the file its name; nothing is left when not one frame was written. Harmless when called twice."""
         if self._writer is None:
@@ -155,7 +159,9 @@ class _TextWriter:
         self._stream = open(self._part, "w", encoding="utf-8")
 
     def write(self, snapshot: Snapshot) -> None:
-        self._stream.write(f"{snapshot.particle_count}\nProperties={self.COLUMNS} Time={snapshot.time!r} Step={snapshot.step} pbc=\"F F F\"\n")
+        self._stream.write(
+            f'{snapshot.particle_count}\nProperties={self.COLUMNS} Time={snapshot.time!r} Step={snapshot.step} pbc="F F F"\n'
+        )
         numbers = np.column_stack([snapshot.position, snapshot.velocity, snapshot.mass, snapshot.radius, snapshot.charge])
         for name, row in zip(snapshot.name, numbers.tolist(), strict=True):
             self._stream.write(f"{_species(name)} {' '.join(map(repr, row))}\n")

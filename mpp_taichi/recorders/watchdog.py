@@ -44,3 +44,7 @@ class EnergyWatchdog:
                     row["time"],
                 )
         self._seen = len(self.table.rows)
+
+    def restart(self) -> None:
+        """Watch the table from its start again; what was broken stays broken."""
+        self._seen = 0

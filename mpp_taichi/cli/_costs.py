@@ -1,0 +1,149 @@
+"""Costs: how long a step takes, and how much of that each effect takes, by leaving it out or adding it."""
+
+import math
+import statistics
+import time as clock
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi import component
+from mpp_taichi.component import REQUIRED, Declaration, Parameter
+from mpp_taichi.scene.spec import ComponentSpec, Location, SceneSpec
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation import Simulation
+
+ROUNDS = 15
+SAMPLE_SECONDS = 0.02  # one timing is at least so long, against the clock's own grain
+LONG_SECONDS = 8.0  # of timing altogether; two rounds are the least
+ALMOST_NOTHING = 1e-30  # a strength that moves nothing, yet is no zero that a compiler may fold away
+
+
+@dataclass(frozen=True)
+class StepTime:
+    """Seconds per step: the median of the rounds, and how far apart half of them lie (interquartile range)."""
+
+    seconds: float
+    spread: float
+
+
+@dataclass(frozen=True)
+class EffectCost:
+    """What an effect takes of a step, in seconds, and two standard errors of that."""
+
+    name: str
+    seconds: float
+    noise: float
+
+
+def measure(simulation: "Simulation") -> tuple[StepTime, list[EffectCost], list[EffectCost]]:
+    """The step of a simulation as it is, the share of each of its effects, and the cost of every absent force.
+
+    The variants are timed in turn, round after round, so that a machine that slows down slows all of them.
+    """
+    spec, asked = simulation.spec, simulation.plan
+    fewer, more = _without(spec), _with(spec)
+    simulations = [simulation]
+    try:
+        for _, variant in (*fewer, *more):
+            simulations.append(_start(variant, simulation, asked))
+        times = _time_in_turn(simulations)
+    finally:
+        for started in simulations[1:]:
+            started.close()
+    full, others = times[0], times[1:]
+    costs = [_cost(name, full, other) for (name, _), other in zip((*fewer, *more), others)]
+    shares = [EffectCost(cost.name, -cost.seconds, cost.noise) for cost in costs[: len(fewer)]]
+    return StepTime(statistics.median(full), _spread(full)), shares, costs[len(fewer) :]
+
+
+def _cost(name: str, full: list[float], other: list[float]) -> EffectCost:
+    """Median of the differences round by round; two standard errors of a median are about 1.85 interquartile ranges / √rounds."""
+    differences = [changed - plain for changed, plain in zip(other, full)]
+    return EffectCost(name, statistics.median(differences), 1.85 * _spread(differences) / math.sqrt(len(differences)))
+
+
+def _start(spec: SceneSpec, like: "Simulation", plan: str) -> "Simulation":
+    from mpp_taichi.simulation import Simulation
+
+    threads = like.device.threads or None
+    return Simulation(spec, backend=like.device.backend, precision=like.device.precision, plan=plan, threads=threads)
+
+
+def _without(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
+    """The scene less one effect, for each of them."""
+    variants = [
+        (force.name, replace(spec, forces=spec.forces[:number] + spec.forces[number + 1 :])) for number, force in enumerate(spec.forces)
+    ]
+    return variants + ([("spring", replace(spec, springs=()))] if spec.springs else [])
+
+
+def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
+    """The scene and one force more, for each force it does not name; springs need ends and cannot be added by themselves."""
+    variants = []
+    for name in component.names("forces"):
+        declared = component.declaration("forces", name)
+        if declared.base == "BondForce" or any(force.name == name for force in spec.forces):
+            continue
+        parameters = _slight(declared)
+        if parameters is not None:
+            added = ComponentSpec(name, parameters, Location("explain", 0, 0))
+            variants.append((name, replace(spec, forces=(*spec.forces, added))))
+    return variants
+
+
+def _slight(declared: Declaration) -> dict[str, Any] | None:
+    """Parameters with which a force acts as little as it can; None where one cannot be guessed."""
+    found = {}
+    for parameter in declared.parameters:
+        value = _slight_value(parameter)
+        if value is None:
+            return None
+        found[parameter.name] = value
+    return found
+
+
+def _slight_value(parameter: Parameter) -> Any:
+    if parameter.default is not REQUIRED and parameter.default is not None:
+        return parameter.default
+    least = max(ALMOST_NOTHING, parameter.minimum or 0.0, 2.0 * (parameter.above or 0.0))
+    return {"float": least, "Vector": (least, least, least)}.get(parameter.type)
+
+
+def _time_in_turn(simulations: list["Simulation"]) -> list[list[float]]:
+    """Seconds per step of each simulation, one number a round."""
+    counts = [_steps_for(simulation) for simulation in simulations]
+    round_seconds = sum(_time(simulation, count) * count for simulation, count in zip(simulations, counts))
+    rounds = max(2, min(ROUNDS, int(LONG_SECONDS / round_seconds)))
+    seen: list[list[float]] = [[] for _ in simulations]
+    for _ in range(rounds):
+        for values, simulation, count in zip(seen, simulations, counts):
+            values.append(_time(simulation, count))
+    return seen
+
+
+def _spread(values: list[float]) -> float:
+    if len(values) < 4:
+        return max(values) - min(values)
+    low, _, high = statistics.quantiles(values, n=4)
+    return high - low
+
+
+def _steps_for(simulation: "Simulation") -> int:
+    """Steps that take `SAMPLE_SECONDS`; the first of them compiles."""
+    _time(simulation, 1)
+    steps, limit = 1, simulation.launch_limit
+    while steps < limit and (seconds := _time(simulation, steps) * steps) < SAMPLE_SECONDS:
+        steps = min(limit, steps * max(2, min(16, int(SAMPLE_SECONDS / max(seconds, 1e-6)))))
+    return steps
+
+
+def _time(simulation: "Simulation", steps: int) -> float:
+    """Seconds per step of `steps` steps from the start, without any look at the state."""
+    simulation.restart()
+    simulation.stepper.prepare(0.0)
+    simulation.stepper.first_bad_particle()  # waits for the device
+    began = clock.perf_counter()
+    simulation.stepper.advance(0.0, simulation.dt, steps)
+    simulation.stepper.first_bad_particle()
+    return (clock.perf_counter() - began) / steps

@@ -1,0 +1,76 @@
+"""What a run would be, said without starting a device."""
+
+import argparse
+
+from mpp_taichi import component, plans
+from mpp_taichi.cli import _options
+from mpp_taichi.cli._session import OUTPUT_FOLDER, Goal, Request
+from mpp_taichi.cli._terminal import put, put_json
+from mpp_taichi.scene.estimate import check_capacity, estimate
+from mpp_taichi.scene.spec import SceneSpec
+
+
+def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
+    """Print what is known beforehand; the code is that of a scene that could be run.
+
+    Raises:
+        CapacityError: it could not, for its size.
+    """
+    needed = estimate(spec)
+    goal = Goal.of(spec, Request(until=arguments.until, steps=arguments.steps))
+    dt = float(spec.integrator.parameters["dt"])
+    found = {
+        "scene": spec.source,
+        "title": spec.title,
+        "dimensions": spec.dimensions,
+        "effects": [force.name for force in spec.forces] + (["spring"] if needed.spring_count else []),
+        "integrator": spec.integrator.name,
+        "dt": dt,
+        "particle_count": needed.particle_count,
+        "spring_count": needed.spring_count,
+        "pair_interactions_per_step": needed.pair_interactions_per_step * _evaluations(spec),
+        "steps": goal.step_count(dt),
+        "time": None if goal.endless else goal.span(dt),
+        "bytes": needed.bytes,
+        "backend": arguments.backend,
+        "precision": arguments.precision or "f64 on the CPU, f32 elsewhere",
+        "plan": _plan(spec, arguments.plan, needed.particle_count, needed.spring_count, needed.pair_interactions_per_step > 0),
+        "expect": [expectation.quantity for expectation in spec.expect],
+        "files": _files(spec, arguments),
+        "resolved": spec.resolved,
+        "status": "ok",
+        "exit_code": 0,
+    }
+    check_capacity(needed)
+    if arguments.json:
+        put_json(found)
+    else:
+        put("\n".join(_line(name, value) for name, value in found.items() if name not in ("resolved", "status", "exit_code")))
+    return 0
+
+
+def _line(name: str, value: object) -> str:
+    if isinstance(value, list):
+        value = ", ".join(map(str, value)) or "none"
+    return f"  {name.replace('_', ' '):28s}{'not said' if value is None else value}"
+
+
+def _evaluations(spec: SceneSpec) -> int:
+    """Force evaluations of a step as the plans count them."""
+    return 1 if component.declaration("integrators", spec.integrator.name).base == "Splitting" else 2
+
+
+def _plan(spec: SceneSpec, asked: str, particle_count: int, spring_count: int, has_pairs: bool) -> str:
+    if asked != "auto":
+        return asked
+    work = plans.step_work(particle_count, spring_count, has_pairs, _evaluations(spec))
+    return f"{plans.choose(work, on_cpu=True, replica_count=1)} on a CPU, parallel on a GPU"
+
+
+def _files(spec: SceneSpec, arguments: argparse.Namespace) -> list[str]:
+    """The files that are asked for; without a display there is a film as well."""
+    names = ("video", "trajectory", "snapshot", "diagnostics")
+    files = [str(getattr(arguments, name)) for name in names if getattr(arguments, name) is not None]
+    if not arguments.headless and arguments.video is None:
+        files.append(f"{OUTPUT_FOLDER / _options.output_stem(spec.source)}.mp4, unless a window opens")
+    return files

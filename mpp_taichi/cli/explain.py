@@ -1,0 +1,141 @@
+"""Explain a scene: what is compiled for it, what it allocates, and what each effect costs.
+
+The share of an effect is measured: the step is timed with it and without it, in turn, and the medians are compared. The cost of an
+effect that the scene does not have is measured by adding it with next to no strength.
+"""
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi.cli import _options
+from mpp_taichi.cli._terminal import output_reserved, put, put_json, say
+
+if TYPE_CHECKING:
+    from mpp_taichi.cli._costs import EffectCost, StepTime
+    from mpp_taichi.simulation import Simulation
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    _options.add_scene(parser)
+    _options.add_device(parser)
+    _options.add_report(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Measure, and say."""
+    from mpp_taichi.scene.load import load_scene
+
+    spec = load_scene(arguments.scene, overrides=arguments.overrides)
+    from mpp_taichi.cli._costs import measure
+    from mpp_taichi.simulation import Simulation
+
+    with output_reserved(arguments.json):
+        if not arguments.quiet:
+            say(f"compiling and timing variants of {spec.source}")
+        simulation = Simulation(
+            spec, backend=arguments.backend, precision=arguments.precision, plan=arguments.plan, threads=arguments.threads
+        )
+        with simulation:
+            step, shares, prices = measure(simulation)
+            found = _facts(simulation, arguments.plan) | _timings(step, shares, prices)
+    if arguments.json:
+        put_json(found)
+    else:
+        put("\n".join(_lines(found)))
+    return 0
+
+
+def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
+    from mpp_taichi import plans
+    from mpp_taichi.summary import effect_names, plan_reason
+
+    fields = simulation.state.field_sizes()
+    return {
+        "scene": simulation.spec.source,
+        "backend": simulation.device.backend,
+        "device": simulation.device.name,
+        "precision": simulation.device.precision,
+        "particle_count": simulation.state.particle_count,
+        "spring_count": len(simulation.start.springs),
+        "effects": effect_names(simulation),
+        "integrator": simulation.spec.integrator.name,
+        "force_evaluations_per_step": simulation.integrator.evaluations,
+        "plan": simulation.plan,
+        "plan_reason": plan_reason(simulation, plan_asked),
+        "work_per_step": simulation.step_work,
+        "crossover_work": plans.CROSSOVER_WORK,
+        "launches_per_step": simulation.stepper.launches_per_step(),
+        "fields": fields,
+        "field_bytes": sum(fields.values()),
+        "dt": simulation.dt,
+        "dt_limit": spring_step_limit(simulation),
+        "conserves_energy": simulation.conserves_energy,
+    }
+
+
+def _timings(step: "StepTime", shares: "list[EffectCost]", prices: "list[EffectCost]") -> dict[str, Any]:
+    def rows(costs: "list[EffectCost]") -> list[dict[str, Any]]:
+        return [
+            {"effect": cost.name, "seconds": cost.seconds, "share": cost.seconds / step.seconds, "noise": cost.noise / step.seconds}
+            for cost in costs
+        ]
+
+    return {"seconds_per_step": step.seconds, "spread": step.spread, "shares": rows(shares), "absent": rows(prices)}
+
+
+def spring_step_limit(simulation: "Simulation") -> float | None:
+    """Largest stable dt of leapfrog with the scene's springs, 2/ω_max with ω_max² ≤ max_i (2/m_i) Σ D; None without springs.
+
+    The bound is Gershgorin's: each row of M⁻¹K holds its diagonal and as much again beside it. Fixed particles do not swing.
+    """
+    import numpy as np
+
+    start = simulation.start
+    if not len(start.springs):
+        return None
+    stiffness = np.zeros(start.particle_count)
+    for end in (0, 1):
+        np.add.at(stiffness, start.springs.between[:, end], start.springs.stiffness)
+    swings = start.free.any(axis=1) & (start.mass > 0.0) & (stiffness > 0.0)
+    if not swings.any():
+        return None
+    return float(2.0 / np.sqrt(np.max(2.0 * stiffness[swings] / start.mass[swings])))
+
+
+def _lines(found: dict[str, Any]) -> list[str]:
+    launches = found["launches_per_step"]
+    how_often = f"{launches} launches per step" if launches else "one launch holds many steps"
+    limit = found["dt_limit"]
+    rows = [
+        f"{found['scene']}: {found['particle_count']:,} particles, {found['spring_count']:,} springs",
+        f"compiled   {', '.join(found['effects']) or 'no effect'}; {found['integrator']}, "
+        f"{found['force_evaluations_per_step']} force evaluations per step",
+        f"device     {found['backend']}: {found['device']}, {found['precision']}",
+        f"plan       {found['plan']}: {found['plan_reason']}; {how_often}",
+        f"memory     {_bytes(found['field_bytes'])} in fields",
+        *(f"           {name:20s}{_bytes(size)}" for name, size in found["fields"].items()),
+        f"step       {_seconds(found['seconds_per_step'])} (half of the timings within {_seconds(found['spread'])})",
+        *(f"           {row['effect']:20s}{_share(row)} of it" for row in found["shares"]),
+        "absent     what each would add to a step",
+        *(f"           {row['effect']:20s}{_share(row)}" for row in found["absent"]),
+        f"dt         {found['dt']:.6g}" + (f"; the springs allow {limit:.6g} to leapfrog" if limit else ""),
+    ]
+    return rows
+
+
+def _share(row: dict[str, Any]) -> str:
+    if abs(row["share"]) <= row["noise"]:
+        return f"not measurable (timings differ by {100 * row['noise']:.0f} %)"
+    return f"{100 * row['share']:.0f} % ± {100 * row['noise']:.0f} %, {_seconds(row['seconds'])}"
+
+
+def _seconds(value: float) -> str:
+    for size, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
+        if abs(value) >= size:
+            return f"{value / size:.3g} {unit}"
+    return f"{value * 1e9:.3g} ns"
+
+
+def _bytes(count: int) -> str:
+    return f"{count:,} B" if count < 10_000 else f"{count / 1024:,.1f} KiB" if count < 10_000_000 else f"{count / 2**20:,.1f} MiB"
