@@ -266,9 +266,7 @@ def test_any_shape_of_force_runs_in_lanes(precision):
     assert not is_elementwise(Screened.shape)
     launcher = _launcher((Screened(0.0),), _bodies(50, 3, precision), precision)
     np.testing.assert_array_equal(launcher.run("launch"), launcher.run("lanes"))
-    np.testing.assert_allclose(
-        launcher.run("launch"), launcher.run("gather"), rtol=0, atol=100 * _rounding(50, precision)
-    )
+    np.testing.assert_allclose(launcher.run("launch"), launcher.run("gather"), rtol=0, atol=100 * _rounding(50, precision))
 
 
 def test_explicit_vectors_refuse_interleaved_components():

@@ -60,6 +60,7 @@ class AllPairs:
         self.tile_count = -(-particle_count // self.lane_count)
         self.thread_count = config.cpu_max_num_threads
         self.has_work = particle_count > 1 and len(self.members) > 0
+        self._checked_state: Any = None
         self.unrolled = particle_count * (particle_count - 1) // 2 <= UNROLLED_PAIRS
 
     # One thread ------------------------------------------------------------------------------------------------------
@@ -144,10 +145,11 @@ class AllPairs:
         Raises TypeError when the vectors of the state are not stored component by component (`ti.Layout.SOA`): Taichi
         would store nothing, and say nothing.
         """
-        for field in (state.position, state.acceleration):
-            components = [field.get_scalar_field(axis).parent() for axis in range(self.dimensions)]
-            if components[0] == components[-1]:
-                raise TypeError("explicit vectors need positions and accelerations stored component by component")
+        if state is not self._checked_state:
+            for field in (state.position, state.acceleration):
+                if field.get_scalar_field(0).parent() == field.get_scalar_field(1).parent():
+                    raise TypeError("explicit vectors need positions and accelerations stored component by component")
+            self._checked_state = state
         with explicit_vectors():
             self._accumulate_on_cpu(state)
 
