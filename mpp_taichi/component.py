@@ -11,7 +11,7 @@ import importlib.util
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -118,7 +118,7 @@ def declaration(kind: str, name: str) -> Declaration:
     return _read(kind, path)
 
 
-@lru_cache(maxsize=None)
+@cache
 def _read(kind: str, path: Path) -> Declaration:
     tree = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
     wanted = class_name_of(path.stem)

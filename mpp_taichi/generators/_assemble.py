@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ def assemble(spec: SceneSpec) -> Snapshot:
     """
     layout = layout_of(spec)
     groups = _place(spec, layout)
-    arrays = {key: np.concatenate([getattr(group, key) for group in groups]) for key in _PARTICLE_ARRAYS}
+    arrays: dict[str, Any] = {key: np.concatenate([getattr(group, key) for group in groups]) for key in _PARTICLE_ARRAYS}
     rest_position = np.concatenate([group.rest_position for group in groups])
     names = tuple(name for group in groups for name in group.name)
     springs = _link(spec, layout, rest_position)
@@ -52,7 +53,7 @@ def _place(spec: SceneSpec, layout: ParticleLayout) -> list[Group]:
         except PlacementError as error:
             raise SceneError(f"{entry.location}: particles[{number}].{entry.name}: {error}") from None
         if spec.dimensions == 2 and (np.any(group.position[:, 2]) or np.any(group.velocity[:, 2])):
-            raise SceneError(f"{entry.location}: particles[{number}].{entry.name}: leaves the plane z = 0 of a scene of dimensions: 2")
+            raise SceneError(f"{entry.location}: particles[{number}].{entry.name}: leaves the plane z = 0 of dimensions: 2")
         groups.append(group)
     return groups
 

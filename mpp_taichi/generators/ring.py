@@ -71,5 +71,6 @@ class Ring(Generator):
             density = self.count * self.mass / area
             squared = squared + strength * density * r * annulus_pull(inside, self.inner_radius, self.outer_radius)
         if np.any(squared < 0.0):
-            raise PlacementError(f"no circular orbit at r = {r[np.argmin(squared)]:g}: the ring pulls outward more than the centre inward")
+            where = r[np.argmin(squared)]
+            raise PlacementError(f"no circular orbit at r = {where:g}: the ring pulls outward more than the centre inward")
         return np.sqrt(squared)

@@ -39,7 +39,9 @@ class Network(ABC):
         """Make the springs; PlacementError where that cannot be done."""
 
 
-def make_springs(between: np.ndarray, context: NetworkContext, *, rest_length: float | None, stretch: float = 1.0, **given: Any) -> Springs:
+def make_springs(
+    between: np.ndarray, context: NetworkContext, *, rest_length: float | None, stretch: float = 1.0, **given: Any
+) -> Springs:
     """Springs between pairs of particles; without a rest length they are at rest as placed, divided by `stretch`."""
     count = len(between)
     separation = context.rest_position[between[:, 1]] - context.rest_position[between[:, 0]]

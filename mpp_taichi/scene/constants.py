@@ -3,15 +3,17 @@
 import graphlib
 import keyword
 import math
+from collections.abc import Mapping
 
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.expressions import RESERVED, Expression, ExpressionError, UnresolvedConstant, parse
 from mpp_taichi.scene.faults import Faults, shown
+from mpp_taichi.scene.location import Location
 
 CONSTANTS_ALLOWED = 10_000
 
 
-def resolve(node: Node | None, given: dict[str, float], faults: Faults) -> dict[str, float | None]:
+def resolve(node: Node | None, given: Mapping[str, float | None], faults: Faults) -> dict[str, float | None]:
     """Every constant's value: those `given` (G) and those of the mapping; None for one at fault, already reported."""
     values: dict[str, float | None] = dict(given)
     if node is None or not isinstance(node.value, dict):
@@ -50,11 +52,11 @@ def resolve(node: Node | None, given: dict[str, float], faults: Faults) -> dict[
     return values
 
 
-def place_in(node: Node, error: ExpressionError):
+def place_in(node: Node, error: ExpressionError) -> Location:
     """Where in the file the character of an expression stands; the value's beginning when the text is folded."""
     if not node.text_column:
         return node.location
-    return type(node.location)(node.location.file, node.location.line, node.text_column + error.offset)
+    return Location(node.location.file, node.location.line, node.text_column + error.offset)
 
 
 def _in_order(expressions: dict[str, Expression], node: Node, faults: Faults) -> list[str]:

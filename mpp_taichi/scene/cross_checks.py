@@ -24,7 +24,8 @@ def _check_run(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     if step is not None and spec.run.duration is not None and step > spec.run.duration:
         key = f"integrator.{spec.integrator.name}.dt"
         place = tree.value["integrator"].value[spec.integrator.name].value["dt"].location
-        faults.add(place, key, f"a step of {step:g} is longer than the run, must be at most run.duration = {spec.run.duration:g}")
+        longest = f"must be at most run.duration = {spec.run.duration:g}"
+        faults.add(place, key, f"a step of {step:g} is longer than the run, {longest}")
 
 
 def _check_camera(spec: SceneSpec, tree: Node, faults: Faults) -> None:

@@ -11,8 +11,8 @@ import yaml
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene import guard
 from mpp_taichi.scene.faults import Faults, printable, shown
-from mpp_taichi.scene.scalars import read_plain
 from mpp_taichi.scene.location import Location
+from mpp_taichi.scene.scalars import read_plain
 
 _DEEPEST_DICT = guard.DEPTH_ALLOWED
 
@@ -125,7 +125,7 @@ def _placed(node: Node, location: Location) -> Node:
     return replace(node, value=value, location=location, key_location=None, text_column=0)
 
 
-def _build(node: yaml.Node, file: str, faults: Faults, key_location: Location | None = None) -> Node:
+def _build(node: Any, file: str, faults: Faults, key_location: Location | None = None) -> Node:
     location = _locate(node, file)
     if isinstance(node, yaml.MappingNode):
         return Node(_build_mapping(node, file, faults), location, key_location)

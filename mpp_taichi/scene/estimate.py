@@ -53,11 +53,12 @@ def check_capacity(needed: Estimate) -> None:
     free = available_bytes()
     if free is not None and needed.bytes > free:
         raise CapacityError(
-            f"the scene needs {needed.bytes / 2**30:.3g} GiB for {needed.particle_count} particles and {needed.spring_count} springs, "
-            f"this machine has {free / 2**30:.3g} GiB available"
+            f"the scene needs {needed.bytes / 2**30:.3g} GiB for {needed.particle_count} particles and "
+            f"{needed.spring_count} springs, this machine has {free / 2**30:.3g} GiB available"
         )
     if needed.steps is not None and needed.steps > MOST_STEPS:
-        raise CapacityError(f"the run takes {_short(needed.steps)} steps, allowed: {MOST_STEPS}; enlarge dt or shorten run.duration")
+        steps = _short(needed.steps)
+        raise CapacityError(f"the run takes {steps} steps, allowed: {MOST_STEPS}; enlarge dt or shorten run.duration")
 
 
 def available_bytes() -> int | None:

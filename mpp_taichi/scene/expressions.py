@@ -19,7 +19,7 @@ from mpp_taichi.scene.faults import shown, suggestion
 LENGTH_ALLOWED = 1000  # characters
 NODES_ALLOWED = 300
 _ANY = (1, 50)
-# name → (on numbers, on arrays, fewest and most arguments)
+# name → (on numbers, on arrays, (fewest, most) arguments)
 FUNCTIONS: dict[str, tuple[Callable[..., Any], Callable[..., Any], tuple[int, int]]] = {
     "sqrt": (math.sqrt, np.sqrt, (1, 1)),
     "exp": (math.exp, np.exp, (1, 1)),
@@ -168,7 +168,7 @@ def _refusal(node: ast.AST, functions: set[int]) -> str:
             return f"{node.func.id} takes {fewest if fewest == most else 'one or more'} number(s), not {len(node.args)}"
     elif isinstance(node, ast.BinOp):
         if type(node.op) not in _BINARY:
-            return "this operator is not allowed; a power is **" if isinstance(node.op, ast.BitXor) else "this operator is not allowed"
+            return "this operator is not allowed" + ("; a power is **" if isinstance(node.op, ast.BitXor) else "")
     elif isinstance(node, ast.UnaryOp):
         if type(node.op) not in _UNARY:
             return "this operator is not allowed"
@@ -200,7 +200,8 @@ class _Evaluation:
                 result = _BINARY[type(node.op)](left, right)
             else:
                 assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
-                result = FUNCTIONS[node.func.id][int(self.on_arrays)](*[self.of(argument) for argument in node.args])
+                on_numbers, on_arrays, _ = FUNCTIONS[node.func.id]
+                result = (on_arrays if self.on_arrays else on_numbers)(*[self.of(argument) for argument in node.args])
         except ExpressionError:
             raise
         except (ArithmeticError, ValueError) as error:

@@ -116,7 +116,7 @@ class Number(Field):
 class Whole(Number):
     """A whole number within a range; 1e6 and expressions are welcome."""
 
-    def check(self, value: Any, context: Context) -> int:  # type: ignore[override]
+    def check(self, value: Any, context: Context) -> int:
         """Calculate and refuse a fraction."""
         number = super().check(value, context)
         if number != math.floor(number):
@@ -299,9 +299,10 @@ class PerParticle(Field):
             raise Wrong(str(error), offset=error.offset) from None
         if ambiguous := sorted(expression.names & set(self.names) & set(context.constants)):
             raise Wrong(f"{ambiguous[0]} is both a constant and a value of each particle here, rename the constant")
-        if any(context.constants.get(name, 0.0) is None for name in expression.names - set(self.names)):
-            raise Wrong("")
-        constants = {name: context.constants[name] for name in expression.names - set(self.names)}
+        values = {name: context.constants[name] for name in expression.names - set(self.names)}
+        constants = {name: value for name, value in values.items() if value is not None}
+        if len(constants) < len(values):
+            raise Wrong("")  # reported where the constant is defined
         return Formula(expression, constants)
 
     def schema(self) -> dict[str, Any]:

@@ -5,17 +5,20 @@ that breaks a limit; only then may the (recursive, in C) composer see the text.
 """
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import yaml
 
 from mpp_taichi.errors import SceneError
-from mpp_taichi.scene.location import Location
 
 BYTES_ALLOWED = 1 << 20
 DEPTH_ALLOWED = 64
 NODES_ALLOWED = 200_000  # after every alias is expanded
 LOADER = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # resolves nothing: scalars.py does
+_NODE_EVENTS = (yaml.ScalarEvent, yaml.SequenceStartEvent, yaml.MappingStartEvent)
+_END_EVENTS = (yaml.SequenceEndEvent, yaml.MappingEndEvent)
 _NOT_IN_YAML = re.compile(r"[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
@@ -59,7 +62,7 @@ def check_events(text: str, file: str) -> None:
     anchors: dict[str, _Open] = {}
     total = documents = 0
 
-    def refuse(event: yaml.Event, message: str) -> None:
+    def refuse(event: Any, message: str) -> None:
         raise SceneError(f"{file}:{event.start_mark.line + 1}:{event.start_mark.column + 1}: {message}")
 
     for event in _events(text, file):
@@ -67,7 +70,9 @@ def check_events(text: str, file: str) -> None:
             documents += 1
             if documents > 1:
                 refuse(event, "a second document begins here; a scene is one document")
-        elif isinstance(event, yaml.AliasEvent):
+            continue
+        kind = type(event)
+        if kind is yaml.AliasEvent:
             known = anchors.get(event.anchor)
             if known is None:
                 refuse(event, f"alias *{event.anchor[:40]} has no anchor before it, or refers to itself")
@@ -76,14 +81,14 @@ def check_events(text: str, file: str) -> None:
                 _close(stack, known)
                 if len(stack) + known.height > DEPTH_ALLOWED:
                     refuse(event, f"nested deeper than {DEPTH_ALLOWED} levels")
-        elif isinstance(event, yaml.NodeEvent):
+        elif kind in _NODE_EVENTS:
             if event.tag is not None:
                 refuse(event, f"tag {event.tag[:60]} is not allowed: a scene holds plain text, numbers, lists and mappings")
             total += 1
             entry = _Open(event.anchor)
             if event.anchor:
                 anchors.pop(event.anchor, None)  # an anchor means something only after its node has ended
-            if isinstance(event, yaml.ScalarEvent):
+            if kind is yaml.ScalarEvent:
                 entry.height = 0
                 _name(anchors, entry)
                 _close(stack, entry)
@@ -91,7 +96,7 @@ def check_events(text: str, file: str) -> None:
                 stack.append(entry)
                 if len(stack) > DEPTH_ALLOWED:
                     refuse(event, f"nested deeper than {DEPTH_ALLOWED} levels")
-        elif isinstance(event, yaml.CollectionEndEvent):
+        elif kind in _END_EVENTS:
             entry = stack.pop()
             _name(anchors, entry)
             _close(stack, entry)
@@ -99,7 +104,7 @@ def check_events(text: str, file: str) -> None:
             refuse(event, f"more than {NODES_ALLOWED} values after expanding aliases; put bulk particles into a file")
 
 
-def _events(text: str, file: str):
+def _events(text: str, file: str) -> Iterator[Any]:
     try:
         yield from yaml.parse(text, Loader=LOADER)
     except yaml.MarkedYAMLError as error:

@@ -40,7 +40,7 @@ class ParticleLayout:
         return f"particle {index} ({part})"
 
     def find(self, reference: int | str) -> int:
-        """Index of a particle given by index, by the name of a body, or as `group[number]`; PlacementError says what there is."""
+        """Index of a particle given by index, by name, or as `group[number]`; PlacementError says what there is."""
         if isinstance(reference, int):
             if not 0 <= reference < self.total:
                 raise PlacementError(f"there is no particle {shown(reference)}, allowed: 0 to {shown(self.total - 1)}")

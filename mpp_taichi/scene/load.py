@@ -19,7 +19,7 @@ from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 _Overrides = Mapping[str, Any] | Sequence[str]
 
 
-def load_scene(source: str | Path | dict | SceneSpec, *, overrides: _Overrides = ()) -> SceneSpec:
+def load_scene(source: str | Path | Mapping[str, Any] | SceneSpec, *, overrides: _Overrides = ()) -> SceneSpec:
     """Read and check a scene; SceneError lists every fault.
 
     `overrides` is a mapping {"integrator.leapfrog.dt": 0.01} or texts "integrator.leapfrog.dt=0.01" (see overrides.py).
@@ -46,7 +46,7 @@ def load_scene(source: str | Path | dict | SceneSpec, *, overrides: _Overrides =
     return spec
 
 
-def _read(source: str | Path | dict | SceneSpec, faults: Faults) -> tuple[Node, str, Path]:
+def _read(source: str | Path | Mapping[str, Any] | SceneSpec, faults: Faults) -> tuple[Node, str, Path]:
     """The tree, the name it goes by, and the folder its files are in."""
     if isinstance(source, SceneSpec):
         return from_python(source.resolved, Location(source.source, 0, 0)), source.source, Path(source.source).parent
@@ -124,4 +124,3 @@ def _with_gravity(entry: ComponentSpec, strength: float | None) -> ComponentSpec
     if entry.name != "newtonian_gravity" or entry.parameters.get("strength") is not None:
         return entry
     return ComponentSpec(entry.name, {**entry.parameters, "strength": strength}, entry.location)
-

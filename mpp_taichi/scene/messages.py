@@ -14,7 +14,12 @@ from mpp_taichi.scene.faults import Faults, allowed, choices, shown, suggestion
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.model import KINDS, LATER_KEYS, available
 
-_KIND_WORDS = {"generators": "generator of particles", "networks": "generator of springs", "forces": "force", "integrators": "integrator"}
+_KIND_WORDS = {
+    "generators": "generator of particles",
+    "networks": "generator of springs",
+    "forces": "force",
+    "integrators": "integrator",
+}
 
 EXAMINED = 1000  # faults for which a message is composed; the rest is counted
 
@@ -27,8 +32,10 @@ def report(error: ValidationError, tree: Node, model: type[BaseModel], faults: F
         place = _Place(tree, detail["loc"])
         if detail["type"] == "wrong":
             for below, offset, message in detail["ctx"]["parts"]:
-                if message:
+                if message and place.reached:
                     _report_part(_Place(tree, (*detail["loc"], *below)), offset, message, faults)
+                elif message:
+                    faults.add(place.node.place, f"{place.key}.{place.last}", f"{message} (this is its default)")
         else:
             faults.add(place.location_for(detail["type"]), place.key, _message(detail, place, model))
 
@@ -87,7 +94,7 @@ def _unknown_key(place: _Place, known: list[str]) -> str:
         return f"this version does not have {word!r} yet, {allowed(known)}"
     if place.path[:1] == ("expect",) and len(place.path) == 2:
         known = sorted({*SUMMARY_QUANTITIES, *available("diagnostics")})
-    elif place.path[0] in KINDS and place.path[0] != "expect" and place.path[1:] in ((word,), (*place.path[1:2], word)):
+    elif place.path[0] in KINDS and all(isinstance(step, int) for step in place.path[1:-1]) and len(place.path) > 1:
         return _unknown_component(KINDS[str(place.path[0])], word)
     return f"unknown key {shown(word)}{choices(word, known)}"
 

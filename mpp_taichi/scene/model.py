@@ -4,7 +4,7 @@ Components are not imported. A scene is checked against a model that holds only 
 written from the model that holds all of them.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,7 +21,13 @@ from mpp_taichi.scene.fields import Context, Field, Number, Text, Whole, Wrong
 from mpp_taichi.scene.spec import RecordSpec, RunSpec, ViewSpec
 
 # Keys of a scene that hold components, and the folder those come from.
-KINDS = {"particles": "generators", "springs": "networks", "forces": "forces", "integrator": "integrators", "expect": "diagnostics"}
+KINDS = {
+    "particles": "generators",
+    "springs": "networks",
+    "forces": "forces",
+    "integrator": "integrators",
+    "expect": "diagnostics",
+}
 LATER_KEYS = ("contacts", "walls", "inspect", "sliders", "timeline", "accuracy")
 _STRICT = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, protected_namespaces=())
 Selection = tuple[tuple[str, tuple[str, ...]], ...]  # kind → names of the components in the model
@@ -63,7 +69,7 @@ _BOUND_FIELDS: dict[str, Any] = {
     "below": (Annotated[dict | None, Bound(Number())], Describe(None, description="upper bound (|value| of a vector)")),
     "above": (Annotated[dict | None, Bound(Number())], Describe(None, description="lower bound")),
     "near": (Annotated[float | None, Number()], Describe(None, description="the value expected")),
-    "within": (Annotated[dict | None, Bound(Number(minimum=0.0))], Describe(None, description="allowed |value − near| / |near|")),
+    "within": (Annotated[dict | None, Bound(Number(minimum=0.0))], Describe(None, description="|value − near| / |near|")),
 }
 
 
@@ -97,8 +103,11 @@ def scene_model(selection: Selection) -> type[BaseModel]:
 def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[BaseModel]:
     del extra_folders  # only tells apart models made from other files of the same names
     chosen = dict(selection)
-    particles = _entries("generators", chosen["generators"])
-    springs, forces = _entries("networks", chosen["networks"]), _entries("forces", chosen["forces"])
+    expect = _expect_model(chosen["diagnostics"])
+    particles, springs, forces, integrator = (
+        _entries(kind, chosen[kind]) for kind in ("generators", "networks", "forces", "integrators")
+    )
+    numbers = dict[str, Annotated[float, Number()]]
     return create_model(
         "Scene",
         __config__=_STRICT,
@@ -107,19 +116,19 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         description=_key(Text(), "", "what to look at and what to try"),
         extends=_key(Text(), None, "a scene in this folder that this one completes; mappings merge, lists replace"),
         units=(Units | None, Describe(None, description="units of the numbers; without them they are dimensionless")),
-        constants=(dict[str, Annotated[float, Number()]] | None, Describe(None, description="names for numbers, usable in expressions")),
+        constants=(numbers | None, Describe(None, description="names for numbers, usable in expressions")),
         dimensions=_key(Whole(minimum=2, maximum=3), 3, "2 for a scene in the x–y plane"),
         seed=_key(Whole(minimum=0, maximum=2**53), 0, "of every random number of the scene"),
-        particles=(Annotated[list[particles], Describe(min_length=1)], Describe(description="generators, in the order of the indices")),
-        springs=(list[springs], Describe([], description="springs between particles")),
+        particles=(_list_of(particles), Describe(min_length=1, description="generators, in the order of the indices")),
+        springs=(_list_of(springs), Describe([], description="springs between particles")),
         spring_damping=_key(Text(("axial", "full")), "axial", "damping along the spring, or of the whole relative velocity"),
-        forces=(list[forces], Describe([], description="what acts on the particles besides springs")),
-        integrator=(_entries("integrators", chosen["integrators"]), Describe(description="the method that advances time")),
+        forces=(_list_of(forces), Describe([], description="what acts on the particles besides springs")),
+        integrator=(integrator, Describe(description="the method that advances time")),
         move_to_center_of_mass=_key(fields.Flag(), False, "start with the centre of mass at rest at the origin"),
         run=(RunSpec, Describe(RunSpec(), description="how long to run")),
         view=(ViewSpec, Describe(ViewSpec(), description="what is drawn")),
         record=(RecordSpec, Describe(RecordSpec(), description="how a film is made")),
-        expect=(_expect_model(chosen["diagnostics"]) | None, Describe(None, description="physics that must come out")),
+        expect=(expect | None, Describe(None, description="physics that must come out")),
     )
 
 
@@ -159,11 +168,14 @@ def _entries(kind: str, names: Iterable[str]) -> Any:
         declared = component.declaration(kind, name)
         summary = declared.summary.split("\n\n")[0]
         body = create_model(declared.class_name, __config__=_STRICT, __doc__=summary, **_parameter_fields(declared.parameters))
-        wrapped = Annotated[body, BeforeValidator(_nothing_is_empty, json_schema_input_type=body)]
-        members[name] = (wrapped, Describe(None, description=summary))
+        members[name] = (_checked_before(body, _nothing_is_empty), Describe(None, description=summary))
     config = ConfigDict(**_STRICT, json_schema_extra={"minProperties": 1, "maxProperties": 1})
     entry = create_model(f"{kind.capitalize()}Entry", __config__=config, __doc__=f"One of {kind}/.", **members)
-    return Annotated[entry, BeforeValidator(_only_one, json_schema_input_type=entry)]
+    return _checked_before(entry, _only_one)
+
+
+def _checked_before(model: Any, check: Callable[[Any], Any]) -> Any:
+    return Annotated[model, BeforeValidator(check, json_schema_input_type=model)]
 
 
 def _parameter_fields(parameters: Iterable[Parameter]) -> dict[str, Any]:
@@ -182,18 +194,25 @@ def _parameter_fields(parameters: Iterable[Parameter]) -> dict[str, Any]:
 
 def _expect_model(names: Iterable[str]) -> Any:
     quantities: dict[str, Any] = {}
+    bounds = _one_or_more(create_model("Bounds", __config__=_STRICT, **_BOUND_FIELDS))
     for name, summary in SUMMARY_QUANTITIES.items():
-        quantities[name] = (_one_or_more(create_model("Bounds", __config__=_STRICT, **_BOUND_FIELDS)), Describe(None, description=summary))
+        quantities[name] = (bounds, Describe(None, description=summary))
     for name in names:
         declared = component.declaration("diagnostics", name)
-        body = create_model(f"{declared.class_name}Bounds", __config__=_STRICT, **_BOUND_FIELDS, **_parameter_fields(declared.parameters))
+        keys = {**_BOUND_FIELDS, **_parameter_fields(declared.parameters)}
+        body = create_model(f"{declared.class_name}Bounds", __config__=_STRICT, **keys)
         quantities[name] = (_one_or_more(body), Describe(None, description=declared.summary.split("\n\n")[0]))
     return create_model("Expect", __config__=_STRICT, **quantities)
 
 
 def _one_or_more(body: Any) -> Any:
     """A list of statements about one quantity, or just one."""
-    return Annotated[list[body], BeforeValidator(_as_list, json_schema_input_type=body | list[body])]
+    many = _list_of(body)
+    return Annotated[many, BeforeValidator(_as_list, json_schema_input_type=body | many)]
+
+
+def _list_of(item: Any) -> Any:
+    return list[item]
 
 
 def _as_list(value: Any) -> Any:
@@ -213,4 +232,3 @@ def _only_one(value: Any) -> Any:
 
 def _lists(value: Any) -> Any:
     return [_lists(item) for item in value] if isinstance(value, (list, tuple)) else value
-

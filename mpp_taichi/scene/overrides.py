@@ -44,7 +44,8 @@ def _read(written: str, value: Any, *, from_text: bool) -> tuple[Path, bool, Nod
     adding = text.startswith("+")
     path = _steps(text.removeprefix("+").strip())
     if not path:
-        raise SceneError(f"{location}: {shown(text)} is no path, allowed: names with dots and [index], as in particles[0].body.mass")
+        example = "allowed: names with dots and [index], as in particles[0].body.mass"
+        raise SceneError(f"{location}: {shown(text)} is no path, {example}")
     if not from_text:
         return path, adding, from_python(value, location)
     try:

@@ -14,7 +14,6 @@ LARGEST_COORDINATE = 1e100
 """Positions, velocities: their squares and cubes must stay finite."""
 _PROPORTIONAL_TO_MASS = {"newtonian_gravity", "uniform_gravity"}
 _NEEDS_NO_MASS_WITHOUT_CHARGE = {"coulomb"}
-_SINGULAR = {"newtonian_gravity": ("mass", "strength", any), "coulomb": ("charge", "coulomb_constant", all)}
 Fault = tuple[Location, str]
 
 
@@ -58,16 +57,17 @@ def _masses(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iter
     forces = {entry.name for entry in spec.forces}
     if (forces | ({"springs"} if len(snapshot.springs) else set())) - {"newtonian_gravity"}:
         for index in _first_of_each_entry(layout, snapshot.mass < 0.0):
-            yield _at(layout, index, f"has the mass {snapshot.mass[index]:g}, allowed below 0 only where newtonian_gravity alone acts")
+            rule = "allowed below 0 only where newtonian_gravity alone acts"
+            yield _at(layout, index, f"has the mass {snapshot.mass[index]:g}, {rule}")
     massless = (snapshot.mass == 0.0) & np.any(snapshot.free, axis=1)
     linked = np.zeros(snapshot.particle_count, dtype=bool)
     linked[snapshot.springs.between.ravel()] = True
     for index in _first_of_each_entry(layout, massless & linked):
         yield _at(layout, index, "has no mass but a spring, must have a mass above 0 or be held fixed")
-    for index in _first_of_each_entry(layout, massless & (snapshot.charge != 0.0) if "coulomb" in forces else np.zeros(0, bool)):
+    for index in _first_of_each_entry(layout, massless & (snapshot.charge != 0.0) & ("coulomb" in forces)):
         yield _at(layout, index, "has a charge but no mass, must have a mass above 0 where coulomb acts")
     others = sorted(forces - _PROPORTIONAL_TO_MASS - _NEEDS_NO_MASS_WITHOUT_CHARGE)
-    for index in _first_of_each_entry(layout, massless if others else np.zeros(0, bool)):
+    for index in _first_of_each_entry(layout, massless & bool(others)):
         yield _at(layout, index, f"has no mass, must have one above 0 where {', '.join(others)} acts")
 
 
@@ -87,10 +87,11 @@ def _springs(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Ite
     for place, entry in enumerate(spec.springs):
         count = _count(entry, layout)
         said = entry.parameters.get("rest_length")
-        bad = np.flatnonzero(together[number : number + count] & ((said is None) | (springs.rest_length[number : number + count] > 0.0)))
+        own = slice(number, number + count)
+        bad = np.flatnonzero(together[own] & ((said is None) | (springs.rest_length[own] > 0.0)))
         if len(bad):
-            first, second = (int(end) for end in springs.between[number + bad[0]])
-            text = f"the spring between {layout.label(first)} and {layout.label(second)} has no direction, its ends are at the same place"
+            first, second = (layout.label(int(end)) for end in springs.between[number + bad[0]])
+            text = f"the spring between {first} and {second} has no direction, its ends are at the same place"
             yield entry.location, f"springs[{place}].{entry.name}: {text}; only rest_length: 0 is allowed there"
         number += count
 
@@ -101,19 +102,22 @@ def _count(entry: ComponentSpec, layout: ParticleLayout) -> int:
 
 def _coincidences(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
     """Two particles at one place, between which an unsoftened force has no value."""
-    singular = [entry for entry in spec.forces if entry.name in _SINGULAR and entry.parameters.get("softening") == 0.0]
-    if not singular or snapshot.particle_count < 2:
-        return
-    order = np.lexsort(snapshot.position.T)
-    ordered = snapshot.position[order]
-    for row in np.flatnonzero(np.all(ordered[1:] == ordered[:-1], axis=1)):
-        first, second = sorted((int(order[row]), int(order[row + 1])))
-        for entry in singular:
-            source, strength, enough = _SINGULAR[entry.name]
-            values = getattr(snapshot, source)[[first, second]]
-            if entry.parameters[strength] != 0.0 and enough(value != 0.0 for value in values):
-                yield _at(layout, second, f"is where {layout.label(first)} is, must be elsewhere or {entry.name} needs a softening")
-                break
+    for entry in spec.forces:
+        if entry.parameters.get("softening") != 0.0:
+            continue
+        if entry.name == "newtonian_gravity" and entry.parameters["strength"] != 0.0:
+            interacting = np.arange(snapshot.particle_count)  # one mass of the two is enough
+        elif entry.name == "coulomb" and entry.parameters["coulomb_constant"] != 0.0:
+            interacting = np.flatnonzero(snapshot.charge)
+        else:
+            continue
+        order = interacting[np.lexsort(snapshot.position[interacting].T)]
+        same = np.all(snapshot.position[order[1:]] == snapshot.position[order[:-1]], axis=1)
+        if entry.name == "newtonian_gravity":
+            same &= (snapshot.mass[order[1:]] != 0.0) | (snapshot.mass[order[:-1]] != 0.0)
+        for row in np.flatnonzero(same):
+            first, second = sorted((int(order[row]), int(order[row + 1])))
+            yield _at(layout, second, f"is where {layout.label(first)} is, must be elsewhere or {entry.name} needs a softening")
 
 
 def _center_of_mass(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:

@@ -69,7 +69,7 @@ class _Finder:
             elif parameter.type == "Pair" and value is not None:
                 places = [(*path, parameter.name, end) for end in (0, 1)]
                 pair = tuple(self._find(end, place) for end, place in zip(value, places, strict=True))
-                if pair[0] == pair[1] is not None:
+                if pair[0] is not None and pair[0] == pair[1]:
                     self._fault(places[1], f"both ends are {self.layout.label(pair[0])}, must be two different particles")
                 found[parameter.name] = pair
         return found

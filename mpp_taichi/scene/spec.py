@@ -32,7 +32,7 @@ class CameraSpec:
     up: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="direction that is up")] = None
     field_of_view: Annotated[float, Number(minimum=1.0, maximum=170.0), Field(description="vertical, degrees")] = 45.0
     projection: Annotated[str, Text(("perspective", "orthographic"))] = "perspective"
-    height: Annotated[float | None, Number(above=0.0), Field(description="of the picture in scene lengths, orthographic only")] = None
+    height: Annotated[float | None, Number(above=0.0), Field(description="of an orthographic picture [length]")] = None
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class ViewSpec:
     camera: Annotated[CameraSpec, Field(description="where the picture is taken from")] = field(default_factory=CameraSpec)
     background: Annotated[tuple[float, float, float], _COLOR] = (0.02, 0.02, 0.05)
     radius_scale: Annotated[float, Number(above=0.0), Field(description="of the spheres, display only")] = 1.0
-    minimum_pixels: Annotated[float, Number(minimum=0.0), Field(description="no sphere is drawn smaller than this radius")] = 1.5
+    minimum_pixels: Annotated[float, Number(minimum=0.0), Field(description="smallest radius of a sphere")] = 1.5
     spring_width: Annotated[float, Number(above=0.0, maximum=100.0), Field(description="pixels")] = 2.0
     trails: Annotated[int, Whole(minimum=0, maximum=10_000), Field(description="frames of trail per particle, 0 = none")] = 0
     caption: Annotated[bool, Flag(), Field(description="title and time")] = True

@@ -1,0 +1,102 @@
+"""The JSON Schema: fresh, valid, and of one mind with the checks on every bundled scene."""
+
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+import yaml
+
+from mpp_taichi import component
+from mpp_taichi.generators._assemble import assemble
+from mpp_taichi.scene.document import read_file
+from mpp_taichi.scene.estimate import check_capacity, estimate
+from mpp_taichi.scene.faults import Faults
+from mpp_taichi.scene.load import load_scene
+from mpp_taichi.scene.schema import SCHEMA_FILE, scene_schema, schema_text
+
+SCENES = sorted((Path(__file__).parents[1] / "scenes").glob("*.yaml"))
+MODELINE = "# yaml-language-server: $schema=../mpp_taichi/scene.schema.json"
+
+
+@pytest.fixture(scope="module")
+def validator():
+    schema = json.loads(SCHEMA_FILE.read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+def test_the_shipped_schema_is_that_of_the_model():
+    assert SCHEMA_FILE.read_text(encoding="utf-8") == schema_text(), "renew it: python -m mpp_taichi.scene.schema"
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_a_bundled_scene_is_valid_commented_and_expects_something(path, validator):
+    text = path.read_text(encoding="utf-8")
+    assert text.startswith(MODELINE + "\n")
+    assert "# Look at:" in text and "# Try:" in text
+    tree = read_file(path, path.name, Faults()).plain()
+    assert list(validator.iter_errors(tree)) == []
+    assert tree["expect"] and tree["view"]["camera"]
+    spec = load_scene(path)
+    check_capacity(estimate(spec))
+    snapshot = assemble(spec)
+    counted = estimate(spec)
+    assert (snapshot.particle_count, len(snapshot.springs)) == (counted.particle_count, counted.spring_count)
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_a_bundled_scene_is_the_same_for_a_plain_yaml_1_1_reader_but_for_floats(path):
+    """Editors use other readers than ours: keys and lists must come out alike."""
+    ours = read_file(path, path.name, Faults()).plain()
+    theirs = yaml.safe_load(path.read_text(encoding="utf-8"))
+    assert _shape(ours) == _shape(theirs)
+
+
+def _shape(value):
+    if isinstance(value, dict):
+        return {key: _shape(entry) for key, entry in value.items()}
+    return [_shape(entry) for entry in value] if isinstance(value, list) else None
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        {},
+        {"particles": []},
+        {"particles": [{"body": {"mass": 1}}], "integrator": {"leapfrog": {"dt": 1}}},
+        {"particles": [{"bodi": {}}], "integrator": {"leapfrog": {"dt": 1}}},
+        {"particles": [{"body": {"mass": 1, "position": [0, 0, 0]}}], "integrator": {"leapfrog": {"dt": 1}, "rk4": {"dt": 1}}},
+        {"particles": [{"body": {"mass": 1, "position": [0, 0, 0]}}], "integrator": {"leapfrog": {"dt": 0}}},
+        {"particles": [{"body": {"mass": 1, "position": [0]}}], "integrator": {"leapfrog": {"dt": 1}}},
+        {"particles": [{"body": {"mass": 1, "position": [0, 0, 0]}}], "integrator": {"leapfrog": {"dt": 1}}, "rnu": 1},
+    ],
+)
+def test_the_schema_refuses_what_the_model_refuses(scene, validator):
+    assert list(validator.iter_errors(scene))
+
+
+def test_every_component_and_parameter_is_described():
+    definitions = scene_schema()["$defs"]
+    for kind in ("generators", "networks", "forces", "integrators"):
+        for name in component.names(kind):
+            declared = component.declaration(kind, name)
+            if declared.base == "BondForce":
+                assert declared.class_name not in definitions
+                continue
+            properties = definitions[declared.class_name]["properties"]
+            assert set(properties) == {parameter.name for parameter in declared.parameters}
+            assert definitions[declared.class_name]["description"]
+
+
+def test_every_declared_default_passes_its_own_check():
+    for kind in ("generators", "networks", "forces", "integrators", "diagnostics"):
+        for name in component.names(kind):
+            for parameter in component.declaration(kind, name).parameters:
+                if parameter.default is component.REQUIRED or parameter.default is None:
+                    continue
+                from mpp_taichi.scene.fields import Context
+                from mpp_taichi.scene.model import field_of
+
+                default = list(parameter.default) if isinstance(parameter.default, tuple) else parameter.default
+                field_of(parameter).check(default, Context())
