@@ -85,9 +85,8 @@ class Watcher:
         for number, expectation in enumerate(self.expectations):
             value, reason = self._value(number, expectation, summary)
             passed = value is not None and holds(expectation, value, precision)
-            rows.append(
-                Verdict(expectation.quantity, dict(expectation.parameters), value, bound_text(expectation, precision), passed, reason)
-            )
+            bound = bound_text(expectation, precision)
+            rows.append(Verdict(expectation.quantity, dict(expectation.parameters), value, bound, passed, reason))
         return rows
 
     def _value(self, number: int, expectation: Expectation, summary: Mapping[str, Any]) -> tuple[float | None, str]:

@@ -161,7 +161,8 @@ def _errors(found: Mapping[str, Any]) -> str:
 
 def _times(found: Mapping[str, Any]) -> str:
     total = found["wall_seconds"]
-    parts = [(name, found.get(f"{name}_seconds", 0.0)) for name in ("setup", "compile", "step", "diagnostics", "capture", "encode")]
+    names = ("setup", "compile", "step", "diagnostics", "capture", "encode")
+    parts = [(name, found.get(f"{name}_seconds", 0.0)) for name in names]
     parts.append(("other", total - sum(seconds for _, seconds in parts)))
     told = ", ".join(f"{name} {seconds:.2f}" for name, seconds in parts if seconds >= 0.005)
     return f"{total:.2f} s" + (f": {told}" if told else "")

@@ -58,7 +58,10 @@ def measure(simulation: "Simulation") -> tuple[StepTime, list[EffectCost], list[
 
 
 def _cost(name: str, full: list[float], other: list[float]) -> EffectCost:
-    """Median of the differences round by round; two standard errors of a median are about 1.85 interquartile ranges / √rounds."""
+    """Median of the differences round by round.
+
+    Two standard errors of a median are about 1.85 interquartile ranges / √rounds.
+    """
     differences = [changed - plain for changed, plain in zip(other, full)]
     return EffectCost(name, statistics.median(differences), 1.85 * _spread(differences) / math.sqrt(len(differences)))
 
@@ -73,7 +76,8 @@ def _start(spec: SceneSpec, like: "Simulation", plan: str) -> "Simulation":
 def _without(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
     """The scene less one effect, for each of them."""
     variants = [
-        (force.name, replace(spec, forces=spec.forces[:number] + spec.forces[number + 1 :])) for number, force in enumerate(spec.forces)
+        (force.name, replace(spec, forces=spec.forces[:number] + spec.forces[number + 1 :]))
+        for number, force in enumerate(spec.forces)
     ]
     return variants + ([("spring", replace(spec, springs=()))] if spec.springs else [])
 

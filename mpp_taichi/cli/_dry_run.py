@@ -4,7 +4,7 @@ import argparse
 
 from mpp_taichi import component, plans
 from mpp_taichi.cli import _options
-from mpp_taichi.cli._session import OUTPUT_FOLDER, Goal, Request
+from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._terminal import put, put_json
 from mpp_taichi.scene.estimate import check_capacity, estimate
 from mpp_taichi.scene.spec import SceneSpec

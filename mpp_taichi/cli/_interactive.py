@@ -7,7 +7,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.views._base import Frame
 
 if TYPE_CHECKING:
-    from mpp_taichi.cli._session import Goal
+    from mpp_taichi.cli._request import Goal
     from mpp_taichi.cli._signals import Interruption
     from mpp_taichi.simulation import Simulation
 
@@ -15,7 +15,9 @@ WINDOW_FRAMES_PER_SECOND = 60
 STEPS_PER_FRAME_WITHOUT_END = 10
 
 
-def show(simulation: "Simulation", spec: SceneSpec, goal: "Goal", recorders: Sequence[Any], interruption: "Interruption") -> None:
+def show(
+    simulation: "Simulation", spec: SceneSpec, goal: "Goal", recorders: Sequence[Any], interruption: "Interruption"
+) -> None:
     """Open a window and run in it until it is closed; the scene's duration takes as long as its film would."""
     from mpp_taichi.views.window import Window
 

@@ -13,7 +13,12 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     """SCENE and --set."""
     parser.add_argument("scene", metavar="SCENE", help="a scene file (YAML)")
     parser.add_argument(
-        "--set", dest="overrides", action="append", default=[], metavar="PATH=VALUE", help="change a value of the scene; repeatable"
+        "--set",
+        dest="overrides",
+        action="append",
+        default=[],
+        metavar="PATH=VALUE",
+        help="change a value of the scene; repeatable",
     )
 
 
@@ -29,7 +34,9 @@ def add_device(parser: argparse.ArgumentParser) -> None:
 def add_length(parser: argparse.ArgumentParser) -> None:
     """--until, --steps."""
     group = parser.add_argument_group("how long").add_mutually_exclusive_group()
-    group.add_argument("--until", type=positive_number, metavar="T", help="simulated time to reach; the scene's own end when absent")
+    group.add_argument(
+        "--until", type=positive_number, metavar="T", help="simulated time to reach; the scene's own end when absent"
+    )
     group.add_argument("--steps", type=whole_number, metavar="N", help="steps to do")
 
 
@@ -39,7 +46,9 @@ def add_tables(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--trajectory", type=output_path, metavar="F", help="positions along the run: .npz, .xyz or .extxyz")
     group.add_argument("--snapshot", type=output_path, metavar="F.npz", help="the final state")
     group.add_argument("--diagnostics", type=output_path, metavar="F", help="table of energies and momenta: .csv or .npz")
-    group.add_argument("--every", type=positive_integer, metavar="N", help="steps between two samples; about 200 samples when absent")
+    group.add_argument(
+        "--every", type=positive_integer, metavar="N", help="steps between two samples; about 200 samples when absent"
+    )
 
 
 def add_report(parser: argparse.ArgumentParser) -> None:

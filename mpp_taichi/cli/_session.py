@@ -1,6 +1,5 @@
 """Session: one scene run from the command line, with its recorders, its limits and what it leaves behind."""
 
-import logging
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -8,75 +7,25 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpp_taichi.cli._options import output_stem, require_suffix
+from mpp_taichi.cli._options import output_stem
+from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
-from mpp_taichi.cli._terminal import UsageError, say
-from mpp_taichi.errors import CapacityError, MppError, OutputError, StabilityError
+from mpp_taichi.cli._terminal import say
+from mpp_taichi.errors import MppError, OutputError, StabilityError
 from mpp_taichi.expectations import Verdict, Watcher
 from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.recorders.frames import FrameRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
-from mpp_taichi.recorders.table import FORMATS as TABLE_FORMATS
 from mpp_taichi.recorders.table import TableRecorder
-from mpp_taichi.recorders.trajectory import FORMATS as TRAJECTORY_FORMATS
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
-from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
-from mpp_taichi.recorders.video import VideoRecorder, check_encoder
+from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
-from mpp_taichi.scene.estimate import MOST_STEPS
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.summary import Stopwatch, Timed, lines, summarize
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
-
-log = logging.getLogger(__name__)
-
-OUTPUT_FOLDER = Path("out")
-
-
-@dataclass(frozen=True)
-class Request:
-    """What is asked of a run beside the scene itself; the names are those of the options."""
-
-    backend: str = "auto"
-    precision: str | None = None
-    plan: str = "auto"
-    threads: int | None = None
-    until: float | None = None
-    steps: int | None = None
-    video: Path | None = None
-    frames: Path | None = None
-    size: tuple[int, int] | None = None
-    fps: float | None = None
-    film_seconds: float | None = None
-    trajectory: Path | None = None
-    snapshot: Path | None = None
-    diagnostics: Path | None = None
-    every: int | None = None
-    quiet: bool = False
-    allow_inaccurate: bool = False
-    window: bool = False
-
-    @property
-    def films(self) -> bool:
-        """Whether pictures are recorded."""
-        return self.video is not None or self.frames is not None
-
-    def check(self) -> None:
-        """Refuse what cannot be written, before anything is computed.
-
-        Raises:
-            UsageError: a suffix that is no format of that file.
-            OutputError: a film is wanted and there is no encoder.
-        """
-        require_suffix(self.video, VIDEO_FORMATS, "--video")
-        require_suffix(self.trajectory, TRAJECTORY_FORMATS, "--trajectory")
-        require_suffix(self.snapshot, (".npz",), "--snapshot")
-        require_suffix(self.diagnostics, TABLE_FORMATS, "--diagnostics")
-        if self.video is not None:
-            check_encoder()
 
 
 @dataclass(eq=False)
@@ -100,45 +49,6 @@ class Outcome:
         return lines(self.summary, files=self.files, verdicts=self.verdicts)
 
 
-@dataclass(frozen=True)
-class Goal:
-    """How long a run is: to `until` [time] or for `steps` steps; both None for a run without an end."""
-
-    until: float | None
-    steps: int | None
-    whole: bool  # the scene's own full duration, of which its expectations speak
-
-    @staticmethod
-    def of(spec: SceneSpec, request: Request) -> "Goal":
-        """What the command line says, else what the scene says."""
-        own = Goal(spec.run.duration, spec.run.steps if spec.run.duration is None else None, True)
-        if request.until is None and request.steps is None:
-            return own
-        asked = Goal(request.until, request.steps, False)
-        return own if (asked.until, asked.steps) == (own.until, own.steps) else asked
-
-    @property
-    def endless(self) -> bool:
-        """Whether nothing says where to stop."""
-        return self.until is None and self.steps is None
-
-    def span(self, dt: float) -> float:
-        """Simulated time of the run, which starts at 0 [time]."""
-        return self.until if self.until is not None else (self.steps or 0) * dt
-
-    def step_count(self, dt: float) -> int | None:
-        """Steps of the run, or None without an end."""
-        if self.until is not None:
-            return max(1, round(self.until / dt))
-        return self.steps
-
-    def is_reached(self, simulation: "Simulation") -> bool:
-        """Whether the simulation has come to the end."""
-        if self.until is not None:
-            return simulation.time >= self.until * (1.0 - 1e-12)
-        return self.steps is not None and simulation.step_count >= self.steps
-
-
 def run_scene(spec: SceneSpec, request: Request) -> Outcome:
     """Run a checked scene as asked; ends in an Outcome, also when a limit was broken or a signal came.
 
@@ -148,11 +58,7 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
     stopwatch = Stopwatch()
     request.check()
     goal = Goal.of(spec, request)
-    if goal.endless and not request.window:
-        raise UsageError(f"{spec.source}: the scene has no run.duration: say how long, --until T or --steps N")
-    steps = goal.step_count(float(spec.integrator.parameters["dt"]))
-    if steps is not None and steps > MOST_STEPS:
-        raise CapacityError(f"{spec.source}: the run takes {steps:.3g} steps, allowed: {MOST_STEPS:,}; enlarge dt or shorten the run")
+    goal.check(spec, may_be_endless=request.window)
     with ExitStack() as stack:
         interruption = stack.enter_context(Interruption())
         _lock_outputs(request, stack)

@@ -45,7 +45,8 @@ def _scene_files(given: list[str]) -> list[Path]:
 
 
 def _check(scene: Path, arguments: argparse.Namespace) -> dict[str, Any]:
-    from mpp_taichi.cli._session import Request, run_scene
+    from mpp_taichi.cli._request import Request
+    from mpp_taichi.cli._session import run_scene
     from mpp_taichi.cli._signals import Interrupted
     from mpp_taichi.scene.load import load_scene
 
@@ -59,7 +60,14 @@ def _check(scene: Path, arguments: argparse.Namespace) -> dict[str, Any]:
     except MppError as error:
         explain_error(error)
         faults = list(error.faults) if isinstance(error, SceneError) else [str(error)]
-        return {"scene": str(scene), "status": "failed", "error": str(error), "faults": faults, "expect": [], "exit_code": error.exit_code}
+        return {
+            "scene": str(scene),
+            "status": "failed",
+            "error": str(error),
+            "faults": faults,
+            "expect": [],
+            "exit_code": error.exit_code,
+        }
     if outcome.summary["status"] == "interrupted":
         raise Interrupted(outcome.exit_code - 128)
     return outcome.as_json()

@@ -1,7 +1,7 @@
 """Explain a scene: what is compiled for it, what it allocates, and what each effect costs.
 
-The share of an effect is measured: the step is timed with it and without it, in turn, and the medians are compared. The cost of an
-effect that the scene does not have is measured by adding it with next to no strength.
+The share of an effect is measured: the step is timed with it and without it, in turn, and the medians are compared. The cost
+of an effect that the scene does not have is measured by adding it with next to no strength.
 """
 
 import argparse
@@ -77,7 +77,12 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
 def _timings(step: "StepTime", shares: "list[EffectCost]", prices: "list[EffectCost]") -> dict[str, Any]:
     def rows(costs: "list[EffectCost]") -> list[dict[str, Any]]:
         return [
-            {"effect": cost.name, "seconds": cost.seconds, "share": cost.seconds / step.seconds, "noise": cost.noise / step.seconds}
+            {
+                "effect": cost.name,
+                "seconds": cost.seconds,
+                "share": cost.seconds / step.seconds,
+                "noise": cost.noise / step.seconds,
+            }
             for cost in costs
         ]
 
@@ -138,4 +143,6 @@ def _seconds(value: float) -> str:
 
 
 def _bytes(count: int) -> str:
-    return f"{count:,} B" if count < 10_000 else f"{count / 1024:,.1f} KiB" if count < 10_000_000 else f"{count / 2**20:,.1f} MiB"
+    if count < 10_000:
+        return f"{count:,} B"
+    return f"{count / 2**10:,.1f} KiB" if count < 10_000_000 else f"{count / 2**20:,.1f} MiB"

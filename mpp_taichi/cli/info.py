@@ -123,7 +123,8 @@ def _display() -> dict[str, Any]:
 
 
 def _lines(found: dict[str, Any]) -> list[str]:
-    rows = [f"mpp_taichi {found['mpp_taichi']}, Python {found['python']}, {found['system']}, {found['cpu_threads']} CPU threads"]
+    python = f"Python {found['python']}, {found['system']}, {found['cpu_threads']} CPU threads"
+    rows = [f"mpp_taichi {found['mpp_taichi']}, {python}"]
     rows.append("  " + ", ".join(f"{name} {version or 'not installed'}" for name, version in found["packages"].items()))
     rows.append("backends")
     for name, report in found["backends"].items():
@@ -154,4 +155,5 @@ def _backend_line(report: dict[str, Any]) -> str:
 
 
 def _words(device: dict[str, Any]) -> list[str]:
-    return [str(value) if not isinstance(value, bool) else f"{name} {'yes' if value else 'no'}" for name, value in device.items()]
+    """The values, and yes or no with its name."""
+    return [f"{name} {'yes' if value else 'no'}" if isinstance(value, bool) else str(value) for name, value in device.items()]

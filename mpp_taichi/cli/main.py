@@ -1,7 +1,8 @@
 """Entry of the command line: which verb, its arguments, and what an error becomes.
 
-Exit codes: 0 ok · 1 internal error · 2 wrong usage or invalid scene · 3 backend, device or display not available · 4 a stability or
-accuracy limit was broken, or an `expect` failed · 5 input or output · 6 more than the machine has · 128 + signal when interrupted.
+Exit codes: 0 ok · 1 internal error · 2 wrong usage or invalid scene · 3 backend, device or display not available ·
+4 a stability or accuracy limit was broken, or an `expect` failed · 5 input or output · 6 more than the machine has ·
+128 + signal when interrupted.
 """
 
 import argparse
@@ -101,7 +102,7 @@ def _dispatch(words: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="mpp-taichi",
-        description="Scenes of particles, compiled to just the physics they name. `mpp-taichi SCENE` is `mpp-taichi run SCENE`.",
+        description="Scenes of particles, compiled to just the physics they name. `mpp-taichi SCENE` runs a scene.",
         epilog=EPILOG,
     )
     parser.add_argument("--version", action="version", version=f"mpp_taichi {__version__}")

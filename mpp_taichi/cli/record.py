@@ -15,8 +15,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     _options.add_scene(parser)
     parser.add_argument("--video", type=_options.output_path, metavar="F", help="the film: .mp4, .gif or .webp")
-    parser.add_argument("--frames", type=_options.output_path, metavar="DIR", help="a folder of pictures, which needs no encoder")
-    parser.add_argument("--size", type=_options.picture_size, metavar="WxH", help="of the picture in pixels; the scene's when absent")
+    parser.add_argument("--frames", type=_options.output_path, metavar="DIR", help="a folder of pictures; needs no encoder")
+    parser.add_argument("--size", type=_options.picture_size, metavar="WxH", help="of the picture in pixels")
     parser.add_argument("--fps", type=_options.positive_number, metavar="N", help="frames a second; the scene's when absent")
     parser.add_argument(
         "--duration", type=_options.positive_number, metavar="T", help="length of the film in seconds; the scene's when absent"
@@ -38,9 +38,23 @@ def execute(arguments: argparse.Namespace) -> int:
     fps, seconds = arguments.fps or spec.record.fps, arguments.duration or spec.record.seconds
     if round(fps * seconds) < 1:
         raise UsageError(f"record: a film of {seconds:g} s at {fps:g} frames a second has no frame")
-    from mpp_taichi.cli._session import Request, run_scene
+    from mpp_taichi.cli._request import Request
+    from mpp_taichi.cli._session import run_scene
 
-    names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "frames", "size", "fps", "trajectory", "snapshot")
+    names = (
+        "backend",
+        "precision",
+        "plan",
+        "threads",
+        "until",
+        "steps",
+        "video",
+        "frames",
+        "size",
+        "fps",
+        "trajectory",
+        "snapshot",
+    )
     given = {name: getattr(arguments, name) for name in (*names, "diagnostics", "every", "quiet", "allow_inaccurate")}
     with output_reserved(arguments.json):
         outcome = run_scene(spec, Request(**given, film_seconds=arguments.duration))

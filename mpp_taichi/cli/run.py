@@ -1,16 +1,21 @@
 """Run a scene: in a window where there is a display, else into a film.
 
-With --headless nothing is shown and only what is asked for is written. With --video (or without a display: out/SCENE.mp4) the run
-becomes a film. A window stays open until it is closed; at the end of the scene's duration it pauses.
+With --headless nothing is shown and only what is asked for is written. With --video the run becomes a film, and so it does
+where no window can open: out/SCENE.mp4, and one line says why. A window stays open until it is closed; at the end of the
+scene's duration it pauses.
 """
 
 import argparse
 import os
 import sys
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._terminal import UsageError, output_reserved, put_json, say
+
+if TYPE_CHECKING:
+    from mpp_taichi.cli._request import Request
+    from mpp_taichi.scene.spec import SceneSpec
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,9 +52,9 @@ def execute(arguments: argparse.Namespace) -> int:
     return outcome.exit_code
 
 
-def request_of(arguments: argparse.Namespace, spec):
+def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
     """The request that the options make, with the window or the film that goes without saying."""
-    from mpp_taichi.cli._session import OUTPUT_FOLDER, Request
+    from mpp_taichi.cli._request import OUTPUT_FOLDER, Request
 
     names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "trajectory", "snapshot")
     given = {name: getattr(arguments, name) for name in (*names, "diagnostics", "every", "quiet", "allow_inaccurate")}

@@ -58,7 +58,8 @@ class OrbitalPeriod(Diagnostic):
         """The period [time]."""
         if self._period is None:
             degrees = math.degrees(self._last[1])
-            raise NoResultError(f"particle {self.of} did not complete a turn around particle {self.around}: it reached {degrees:.1f}°")
+            pair = f"particle {self.of} did not complete a turn around particle {self.around}"
+            raise NoResultError(f"{pair}: it reached {degrees:.1f} degrees")
         return self._period
 
 

@@ -109,7 +109,7 @@ class TableRecorder:
         }
         return found | {f"{name}_max": max(row[name] for row in self.rows) for name in ERRORS}
 
-    def columns(self) -> dict[str, np.ndarray]:
+    def columns(self) -> dict[str, Any]:
         """Every column: scalars (sample_count,), vectors (sample_count, 3)."""
         return {name: np.array([row[name] for row in self.rows]) for name in (*_SCALARS, *_VECTORS, *ERRORS)}
 

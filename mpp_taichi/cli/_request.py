@@ -1,0 +1,118 @@
+"""Request and goal: what is asked of a run beside the scene itself, checked before anything is computed."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mpp_taichi.cli._options import require_suffix
+from mpp_taichi.cli._terminal import UsageError
+from mpp_taichi.errors import CapacityError
+from mpp_taichi.recorders.table import FORMATS as TABLE_FORMATS
+from mpp_taichi.recorders.trajectory import FORMATS as TRAJECTORY_FORMATS
+from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
+from mpp_taichi.recorders.video import check_encoder
+from mpp_taichi.scene.estimate import MOST_STEPS
+from mpp_taichi.scene.spec import SceneSpec
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation import Simulation
+
+OUTPUT_FOLDER = Path("out")
+"""Where files go that nobody gave a name."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is asked of a run beside the scene itself; the names are those of the options."""
+
+    backend: str = "auto"
+    precision: str | None = None
+    plan: str = "auto"
+    threads: int | None = None
+    until: float | None = None
+    steps: int | None = None
+    video: Path | None = None
+    frames: Path | None = None
+    size: tuple[int, int] | None = None
+    fps: float | None = None
+    film_seconds: float | None = None
+    trajectory: Path | None = None
+    snapshot: Path | None = None
+    diagnostics: Path | None = None
+    every: int | None = None
+    quiet: bool = False
+    allow_inaccurate: bool = False
+    window: bool = False
+
+    @property
+    def films(self) -> bool:
+        """Whether pictures are recorded."""
+        return self.video is not None or self.frames is not None
+
+    def check(self) -> None:
+        """Refuse what cannot be written, before anything is computed.
+
+        Raises:
+            UsageError: a suffix that is no format of that file.
+            OutputError: a film is wanted and there is no encoder.
+        """
+        require_suffix(self.video, VIDEO_FORMATS, "--video")
+        require_suffix(self.trajectory, TRAJECTORY_FORMATS, "--trajectory")
+        require_suffix(self.snapshot, (".npz",), "--snapshot")
+        require_suffix(self.diagnostics, TABLE_FORMATS, "--diagnostics")
+        if self.video is not None:
+            check_encoder()
+
+
+@dataclass(frozen=True)
+class Goal:
+    """How long a run is: to `until` [time] or for `steps` steps; both None for a run without an end."""
+
+    until: float | None
+    steps: int | None
+    whole: bool  # the scene's own full duration, of which its expectations speak
+
+    @staticmethod
+    def of(spec: SceneSpec, request: Request) -> "Goal":
+        """What the command line says, else what the scene says."""
+        own = Goal(spec.run.duration, spec.run.steps if spec.run.duration is None else None, True)
+        if request.until is None and request.steps is None:
+            return own
+        asked = Goal(request.until, request.steps, False)
+        return own if (asked.until, asked.steps) == (own.until, own.steps) else asked
+
+    @property
+    def endless(self) -> bool:
+        """Whether nothing says where to stop."""
+        return self.until is None and self.steps is None
+
+    def span(self, dt: float) -> float:
+        """Simulated time of the run, which starts at 0 [time]."""
+        return self.until if self.until is not None else (self.steps or 0) * dt
+
+    def step_count(self, dt: float) -> int | None:
+        """Steps of the run, or None without an end."""
+        if self.until is not None:
+            return max(1, round(self.until / dt))
+        return self.steps
+
+    def is_reached(self, simulation: "Simulation") -> bool:
+        """Whether the simulation has come to the end."""
+        if self.until is not None:
+            return simulation.time >= self.until * (1.0 - 1e-12)
+        return self.steps is not None and simulation.step_count >= self.steps
+
+    def check(self, spec: SceneSpec, *, may_be_endless: bool) -> None:
+        """Refuse a run without an end, and one of more steps than anybody waits for.
+
+        Raises:
+            UsageError: nothing says how long.
+            CapacityError: too many steps.
+        """
+        if self.endless and not may_be_endless:
+            raise UsageError(f"{spec.source}: the scene has no run.duration: say how long, --until T or --steps N")
+        steps = self.step_count(float(spec.integrator.parameters["dt"]))
+        if steps is not None and steps > MOST_STEPS:
+            raise CapacityError(
+                f"{spec.source}: the run takes {steps:.3g} steps, allowed: {MOST_STEPS:,}; enlarge dt or shorten the run"
+            )
