@@ -106,6 +106,12 @@ class _Launcher:
             self.pairs.accumulate_serial(self.state, 0)
 
     @ti.kernel
+    def serial_from(self, first: ti.i32):
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.pairs.accumulate_serial(self.state, first)
+
+    @ti.kernel
     def lanes(self):
         self.pairs.accumulate_parallel_cpu(self.state)
 
@@ -201,6 +207,19 @@ def test_accelerations_are_added_to_what_is_there(precision):
         getattr(launcher, shape)()
         twice = launcher.state.acceleration.to_numpy()
         np.testing.assert_allclose(twice, 2 * once, rtol=0, atol=4 * _rounding(20, precision) * np.abs(once).max())
+
+
+@pytest.mark.parametrize(("size", "charged"), [(5, True), (20, False), (21, True)])
+def test_a_replica_feels_only_its_own_bodies(size, charged, precision):
+    forces = (Gravity(0.0), Charges(0.0)) if charged else (Gravity(0.0),)
+    bodies = _bodies(3 * size, 3, precision)
+    middle = slice(size, 2 * size)
+    expected, scale = _reference(forces, *(array[middle] for array in bodies))
+    launcher = _Launcher(AllPairs(forces, size, 3), _State(*bodies, precision))
+    launcher.serial_from(size)
+    result = launcher.state.acceleration.to_numpy()
+    assert (np.abs(result[middle] - expected) <= 2 * _rounding(size, precision) * scale).all()
+    assert not result[:size].any() and not result[2 * size :].any()
 
 
 def test_internal_forces_sum_to_zero(precision):
