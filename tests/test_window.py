@@ -60,7 +60,7 @@ class Planets:
         print(what, flush=True)
 
 
-backends.start("cpu", "f32")
+backends.start("cpu", "f64")
 camera = CameraSpec(position=(0, 0, 8), look_at=(0, 0, 0), up=(0, 1, 0))
 Window(ViewSpec(camera=camera), (640, 360), title="Planets").run(Planets(), paused=True)
 print("end", flush=True)
@@ -218,7 +218,7 @@ def test_running_pausing_stepping_and_starting_again(session: Session) -> None:
     session.wait_for(lambda: changed(still, session.scene()) < 20)
     session.press("Escape")
     assert session.end() == 0
-    assert session.said()[-1] == "end"
+    assert session.said()[-1] == "end" and session.complaints() == ""
 
 
 def test_camera_follows_mouse_and_keys(session: Session) -> None:
