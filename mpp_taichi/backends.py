@@ -120,6 +120,9 @@ def initialise(ti: Any, backend: str, precision: str, threads: int | None = None
                 default_fp=getattr(ti, precision),
                 fast_math=False,  # one meaning of a float: NaN, division by zero and compensation survive
                 enable_fallback=False,
+                # This pass of Taichi 1.7.4 keeps a field's entry in a register across a branch that changes it: a
+                # Runge–Kutta step with its stages in a loop then loses the stages without a word.
+                cache_loop_invariant_global_vars=False,
                 log_level=ti.ERROR,
                 **options,
             )

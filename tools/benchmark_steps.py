@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))  # so that it also runs from a checkout that is not installed
 STEPS = 200_000
 DT = 1e-3
 
