@@ -328,6 +328,40 @@ def test_files_that_are_no_archives_are_refused(tmp_path):
             assemble(file_scene(tmp_path, "c.npz"))
 
 
+@pytest.mark.parametrize("write", [np.savez, np.savez_compressed])
+def test_a_damaged_archive_is_particles_or_a_fault(write, tmp_path):
+    write(tmp_path / "c.npz", **GOOD_ARRAYS, name=np.array(["a", "b"]))
+    data, random = (tmp_path / "c.npz").read_bytes(), np.random.default_rng(1)
+    spec = file_scene(tmp_path, "c.npz")
+    refused = 0
+    for _ in range(300):
+        damaged = bytearray(data)
+        for place in random.integers(0, len(data), random.integers(1, 6)):
+            damaged[place] = random.integers(0, 256)
+        (tmp_path / "c.npz").write_bytes(damaged)
+        try:
+            assemble(spec)
+        except SceneError as error:
+            refused += 1
+            assert all("\n" not in fault for fault in error.faults)
+    assert refused > 100
+
+
+def test_an_archive_that_unpacks_to_more_than_the_machine_has_is_refused_unread(tmp_path):
+    import io
+    import zipfile
+
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
+    with zipfile.ZipFile(tmp_path / "c.npz", "w") as archive:
+        archive.writestr("mass.npy", header.getvalue())
+    spec = file_scene(tmp_path, "c.npz")
+    with pytest.raises(CapacityError, match="1000000000000 particles"):
+        check_capacity(estimate(spec))
+    with pytest.raises(SceneError, match="more than"):
+        assemble(spec)
+
+
 def test_a_link_that_leads_out_of_the_folder_is_refused(tmp_path):
     inside = tmp_path / "inside"
     inside.mkdir()

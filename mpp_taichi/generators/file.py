@@ -2,14 +2,20 @@
 
 import csv
 import io
+import struct
 import zipfile
+import zlib
 from pathlib import Path as FilePath
 
 import numpy as np
 
 from mpp_taichi.component import Path, component, param
 from mpp_taichi.generators._base import Generator, GeneratorContext, Group, PlacementError, make_group
+from mpp_taichi.scene.faults import printable
 
+# What zipfile, zlib and NumPy raise on a damaged archive.
+_UNREADABLE = (OSError, ValueError, LookupError, EOFError, RuntimeError, TypeError, MemoryError, SyntaxError)
+_UNREADABLE += (zipfile.BadZipFile, zlib.error, struct.error)
 BYTES_ALLOWED = 1 << 31  # of one array
 _VECTORS = ("position", "velocity", "color", "free")
 _SCALARS = ("mass", "radius", "charge")
@@ -80,8 +86,8 @@ class File(Generator):
                         read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
                         shape, _, kind = read(stream)
                         found[entry.removesuffix(".npy")] = (shape, kind)
-        except (OSError, ValueError, zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError) as error:
-            raise PlacementError(f"{self._short}: is not an .npz file: {str(error).splitlines()[0]}") from None
+        except _UNREADABLE as error:
+            raise PlacementError(f"{self._short}: is not an .npz file: {_reason(error)}") from None
         return found
 
     def _read_npz(self) -> dict[str, np.ndarray]:
@@ -97,8 +103,8 @@ class File(Generator):
         try:
             with np.load(self.path, allow_pickle=False) as data:
                 return {key: data[key] for key in wanted}
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zipfile.error) as error:
-            raise PlacementError(f"{self._short}: cannot be read: {str(error).splitlines()[0]}") from None
+        except _UNREADABLE as error:
+            raise PlacementError(f"{self._short}: cannot be read: {_reason(error)}") from None
 
     def _text(self) -> str:
         path = FilePath(self.path)
@@ -145,3 +151,7 @@ class File(Generator):
             return
         filler = 1.0 if vector == "free" else 0.0
         arrays.setdefault(vector, np.full((len(numbers), 3), filler))[:, _SUFFIXES[axis]] = numbers
+
+
+def _reason(error: BaseException) -> str:
+    return printable((str(error).splitlines() or [type(error).__name__])[0])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mpp_taichi import component
+from mpp_taichi.errors import SceneError
 from mpp_taichi.generators._base import PlacementError
 from mpp_taichi.scene.faults import choices, shown
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
@@ -85,8 +86,15 @@ def particle_layout(entries: Sequence[ComponentSpec], count: Callable[[Component
 
 
 def layout_of(spec: SceneSpec) -> ParticleLayout:
-    """The layout of a checked scene."""
-    return particle_layout(spec.particles, lambda entry: build("generators", entry).particle_count())
+    """The layout of a checked scene; SceneError where a file it names has changed for the worse since."""
+
+    def count(entry: ComponentSpec) -> int:
+        try:
+            return build("generators", entry).particle_count()
+        except PlacementError as error:
+            raise SceneError(f"{entry.location}: {entry.name}: {error}") from None
+
+    return particle_layout(spec.particles, count)
 
 
 def sum_before(counts: Sequence[int]) -> list[int]:

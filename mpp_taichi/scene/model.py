@@ -42,6 +42,14 @@ class Units(BaseModel):
     mass: Annotated[str, Text(tuple(units.GRAVITATIONAL_PARAMETERS))]
 
 
+class ResolvedBefore(Number):
+    """A constant: what it may say is checked where constants are resolved, in the order of their dependence."""
+
+    def check(self, value: Any, context: Context) -> Any:
+        """Leave it as it is."""
+        return value
+
+
 class Bound(Field):
     """A number for every precision, or one for each."""
 
@@ -107,7 +115,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
     particles, springs, forces, integrator = (
         _entries(kind, chosen[kind]) for kind in ("generators", "networks", "forces", "integrators")
     )
-    numbers = dict[str, Annotated[float, Number()]]
+    numbers = dict[str, Annotated[float, ResolvedBefore()]]
     return create_model(
         "Scene",
         __config__=_STRICT,
