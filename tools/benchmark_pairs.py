@@ -1,6 +1,6 @@
 """How fast the direct pair sum is: against C by hand, a hand-written Taichi kernel, and NumPy.
 
-    python tools/benchmark_pairs.py [--sizes 1024 2048 …] [--repeats 9] [--threads 2] [--no-pin] [--json FILE]
+    python tools/benchmark_pairs.py [--sizes 1024 2048 …] [--repeats 9] [--threads 2] [--no-pin] [--cpu-time] [--json FILE]
 
 Softened gravity, f32 and f64, all contenders in one process and interleaved; medians and quartiles of the repeats. Each result
 is compared with NumPy in float64 in the run that is timed. `composed` is the program's own loop with the formula of
@@ -8,7 +8,8 @@ forces/newtonian_gravity.py handed in, `hand` the same loop written out for grav
 inside a larger kernel, without explicit vectors. C is tools/reference_pairs.c, skipped where there is no compiler.
 
 The worker threads of Taichi are pinned to a core each (Linux), as those of OpenMP are: woken together they otherwise
-often share one core for some milliseconds, and the clock then measures the scheduler.
+often share one core for some milliseconds, and the clock then measures the scheduler. On a machine that others use,
+`--cpu-time --threads 1` compares the work itself: seconds of processor time instead of the wall clock's.
 """
 
 import argparse
@@ -179,26 +180,26 @@ def pin_new_threads(before):
         os.sched_setaffinity(int(thread), {cores[number % len(cores)]})
 
 
-def measure(contenders, repeats):
+def measure(contenders, repeats, clock):
     """Interleaved samples of seconds per call, {name: [seconds, …]}; the first two calls are not counted."""
     loops = {}
     for name, (call, _) in contenders.items():
         call()
-        start = time.perf_counter()
+        start = clock()
         call()
-        loops[name] = max(1, int(SMALLEST_SAMPLE / (time.perf_counter() - start)))
+        loops[name] = max(1, int(SMALLEST_SAMPLE / (clock() - start)))
     samples = {name: [] for name in contenders}
     for _ in range(repeats):
         for name, (call, _) in contenders.items():
             time.sleep(PAUSE)
-            start = time.perf_counter()
+            start = clock()
             for _ in range(loops[name]):
                 call()
-            samples[name].append((time.perf_counter() - start) / loops[name])
+            samples[name].append((clock() - start) / loops[name])
     return samples
 
 
-def benchmark(size, precision, library, threads, repeats):
+def benchmark(size, precision, library, threads, repeats, clock):
     """One row per contender: median and quartiles in seconds, interactions per second, error.
 
     `composed_speed` is the speed of `composed` over this one, the median over the pairs of neighbouring samples.
@@ -211,7 +212,7 @@ def benchmark(size, precision, library, threads, repeats):
     narrow = position.astype(kind), mass.astype(kind)
     everyone = np.arange(size)
     contenders["numpy"] = (lambda: numpy_sum(*narrow, everyone), lambda: numpy_sum(*narrow, everyone))
-    samples = measure(contenders, repeats)
+    samples = measure(contenders, repeats, clock)
     sample = np.linspace(0, size - 1, min(size, 512)).astype(int)
     exact = numpy_sum(position, mass, sample)
     typical = np.linalg.norm(exact, axis=1).mean()
@@ -270,8 +271,10 @@ def main():
         "--threads", type=int, default=len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count()
     )
     parser.add_argument("--no-pin", action="store_true", help="leave the threads to the scheduler")
+    parser.add_argument("--cpu-time", action="store_true", help="processor time of all threads, for busy machines")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
+    clock = time.process_time if options.cpu_time else time.perf_counter
     pinned = sys.platform == "linux" and not options.no_pin
     if pinned:
         os.environ["OMP_PROC_BIND"] = "true"
@@ -291,7 +294,7 @@ def main():
                 print(f"C: {compiler}" if library else f"C: skipped, {compiler}")
             results[precision] = {}
             for size in options.sizes:
-                results[precision][str(size)] = benchmark(size, precision, library, options.threads, options.repeats)
+                results[precision][str(size)] = benchmark(size, precision, library, options.threads, options.repeats, clock)
                 show(f"{precision}, {size} bodies", results[precision][str(size)])
             backends.stop()
     import taichi
@@ -306,6 +309,7 @@ def main():
             "system": platform.platform(),
             "threads": options.threads,
             "pinned": pinned,
+            "clock": clock.__name__,
             "compiler": compiler,
             "python": platform.python_version(),
             "taichi": ".".join(map(str, taichi.__version__)),
