@@ -7,9 +7,9 @@ replicas   one thread per independent copy, many steps in one launch: ensembles 
 
 PLANS = ("serial", "parallel", "replicas")
 # Work per step above which the parallel plan is faster on a CPU, in units of one pair interaction of the serial plan
-# (about 2 ns); from tools/benchmark_plans.py. Fixed, not timed at run time, so that the same scene always takes the same
-# plan and gives the same bits.
-CROSSOVER_WORK = 150_000
+# (about 3 ns); from tools/benchmark_plans.py on two cores. Fixed, not timed at run time, so that the same scene always takes
+# the same plan and gives the same bits.
+CROSSOVER_WORK = 100_000
 WORK_PER_PARTICLE = 4
 WORK_PER_HALF_SPRING = 4
 

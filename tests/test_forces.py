@@ -1,4 +1,4 @@
-"""Every force of the catalogue: gradient of its potential, Newton's third law, dissipation; a new file is tested by being there."""
+"""Every force of the catalogue: gradient of its potential, third law, dissipation; a new file is tested by being there."""
 
 import numpy as np
 import pytest

@@ -1,14 +1,14 @@
-"""Every integrator of the catalogue: order, reversibility, energy, velocity-dependent forces; a new file is tested by being there."""
+"""Every integrator of the catalogue: order, reversibility, energy, damping; a new file is tested by being there."""
 
 import math
 
 import numpy as np
 import pytest
 from reference import accelerations
-from scenes import everything, kepler
 from scipy.integrate import solve_ivp
 
 from mpp_taichi import Simulation, component
+from scenes import everything, kepler
 
 INTEGRATORS = component.names("integrators")
 SLOPE_TOLERANCE = 0.1
@@ -150,7 +150,10 @@ def test_tables_are_consistent(name):
 
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_a_free_particle_flies_straight(name):
-    scene = {"particles": [{"body": {"mass": 1.0, "position": [0, 0, 0], "velocity": [1, 2, 3]}}], "integrator": {name: {"dt": 0.5}}}
+    scene = {
+        "particles": [{"body": {"mass": 1.0, "position": [0, 0, 0], "velocity": [1, 2, 3]}}],
+        "integrator": {name: {"dt": 0.5}},
+    }
     with Simulation(scene, backend="cpu", precision="f64") as simulation:
         simulation.run(duration=16.0)
         np.testing.assert_allclose(simulation.snapshot().position, [[16, 32, 48]], rtol=1e-15)

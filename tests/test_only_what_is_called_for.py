@@ -6,9 +6,9 @@ import sys
 
 import numpy as np
 import pytest
-from scenes import everything, kepler
 
 from mpp_taichi import SceneError, Simulation, component
+from scenes import everything, kepler
 
 
 def run_python(code):
@@ -39,7 +39,14 @@ def test_a_gravity_scene_imports_and_allocates_gravity_only():
     )
     modules, fields = json.loads(run_python(code))
     assert "mpp_taichi.forces.newtonian_gravity" in modules
-    for absent in ("forces.coulomb", "forces.spring", "forces.uniform_gravity", "forces.linear_drag", "integrators.rk4", "views"):
+    for absent in (
+        "forces.coulomb",
+        "forces.spring",
+        "forces.uniform_gravity",
+        "forces.linear_drag",
+        "integrators.rk4",
+        "views",
+    ):
         assert not any(module.startswith(f"mpp_taichi.{absent}") for module in modules), absent
     assert set(fields) <= {"position", "velocity", "acceleration", "mass", "free"}
     assert "charge" not in fields and "radius" not in fields

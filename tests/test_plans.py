@@ -1,4 +1,4 @@
-"""One text of the step: serial, parallel and replica plans and every backend give the same trajectory; repeated runs the same bits."""
+"""One text of the step: every plan and backend gives the same trajectory, and the same run twice the same bits."""
 
 import hashlib
 import subprocess
@@ -6,10 +6,10 @@ import sys
 
 import numpy as np
 import pytest
-from scenes import cluster, everything, kepler
 
 from mpp_taichi import Simulation, component
 from mpp_taichi.snapshot import Snapshot
+from scenes import cluster, everything, kepler
 
 PRECISIONS = {"f32": 2.0**-24, "f64": 2.0**-53}
 INTEGRATORS = component.names("integrators")

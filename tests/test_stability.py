@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from scenes import cluster, kepler
 
 from mpp_taichi import BackendError, CapacityError, MppError, Simulation, StabilityError, backends, postmortem
+from scenes import cluster, kepler
 
 BACKENDS = [("cpu", "serial"), ("cpu", "parallel"), ("vulkan", "parallel")]
 

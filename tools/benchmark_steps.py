@@ -147,7 +147,9 @@ def cold_start(repeats):
                 if label == "cold":
                     environment["HOME"] = environment["XDG_CACHE_HOME"] = tempfile.mkdtemp(dir=home)
                 began = time.perf_counter()
-                run = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+                run = subprocess.run(
+                    [sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, check=True
+                )
                 rows.append([time.perf_counter() - began, *map(float, run.stdout.split()[-3:])])
         names = ("process", "import_libraries", "import_mpp_taichi", "scene_to_first_step")
         found[label] = dict(zip(names, np.median(rows[label == "warm" :], axis=0).tolist()))
@@ -177,7 +179,11 @@ def main():
 
     from mpp_taichi.availability import cpu_name
 
-    versions = {"taichi": ".".join(map(str, taichi.__version__)), "rebound": rebound.__version__, "python": platform.python_version()}
+    versions = {
+        "taichi": ".".join(map(str, taichi.__version__)),
+        "rebound": rebound.__version__,
+        "python": platform.python_version(),
+    }
     report = {"machine": cpu_name(), "cores": os.cpu_count(), "versions": versions, "steps": rows, "start": starts}
     if arguments.json:
         arguments.json.write_text(json.dumps(report, indent=1), encoding="utf-8")

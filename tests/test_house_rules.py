@@ -1,0 +1,82 @@
+"""The rules of CONVENTIONS.md that a machine can check."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mpp_taichi import component
+
+ROOT = Path(__file__).parents[1]
+KINDS = ("forces", "integrators", "generators", "networks", "diagnostics")
+
+
+def run(*command):
+    done = subprocess.run([sys.executable, *command], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-3000:]
+
+
+def test_ruff_finds_nothing():
+    run("-m", "ruff", "check", "--no-cache", "mpp_taichi", "tests", "tools")
+
+
+def test_code_is_formatted():
+    run("-m", "ruff", "format", "--no-cache", "--check", "mpp_taichi", "tests", "tools")
+
+
+def test_types_agree():
+    run("-m", "mypy", "--no-incremental")
+
+
+def test_layers_hold_and_no_import_runs_in_a_circle():
+    run("-c", "import sys; from importlinter.cli import lint_imports_command as lint; sys.argv = ['lint-imports']; lint()")
+
+
+def test_kernels_follow_their_rules():
+    run("tools/check_kernels.py")
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        "from __future__ import annotations\nimport taichi as ti\n@ti.func\ndef f(x):\n    return x\n",
+        "import taichi as ti\nti.init()\n",
+        "import taichi as ti\n@ti.kernel\ndef f(x: float) -> ti.i32:\n    return x != x\n",
+        "import taichi as ti\nplaces = ti.field(ti.f32, 3)\n",
+        "import taichi as ti\n@ti.func\ndef f(x):\n    if x > 0:\n        return 1\n    return 2\n",
+    ],
+)
+def test_the_kernel_linter_sees_each_fault(fault, tmp_path):
+    (tmp_path / "faulty.py").write_text(fault, encoding="utf-8")
+    done = subprocess.run([sys.executable, "tools/check_kernels.py", str(tmp_path)], cwd=ROOT, capture_output=True, check=False)
+    assert done.returncode == 1 and b"faulty.py:" in done.stdout
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_component_file_declares_the_class_of_its_name(kind):
+    assert component.names(kind)
+    for name in component.names(kind):
+        declared = component.declaration(kind, name)
+        assert declared.class_name == component.load(kind, name).__name__
+        assert declared.summary, f"{kind}/{name}.py has no docstring"
+        for parameter in declared.parameters:
+            assert parameter.help or parameter.unit, f"{kind}/{name}.py: {parameter.name} is not described"
+
+
+def test_no_module_is_too_long():
+    long = {
+        path.name: lines
+        for folder in ("mpp_taichi", "tools", "tests")
+        for path in (ROOT / folder).rglob("*.py")
+        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 400
+    }
+    assert not long
+
+
+def test_no_unsafe_calls():
+    """No shell, no eval, no pickles, no unsafe YAML anywhere in the package."""
+    unsafe = ("yaml.load(", " eval(", "os.system", "shell=True", "allow_pickle=True", "pickle.load")
+    for path in (ROOT / "mpp_taichi").rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        assert not [call for call in unsafe if call in text], path
