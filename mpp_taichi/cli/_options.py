@@ -2,11 +2,13 @@
 
 import argparse
 import math
+import os
 from pathlib import Path
 
 from mpp_taichi.cli._terminal import UsageError
 
 LARGEST_SIDE = 16384  # pixels
+LONGEST_NAME = 230  # bytes: 255 on every common file system, less the room for `.part` and the like
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
@@ -102,6 +104,8 @@ def output_path(text: str) -> Path:
     """A file to write: no address of a network, no control characters."""
     if not text.isprintable() or not text.strip():
         raise argparse.ArgumentTypeError(f"{text!r} is no name of a file")
+    if any(len(os.fsencode(part)) > LONGEST_NAME for part in Path(text).parts):
+        raise argparse.ArgumentTypeError(f"{text[:40]!r}… is longer than the {LONGEST_NAME} bytes that a name may have")
     if "://" in text:
         raise argparse.ArgumentTypeError(f"{text!r} is an address; files are written to this machine only")
     return Path(text)

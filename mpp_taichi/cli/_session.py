@@ -1,5 +1,6 @@
 """Session: one scene run from the command line, with its recorders, its limits and what it leaves behind."""
 
+import logging
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -22,10 +23,13 @@ from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.stability import spring_step_limit
 from mpp_taichi.summary import Stopwatch, Timed, lines, summarize
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(eq=False)
@@ -65,6 +69,7 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
         sinks = _open_sinks(spec, request, stack)
         trajectory = stack.enter_context(TrajectoryRecorder(request.trajectory)) if request.trajectory else None
         simulation = stack.enter_context(_start(spec, request))
+        _warn_of_large_step(simulation)
         return _Run(spec, request, goal, simulation, stopwatch).go(interruption, sinks, trajectory)
 
 
@@ -90,6 +95,17 @@ def _start(spec: SceneSpec, request: Request) -> "Simulation":
     from mpp_taichi.simulation import Simulation  # the first import of Taichi: the scene is known to be sound
 
     return Simulation(spec, backend=request.backend, precision=request.precision, plan=request.plan, threads=request.threads)
+
+
+def _warn_of_large_step(simulation: "Simulation") -> None:
+    limit = spring_step_limit(simulation.start)
+    if limit is not None and simulation.dt > limit:
+        log.warning(
+            "dt = %.4g is %.2g times what the springs allow an explicit method; the run may fail, %.4g is safe",
+            simulation.dt,
+            simulation.dt / limit,
+            limit,
+        )
 
 
 class _Run:

@@ -53,8 +53,9 @@ def warnings_shown() -> Iterator[None]:
 
 def say(text: str) -> None:
     """A line for a person; lost without complaint when nobody listens."""
-    with contextlib.suppress(OSError, ValueError):
-        print(text, file=sys.stderr, flush=True)
+    if sys.stderr is not None:  # closed: print would take standard output instead
+        with contextlib.suppress(OSError, ValueError):
+            print(text, file=sys.stderr, flush=True)
 
 
 def put(text: str) -> None:

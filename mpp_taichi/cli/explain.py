@@ -48,6 +48,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
     from mpp_taichi import plans
+    from mpp_taichi.stability import spring_step_limit
     from mpp_taichi.summary import effect_names, plan_reason
 
     fields = simulation.state.field_sizes()
@@ -69,7 +70,7 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "fields": fields,
         "field_bytes": sum(fields.values()),
         "dt": simulation.dt,
-        "dt_limit": spring_step_limit(simulation),
+        "dt_limit": spring_step_limit(simulation.start),
         "conserves_energy": simulation.conserves_energy,
     }
 
@@ -87,25 +88,6 @@ def _timings(step: "StepTime", shares: "list[EffectCost]", prices: "list[EffectC
         ]
 
     return {"seconds_per_step": step.seconds, "spread": step.spread, "shares": rows(shares), "absent": rows(prices)}
-
-
-def spring_step_limit(simulation: "Simulation") -> float | None:
-    """Largest stable dt of leapfrog with the scene's springs, 2/ω_max with ω_max² ≤ max_i (2/m_i) Σ D; None without springs.
-
-    The bound is Gershgorin's: each row of M⁻¹K holds its diagonal and as much again beside it. Fixed particles do not swing.
-    """
-    import numpy as np
-
-    start = simulation.start
-    if not len(start.springs):
-        return None
-    stiffness = np.zeros(start.particle_count)
-    for end in (0, 1):
-        np.add.at(stiffness, start.springs.between[:, end], start.springs.stiffness)
-    swings = start.free.any(axis=1) & (start.mass > 0.0) & (stiffness > 0.0)
-    if not swings.any():
-        return None
-    return float(2.0 / np.sqrt(np.max(2.0 * stiffness[swings] / start.mass[swings])))
 
 
 def _lines(found: dict[str, Any]) -> list[str]:

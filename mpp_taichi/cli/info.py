@@ -76,10 +76,11 @@ def _version(package: str) -> str | None:
 def _backends() -> dict[str, Any]:
     """Every backend, tried in a process of its own, and what it was seen to do when it starts."""
     from mpp_taichi import backends
+    from mpp_taichi.availability import BACKENDS, availability
 
     found: dict[str, Any] = {}
-    for name in backends.BACKENDS:
-        report = dict(backends.availability(name))
+    for name in BACKENDS:
+        report = dict(availability(name))
         if report["available"]:
             try:
                 report["probes"] = vars(backends.start(name, "f32").probes)

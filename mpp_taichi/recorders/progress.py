@@ -54,7 +54,8 @@ class ProgressRecorder:
             return
         percent = int(100 * simulation.step_count / self.total_steps) if self.total_steps else 0
         tenth = percent // LINE_PERCENT * LINE_PERCENT
-        if simulation.step_count and (tenth > self._told_percent or self._looked - self._told >= LINE_SECONDS):
+        is_time = tenth > self._told_percent or self._looked - self._told >= LINE_SECONDS
+        if sys.stderr is not None and simulation.step_count and is_time:
             self._told_percent, self._told = tenth, self._looked
             lead = f"{percent:3d} %  " if self.total_steps else ""
             print(f"{lead}{self._state(simulation)}{self._left(simulation)}", file=sys.stderr, flush=True)

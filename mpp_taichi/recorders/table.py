@@ -1,6 +1,7 @@
 """Table: conserved quantities sampled along a run, their errors, and the files they are written to."""
 
 import csv
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -57,10 +58,11 @@ class TableRecorder:
 
     def record(self, simulation: "Simulation") -> None:
         """Take a sample."""
-        row = simulation.diagnostics()
-        if not self.rows:
-            self._remember_start(simulation)
-        self.rows.append({**row, **self._errors(row)})
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is found, and said, by the watchdog
+            row = simulation.diagnostics()
+            if not self.rows:
+                self._remember_start(simulation)
+            self.rows.append({**row, **self._errors(row)})
 
     def finish(self, simulation: "Simulation") -> None:
         """Take the last sample, unless that was just done."""
@@ -83,7 +85,7 @@ class TableRecorder:
         self._raise("energy", row["kinetic_energy"] + abs(row["potential_energy"]))
         self._raise("momentum", row["momentum_scale"])
         self._raise("angular_momentum", row["angular_momentum_scale"])
-        self._raise("way", float(np.linalg.norm(way)))
+        self._raise("way", math.hypot(*way))
         start, largest = abs(first["total_energy"]), self._largest
         uniform = self._drift * (row["time"] - first["time"])
         return {
@@ -149,5 +151,5 @@ class TableRecorder:
 
 def _ratio(change: Any, scale: float) -> float:
     """|change| / scale; nothing over nothing is nothing."""
-    size = float(np.linalg.norm(change))
+    size = math.hypot(*np.atleast_1d(change))
     return size / scale if scale > 0.0 else (0.0 if size == 0.0 else float("inf"))

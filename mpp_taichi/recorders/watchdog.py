@@ -1,8 +1,10 @@
-"""Watchdog: says when a run that ought to keep its energy has lost it."""
+"""Watchdog: says when a run that ought to keep its energy has lost it, and ends one whose energy is no number any more."""
 
 import logging
+import math
 from typing import TYPE_CHECKING
 
+from mpp_taichi.errors import StabilityError
 from mpp_taichi.recorders.table import TableRecorder
 
 if TYPE_CHECKING:
@@ -15,9 +17,10 @@ ENERGY_LIMIT = 0.1
 
 
 class EnergyWatchdog:
-    """Reads the table as it grows; the first sample above `ENERGY_LIMIT` is kept as `broken_at` and warned about.
+    """Reads the table as it grows; the time of the first sample above `ENERGY_LIMIT` is kept as `broken_at` and warned about.
 
-    Stands after its table in the list of recorders. Watches only scenes all of whose forces conserve energy.
+    Stands after its table in the list of recorders. The limit holds for scenes all of whose forces conserve energy; that the
+    energy is a number holds for every scene, and particles on their way to infinity break it long before they are NaN.
     """
 
     def __init__(self, table: TableRecorder) -> None:
@@ -28,14 +31,25 @@ class EnergyWatchdog:
 
     def steps_until_due(self, simulation: "Simulation") -> int:
         """Now, when the table has grown."""
-        if self.broken_at is not None or not simulation.conserves_energy:
-            return 2**31
         return 0 if len(self.table.rows) > self._seen else self.table.steps_until_due(simulation)
 
     def record(self, simulation: "Simulation") -> None:
-        """Compare the new samples with the limit."""
-        for row in self.table.rows[self._seen :]:
-            if self.broken_at is None and not row["relative_energy_error"] <= ENERGY_LIMIT:
+        """Compare the new samples with the limit.
+
+        Raises:
+            StabilityError: an energy is not finite.
+        """
+        new = self.table.rows[self._seen :]
+        self._seen = len(self.table.rows)
+        for row in new:
+            if not math.isfinite(row["total_energy"]):
+                error = StabilityError(
+                    f"step {row['step']}, time {row['time']:.9g}: the energy is no longer a finite number, the particles fly "
+                    "apart; the step is probably too large: try a smaller dt"
+                )
+                error.step, error.time = row["step"], row["time"]
+                raise error
+            if simulation.conserves_energy and self.broken_at is None and not row["relative_energy_error"] <= ENERGY_LIMIT:
                 self.broken_at = row["time"]
                 log.warning(
                     "the energy was off by %.2g of itself at time %.6g although every force conserves it: "
@@ -43,7 +57,6 @@ class EnergyWatchdog:
                     row["relative_energy_error"],
                     row["time"],
                 )
-        self._seen = len(self.table.rows)
 
     def restart(self) -> None:
         """Watch the table from its start again; what was broken stays broken."""
