@@ -14,8 +14,10 @@ from mpp_taichi.generators._base import Generator, GeneratorContext, Group, Plac
 from mpp_taichi.scene.faults import printable
 
 # What zipfile, zlib and NumPy raise on a damaged archive.
-_UNREADABLE = (OSError, ValueError, LookupError, EOFError, RuntimeError, TypeError, MemoryError, SyntaxError)
-_UNREADABLE += (zipfile.BadZipFile, zlib.error, struct.error)
+_UNREADABLE: tuple[type[Exception], ...] = (
+    *(OSError, ValueError, LookupError, EOFError, RuntimeError, TypeError, MemoryError, SyntaxError),
+    *(zipfile.BadZipFile, zlib.error, struct.error),
+)
 BYTES_ALLOWED = 1 << 31  # of one array
 _VECTORS = ("position", "velocity", "color", "free")
 _SCALARS = ("mass", "radius", "charge")
