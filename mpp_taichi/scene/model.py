@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, create_model
 from pydantic import Field as Describe
-from pydantic_core import PydanticCustomError
+from pydantic_core import PydanticCustomError, core_schema
 
 from mpp_taichi import component
 from mpp_taichi.component import REQUIRED, Parameter
@@ -183,7 +183,7 @@ def _entries(kind: str, names: Iterable[str]) -> Any:
 
 
 def _checked_before(model: Any, check: Callable[[Any], Any]) -> Any:
-    return Annotated[model, BeforeValidator(check, json_schema_input_type=model)]
+    return Annotated[model, BeforeValidator(check)]
 
 
 def _parameter_fields(parameters: Iterable[Parameter]) -> dict[str, Any]:
@@ -213,18 +213,29 @@ def _expect_model(names: Iterable[str]) -> Any:
     return create_model("Expect", __config__=_STRICT, **quantities)
 
 
-def _one_or_more(body: Any) -> Any:
-    """A list of statements about one quantity, or just one."""
-    many = _list_of(body)
-    return Annotated[many, BeforeValidator(_as_list, json_schema_input_type=body | many)]
+class _OneOrMore:
+    """Of a list: its only entry may stand for it."""
 
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Make the list before it is checked."""
+        return core_schema.no_info_before_validator_function(_as_list, handler(source))
 
-def _list_of(item: Any) -> Any:
-    return list[item]
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
+        """One, or many."""
+        many = handler(core)
+        return {"anyOf": [many["items"], many]}
 
 
 def _as_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
+
+
+def _one_or_more(body: Any) -> Any:
+    return Annotated[_list_of(body), _OneOrMore()]
+
+
+def _list_of(item: Any) -> Any:
+    return list[item]
 
 
 def _nothing_is_empty(value: Any) -> Any:
