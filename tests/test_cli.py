@@ -168,10 +168,25 @@ def test_a_missing_encoder_is_found_before_anything_is_computed(scene, capsys, m
 @pytest.mark.skipif(os.name == "nt", reason="the false encoder is a shell script")
 def test_an_encoder_that_dies_costs_the_film_and_not_the_data(scene, capsys, monkeypatch):
     fake = Path("ffmpeg").absolute()
-    fake.write_text('#!/bin/sh\n[ "$1" = -version ] && exit 0\nhead -c 20000 > /dev/null\necho broken lens >&2\nexit 1\n', encoding="utf-8")
+    fake.write_text(
+        '#!/bin/sh\n[ "$1" = -version ] && exit 0\nhead -c 20000 > /dev/null\necho broken lens >&2\nexit 1\n', encoding="utf-8"
+    )
     fake.chmod(0o755)
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(fake))
-    words = ["record", scene(), "--video", "film.mp4", "--size", "64x48", "--fps", "60", "--duration", "2", "--diagnostics", "d.csv"]
+    words = [
+        "record",
+        scene(),
+        "--video",
+        "film.mp4",
+        "--size",
+        "64x48",
+        "--fps",
+        "60",
+        "--duration",
+        "2",
+        "--diagnostics",
+        "d.csv",
+    ]
     code, found, err = run_json(capsys, *words)
     assert code == 5 and found["status"] == "failed" and "broken lens" in found["error"]
     assert found["files"] == ["d.csv"] and Path("d.csv").exists() and not Path("film.mp4").exists()
@@ -293,6 +308,16 @@ def test_json_stands_alone_on_standard_output(scene):
     assert done.returncode == 0 and json.loads(out)["status"] == "ok" and b"status" in err
 
 
+def test_what_libraries_print_does_not_reach_standard_output():
+    program = (
+        "import os; from mpp_taichi.cli._terminal import output_reserved, put_json\n"
+        "with output_reserved(True):\n    os.write(1, b'[I] noise from C')\nput_json({'a': float('nan')})"
+    )
+    words = [sys.executable, "-c", program]
+    done = subprocess.run(words, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=True)
+    assert json.loads(done.stdout) == {"a": None} and done.stderr == "[I] noise from C"
+
+
 def test_no_character_ends_the_program_in_a_poor_locale(scene):
     environment = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     done = start(scene(title="Šuvakov's butterfly ☄"), "--headless", environment=environment)
@@ -301,10 +326,14 @@ def test_no_character_ends_the_program_in_a_poor_locale(scene):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="needs a shell of Unix")
-@pytest.mark.parametrize(("redirection", "code"), [("| head -c 0; exit ${PIPESTATUS[0]}", 141), ("> /dev/full", 5), (">&-", 0), ("2>&-", 0)])
+@pytest.mark.parametrize(
+    ("redirection", "code"), [("| head -c 0; exit ${PIPESTATUS[0]}", 141), ("> /dev/full", 5), (">&-", 0), ("2>&-", 0)]
+)
 def test_a_closed_or_full_output_ends_quietly(scene, redirection, code):
     command = f'"{sys.executable}" -m mpp_taichi schema {redirection}'
-    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False)
+    done = subprocess.run(
+        ["bash", "-c", command], capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False
+    )
     assert done.returncode == code and "Traceback" not in done.stderr and "Exception" not in done.stderr
 
 
@@ -343,8 +372,10 @@ def test_a_second_signal_ends_at_once():
         "with Interruption():\n    print('ready', flush=True)\n    time.sleep(30)\n    time.sleep(30)"
     )
     # A parent that ignores SIGINT hands that on to its children; the handlers must be installed all the same.
-    command = f"trap '' INT; exec \"{sys.executable}\" -c \"$0\""
-    running = subprocess.Popen(["bash", "-c", command, program], stdout=subprocess.PIPE, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    command = f'trap \'\' INT; exec "{sys.executable}" -c "$0"'
+    running = subprocess.Popen(
+        ["bash", "-c", command, program], stdout=subprocess.PIPE, env={**os.environ, "PYTHONPATH": str(ROOT)}
+    )
     assert running.stdout.readline() == b"ready\n"
     running.send_signal(signal.SIGINT)
     time.sleep(0.3)
@@ -374,6 +405,46 @@ def test_a_bad_scene_fails_before_taichi_is_imported(scene):
     words = [sys.executable, "-c", program, scene(integrator={"leapfrg": {"dt": 1}})]
     done = subprocess.run(words, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False)
     assert done.returncode == 2 and "did you mean 'leapfrog'" in done.stderr
+
+
+# --- windows -----------------------------------------------------------------------------------------------------------------
+
+
+class ScriptedWindow:
+    """Stands for a window: runs to the end, goes back, runs a part, and is closed."""
+
+    def __init__(self, spec, size=(0, 0), *, title="", dimensions=3):
+        self.title = title
+
+    def run(self, simulation, *, steps_per_frame=1, paused=False):
+        while not simulation.finished:
+            simulation.advance(steps_per_frame)
+        end = simulation.frame()
+        assert end.time == self.end and end.title == "Kepler"
+        simulation.advance(1)  # a single step beyond the end
+        assert simulation.frame().time > self.end
+        simulation.restart()
+        assert simulation.frame().time == 0.0 and not simulation.finished
+        simulation.advance(3)
+
+
+@pytest.mark.parametrize("end", [2.0, 0.05])
+def test_a_window_runs_to_the_end_exactly_and_may_start_again(scene, capsys, monkeypatch, end):
+    from mpp_taichi.views import window
+
+    monkeypatch.setattr(window, "Window", ScriptedWindow)
+    monkeypatch.setattr(ScriptedWindow, "end", end, raising=False)
+    monkeypatch.setattr(VERBS["run"], "no_window", lambda: "")
+    code, found, _ = run_json(capsys, scene(run={"duration": end}), "--diagnostics", "d.npz", "--every", "1")
+    assert code == 0 and found["steps"] == 3 and found["status"] == "ok"
+    with np.load("d.npz") as table:
+        assert table["step"].tolist() == [0, 1, 2, 3]  # of the second start alone
+
+
+def test_a_window_that_cannot_open_is_said_in_one_line(scene, capsys, monkeypatch):
+    monkeypatch.setattr(VERBS["run"], "no_window", lambda: "GGUI does not start (code -6): no Vulkan")
+    assert main([scene(record={"size": [64, 48], "fps": 5, "seconds": 1})]) == 0
+    assert capsys.readouterr().err.splitlines()[0].startswith("GGUI does not start (code -6): no Vulkan: making a film instead")
 
 
 # --- the other verbs ---------------------------------------------------------------------------------------------------------

@@ -121,7 +121,10 @@ def test_watchdog_leaves_damped_scenes_alone():
 
 def test_watchdog_stops_a_run_that_flies_apart():
     scene = {
-        "particles": [{"body": {"mass": 1, "position": [0, 0, 0], "free": False}}, {"body": {"mass": 1, "position": [2, 0, 0]}}],
+        "particles": [
+            {"body": {"mass": 1, "position": [0, 0, 0], "free": False}},
+            {"body": {"mass": 1, "position": [2, 0, 0]}},
+        ],
         "springs": [{"link": {"between": [0, 1], "stiffness": 1e4, "rest_length": 1}}],
         "integrator": {"leapfrog": {"dt": 1.0}},
     }
@@ -258,7 +261,9 @@ def test_orbital_period_of_kepler_orbits(eccentricity, direction):
         position, velocity = kepler_state(eccentricity, time)
         turn = np.array([1.0, direction, direction])
         center = np.array([3.0 + time, 0.0, 0.0])  # the centre may move
-        diagnostic.observe(time, snapshot_at([center, center + position * turn], [[1, 0, 0], np.array([1, 0, 0]) + velocity * turn]))
+        diagnostic.observe(
+            time, snapshot_at([center, center + position * turn], [[1, 0, 0], np.array([1, 0, 0]) + velocity * turn])
+        )
         time += min(diagnostic.interval, 0.5)
         looks += 1
     assert diagnostic.result() == pytest.approx(2.0 * math.pi, rel=1e-8)

@@ -13,9 +13,9 @@ from mpp_taichi.scene.spec import ComponentSpec, Location, SceneSpec
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
 
-ROUNDS = 15
+ROUNDS = 11
 SAMPLE_SECONDS = 0.02  # one timing is at least so long, against the clock's own grain
-LONG_SECONDS = 8.0  # of timing altogether; two rounds are the least
+LONG_SECONDS = 6.0  # of timing altogether; two rounds are the least
 ALMOST_NOTHING = 1e-30  # a strength that moves nothing, yet is no zero that a compiler may fold away
 
 

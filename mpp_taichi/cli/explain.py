@@ -92,7 +92,7 @@ def _timings(step: "StepTime", shares: "list[EffectCost]", prices: "list[EffectC
 
 def _lines(found: dict[str, Any]) -> list[str]:
     launches = found["launches_per_step"]
-    how_often = f"{launches} launches per step" if launches else "one launch holds many steps"
+    how_often = f"{launches} parallel loops launched per step" if launches else "one launch holds many steps"
     limit = found["dt_limit"]
     rows = [
         f"{found['scene']}: {found['particle_count']:,} particles, {found['spring_count']:,} springs",

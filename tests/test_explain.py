@@ -1,0 +1,96 @@
+"""`explain` counts and measures what really is: launches as Taichi's profiler sees them, shares that add up."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import yaml
+from scenes import cluster, everything, kepler
+
+from mpp_taichi import Simulation, backends, component
+from mpp_taichi.cli._costs import measure
+from mpp_taichi.cli.main import main
+from mpp_taichi.scene.load import load_scene
+from mpp_taichi.stability import spring_step_limit
+
+
+def profiled_loops(simulation):
+    """Parallel loops that one step starts, as Taichi's own profiler records them; the rest are single-thread preambles."""
+    import taichi as ti
+    from taichi.lang import impl
+
+    simulation.run(steps=2)
+    program = impl.get_runtime().prog
+    ti.sync()
+    program.clear_kernel_profiler()
+    simulation.stepper.advance(simulation.time, simulation.dt, 1)
+    ti.sync()
+    program.update_kernel_profiler()
+    return sum("range_for" in record.name for record in program.get_kernel_profiler_records())
+
+
+@pytest.fixture
+def profiler(monkeypatch):
+    """Every start of Taichi in this test has its profiler on."""
+    ti = backends.import_taichi()
+    original = ti.init
+    monkeypatch.setattr(ti, "init", lambda *arguments, **options: original(*arguments, kernel_profiler=True, **options))
+
+
+@pytest.mark.parametrize("integrator", component.names("integrators"))
+@pytest.mark.parametrize("scene", [kepler, cluster, everything])
+def test_parallel_loops_are_those_that_the_profiler_counts(integrator, scene, profiler):
+    with Simulation(scene(integrator=integrator), backend="cpu", plan="parallel") as simulation:
+        assert simulation.stepper.launches_per_step() == profiled_loops(simulation)
+
+
+def test_a_serial_step_starts_no_parallel_loop(profiler):
+    with Simulation(kepler(), backend="cpu", plan="serial") as simulation:
+        assert simulation.stepper.launches_per_step() == profiled_loops(simulation) == 0
+
+
+def test_the_step_limit_of_springs_is_safe_and_not_far_off():
+    with Simulation(everything(damping=0.0, drag=0.0), backend="cpu") as simulation:
+        start, limit = simulation.start, spring_step_limit(simulation.start)
+    # The true limit from the eigenvalues of M⁻¹K, with every spring at its stiffest: along its own direction.
+    count = start.particle_count
+    matrix = np.zeros((3 * count, 3 * count))
+    for (i, j), stiffness in zip(start.springs.between, start.springs.stiffness):
+        d = start.position[j] - start.position[i]
+        block = stiffness * np.outer(d, d) / (d @ d)
+        for a, b, sign in ((i, i, 1), (j, j, 1), (i, j, -1), (j, i, -1)):
+            matrix[3 * a : 3 * a + 3, 3 * b : 3 * b + 3] += sign * block
+    matrix /= np.repeat(start.mass, 3)[:, None]
+    true_limit = 2.0 / math.sqrt(np.linalg.eigvals(matrix).real.max())
+    assert true_limit / 2.0 < limit <= true_limit
+
+
+def test_a_scene_without_springs_has_no_limit():
+    with Simulation(kepler(), backend="cpu") as simulation:
+        assert spring_step_limit(simulation.start) is None
+
+
+def test_pair_forces_take_most_of_a_step_of_many_bodies():
+    with Simulation(load_scene(cluster(count=300)), backend="cpu", plan="serial") as simulation:
+        step, shares, absent = measure(simulation)
+    (gravity,) = shares
+    assert gravity.name == "newtonian_gravity" and 0.5 < gravity.seconds / step.seconds <= 1.0
+    assert {cost.name for cost in absent} == {"coulomb", "linear_drag", "uniform_gravity"}
+    cost = {entry.name: entry.seconds / step.seconds for entry in absent}
+    assert cost["coulomb"] > cost["uniform_gravity"]  # N² against N
+
+
+def test_explain_tells_fields_and_effects(tmp_path, capsys):
+    path = tmp_path / "everything.yaml"
+    path.write_text(yaml.safe_dump(everything()), encoding="utf-8")
+    assert main(["explain", str(path), "--json", "-q"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["effects"] == ["newtonian_gravity", "coulomb", "uniform_gravity", "linear_drag", "spring"]
+    assert [row["effect"] for row in found["shares"]] == found["effects"] and found["absent"] == []
+    assert found["fields"]["position"] == 5 * 3 * 8 and found["fields"]["spring_neighbor"] == 2 * 5 * 4
+    assert found["field_bytes"] == sum(found["fields"].values())
+    assert found["dt_limit"] > found["dt"] and found["seconds_per_step"] > 0
+    assert main(["explain", str(path), "-q"]) == 0
+    out = capsys.readouterr().out
+    assert "one launch holds many steps" in out and "linear_drag" in out and "the springs allow" in out
