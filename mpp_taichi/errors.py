@@ -55,3 +55,7 @@ class CapacityError(MppError):
     """The scene asks for more memory or work than the machine has."""
 
     exit_code = 6
+
+
+class PlacementError(ValueError):
+    """The parameters of a generator are fine one by one, but nothing can be placed so; becomes a located SceneError."""

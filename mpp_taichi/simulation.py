@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from mpp_taichi import backends, component, plans, postmortem
+from mpp_taichi.assemble import assemble
 from mpp_taichi.errors import BackendError, CapacityError, MppError
-from mpp_taichi.generators._assemble import assemble
 from mpp_taichi.scene.estimate import check_capacity, estimate
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.special import ellipe, ellipk
 
+from mpp_taichi.assemble import assemble
 from mpp_taichi.errors import CapacityError, SceneError
-from mpp_taichi.generators._assemble import assemble
 from mpp_taichi.generators._base import Center, GeneratorContext
 from mpp_taichi.generators._elliptic import annulus_pull, elliptic_integrals
 from mpp_taichi.generators.ring import Ring

@@ -240,7 +240,7 @@ def test_reading_and_assembling_import_no_taichi(tmp_path):
     path = write(tmp_path, BASE + "forces:\n  - newtonian_gravity: {}\n")
     program = f"""
         import sys
-        from mpp_taichi.generators._assemble import assemble
+        from mpp_taichi.assemble import assemble
         from mpp_taichi.scene.estimate import estimate
         from mpp_taichi.scene.load import load_scene
         spec = load_scene({str(path)!r})

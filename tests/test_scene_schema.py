@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from mpp_taichi import component
-from mpp_taichi.generators._assemble import assemble
+from mpp_taichi.assemble import assemble
 from mpp_taichi.scene.document import read_file
 from mpp_taichi.scene.estimate import check_capacity, estimate
 from mpp_taichi.scene.faults import Faults

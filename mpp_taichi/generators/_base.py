@@ -7,13 +7,7 @@ from typing import Any
 
 import numpy as np
 
-BYTES_PER_PARTICLE = 600
-"""Host memory that a particle takes while a scene is assembled, device fields included: an upper bound for the estimate."""
 DEFAULT_COLOR = (0.9, 0.9, 0.9)
-
-
-class PlacementError(ValueError):
-    """The parameters are fine one by one, but no particles can be placed so."""
 
 
 @dataclass(frozen=True, eq=False)

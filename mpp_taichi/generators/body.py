@@ -15,7 +15,7 @@ class Body(Generator):
     radius: float = param(0.0, unit="length", help="for contacts and the picture")
     charge: float = param(0.0, unit="charge")
     color: Color = param((0.9, 0.9, 0.9), help="red, green, blue in 0…1")
-    free: Axes = param((True, True, True), help="false where an axis is held fixed")
+    free: Axes = param((True, True, True), help="false where an axis is held fixed; a velocity along it is ignored")
 
     def particle_count(self) -> int:
         """One."""

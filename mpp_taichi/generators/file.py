@@ -10,7 +10,8 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from mpp_taichi.component import Path, component, param
-from mpp_taichi.generators._base import Generator, GeneratorContext, Group, PlacementError, make_group
+from mpp_taichi.errors import PlacementError
+from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make_group
 from mpp_taichi.scene.faults import printable
 
 # What zipfile, zlib and NumPy raise on a damaged archive.

@@ -3,7 +3,8 @@
 import numpy as np
 
 from mpp_taichi.component import Color, FormulaVector, Shape, Vector, component, param
-from mpp_taichi.generators._base import Generator, GeneratorContext, Group, PlacementError, make_group
+from mpp_taichi.errors import PlacementError
+from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make_group
 from mpp_taichi.scene.expressions import ExpressionError
 
 

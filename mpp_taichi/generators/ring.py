@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from mpp_taichi.component import Color, Particle, component, param
-from mpp_taichi.generators._base import Center, Generator, GeneratorContext, Group, PlacementError, make_group
+from mpp_taichi.errors import PlacementError
+from mpp_taichi.generators._base import Center, Generator, GeneratorContext, Group, make_group
 from mpp_taichi.generators._elliptic import annulus_pull
 
 

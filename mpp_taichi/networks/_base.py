@@ -7,12 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.generators._base import PlacementError
 from mpp_taichi.snapshot import Springs
-
-__all__ = ["BYTES_PER_SPRING", "Network", "NetworkContext", "PlacementError", "make_springs"]
-BYTES_PER_SPRING = 400
-"""Host memory that a spring takes while a scene is assembled, device fields included: an upper bound for the estimate."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 
 from mpp_taichi import component
 from mpp_taichi.errors import CapacityError
-from mpp_taichi.generators._base import BYTES_PER_PARTICLE
-from mpp_taichi.networks._base import BYTES_PER_SPRING
 from mpp_taichi.scene.layout import build, layout_of
 from mpp_taichi.scene.spec import SceneSpec
+
+# Host memory taken while a scene is assembled, device fields included: upper bounds for the estimate.
+BYTES_PER_PARTICLE = 600
+BYTES_PER_SPRING = 400
 
 LARGEST_COUNT = 2**31 - 1  # an index is a signed 32-bit integer on every device
 MOST_STEPS = 10**9

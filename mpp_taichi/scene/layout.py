@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mpp_taichi import component
-from mpp_taichi.errors import SceneError
-from mpp_taichi.generators._base import PlacementError
+from mpp_taichi.errors import PlacementError, SceneError
 from mpp_taichi.scene.faults import choices, shown
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 

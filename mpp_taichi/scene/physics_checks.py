@@ -20,7 +20,7 @@ Fault = tuple[Location, str]
 def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> None:
     """Raise SceneError with every arrangement that cannot be run."""
     found: list[Fault] = []
-    for check in (_numbers, _masses, _held_but_moving, _springs, _coincidences, _center_of_mass):
+    for check in (_numbers, _masses, _springs, _coincidences, _center_of_mass):
         found += check(spec, snapshot, layout)
     lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]
     if len(found) > len(lines):
@@ -69,11 +69,6 @@ def _masses(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iter
     others = sorted(forces - _PROPORTIONAL_TO_MASS - _NEEDS_NO_MASS_WITHOUT_CHARGE)
     for index in _first_of_each_entry(layout, massless & bool(others)):
         yield _at(layout, index, f"has no mass, must have one above 0 where {', '.join(others)} acts")
-
-
-def _held_but_moving(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
-    for index in _first_of_each_entry(layout, np.any(~snapshot.free & (snapshot.velocity != 0.0), axis=1)):
-        yield _at(layout, index, "has a velocity along an axis that is held fixed, must be 0 there")
 
 
 def _springs(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from mpp_taichi.component import Declaration, declaration
-from mpp_taichi.generators._base import PlacementError
+from mpp_taichi.errors import PlacementError
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.layout import ParticleLayout, build, particle_layout

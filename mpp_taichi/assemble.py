@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.errors import SceneError
-from mpp_taichi.generators._base import Center, GeneratorContext, Group, PlacementError
+from mpp_taichi.errors import PlacementError, SceneError
+from mpp_taichi.generators._base import Center, GeneratorContext, Group
 from mpp_taichi.networks._base import NetworkContext
 from mpp_taichi.scene.layout import ParticleLayout, build, layout_of
 from mpp_taichi.scene.physics_checks import check_physics
@@ -28,6 +28,7 @@ def assemble(spec: SceneSpec) -> Snapshot:
     arrays: dict[str, Any] = {key: np.concatenate([getattr(group, key) for group in groups]) for key in _PARTICLE_ARRAYS}
     rest_position = np.concatenate([group.rest_position for group in groups])
     names = tuple(name for group in groups for name in group.name)
+    arrays["velocity"] = np.where(arrays["free"], arrays["velocity"], 0.0)  # a held axis does not move, whatever was said
     springs = _link(spec, layout, rest_position)
     snapshot = Snapshot(**arrays, name=names, springs=springs)
     check_physics(spec, snapshot, layout)
