@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 import yaml
-from scenes import kepler
 
 from mpp_taichi.cli.main import main
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.expectations import bound_text, holds
 from mpp_taichi.scene.spec import Expectation, Location
+from scenes import kepler
 
 
 @pytest.fixture

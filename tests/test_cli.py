@@ -11,16 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from scenes import kepler
 
-from mpp_taichi import Snapshot
+from mpp_taichi import Snapshot, backends
 from mpp_taichi.cli.main import LATER_VERBS, VERBS, main
 from mpp_taichi.recorders.video import check_encoder
+from scenes import kepler
 
 ROOT = Path(__file__).parents[1]
 FIXED_KEYS = (
     "scene, backend, device, precision, plan, integrator, effects, particle_count, spring_count, steps, time, wall_seconds, "
-    "compile_seconds, steps_per_second, total_energy_initial, total_energy_final, relative_energy_error_max, momentum_error_max, status"
+    "compile_seconds, steps_per_second, total_energy_initial, total_energy_final, relative_energy_error_max, "
+    "momentum_error_max, status"
 ).split(", ")
 
 
@@ -43,6 +44,7 @@ def scene(tmp_path, monkeypatch):
 def run_json(capsys, *words):
     code = main([*words, "--json"])
     captured = capsys.readouterr()
+    assert captured.out.startswith("{"), captured.out
     return code, json.loads(captured.out), captured.err
 
 
@@ -311,11 +313,11 @@ def test_json_stands_alone_on_standard_output(scene):
 def test_what_libraries_print_does_not_reach_standard_output():
     program = (
         "import os; from mpp_taichi.cli._terminal import output_reserved, put_json\n"
-        "with output_reserved(True):\n    os.write(1, b'[I] noise from C')\nput_json({'a': float('nan')})"
+        "with output_reserved(True):\n    os.write(1, b'[I] noise from C')\n    print(' and from Python')\nput_json({'a': float('nan')})"
     )
     words = [sys.executable, "-c", program]
     done = subprocess.run(words, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=True)
-    assert json.loads(done.stdout) == {"a": None} and done.stderr == "[I] noise from C"
+    assert json.loads(done.stdout) == {"a": None} and done.stderr == "[I] noise from C and from Python\n"
 
 
 def test_no_character_ends_the_program_in_a_poor_locale(scene):
@@ -430,6 +432,7 @@ class ScriptedWindow:
 
 @pytest.mark.parametrize("end", [2.0, 0.05])
 def test_a_window_runs_to_the_end_exactly_and_may_start_again(scene, capsys, monkeypatch, end):
+    backends.import_taichi()
     from mpp_taichi.views import window
 
     monkeypatch.setattr(window, "Window", ScriptedWindow)

@@ -6,13 +6,13 @@ import math
 import numpy as np
 import pytest
 import yaml
-from scenes import cluster, everything, kepler
 
 from mpp_taichi import Simulation, backends, component
 from mpp_taichi.cli._costs import measure
 from mpp_taichi.cli.main import main
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.stability import spring_step_limit
+from scenes import cluster, everything, kepler
 
 
 def profiled_loops(simulation):

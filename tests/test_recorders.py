@@ -5,7 +5,6 @@ import math
 
 import numpy as np
 import pytest
-from scenes import kepler
 
 from mpp_taichi import OutputError, Simulation, Snapshot, StabilityError
 from mpp_taichi.diagnostics._base import NoResultError
@@ -17,6 +16,7 @@ from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.watchdog import ENERGY_LIMIT, EnergyWatchdog
 from mpp_taichi.summary import Stopwatch
+from scenes import kepler
 
 
 def falling(dt=0.1):

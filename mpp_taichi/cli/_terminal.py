@@ -1,6 +1,7 @@
 """What is written where: results on standard output, everything meant for a person on standard error."""
 
 import contextlib
+import io
 import json
 import logging
 import math
@@ -102,10 +103,16 @@ def _drop_output() -> None:
 
 @contextlib.contextmanager
 def output_reserved(wanted: bool) -> Iterator[None]:
-    """Send what libraries write to file descriptor 1 to standard error, so that a JSON object stands alone."""
+    """Send what libraries print, in Python or in C, to standard error, so that a JSON object stands alone."""
     if not wanted:
         yield
         return
+    with contextlib.redirect_stdout(sys.stderr or io.StringIO()), _descriptor_reserved():
+        yield
+
+
+@contextlib.contextmanager
+def _descriptor_reserved() -> Iterator[None]:
     try:
         kept = os.dup(1)
     except OSError:  # standard output is closed
