@@ -101,3 +101,10 @@ def test_every_declared_default_passes_its_own_check():
 
                 default = list(parameter.default) if isinstance(parameter.default, tuple) else parameter.default
                 field_of(parameter).check(default, Context())
+
+
+def test_the_scene_reference_is_fresh():
+    """`python -m mpp_taichi.scene.reference` renews it."""
+    from mpp_taichi.scene.reference import REFERENCE_FILE, reference_text
+
+    assert REFERENCE_FILE.read_text(encoding="utf-8") == reference_text()
