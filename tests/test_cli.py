@@ -313,7 +313,8 @@ def test_json_stands_alone_on_standard_output(scene):
 def test_what_libraries_print_does_not_reach_standard_output():
     program = (
         "import os; from mpp_taichi.cli._terminal import output_reserved, put_json\n"
-        "with output_reserved(True):\n    os.write(1, b'[I] noise from C')\n    print(' and from Python')\nput_json({'a': float('nan')})"
+        "with output_reserved(True):\n    os.write(1, b'[I] noise from C')\n    print(' and from Python')\n"
+        "put_json({'a': float('nan')})"
     )
     words = [sys.executable, "-c", program]
     done = subprocess.run(words, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=True)

@@ -55,6 +55,11 @@ def test_table_samples_at_start_every_and_end():
     assert [row["time"] for row in table.rows] == [0.0, 0.4, 0.8, 1.0]
 
 
+def test_samples_are_about_two_hundred_and_sparse_where_they_cost():
+    assert [TableRecorder.every_for(steps) for steps in (0, 10, 200, 5000, None)] == [1, 1, 1, 25, 100]
+    assert [TableRecorder.every_for(steps, sparse=True) for steps in (10, 5000, 10**6)] == [20, 25, 5000]
+
+
 def test_table_knows_free_fall_exactly():
     table = run_with_table(falling(), 5, 10)
     last = table.columns()

@@ -114,7 +114,8 @@ class _Run:
     def __init__(self, spec: SceneSpec, request: Request, goal: Goal, simulation: "Simulation", stopwatch: Stopwatch) -> None:
         self.spec, self.request, self.goal, self.simulation, self.stopwatch = spec, request, goal, simulation, stopwatch
         self.total_steps = goal.step_count(simulation.dt)
-        self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps)
+        sparse = simulation.total_force.has_pairs and simulation.plan == "parallel"
+        self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps, sparse=sparse)
         self.table = TableRecorder(self.every)
         self.watchdog = EnergyWatchdog(self.table)
         self.watcher = Watcher(spec.expect if goal.whole else (), self.every)

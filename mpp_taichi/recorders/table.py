@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
 
 SAMPLES_PER_RUN = 200
+SPARSE_STEPS = 20  # the potential of 3073 bodies took six of their steps; so far apart, samples are a quarter of a run
 ZERO_ENERGY = 1e-12  # an |E₀| below this share of kinetic + |potential| is what rounding left of zero
 FORMATS = (".csv", ".npz")
 _SCALARS = ("time", "step", "kinetic_energy", "potential_energy", "total_energy")
@@ -48,9 +49,12 @@ class TableRecorder:
         self._largest = dict.fromkeys(("energy", "momentum", "angular_momentum", "way"), 0.0)
 
     @staticmethod
-    def every_for(steps: int | None) -> int:
-        """Steps between samples that make about `SAMPLES_PER_RUN` of them; of an endless run, every 100th step."""
-        return 100 if steps is None else max(1, steps // SAMPLES_PER_RUN)
+    def every_for(steps: int | None, *, sparse: bool = False) -> int:
+        """Steps between samples that make about `SAMPLES_PER_RUN` of them; of an endless run, every 100th step.
+
+        `sparse` keeps `SPARSE_STEPS` between two samples at least, where summing the energy costs as much as several steps.
+        """
+        return max(SPARSE_STEPS if sparse else 1, 100 if steps is None else steps // SAMPLES_PER_RUN)
 
     def steps_until_due(self, simulation: "Simulation") -> int:
         """Until the next sample."""
