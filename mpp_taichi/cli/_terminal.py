@@ -1,7 +1,6 @@
 """What is written where: results on standard output, everything meant for a person on standard error."""
 
 import contextlib
-import io
 import json
 import logging
 import math
@@ -107,12 +106,6 @@ def output_reserved(wanted: bool) -> Iterator[None]:
     if not wanted:
         yield
         return
-    with contextlib.redirect_stdout(sys.stderr or io.StringIO()), _descriptor_reserved():
-        yield
-
-
-@contextlib.contextmanager
-def _descriptor_reserved() -> Iterator[None]:
     try:
         kept = os.dup(1)
     except OSError:  # standard output is closed
@@ -127,6 +120,9 @@ def _descriptor_reserved() -> Iterator[None]:
     try:
         yield
     finally:
+        # Not by another sys.stdout: Taichi would take that for a notebook and copy its output after every kernel.
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            sys.stdout.flush()
         os.dup2(kept, 1)
         os.close(kept)
 
