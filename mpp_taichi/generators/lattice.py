@@ -22,7 +22,7 @@ class Lattice(Generator):
     upper: Vector = param(unit="length", help="corner of the last particle")
     mass: float = param(1.0, unit="mass", help="of each particle")
     radius: float = param(0.0, unit="length")
-    color: Color = param((0.9, 0.9, 0.9))
+    color: Color = param((0.9, 0.9, 0.9), help="red, green, blue in 0…1")
     fixed: str = param("none", choices=("none", "rim"), help="rim: the particles on the edge are held in place")
     displacement: FormulaVector = param((0, 0, 0), names=("u", "v", "w"), unit="length", help="from rest, at the start")
 

@@ -30,7 +30,7 @@ class Ring(Generator):
     outer_radius: float = param(above=0.0, unit="length", help="R₂")
     mass: float = param(0.0, unit="mass", help="of each particle")
     radius: float = param(0.0, unit="length", help="of each particle, for contacts and the picture")
-    color: Color = param((0.8, 0.75, 0.65))
+    color: Color = param((0.8, 0.75, 0.65), help="red, green, blue in 0…1")
     velocity: str = param("central", choices=("central", "with_ring", "rest"), help="whose pull the orbits balance")
     gravitational_strength: float = param(None, optional=True, minimum=0.0, help="k²; absent: that of newtonian_gravity")
     softening: float = param(None, optional=True, minimum=0.0, unit="length", help="ε; absent: that of newtonian_gravity")

@@ -22,7 +22,7 @@ class LatticeLinks(Network):
     stiffness: float = param(minimum=0.0, unit="force length⁻¹", help="D")
     damping: float = param(0.0, minimum=0.0, unit="force time length⁻¹", help="c")
     prestretch: float = param(1.0, above=0.0, help="placed length over rest length")
-    color: Color = param((0.4, 0.4, 1.0))
+    color: Color = param((0.4, 0.4, 1.0), help="red, green, blue in 0…1")
 
     def spring_count(self, lattice: Callable[[str], tuple[int, tuple[int, int, int]]]) -> int:
         """Along each axis one less than there are particles."""

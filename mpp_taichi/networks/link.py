@@ -17,7 +17,7 @@ class Link(Network):
     stiffness: float = param(minimum=0.0, unit="force length⁻¹", help="D")
     damping: float = param(0.0, minimum=0.0, unit="force time length⁻¹", help="c")
     rest_length: float = param(None, optional=True, minimum=0.0, unit="length", help="absent: as placed")
-    color: Color = param((0.4, 0.4, 1.0))
+    color: Color = param((0.4, 0.4, 1.0), help="red, green, blue in 0…1")
 
     def spring_count(self, lattice: Callable) -> int:
         """One."""

@@ -22,9 +22,9 @@ INTRODUCTION = """# Scene reference
 Written from the model by `python -m mpp_taichi.scene.reference`; do not edit.
 
 A scene is one YAML mapping. Every number may be an expression in quotes or without, over `constants:`, `pi`, `tau`, `e` and
-`sqrt sin cos tan atan2 exp log hypot min max abs`. A particle is named by its index, its `name`, or `group[index]`. Lists of components
-are lists of one-key mappings, `- name: {parameters}`. `extends:` takes another scene of the folder as the base: mappings merge, lists
-replace. `--set path=value` changes any key from the command line; `+path` adds an entry.
+`sqrt sin cos tan atan2 exp log hypot min max abs`. A particle is named by its index, its `name`, or `group[index]`.
+Lists of components are lists of one-key mappings, `- name: {parameters}`. `extends:` takes another scene of the folder as
+the base: mappings merge, lists replace. `--set path=value` changes any key from the command line; `+path` adds an entry.
 """
 
 
