@@ -173,11 +173,39 @@ def taichi_contenders(position, mass):
     return {name: (call, once(call)) for name, call in calls.items()}
 
 
-def pin_new_threads(before):
-    """Give each thread that was started since `before` a core of its own."""
+def ticks_of(thread):
+    """Processor time that a thread has taken, in clock ticks."""
+    fields = Path(f"/proc/self/task/{thread}/stat").read_text(encoding="ascii").rsplit(")", 1)[1].split()
+    return int(fields[11]) + int(fields[12])
+
+
+def pin_workers(before, threads):
+    """Give each worker thread of Taichi a core of its own: of the threads started since `before`, those that now work."""
+    new = set(os.listdir("/proc/self/task")) - before
+    idle = {thread: ticks_of(thread) for thread in new}
+    keep_workers_busy()
+    busiest = sorted(new, key=lambda thread: ticks_of(thread) - idle[thread], reverse=True)[:threads]
     cores = sorted(os.sched_getaffinity(0))
-    for number, thread in enumerate(sorted(set(os.listdir("/proc/self/task")) - before, key=int)):
+    for number, thread in enumerate(sorted(busiest, key=int)):
         os.sched_setaffinity(int(thread), {cores[number % len(cores)]})
+
+
+def keep_workers_busy():
+    """Run a parallel kernel that takes every worker some tenths of a second."""
+    import taichi as ti
+
+    total = ti.field(ti.f32, 1 << 16)
+
+    @ti.kernel
+    def work():
+        for i in total:
+            x = 0.5
+            for _ in range(20_000):
+                x = 3.7 * x * (1.0 - x)
+            total[i] = x
+
+    work()
+    ti.sync()
 
 
 def measure(contenders, repeats, clock):
@@ -288,7 +316,7 @@ def main():
             before = set(os.listdir("/proc/self/task")) if pinned else set()
             device = backends.start("cpu", precision, threads=options.threads)
             if pinned:
-                pin_new_threads(before)
+                pin_workers(before, options.threads)
             if not results:
                 print(f"{device.name}, {options.threads} threads for Taichi and C, one for NumPy; pinned: {pinned}")
                 print(f"C: {compiler}" if library else f"C: skipped, {compiler}")
