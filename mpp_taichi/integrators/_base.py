@@ -38,21 +38,21 @@ class Integrator:
         raise TypeError(f"{type(self).__name__} does not say how many loops it runs")
 
     @ti.func
-    def stage(self, state: Template, total_force: Template, first, time, dt, k: Template):
+    def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
         """Stage k of the step that began at `time`: 0 opens it, k + 1 follows the force at nodes[k].
 
         Works on the particles first … first + particle_count − 1. Never reads what another particle's entry is given here.
         """
 
     @ti.func
-    def stage_after_force(self, state: Template, total_force: Template, first, time, dt, k):
+    def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
         """Stage k ≥ 1, where k is known only when the kernel runs."""
         for c in ti.static(range(1, self.evaluations + 1)):
             if k == c:
                 self.stage(state, total_force, first, time, dt, c)
 
     @ti.func
-    def step(self, state: Template, total_force: Template, first, time, dt, shape: Template):
+    def step(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
         """Advance from `time` to `time + dt`."""
         self.stage(state, total_force, first, time, dt, 0)
         if ti.static(shape == "serial" and self.evaluations > 1):

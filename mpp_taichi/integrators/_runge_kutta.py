@@ -48,7 +48,7 @@ class RungeKutta(Integrator):
         return 1 if k == 0 else 2
 
     @ti.func
-    def stage(self, state: Template, total_force: Template, first, time, dt, k: Template):
+    def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
         """Remember the start; then take slope k − 1 and move the state itself to where the next force is wanted."""
         rows = ti.static(nystroem_rows(self.a, self.b))
         if ti.static(k == 0):
@@ -64,7 +64,7 @@ class RungeKutta(Integrator):
             self.move(state, total_force, first, dt, rows[k])
 
     @ti.func
-    def move(self, state: Template, total_force: Template, first, dt, row: Template):
+    def move(self, state: Template, total_force: Template, first, dt: Template, row: Template):
         """Set the state to the stage, or the end of the step, that the row describes."""
         node, weights, bars = ti.static(row)
         for i in range(first, first + total_force.particle_count):

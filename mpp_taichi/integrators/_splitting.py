@@ -62,37 +62,46 @@ class Splitting(Integrator):
         return (1 + 2 * stages if damped else 0) + (1 if drift != 0.0 or (kick != 0.0 and not damped) else 0)
 
     @ti.func
-    def stage(self, state: Template, total_force: Template, first, time, dt, k: Template):
+    def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
         """A kick and the drift after it; a coefficient of zero costs nothing."""
         node, kick, drift = ti.static(self.entries[k])
-        self.kick_and_drift(state, total_force, first, time + node * dt, kick * dt, drift * dt, kick != 0.0, drift != 0.0)
+        self.kick_and_drift(state, total_force, first, time + node * dt, dt, kick, drift, kick != 0.0, drift != 0.0)
 
     @ti.func
-    def stage_after_force(self, state: Template, total_force: Template, first, time, dt, k):
+    def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
         """The same with coefficients looked up while running: one copy of the code serves all stages."""
         node, kick, drift = 0.0, 0.0, 0.0
         for c in ti.static(range(1, self.evaluations + 1)):
             if k == c:
                 node, kick, drift = self.entries[c]
-        self.kick_and_drift(state, total_force, first, time + node * dt, kick * dt, drift * dt, True, True)
+        self.kick_and_drift(state, total_force, first, time + node * dt, dt, kick, drift, True, True)
 
     @ti.func
     def kick_and_drift(
-        self, state: Template, total_force: Template, first, time, kick, drift, has_kick: Template, has_drift: Template
+        self,
+        state: Template,
+        total_force: Template,
+        first,
+        time,
+        dt: Template,
+        kick: Template,
+        drift: Template,
+        has_kick: Template,
+        has_drift: Template,
     ):
-        """v += kick·a, then x += drift·v, in one loop."""
+        """v += kick·dt·a, then x += drift·dt·v, in one loop."""
         damped = ti.static(total_force.depends_on_velocity and has_kick)
         if ti.static(damped):
-            self.damped_kick(state, total_force, first, time, kick)
+            self.damped_kick(state, total_force, first, time, kick * dt)
         if ti.static(has_drift or not damped):
             for i in range(first, first + total_force.particle_count):
                 if ti.static(has_kick and not damped):
-                    state.velocity[i] = state.velocity[i] + kick * state.acceleration[i]
+                    state.velocity[i] = state.velocity[i] + kick * dt * state.acceleration[i]
                 if ti.static(has_drift):
-                    state.position[i] = state.position[i] + drift * state.velocity[i]
+                    state.position[i] = state.position[i] + drift * dt * state.velocity[i]
 
     @ti.func
-    def damped_kick(self, state: Template, total_force: Template, first, time, h):
+    def damped_kick(self, state: Template, total_force: Template, first, time: Template, h: Template):
         """Solve v' = acceleration + f(v) over h at fixed positions."""
         a, b = ti.static(KICK_METHODS[self.order])
         for i in range(first, first + total_force.particle_count):
