@@ -29,7 +29,7 @@ import numpy as np
 ROOT = Path(__file__).parents[1]
 SOFTENING = 1.0 / 64
 SIZES = (1024, 2048, 4096, 8192, 16384)
-SMALLEST_SAMPLE = 0.02  # seconds of repeated calls that one sample of the clock covers
+SMALLEST_SAMPLE = 0.05  # seconds of repeated calls that one sample of the clock covers
 PAUSE = 0.01  # seconds between contenders, for the spinning threads of OpenMP to go to sleep
 C_FLAGS = "-O3 -march=native -mprefer-vector-width=512 -ffast-math -fopenmp -shared -fPIC".split()
 NUMPY_ROWS = 32  # rows of one block; a few arrays of 32 × N fit the cache
@@ -179,13 +179,15 @@ def ticks_of(thread):
     return int(fields[11]) + int(fields[12])
 
 
-def pin_workers(before, threads):
-    """Give each worker thread of Taichi a core of its own: of the threads started since `before`, those that now work."""
+def pin_workers(before, threads, cores):
+    """Give each worker thread of Taichi a core of its own: of the threads started since `before`, those that now work.
+
+    `cores` are those of the process before OpenMP was loaded, which binds the thread that loads it to the first of them.
+    """
     new = set(os.listdir("/proc/self/task")) - before
     idle = {thread: ticks_of(thread) for thread in new}
     keep_workers_busy()
     busiest = sorted(new, key=lambda thread: ticks_of(thread) - idle[thread], reverse=True)[:threads]
-    cores = sorted(os.sched_getaffinity(0))
     for number, thread in enumerate(sorted(busiest, key=int)):
         os.sched_setaffinity(int(thread), {cores[number % len(cores)]})
 
@@ -209,7 +211,7 @@ def keep_workers_busy():
 
 
 def measure(contenders, repeats, clock):
-    """Interleaved samples of seconds per call, {name: [seconds, …]}; the first two calls are not counted."""
+    """Interleaved samples of seconds per call, {name: [seconds, …]}; first calls are not counted."""
     loops = {}
     for name, (call, _) in contenders.items():
         call()
@@ -217,9 +219,13 @@ def measure(contenders, repeats, clock):
         call()
         loops[name] = max(1, int(SMALLEST_SAMPLE / (clock() - start)))
     samples = {name: [] for name in contenders}
-    for _ in range(repeats):
-        for name, (call, _) in contenders.items():
+    names = list(contenders)
+    for repeat in range(repeats):
+        turn = repeat % len(names)
+        for name in names[turn:] + names[:turn]:  # nobody always follows the one that leaves caches and cores coldest
+            call = contenders[name][0]
             time.sleep(PAUSE)
+            call()
             start = clock()
             for _ in range(loops[name]):
                 call()
@@ -304,6 +310,7 @@ def main():
     options = parser.parse_args()
     clock = time.process_time if options.cpu_time else time.perf_counter
     pinned = sys.platform == "linux" and not options.no_pin
+    cores = sorted(os.sched_getaffinity(0)) if pinned else []
     if pinned:
         os.environ["OMP_PROC_BIND"] = "true"
     sys.path.insert(0, str(ROOT))
@@ -313,10 +320,12 @@ def main():
         library, compiler = compile_reference(folder)
         results = {}
         for precision in ("f32", "f64"):
+            if pinned:
+                os.sched_setaffinity(0, cores)
             before = set(os.listdir("/proc/self/task")) if pinned else set()
             device = backends.start("cpu", precision, threads=options.threads)
             if pinned:
-                pin_workers(before, options.threads)
+                pin_workers(before, options.threads, cores)
             if not results:
                 print(f"{device.name}, {options.threads} threads for Taichi and C, one for NumPy; pinned: {pinned}")
                 print(f"C: {compiler}" if library else f"C: skipped, {compiler}")
