@@ -305,6 +305,12 @@ def test_closing_the_window_ends_cleanly(session: Session, display: str) -> None
     assert session.said()[-1] == "end"
 
 
+def test_nothing_is_left_in_the_working_directory(session: Session) -> None:
+    session.tool("key", "--window", session.window, "q")
+    assert session.end() == 0
+    assert {path.name for path in session.folder.iterdir()} <= {"log.txt", "errors.txt", "screen.png"}  # the test's own
+
+
 def test_error_in_the_simulation_closes_the_window_and_is_seen(display: str, tmp_path: Path) -> None:
     session = Session(display, tmp_path, limit=20)
     try:

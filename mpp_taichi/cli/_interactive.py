@@ -1,6 +1,6 @@
 """A window on a run: how the simulation of a session is steered frame by frame."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.scene.spec import SceneSpec
@@ -16,7 +16,12 @@ STEPS_PER_FRAME_WITHOUT_END = 10
 
 
 def show(
-    simulation: "Simulation", spec: SceneSpec, goal: "Goal", recorders: Sequence[Any], interruption: "Interruption"
+    simulation: "Simulation",
+    spec: SceneSpec,
+    goal: "Goal",
+    recorders: Sequence[Any],
+    interruption: "Interruption",
+    caption: Callable[[], str],
 ) -> None:
     """Open a window and run in it until it is closed; the scene's duration takes as long as its film would."""
     from mpp_taichi.views.window import Window
@@ -25,7 +30,7 @@ def show(
     total = goal.step_count(simulation.dt)
     frames = max(1, round(spec.record.seconds * WINDOW_FRAMES_PER_SECOND))
     steps = max(1, round(total / frames)) if total else STEPS_PER_FRAME_WITHOUT_END
-    window.run(_Steered(simulation, spec, goal, recorders, interruption), steps_per_frame=steps)
+    window.run(_Steered(simulation, spec, goal, recorders, interruption, caption), steps_per_frame=steps)
 
 
 class _Steered:
@@ -35,10 +40,16 @@ class _Steered:
     """
 
     def __init__(
-        self, simulation: "Simulation", spec: SceneSpec, goal: "Goal", recorders: Sequence[Any], interruption: "Interruption"
+        self,
+        simulation: "Simulation",
+        spec: SceneSpec,
+        goal: "Goal",
+        recorders: Sequence[Any],
+        interruption: "Interruption",
+        caption: Callable[[], str] = lambda: "",
     ) -> None:
         self.simulation, self.spec, self.goal, self.interruption = simulation, spec, goal, interruption
-        self.recorders = recorders
+        self.recorders, self.caption = recorders, caption
 
     @property
     def finished(self) -> bool:
@@ -59,7 +70,7 @@ class _Steered:
 
     def frame(self) -> Frame:
         """The particles now."""
-        return Frame.of(self.simulation.snapshot(), title=self.spec.title)
+        return Frame.of(self.simulation.snapshot(), title=self.spec.title, extra=self.caption())
 
     def restart(self) -> None:
         """Back to the start."""

@@ -153,7 +153,7 @@ class _Run:
         if self.request.window:
             from mpp_taichi.cli._interactive import show
 
-            show(self.simulation, self.spec, self.goal, recorders, interruption)
+            show(self.simulation, self.spec, self.goal, recorders, interruption, self._caption)
         elif self.request.quiet:
             self.simulation.run(until=self.goal.until, steps=self.goal.steps, recorders=recorders)
         else:

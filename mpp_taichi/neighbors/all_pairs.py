@@ -16,7 +16,7 @@ import taichi as ti
 from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, is_elementwise
 from mpp_taichi.types import Template
 
-VECTOR_BYTES = 128  # two AVX-512 registers: against one, 7 % faster in f32 and equal in f64, for twice the compile time
+VECTOR_BYTES = 64  # one AVX-512 register; two are 4–9 % faster in f32 and equal in f64, for twice the compile time
 SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 UNROLLED_PAIRS = 36  # up to nine bodies the serial double loop is written out; beyond, compiling would take seconds
 

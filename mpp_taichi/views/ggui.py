@@ -7,6 +7,7 @@ A driver that is broken may abort the whole process, so `probe` tries it in anot
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from functools import lru_cache
 
@@ -49,6 +50,7 @@ def probe(*, shown: bool) -> str:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
+            cwd=tempfile.gettempdir(),  # GGUI leaves a file where it runs
             timeout=PROBE_SECONDS,
             check=False,
         )

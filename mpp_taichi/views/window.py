@@ -4,7 +4,10 @@ Needed: Vulkan (Mesa's lavapipe, in software, will do) and a display; any backen
 Linux without a display, CI for one, can have one in memory: `xvfb-run python -m mpp_taichi …`.
 """
 
+import atexit
+import os
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Protocol
@@ -47,6 +50,18 @@ class Steerable(Protocol):
         """Go back to the start."""
 
 
+def _keep_folder_clean() -> None:
+    """Let the panel library behind GGUI leave its layout file, which it writes as the process ends, among temporary files."""
+    layout = Path("imgui.ini").absolute()
+
+    def leave() -> None:
+        layout.unlink(missing_ok=True)
+        os.chdir(tempfile.gettempdir())
+
+    if not layout.exists():
+        atexit.register(leave)
+
+
 class Window:
     """Shows a simulation until the user closes it."""
 
@@ -60,6 +75,7 @@ class Window:
         if problem:
             raise BackendError(f"cannot open a window: {problem}")
         self.spec, self.dimensions, self.title = spec, dimensions, title
+        _keep_folder_clean()
         self._window = ti.ui.Window(title or "mpp_taichi", size, vsync=False, fps_limit=FRAMES_PER_SECOND)
         self._scene = GguiScene(self._window, spec)
         self._trails = Trails(spec.trails or DEFAULT_TRAIL)
