@@ -73,7 +73,7 @@ class AllPairs:
         """
         if ti.static(self.has_work):
             if ti.static(self.unrolled):
-                self._accumulate_unrolled(state, first)
+                self._accumulate_unrolled(state, first, False)
             elif ti.static(len(self.members) == 1):
                 for tile in range(self.tile_count):
                     self._accumulate_tile(state, first, tile)
@@ -86,10 +86,18 @@ class AllPairs:
                         state.acceleration[j] = state.acceleration[j] - on_j * d
 
     @ti.func
-    def _accumulate_unrolled(self, state: Template, first):
+    def set_serial(self, state: Template, first):
+        """Like accumulate_serial, but overwrites what was there; only where `unrolled`."""
+        self._accumulate_unrolled(state, first, True)
+
+    @ti.func
+    def _accumulate_unrolled(self, state: Template, first, from_zero: Template):
         """All in registers: every position is read once and every acceleration written once."""
         position = [state.position[first + i] for i in ti.static(range(self.particle_count))]
-        total = [state.acceleration[first + i] for i in ti.static(range(self.particle_count))]
+        total = [ti.Vector.zero(float, self.dimensions) for i in ti.static(range(self.particle_count))]
+        if ti.static(not from_zero):
+            for i in ti.static(range(self.particle_count)):
+                total[i] = state.acceleration[first + i]
         for i in ti.static(range(self.particle_count)):
             for j in ti.static(range(i + 1, self.particle_count)):
                 d = position[j] - position[i]
