@@ -58,9 +58,12 @@ def test_a_planted_nan_is_found_on_every_backend(backend, plan, request):
         velocity[7, 1] = np.nan
         simulation.state.write(position, velocity)
         assert simulation.stepper.first_bad_particle() == 7
-        position[3, 0] = np.inf
-        simulation.state.write(position, velocity)
-        assert simulation.stepper.first_bad_particle() == 3
+        for place, value in ((position, np.inf), (position, np.nan), (velocity, -np.inf), (velocity, np.nan)):
+            sound = place[3, 0]
+            place[3, 0] = value
+            simulation.state.write(position, velocity)
+            assert simulation.stepper.first_bad_particle() == 3
+            place[3, 0] = sound
 
 
 def test_softening_makes_the_same_encounter_finite():
