@@ -94,14 +94,6 @@ def _missing_library(backend: str) -> str:
     return {"cuda": "no NVIDIA driver (libcuda) is installed", "vulkan": "no Vulkan loader (libvulkan) is installed"}[backend]
 
 
-def _cpu_name() -> str:
-    with contextlib.suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    return platform.processor() or platform.machine()
-
-
 def cpu_name() -> str:
     """Model name of the CPU."""
     with contextlib.suppress(OSError):

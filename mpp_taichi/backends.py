@@ -5,7 +5,7 @@ import io
 import logging
 import os
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from mpp_taichi.availability import BACKENDS, availability, cpu_name, present, remembered
@@ -54,7 +54,6 @@ class _Runtime:
     device: Device | None = None
     generation: int = 0
     users: int = 0
-    removed_variables: list[str] = field(default_factory=list)
 
 
 _runtime = _Runtime()  # Taichi has one runtime in a process; this mirrors it.
@@ -63,7 +62,6 @@ _runtime = _Runtime()  # Taichi has one runtime in a process; this mirrors it.
 def import_taichi() -> Any:
     """Import Taichi quietly, after removing the TI_* variables that would override the program."""
     for key in [key for key in os.environ if key.startswith("TI_") and key != "TI_SKIP_VERSION_CHECK"]:
-        _runtime.removed_variables.append(key)
         log.warning("ignoring %s=%s: settings come from the scene and the command line", key, os.environ.pop(key))
     os.environ["TI_SKIP_VERSION_CHECK"] = "ON"  # the check calls a server
     os.environ["ENABLE_TAICHI_HEADER_PRINT"] = "False"

@@ -5,6 +5,9 @@ parallel   one launch per step, every loop over particles parallel: large system
 replicas   one thread per independent copy, many steps in one launch: ensembles of a small system
 """
 
+from mpp_taichi import component
+from mpp_taichi.scene.spec import SceneSpec
+
 PLANS = ("serial", "parallel", "replicas")
 # Work per step above which the parallel plan is faster on a CPU, in units of one pair interaction of the serial plan
 # (about 3 ns); from tools/benchmark_plans.py on two cores. Fixed, not timed at run time, so that the same scene always takes
@@ -14,9 +17,15 @@ WORK_PER_PARTICLE = 4
 WORK_PER_HALF_SPRING = 4
 
 
-def step_work(particle_count: int, spring_count: int, has_pairs: bool, evaluations: int) -> int:
-    """Work of one step in the units of CROSSOVER_WORK."""
+# Force evaluations of a step, roughly, by the family of its integrator: enough to choose a plan by, and known without Taichi.
+TYPICAL_EVALUATIONS = {"Splitting": 1, "RungeKutta": 2}
+
+
+def step_work(spec: SceneSpec, particle_count: int, spring_count: int) -> int:
+    """Work of one step in the units of CROSSOVER_WORK, before anything of the scene is imported."""
+    has_pairs = any(component.declaration("forces", force.name).base == "PairForce" for force in spec.forces)
     pairs = particle_count * (particle_count - 1) // 2 if has_pairs else 0
+    evaluations = TYPICAL_EVALUATIONS[component.declaration("integrators", spec.integrator.name).base]
     return evaluations * (pairs + WORK_PER_HALF_SPRING * 2 * spring_count + WORK_PER_PARTICLE * particle_count)
 
 

@@ -61,11 +61,8 @@ class Simulation:
         self.restart()
 
     def _build(self, backend: str, precision: str | None, plan: str, starts: tuple[Snapshot, ...], threads: int | None) -> None:
-        make_integrator = component.declaration("integrators", self.spec.integrator.name)
         start = self._start
-        has_pairs = any(component.declaration("forces", f.name).base == "PairForce" for f in self.spec.forces)
-        evaluations = 1 if make_integrator.base == "Splitting" else 2
-        work = self.step_work = plans.step_work(start.particle_count, len(start.springs), has_pairs, evaluations)
+        work = self.step_work = plans.step_work(self.spec, start.particle_count, len(start.springs))
         self.device = backends.start(backend, precision, large=work >= GPU_WORTH_WORK, threads=threads)
         backends.retain(self.device)
         self._closed = False

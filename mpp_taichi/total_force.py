@@ -44,9 +44,8 @@ class TotalForce:
             self.pairs = AllPairs(pairs, particle_count, dimensions)
         self.pair_forces = pairs
         others = [force for force in forces if not isinstance(force, PairForce) and not force.depends_on_velocity]
-        self.pairs_alone = self.has_pairs and not others
+        self.sets_pairs = self.has_pairs and not others and self.pairs.sets_directly
         self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
-        self.depends_on_time = any(force.depends_on_time for force in forces)
 
     @property
     def needs(self) -> frozenset:
@@ -76,8 +75,8 @@ class TotalForce:
     @ti.func
     def accumulate(self, state: Template, first, time, shape: Template):
         """state.acceleration = everything that does not depend on velocity."""
-        if ti.static(shape == "serial" and self.pairs_alone and self.particle_count == 2):
-            self.pairs.set_serial(state, first)  # a tenth of the step; for more bodies a loop of zeros first is faster
+        if ti.static(shape == "serial" and self.sets_pairs):
+            self.pairs.set_serial(state, first)
         else:
             self.begin_sum(state, first, time)
             if ti.static(self.has_pairs and shape == "serial"):

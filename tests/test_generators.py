@@ -469,8 +469,8 @@ def test_the_center_of_mass_can_be_put_to_rest_at_the_origin():
 
 def test_the_estimate_counts_pairs_only_where_a_pair_force_acts():
     without, with_gravity = (load_scene(scene([sheet()], forces=forces)) for forces in ([], [{"newtonian_gravity": {}}]))
-    assert estimate(without).pair_interactions_per_step == 0
-    assert estimate(with_gravity).pair_interactions_per_step == 64 * 63
+    assert estimate(without).pair_interactions_per_evaluation == 0
+    assert estimate(with_gravity).pair_interactions_per_evaluation == 64 * 63
 
 
 @pytest.mark.parametrize("duration, dt, steps", [(1, 0.1, 10), (1, 0.3, 4), (0.3, 0.1, 3), (365.25, 0.03, 12175), (1, 1, 1)])

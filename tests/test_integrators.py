@@ -8,6 +8,7 @@ from reference import accelerations
 from scipy.integrate import solve_ivp
 
 from mpp_taichi import Simulation, component
+from mpp_taichi.integrators._runge_kutta import nystroem_rows
 from scenes import everything, kepler
 
 INTEGRATORS = component.names("integrators")
@@ -169,3 +170,41 @@ def test_fixed_axes_do_not_move_a_bit(name):
     assert end.position[0, 1] == 0.2 and end.position[0, 2] == 0.3
     assert abs(end.position[0, 0] - 0.1) > 1e-3
     assert end.velocity[0, 1] == end.velocity[0, 2] == 0.0
+
+
+def oscillator_step(method, terms):
+    """Matrix of one step h for x' = v, v' = −x as a power series in h: entries of shape (2, 2, terms)."""
+    one = np.zeros((2, 2, terms))
+    one[:, :, 0] = np.eye(2)
+
+    def times_h(series, factor):
+        """The series times factor·h; terms beyond the last are of no interest."""
+        return factor * np.concatenate([np.zeros((2, 1)), series[:, :-1]], axis=1)
+
+    x, v = one[0].copy(), one[1].copy()  # rows: what x and v are made of, as series, column by column
+    if method.symplectic:
+        for _node, kick, drift in method.entries:
+            v -= times_h(x, kick)
+            x += times_h(v, drift)
+        return np.stack([x, v])
+    slopes = []
+    for node, weights, bars in nystroem_rows(method.a, method.b):
+        x, v = one[0] + times_h(one[1], node), one[1].copy()
+        for slope, weight, bar in zip(slopes, weights, bars):
+            x += times_h(times_h(slope, bar), 1.0)
+            v += times_h(slope, weight)
+        slopes.append(-x)
+    return np.stack([x, v])
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_every_digit_of_a_table_counts(name):
+    """On the oscillator a step must be the Taylor series of exp(hJ) up to the order, to the rounding of its coefficients."""
+    method = component.build("integrators", name, {"dt": 1.0})
+    terms = method.order + 1
+    series = oscillator_step(method, terms)
+    power = np.eye(2)
+    for k in range(terms):
+        # Up to some twenty sums of products of coefficients of size ≤ 2, each rounded once.
+        np.testing.assert_allclose(series[:, :, k], power / math.factorial(k), rtol=0, atol=40 * ROUND_OFF)
+        power = power @ np.array([[0.0, 1.0], [-1.0, 0.0]])

@@ -2,11 +2,11 @@
 
 import argparse
 
-from mpp_taichi import component, plans
+from mpp_taichi import plans
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._terminal import put, put_json
-from mpp_taichi.scene.estimate import check_capacity, estimate
+from mpp_taichi.scene.estimate import Estimate, check_capacity, estimate
 from mpp_taichi.scene.spec import SceneSpec
 
 
@@ -28,13 +28,13 @@ def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
         "dt": dt,
         "particle_count": needed.particle_count,
         "spring_count": needed.spring_count,
-        "pair_interactions_per_step": needed.pair_interactions_per_step * _evaluations(spec),
+        "pair_interactions_per_evaluation": needed.pair_interactions_per_evaluation,
         "steps": goal.step_count(dt),
         "time": None if goal.endless else goal.span(dt),
         "bytes": needed.bytes,
         "backend": arguments.backend,
         "precision": arguments.precision or "f64 on the CPU, f32 elsewhere",
-        "plan": _plan(spec, arguments.plan, needed.particle_count, needed.spring_count, needed.pair_interactions_per_step > 0),
+        "plan": _plan(spec, arguments.plan, needed),
         "expect": [expectation.quantity for expectation in spec.expect],
         "files": _files(spec, arguments),
         "resolved": spec.resolved,
@@ -55,15 +55,10 @@ def _line(name: str, value: object) -> str:
     return f"  {name.replace('_', ' '):28s}{'not said' if value is None else value}"
 
 
-def _evaluations(spec: SceneSpec) -> int:
-    """Force evaluations of a step as the plans count them."""
-    return 1 if component.declaration("integrators", spec.integrator.name).base == "Splitting" else 2
-
-
-def _plan(spec: SceneSpec, asked: str, particle_count: int, spring_count: int, has_pairs: bool) -> str:
+def _plan(spec: SceneSpec, asked: str, needed: Estimate) -> str:
     if asked != "auto":
         return asked
-    work = plans.step_work(particle_count, spring_count, has_pairs, _evaluations(spec))
+    work = plans.step_work(spec, needed.particle_count, needed.spring_count)
     return f"{plans.choose(work, on_cpu=True, replica_count=1)} on a CPU, parallel on a GPU"
 
 

@@ -16,7 +16,6 @@ class Force:
     needs: frozenset = frozenset()
     conserves_energy = True  # False: the force does work that no potential accounts for
     depends_on_velocity = False
-    depends_on_time = False
 
 
 class ExternalForce(Force):
@@ -55,11 +54,6 @@ class PairForce(Force):
     @ti.func
     def potential(self, state: Template, i, j, inverse_distance):
         """Potential energy of the pair (i, j), in the widest float of the device (`state.wide`)."""
-
-    @staticmethod
-    def interacts(snapshot) -> bool:
-        """Whether any pair of these particles feels the force (a zero distance then matters)."""
-        return True
 
 
 class BondForce(Force):

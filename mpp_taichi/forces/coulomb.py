@@ -42,8 +42,3 @@ class Coulomb(PairForce):
             * ti.cast(state.charge[j], state.wide)
             * inverse_distance
         )
-
-    @staticmethod
-    def interacts(snapshot) -> bool:
-        """Two charges at least."""
-        return int((snapshot.charge != 0).sum()) > 1

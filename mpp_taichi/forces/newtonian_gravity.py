@@ -43,8 +43,3 @@ class NewtonianGravity(PairForce):
     def potential(self, state: Template, i, j, inverse_distance):
         """−G m_i m_j / ρ."""
         return -self.strength * ti.cast(state.mass[i], state.wide) * ti.cast(state.mass[j], state.wide) * inverse_distance
-
-    @staticmethod
-    def interacts(snapshot) -> bool:
-        """Mass somewhere is enough: even a test particle feels it."""
-        return bool((snapshot.mass != 0).any())

@@ -62,6 +62,7 @@ class AllPairs:
         self.has_work = particle_count > 1 and len(self.members) > 0
         self._checked_state: Any = None
         self.unrolled = particle_count * (particle_count - 1) // 2 <= UNROLLED_PAIRS
+        self.sets_directly = particle_count == 2  # saves a tenth of a step; with more bodies zeros stored first are faster
 
     # One thread ------------------------------------------------------------------------------------------------------
 

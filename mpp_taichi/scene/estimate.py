@@ -20,15 +20,15 @@ MOST_STEPS = 10**9
 class Estimate:
     """What a run needs.
 
-    bytes                        host memory while the scene is assembled and copied to the device, an upper bound
-    pair_interactions_per_step   ordered pairs N (N − 1) that one evaluation of the pair forces visits
-    steps                        None where the scene does not end by itself
+    bytes                              host memory while the scene is assembled and copied to the device, an upper bound
+    pair_interactions_per_evaluation   ordered pairs N (N − 1) that one evaluation of the pair forces visits
+    steps                              None where the scene does not end by itself
     """
 
     particle_count: int
     spring_count: int
     bytes: int
-    pair_interactions_per_step: int
+    pair_interactions_per_evaluation: int
     steps: int | None
 
 
@@ -42,7 +42,7 @@ def estimate(spec: SceneSpec) -> Estimate:
         particle_count=particles,
         spring_count=springs,
         bytes=particles * BYTES_PER_PARTICLE + springs * BYTES_PER_SPRING,
-        pair_interactions_per_step=particles * (particles - 1) if has_pairs else 0,
+        pair_interactions_per_evaluation=particles * (particles - 1) if has_pairs else 0,
         steps=_steps(spec),
     )
 

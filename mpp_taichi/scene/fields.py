@@ -5,10 +5,11 @@ the JSON Schema (and so the editor) describes it.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic_core import PydanticCustomError, core_schema
 
@@ -36,16 +37,16 @@ class Wrong(Exception):
         super().__init__(message)
 
 
-class Field:
+class Field(ABC):
     """Base of the annotations: `check` returns the value or raises Wrong, `schema` describes it."""
 
+    @abstractmethod
     def check(self, value: Any, context: Context) -> Any:
         """Turn what the scene says into what the program uses."""
-        raise NotImplementedError
 
+    @abstractmethod
     def schema(self) -> dict[str, Any]:
         """The JSON Schema of what the scene may say."""
-        raise NotImplementedError
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Let pydantic call `check`."""
@@ -83,6 +84,7 @@ def calculate(value: Any, context: Context) -> float:
 class Number(Field):
     """A finite number or an expression, within a range."""
 
+    json_type: ClassVar[str] = "number"
     minimum: float | None = None
     maximum: float | None = None
     above: float | None = None
@@ -109,12 +111,14 @@ class Number(Field):
     def schema(self) -> dict[str, Any]:
         """A number in the range, or text."""
         bounds = {"minimum": self.minimum, "maximum": self.maximum, "exclusiveMinimum": self.above}
-        return {"anyOf": [{"type": "number", **_present(bounds)}, {"type": "string", "description": "an expression"}]}
+        return {"anyOf": [{"type": self.json_type, **_present(bounds)}, {"type": "string", "description": "an expression"}]}
 
 
 @dataclass(frozen=True)
 class Whole(Number):
     """A whole number within a range; 1e6 and expressions are welcome."""
+
+    json_type: ClassVar[str] = "integer"
 
     def check(self, value: Any, context: Context) -> int:
         """Calculate and refuse a fraction."""
@@ -122,11 +126,6 @@ class Whole(Number):
         if number != math.floor(number):
             raise Wrong(f"{shown(number)} is not a whole number")
         return int(value) if isinstance(value, int) else int(number)
-
-    def schema(self) -> dict[str, Any]:
-        """An integer in the range, or text."""
-        bounds = {"minimum": self.minimum, "maximum": self.maximum, "exclusiveMinimum": self.above}
-        return {"anyOf": [{"type": "integer", **_present(bounds)}, {"type": "string", "description": "an expression"}]}
 
 
 @dataclass(frozen=True)
