@@ -208,3 +208,38 @@ def test_every_digit_of_a_table_counts(name):
         # Up to some twenty sums of products of coefficients of size ≤ 2, each rounded once.
         np.testing.assert_allclose(series[:, :, k], power / math.factorial(k), rtol=0, atol=40 * ROUND_OFF)
         power = power @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+
+
+def largest_stable_step(method):
+    """Where the spectral radius first leaves 1 on the undamped oscillator, to 1e-6."""
+    frequency = 1.0
+    while np.abs(np.linalg.eigvals(method.amplification(frequency))).max() <= 1.0 + 1e-9:
+        frequency += 1e-3
+    return frequency
+
+
+@pytest.mark.parametrize(("name", "limit"), [("leapfrog", 2.0), ("velocity_verlet", 2.0), ("rk4", math.sqrt(8.0))])
+def test_stability_limits_are_those_of_the_textbooks(name, limit):
+    assert largest_stable_step(component.build("integrators", name, {"dt": 1.0})) == pytest.approx(limit, abs=2e-3)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.7])
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_the_amplification_matrix_is_what_a_step_does(name, damping):
+    """A mass on a spring of length 0 along x: D = ω², c = γ; three steps are three products."""
+    dt, frequency = 0.3, 2.0
+    scene = {
+        "particles": [
+            {"body": {"mass": 1.0, "position": [0, 0, 0], "free": [False] * 3}},
+            {"body": {"mass": 1.0, "position": [0.8, 0, 0], "velocity": [-0.5, 0, 0]}},
+        ],
+        "springs": [{"link": {"between": [0, 1], "stiffness": frequency**2, "damping": damping, "rest_length": 0.0}}],
+        "integrator": {name: {"dt": dt}},
+    }
+    method = component.build("integrators", name, {"dt": dt})
+    step = method.amplification(frequency * dt, damping * dt)
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        simulation.run(steps=3)
+        end = simulation.snapshot()
+    expected = np.linalg.matrix_power(step, 3) @ [0.8, -0.5 * dt]
+    np.testing.assert_allclose([end.position[1, 0], end.velocity[1, 0] * dt], expected, rtol=1e-13, atol=1e-14)

@@ -1,5 +1,6 @@
 """Integrator: owns one whole step, written once and run by every execution plan."""
 
+import numpy as np
 import taichi as ti
 
 from mpp_taichi.types import Template
@@ -32,6 +33,14 @@ class Integrator:
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Vector fields beyond position, velocity and acceleration."""
         raise TypeError(f"{type(self).__name__} does not say what it needs")
+
+    def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
+        """Matrix of one step for the oscillator x" = −ω² x − γ x′, in x and dt·v; frequency = ω dt, damping = γ dt.
+
+        A step is stable where no eigenvalue is beyond 1 in modulus. Over one oscillation the energy falls by |λ|² a step.
+        Methods of several steps give the matrix of their longer state.
+        """
+        raise TypeError(f"{type(self).__name__} does not say how it treats an oscillator")
 
     def loops(self, k: int, velocity_dependent: bool) -> int:
         """How many loops over particles stage k runs."""

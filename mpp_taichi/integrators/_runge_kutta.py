@@ -1,5 +1,6 @@
 """Explicit Runge–Kutta methods: a tableau, and one step for all of them."""
 
+import numpy as np
 import taichi as ti
 
 from mpp_taichi.integrators._base import Integrator
@@ -42,6 +43,15 @@ class RungeKutta(Integrator):
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Start positions, start velocities, slopes."""
         return 2 + len(self.b)
+
+    def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
+        """The method's stability function, of the oscillator's matrix."""
+        oscillator = np.array([[0.0, 1.0], [-(frequency**2), -damping]])
+        slopes: list[np.ndarray] = []
+        for row in (*self.a, self.b):
+            stage = np.eye(2) + sum(weight * slope for weight, slope in zip(row, slopes))
+            slopes.append(oscillator @ stage)
+        return stage
 
     def loops(self, k: int, velocity_dependent: bool) -> int:
         """Remember the start; or take a slope, then move."""

@@ -1,5 +1,8 @@
 """Splitting methods: a table of drifts and kicks, and one step for all of them."""
 
+import math
+
+import numpy as np
 import taichi as ti
 
 from mpp_taichi.integrators import _runge_kutta
@@ -53,6 +56,18 @@ class Splitting(Integrator):
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Start velocities and slopes of the kick's own method."""
         return 1 + len(KICK_METHODS[self.order][1]) if velocity_dependent else 0
+
+    def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
+        """Product of the drifts and kicks; a kick multiplies v by the polynomial of its own method."""
+        step = np.eye(2)
+        for _node, kick, drift in self.entries:
+            # v' = A − γ v over the time `kick`: v ← R(w) v + kick·φ(w) A with w = −γ·kick, R the Taylor series of exp.
+            terms = [(-damping * kick) ** k / math.factorial(k) for k in range(len(KICK_METHODS[self.order][1]) + 1)]
+            growth = math.fsum(terms)
+            push = kick * math.fsum(term / (k + 1) for k, term in enumerate(terms[:-1]))
+            step = np.array([[1.0, 0.0], [-push * frequency**2, growth]]) @ step
+            step = np.array([[1.0, drift], [0.0, 1.0]]) @ step
+        return step
 
     def loops(self, k: int, velocity_dependent: bool) -> int:
         """One, and three or more for a kick that forces change on the way."""
