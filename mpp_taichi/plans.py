@@ -18,7 +18,7 @@ WORK_PER_HALF_SPRING = 4
 
 
 # Force evaluations of a step, roughly, by the family of its integrator: enough to choose a plan by, and known without Taichi.
-TYPICAL_EVALUATIONS = {"Splitting": 1, "RungeKutta": 2}
+TYPICAL_EVALUATIONS = {"Splitting": 1, "RungeKutta": 2, "Implicit": 20}
 
 
 def step_work(spec: SceneSpec, particle_count: int, spring_count: int) -> int:

@@ -33,6 +33,16 @@ def label(snapshot: Snapshot, i: int) -> str:
     return f"particle {i} ({name!r})" if name else f"particle {i}"
 
 
+def unsolved(before: Snapshot, particle: int, *, step: int, time: float) -> StabilityError:
+    """The error for a step whose implicit equations were not solved; `before` is the last state whose were."""
+    error = StabilityError(
+        f"step {step}, time {time:.9g}: Newton's method does not solve the equations of the step, {label(before, particle)} is the "
+        "furthest from its place; try a smaller dt, or implicit_euler or bdf2, which are calmer"
+    )
+    error.step, error.time, error.particle = step, time, particle
+    return error
+
+
 def diagnose(before: Snapshot, particle: int, *, step: int, time: float, pairs_singular: bool) -> StabilityError:
     """The error for a step that turned `particle` into NaN or infinity; `before` is the last finite state."""
     message = (

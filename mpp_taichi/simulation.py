@@ -13,6 +13,7 @@ from mpp_taichi.scene.estimate import check_capacity, estimate
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.solvers.report import SolverReport
 
 LAUNCH_SECONDS = 0.1  # aim for one launch: short enough to interrupt, long enough not to matter
 GPU_WORTH_WORK = 4_000_000  # work per step (see plans) from which `auto` looks for a GPU
@@ -82,6 +83,7 @@ class Simulation:
             raise BackendError(
                 f"plan {plan!r} does not fit; there are auto, serial and parallel for one copy, replicas for several"
             )
+        work_fields = self.integrator.work_fields(self.total_force, start, plan=self.plan, on_cpu=self.device.on_cpu)
         self.state = State(
             start,
             dimensions=self.spec.dimensions,
@@ -90,6 +92,7 @@ class Simulation:
             streaming=self.total_force.has_pairs,
             replica_count=replica_count,
             wide=backends.widest_float(self.device),
+            work=work_fields,
         )
         self.stepper = Stepper(self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=self.device.on_cpu)
         self.energy_meter = EnergyMeter(self.state, self.total_force)
@@ -140,6 +143,9 @@ class Simulation:
         else:
             self.state.write(self._start.position, self._start.velocity * self._start.free)
         self._prepared = False
+        if self.integrator.implicit:
+            self.stepper.solver_report()
+            self.solver_report = SolverReport()
 
     def run(
         self,
@@ -198,6 +204,11 @@ class Simulation:
         self._launch(steps, dt)
         particle = self.stepper.first_bad_particle()  # waits for the device
         seconds = clock.perf_counter() - began
+        if self.integrator.implicit:
+            report = self.stepper.solver_report()
+            if report.unsolved:
+                self._give_up(saved, report, dt)
+            self.solver_report.add(report)
         if particle >= 0:
             self._fail(saved, steps, dt)
         if prepared:
@@ -221,6 +232,18 @@ class Simulation:
         else:
             self._origin_time, self._origin_step = self.time + steps * dt, self.step_count + steps
             self._steps_since_origin = 0
+
+    def _give_up(self, saved: Any, report: Any, dt: float) -> None:
+        """Go back to the last step whose equations were solved, and say which were not."""
+        particle = self.stepper.least_solved_particle() % self.state.particle_count
+        self.state.restore(saved)
+        self._prepared = False
+        if report.fewest_steps:
+            self._launch(report.fewest_steps, dt)
+            self.stepper.solver_report()
+        self._move_clock(report.fewest_steps, dt)
+        self.solver_report.add(report)
+        raise postmortem.unsolved(self.snapshot(), particle, step=self.step_count + 1, time=self.time + dt)
 
     def _fail(self, saved: Any, steps: int, dt: float) -> None:
         """Find the step, the particle and the pair that a NaN began with; leave the last good state standing."""

@@ -1,6 +1,7 @@
 """State: the device fields of a simulation, allocated only for what some effect of the scene needs."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,7 @@ class State:
     free                               1 or 0 per axis, only where an axis of some particle is fixed
     mass, charge, radius, spring_…     only where named in `needs`
     scratch_0, scratch_1, …            vectors that an integrator asks for
+    and whatever else it names in `work`: name → (kind, count for each replica)
 
     Vectors are stored component by component when a pair sum streams over all of them, else together.
     """
@@ -56,6 +58,7 @@ class State:
         streaming: bool,
         replica_count: int = 1,
         wide: Any = ti.f64,
+        work: Mapping[str, tuple[str, int]] = MappingProxyType({}),
     ):
         """Allocate for the needs, and fill with the snapshot in every replica."""
         self.dimensions = dimensions
@@ -87,6 +90,8 @@ class State:
         for name in SPRING_QUANTITIES:
             if name in needs:
                 self._scalar(name, ti.i32 if host[name].dtype == np.int32 else float, max(len(host[name]), 1))
+        for name, (kind, count) in work.items():
+            self._work(name, kind, count * replica_count, layout)
         self._tree = self._builder.finalize()
         self._fill(snapshot, needs, host)
 
@@ -105,6 +110,22 @@ class State:
         setattr(self, name, result)
         self.quantities.append(name)
 
+    def _work(self, name: str, kind: str, count: int, layout: Any) -> None:
+        """A field of an integrator: a vector, matrix, scalar or index, or two sums side by side."""
+        if kind == "vector" and count == self.total_count:
+            setattr(self, name, self._vector(layout))
+        else:
+            made = {
+                "vector": lambda: ti.Vector.field(self.dimensions, float),
+                "matrix": lambda: ti.Matrix.field(self.dimensions, self.dimensions, float),
+                "scalar": lambda: ti.field(float),
+                "index": lambda: ti.field(ti.i32),
+                "wide_pair": lambda: ti.Vector.field(2, self.wide),
+            }[kind]()
+            self._builder.dense(ti.i, max(count, 1)).place(made)
+            setattr(self, name, made)
+        self.quantities.append(name)
+
     def _fill(self, snapshot: Snapshot, needs: frozenset, host: dict[str, np.ndarray]) -> None:
         for name in PARTICLE_QUANTITIES:
             if name in needs:
@@ -120,6 +141,10 @@ class State:
     @property
     def _dtype(self) -> type:
         return np.float32 if self.position.dtype == ti.f32 else np.float64
+
+    def rounded(self, number: float) -> float:
+        """A number as the device keeps it."""
+        return float(self._dtype(number))
 
     def write(self, position: np.ndarray, velocity: np.ndarray) -> None:
         """Set positions and velocities: (particle_count, 3) for every replica, or (total_count, 3)."""
@@ -153,7 +178,7 @@ class State:
         sizes = {}
         for name in self.quantities:
             field = getattr(self, name)
-            width = self.dimensions if isinstance(field, ti.MatrixField) else 1
+            width = field.n * field.m if isinstance(field, ti.MatrixField) else 1
             bytes_each = 4 if field.dtype in (ti.f32, ti.i32) else 8
             sizes[name] = field.shape[0] * width * bytes_each
         return sizes

@@ -2,9 +2,11 @@
 
 from typing import Any
 
+import numpy as np
 import taichi as ti
 
 from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.state import State
 from mpp_taichi.total_force import TotalForce
 
@@ -29,13 +31,25 @@ class Stepper:
 
     def prepare(self, time: float) -> None:
         """Compute the force that the first step expects to find, after the state was set from outside."""
-        if self.integrator.keeps_force:
-            if self.launches_stages:
-                self._launch_force(time)
-            elif self.plan == "parallel":
-                self._prepare_parallel(time)
+        if self.integrator.implicit:
+            self._prepare_implicit(time)
+        elif self.integrator.keeps_force:
+            if self.plan == "parallel":
+                self.launch_force(self.total_force, time)
             else:
-                self._prepare_replicas(time)
+                self._prepare_replicas(self.total_force, time)
+
+    def _prepare_implicit(self, time: float) -> None:
+        self.integrator.fill(self.state)
+        for field in (self.state.history_dt, self.state.unsolved):
+            field.fill(0)
+        if self.integrator.keeps_force:
+            force = self.integrator.starting_force(self.total_force)
+            if self.plan == "parallel":
+                self.launch_force(force, time)
+            else:
+                self._prepare_replicas(force, time)
+            self._start_implicit(force, time)
 
     def advance(self, time: float, dt: float, steps: int) -> None:
         """Advance by `steps` steps of `dt` from `time`."""
@@ -43,6 +57,9 @@ class Stepper:
             self._advance_serial(time, dt, steps)
         elif self.plan == "replicas":
             self._advance_replicas(time, dt, steps)
+        elif self.integrator.implicit:
+            for s in range(steps):
+                self.integrator.launch_step(self.state, self.launch_force, time + s * dt, dt)
         elif self.launches_stages:
             for s in range(steps):
                 self._launch_stages(time + s * dt, dt)
@@ -89,37 +106,56 @@ class Stepper:
         """The step's own stages and forces, each a launch."""
         self._stage(time, dt, 0)
         for k, node in enumerate(self.integrator.nodes):
-            self._launch_force(time + node * dt)
+            self.launch_force(self.total_force, time + node * dt)
             self._stage(time, dt, k + 1)
 
-    def _launch_force(self, time: float) -> None:
-        self._begin_sum(time)
-        self.total_force.pairs.add_accelerations(self.state)
-        if self.state.has_fixed_axes:
-            self._end_sum()
+    def launch_force(self, total_force: TotalForce, time: float) -> None:
+        """Accelerations by the forces that do not depend on velocity, all particles at once."""
+        if self.launches_stages and total_force.has_pairs:
+            self._begin_sum(total_force, time)
+            total_force.pairs.add_accelerations(self.state)
+            if self.state.has_fixed_axes:
+                self._end_sum(total_force)
+        else:
+            self._accumulate_parallel(total_force, time)
 
     @ti.kernel
     def _stage(self, time: float, dt: float, k: ti.template()):
         self.integrator.stage(self.state, self.total_force, 0, time, dt, k)
 
     @ti.kernel
-    def _begin_sum(self, time: float):
-        self.total_force.begin_sum(self.state, 0, time)
+    def _begin_sum(self, total_force: ti.template(), time: float):
+        total_force.begin_sum(self.state, 0, time)
 
     @ti.kernel
-    def _end_sum(self):
-        self.total_force.end_sum(self.state, 0)
+    def _end_sum(self, total_force: ti.template()):
+        total_force.end_sum(self.state, 0)
 
     @ti.kernel
-    def _prepare_parallel(self, time: float):
-        self.total_force.accumulate(self.state, 0, time, "parallel")
+    def _accumulate_parallel(self, total_force: ti.template(), time: float):
+        total_force.accumulate(self.state, 0, time, "parallel")
 
     @ti.kernel
-    def _prepare_replicas(self, time: float):
+    def _prepare_replicas(self, total_force: ti.template(), time: float):
         for q in range(self.state.replica_count * self.grain):
             if q % self.grain == 0:
                 first = q // self.grain * self.state.particle_count
-                self.total_force.accumulate(self.state, first, time, "serial")
+                total_force.accumulate(self.state, first, time, "serial")
+
+    @ti.kernel
+    def _start_implicit(self, total_force: ti.template(), time: float):
+        for i in range(self.state.total_count):
+            first = i // self.state.particle_count * self.state.particle_count
+            self.integrator.start(self.state, total_force, first, i, time)
+
+    def solver_report(self) -> SolverReport:
+        """What the solver of an implicit step did since the last time it was asked."""
+        return self.integrator.newton.collect(self.state)
+
+    def least_solved_particle(self) -> int:
+        """Index of the particle whose last update was the largest, over all replicas."""
+        update = self.state.update.to_numpy()
+        return int(np.argmax(np.nan_to_num(np.abs(update).max(axis=1), nan=np.inf)))
 
     def first_bad_particle(self) -> int:
         """Index of the first particle whose position or velocity is not finite, or −1."""

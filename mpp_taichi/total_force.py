@@ -33,6 +33,7 @@ class TotalForce:
         """Sort the forces by the loop they need, and by whether they depend on velocity."""
         self.forces = forces
         self.particle_count = particle_count
+        self.dimensions = dimensions
         pairs = tuple(force for force in forces if isinstance(force, PairForce))
         self.external = tuple(force for force in forces if isinstance(force, ExternalForce))
         self.bonds = tuple(force for force in forces if isinstance(force, BondForce))

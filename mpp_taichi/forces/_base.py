@@ -26,6 +26,11 @@ class ExternalForce(Force):
         """Acceleration of particle i at `time` [length / time²]."""
 
     @ti.func
+    def damping_rate(self, state: Template, i, time):
+        """−∂a/∂v of particle i where it is a number [1 / time], for the Newton iteration of implicit methods."""
+        return ti.cast(0.0, float)
+
+    @ti.func
     def potential(self, state: Template, i, time):
         """Potential energy of particle i, in the widest float of the device (`state.wide`)."""
 
@@ -62,6 +67,14 @@ class BondForce(Force):
     @ti.func
     def force(self, state: Template, i, j, h):
         """Force on particle i from the half-spring h that leads to j."""
+
+    @ti.func
+    def stiffness(self, state: Template, h, length):
+        """∂F/∂x of the half-spring as it is now: (along its direction, across it) [force / length]."""
+
+    @ti.func
+    def damping_rates(self, state: Template, h):
+        """∂F/∂v of the half-spring: (along, across) [force / velocity]."""
 
     @ti.func
     def potential(self, state: Template, i, j, h):

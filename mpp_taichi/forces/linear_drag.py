@@ -22,6 +22,11 @@ class LinearDrag(ExternalForce):
         return -(ti.cast(self.coefficient, float) / state.mass[i]) * state.velocity[i]
 
     @ti.func
+    def damping_rate(self, state: Template, i, time):
+        """c / m."""
+        return ti.cast(self.coefficient, float) / state.mass[i]
+
+    @ti.func
     def potential(self, state: Template, i, time):
         """None: drag stores nothing."""
         return ti.cast(0.0, state.wide)

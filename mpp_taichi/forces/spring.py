@@ -51,6 +51,26 @@ class Spring(BondForce):
         return result
 
     @ti.func
+    def stiffness(self, state: Template, h, length):
+        """D along, D (1 − L/|d|) across: less than nothing where the spring is compressed. Without a direction, D all round."""
+        along = state.spring_stiffness[h]
+        across = along
+        if length > 0.0:
+            across = along * (1.0 - state.spring_rest_length[h] / length)
+        return along, across
+
+    @ti.func
+    def damping_rates(self, state: Template, h):
+        """c along; across nothing, or c again when damping is full."""
+        along = ti.cast(0.0, float)
+        across = ti.cast(0.0, float)
+        if ti.static(self.damping != "none"):
+            along = state.spring_damping[h]
+        if ti.static(self.damping == "full"):
+            across = state.spring_damping[h]
+        return along, across
+
+    @ti.func
     def potential(self, state: Template, i, j, h):
         """½ D (|d| − L)²."""
         squared = ti.cast(0.0, state.wide)

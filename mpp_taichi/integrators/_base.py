@@ -1,8 +1,11 @@
 """Integrator: owns one whole step, written once and run by every execution plan."""
 
+from typing import Any
+
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
 
@@ -15,6 +18,7 @@ class Integrator:
     time_reversible  a step of −dt undoes a step of dt, to round-off
     nodes            times, as parts of dt, at which a step wants the force
     keeps_force      a step uses, at its start, the force that the step before ended with
+    implicit         a step solves equations (see _implicit.py)
 
     Subclasses may make any of them a property; here they must stay plain attributes, or Taichi would take these instead.
     """
@@ -24,6 +28,7 @@ class Integrator:
     time_reversible = False
     nodes: tuple = ()
     keeps_force = False
+    implicit = False
 
     @property
     def evaluations(self) -> int:
@@ -33,6 +38,10 @@ class Integrator:
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Vector fields beyond position, velocity and acceleration."""
         raise TypeError(f"{type(self).__name__} does not say what it needs")
+
+    def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
+        """Fields beyond those, by name: kind and count for each replica (see State)."""
+        return {}
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """Matrix of one step for the oscillator x" = −ω² x − γ x′, in x and dt·v; frequency = ω dt, damping = γ dt.

@@ -1,0 +1,63 @@
+"""Backward differentiation formula of second order."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.component import component, param
+from mpp_taichi.integrators._implicit import Implicit, oscillator
+from mpp_taichi.types import Template
+
+
+@component
+class Bdf2(Implicit):
+    """Two-step formula y₁ = (4 y − y₋₁)/3 + (2h/3) y₁′ for x and v: second order, and it damps what a step cannot resolve.
+
+    A slow oscillation loses about (ωh)³·π/2 of its energy per turn; a fast one is gone at once. The first step, and one of
+    another length, is one of implicit Euler. Source: Curtiss & Hirschfelder, PNAS 38 (1952) 235; Hairer & Wanner, Solving ODEs II, §V.1.
+    """
+
+    dt: float = param(above=0.0, unit="time", help="time step")
+    solver: str = param("auto", choices=("auto", "conjugate_gradients", "direct"), help="of Newton's linear systems")
+    tolerance: float = param(None, optional=True, above=0.0, maximum=0.01, help="of the step's way; absent: by precision")
+    order = 2
+    extra_vectors = ("earlier_position", "earlier_velocity")
+
+    def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
+        """Matrix of two states, the newer first."""
+        newer = np.linalg.inv(np.eye(2) - 2.0 / 3.0 * oscillator(frequency, damping))
+        return np.block([[4.0 / 3.0 * newer, -newer / 3.0], [np.eye(2), np.zeros((2, 2))]])
+
+    @ti.func
+    def coefficients(self, state: Template, first, dt):
+        """Those of implicit Euler as long as there is no earlier state at this distance."""
+        part = ti.cast(1.0, float)
+        if state.history_dt[first // self.newton.particle_count] == dt:
+            part = 2.0 / 3.0
+        return part * part * dt * dt, part * dt
+
+    def host_coefficients(self, state: Any, dt: float) -> tuple[float, float]:
+        """The same, on the host."""
+        part = 2.0 / 3.0 if state.history_dt[0] == state.rounded(dt) else 1.0
+        return part * part * dt * dt, part * dt
+
+    @ti.func
+    def begin(self, state: Template, i, dt, b):
+        """What the two earlier states say; then the newer one becomes the earlier."""
+        x = state.position[i]
+        v = state.velocity[i]
+        if b < dt * dt:
+            state.base_velocity[i] = (4.0 * v - state.earlier_velocity[i]) / 3.0
+            state.base_position[i] = (4.0 * x - state.earlier_position[i]) / 3.0 + 2.0 / 3.0 * dt * state.base_velocity[i]
+        else:
+            state.base_velocity[i] = v
+            state.base_position[i] = x + dt * v
+        state.earlier_position[i] = x
+        state.earlier_velocity[i] = v
+
+    @ti.func
+    def finish(self, state: Template, i, dt, b, g):
+        """The stage is the end."""
+        state.position[i] = state.base_position[i] + state.shift[i]
+        state.velocity[i] = state.base_velocity[i] + (g / b) * state.shift[i]

@@ -1,0 +1,241 @@
+"""Newton's method for the equations of an implicit step, in one thread or all particles at once."""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.solvers._sums import dot, read_total, reduce_terms, zero_pair
+from mpp_taichi.solvers.newton_matrix import NewtonMatrix
+from mpp_taichi.solvers.report import SolverReport
+from mpp_taichi.types import Template
+
+MOST_ITERATIONS = 60
+OVERSHOOT = 0.9  # the slope along an update may turn round, but not to more than this part of what it was
+SMALLEST_FACTOR = 1e-3  # of an update, when it is halved again and again
+AT_ROUND_OFF = 1e4  # updates that no longer shrink, and are within a hundred tolerances, are the rounding of the forces
+# Relative to the way a step goes; well below what any method of second order leaves, and above rounding.
+TOLERANCE = {ti.f32: 1e-6, ti.f64: 1e-12}
+UNIT_ROUND_OFF = {ti.f32: 2.0**-24, ti.f64: 2.0**-53}
+COUNTERS = ("newton_count", "newton_most", "linear_count", "solved_steps")
+RUNNING, SOLVED, GAVE_UP = 0, 1, 2
+
+
+@ti.data_oriented
+class Newton:
+    """Solve P = b a(x* + P, v* + (g/b) P) for the displacement P of every particle.
+
+    The last update must be, in the Euclidean norm over all particles, below tolerance times the way of the step, or what the
+    observed rate of convergence promises for the next one must be; rounding of the positions is allowed for. An update that
+    leads too far (the residual along it has turned round) is halved. A step that is not solved is reported, never passed over.
+    Source: Hairer & Wanner, Solving ODEs II, §IV.8 (the rate); Crisfield, Non-linear Finite Element Analysis, §9.2 (the halving).
+    """
+
+    def __init__(self, matrix: NewtonMatrix, linear: Any, tolerance: float | None):
+        """Bind what solves the linear systems; without a tolerance it is that of the run's precision."""
+        precision = ti.lang.impl.current_cfg().default_fp
+        self.matrix = matrix
+        self.linear = linear
+        self.total_force = matrix.total_force
+        self.particle_count = matrix.total_force.particle_count
+        self.launched = SolverReport()  # of the steps that the host led
+        self.tolerance_squared = (TOLERANCE[precision] if tolerance is None else tolerance) ** 2
+        self.floor_squared = (4.0 * UNIT_ROUND_OFF[precision]) ** 2
+
+    def fields(self) -> dict[str, tuple[str, int]]:
+        """Kind and count, for each replica, of the fields it needs, those of matrix and linear solver among them."""
+        vectors = ("base_position", "base_velocity", "shift", "update", "right_side", "residual")
+        return {
+            **{name: ("vector", self.particle_count) for name in vectors},
+            **{name: ("index", 1) for name in (*COUNTERS, "unsolved")},
+            **self.matrix.fields(),
+            **self.linear.fields(),
+        }
+
+    # One particle's part; what is returned is summed over the particles --------------------------------------------------
+
+    @ti.func
+    def displace(self, state: Template, i, ratio):
+        """Put the particle at the trial; ratio = g/b."""
+        state.position[i] = state.base_position[i] + state.shift[i]
+        state.velocity[i] = state.base_velocity[i] + ratio * state.shift[i]
+
+    @ti.func
+    def measure(self, state: Template, first, i, time, b):
+        """Right side W (b a − P) at the trial; returns its product with the last update."""
+        acceleration = state.acceleration[i]
+        if ti.static(self.total_force.depends_on_velocity):
+            acceleration += self.total_force.local_acceleration(state, first, i, time, True)
+        right_side = self.matrix.weight(state, i) * (b * acceleration - state.shift[i])
+        if ti.static(state.has_fixed_axes):
+            right_side *= state.free[i]
+        state.right_side[i] = right_side
+        return ti.Vector([dot(state, right_side, state.update[i]), ti.cast(0.0, state.wide)])
+
+    @ti.func
+    def apply(self, state: Template, i, factor, dt):
+        """P += factor·δ; returns |factor·δ|² and what it may be."""
+        change = factor * state.update[i]
+        state.shift[i] += change
+        way = dt * state.base_velocity[i]
+        moved = dot(state, state.shift[i], state.shift[i]) + dot(state, way, way)
+        place = dot(state, state.base_position[i], state.base_position[i])
+        return ti.Vector([dot(state, change, change), self.tolerance_squared * moved + self.floor_squared * place])
+
+    # One thread ------------------------------------------------------------------------------------------------------------
+
+    @ti.func
+    def solve_serial(self, state: Template, first, time, dt, b, g):
+        """Find P; counts what it took, and marks the replica when it could not be found."""
+        end = first + self.particle_count
+        replica = first // self.particle_count
+        status = RUNNING
+        iterations = 0
+        factor = ti.cast(1.0, float)
+        slope_before = ti.cast(0.0, state.wide)
+        last = ti.cast(0.0, state.wide)
+        for i in range(first, end):
+            state.update[i] = ti.Vector.zero(float, state.dimensions)
+        while status == RUNNING:
+            for i in range(first, end):
+                self.displace(state, i, g / b)
+            self.total_force.accumulate(state, first, time, "serial")
+            slope = zero_pair(state)
+            for i in range(first, end):
+                slope += self.measure(state, first, i, time, b)
+            sizes = zero_pair(state)
+            if slope[0] < -OVERSHOOT * slope_before and factor > SMALLEST_FACTOR:
+                factor *= 0.5
+                for i in range(first, end):
+                    sizes += self.apply(state, i, -factor, dt)
+            else:
+                indefinite = 1
+                projected = 0
+                while indefinite == 1 and projected < 2:
+                    for i in range(first, end):
+                        self.matrix.linearize(state, first, i, time, b, g, projected)
+                    count, slope_before, indefinite = self.linear.solve_serial(state, first, time, g)
+                    state.linear_count[replica] += count
+                    projected += 1
+                factor = ti.cast(1.0, float)
+                for i in range(first, end):
+                    sizes += self.apply(state, i, factor, dt)
+                iterations += 1
+                status = self.judge(iterations, indefinite, sizes, last)
+                last = sizes[0]
+        state.newton_count[replica] += iterations
+        state.newton_most[replica] = ti.max(state.newton_most[replica], iterations)
+        if status == SOLVED:
+            state.solved_steps[replica] += 1
+        else:
+            state.unsolved[replica] = 1
+
+    @ti.func
+    def judge(self, iterations, indefinite, sizes, last):
+        """Whether the iteration has come to its end; the text of `judgement`, on the device."""
+        status = RUNNING
+        if sizes[0] <= sizes[1]:
+            status = SOLVED
+        elif iterations > 1 and sizes[0] < last:
+            rate = ti.sqrt(sizes[0] / last)
+            if rate * rate * sizes[0] <= (1.0 - rate) * (1.0 - rate) * sizes[1]:
+                status = SOLVED
+        if status == RUNNING and iterations > 3 and sizes[0] > 0.25 * last and sizes[0] <= AT_ROUND_OFF * sizes[1]:
+            status = SOLVED
+        if status == RUNNING and (iterations >= MOST_ITERATIONS or indefinite == 1 or not sizes[0] < ti.math.inf):
+            status = GAVE_UP
+        return status
+
+    # All particles at once -------------------------------------------------------------------------------------------------
+
+    def solve_parallel(self, state: Any, launch_force: Any, time: float, dt: float, b: float, g: float) -> None:
+        """The same, a launch for each sweep; `launch_force(total_force, time)` sets the accelerations."""
+        status, iterations, linear_iterations, factor, slope_before, last = RUNNING, 0, 0, 1.0, 0.0, 0.0
+        self._clear(state)
+        while status == RUNNING:
+            self._displace(state, g / b)
+            launch_force(self.total_force, time)
+            self._measure(state, time, b)
+            slope = read_total(state)[0]
+            if slope < -OVERSHOOT * slope_before and factor > SMALLEST_FACTOR:
+                factor *= 0.5
+                self._apply(state, -factor, dt)
+                continue
+            for projected in (0, 1):
+                self._linearize(state, time, b, g, projected)
+                count, slope_before, indefinite = self.linear.solve_parallel(state, time, g)
+                linear_iterations += count
+                if not indefinite:
+                    break
+            factor = 1.0
+            self._apply(state, factor, dt)
+            iterations += 1
+            sizes = read_total(state)
+            status = judgement(iterations, indefinite, sizes, last)
+            last = sizes[0]
+        self.launched.newton_iterations += iterations
+        self.launched.linear_iterations += linear_iterations
+        self.launched.most_newton_iterations = max(self.launched.most_newton_iterations, iterations)
+        if status == SOLVED:
+            self.launched.steps += 1
+            self.launched.fewest_steps += 1
+        else:
+            state.unsolved[0] = 1
+
+    def collect(self, state: Any) -> SolverReport:
+        """What was counted since the last time, on the device and beside it."""
+        counts = {name: getattr(state, name).to_numpy() for name in COUNTERS}
+        for name in COUNTERS:
+            getattr(state, name).fill(0)
+        report, self.launched = self.launched, SolverReport()
+        report.add(
+            SolverReport(
+                steps=int(counts["solved_steps"].sum()),
+                newton_iterations=int(counts["newton_count"].sum()),
+                linear_iterations=int(counts["linear_count"].sum()),
+                most_newton_iterations=int(counts["newton_most"].max()),
+                unsolved=int(state.unsolved.to_numpy().sum()),
+            )
+        )
+        report.fewest_steps += int(counts["solved_steps"].min())
+        return report
+
+    @ti.kernel
+    def _clear(self, state: ti.template()):
+        for i in range(self.particle_count):
+            state.update[i] = ti.Vector.zero(float, state.dimensions)
+
+    @ti.kernel
+    def _displace(self, state: ti.template(), ratio: float):
+        for i in range(self.particle_count):
+            self.displace(state, i, ratio)
+
+    @ti.kernel
+    def _measure(self, state: ti.template(), time: float, b: float):
+        for i in range(self.particle_count):
+            state.terms[i] = self.measure(state, 0, i, time, b)
+        reduce_terms(state)
+
+    @ti.kernel
+    def _linearize(self, state: ti.template(), time: float, b: float, g: float, projected: ti.i32):
+        for i in range(self.particle_count):
+            self.matrix.linearize(state, 0, i, time, b, g, projected)
+
+    @ti.kernel
+    def _apply(self, state: ti.template(), factor: float, dt: float):
+        for i in range(self.particle_count):
+            state.terms[i] = self.apply(state, i, factor, dt)
+        reduce_terms(state)
+
+
+def judgement(iterations: int, indefinite: bool, sizes: tuple[float, float], last: float) -> int:
+    """Whether the iteration has come to its end: |δ|² and what it may be, and |δ|² of the iteration before."""
+    size, allowed = sizes
+    if size <= allowed:
+        return SOLVED
+    if iterations > 1 and size < last:
+        rate = (size / last) ** 0.5
+        if rate**2 * size <= (1.0 - rate) ** 2 * allowed:
+            return SOLVED
+    if iterations > 3 and size > 0.25 * last and size <= AT_ROUND_OFF * allowed:
+        return SOLVED
+    return GAVE_UP if iterations >= MOST_ITERATIONS or indefinite or not size < float("inf") else RUNNING
