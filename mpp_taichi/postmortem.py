@@ -36,8 +36,8 @@ def label(snapshot: Snapshot, i: int) -> str:
 def unsolved(before: Snapshot, particle: int, *, step: int, time: float) -> StabilityError:
     """The error for a step whose implicit equations were not solved; `before` is the last state whose were."""
     error = StabilityError(
-        f"step {step}, time {time:.9g}: Newton's method does not solve the equations of the step, {label(before, particle)} is the "
-        "furthest from its place; try a smaller dt, or implicit_euler or bdf2, which are calmer"
+        f"step {step}, time {time:.9g}: Newton's method does not solve the equations of the step, "
+        f"{label(before, particle)} is the furthest from its place; try a smaller dt"
     )
     error.step, error.time, error.particle = step, time, particle
     return error

@@ -9,6 +9,7 @@ from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.state import State
 from mpp_taichi.total_force import TotalForce
+from mpp_taichi.types import Template
 
 # A parallel CPU loop of up to this many iterations runs on one thread, so few heavy iterations are spread out this far.
 CPU_GRAIN = 512
@@ -120,30 +121,30 @@ class Stepper:
             self._accumulate_parallel(total_force, time)
 
     @ti.kernel
-    def _stage(self, time: float, dt: float, k: ti.template()):
+    def _stage(self, time: float, dt: float, k: Template):
         self.integrator.stage(self.state, self.total_force, 0, time, dt, k)
 
     @ti.kernel
-    def _begin_sum(self, total_force: ti.template(), time: float):
+    def _begin_sum(self, total_force: Template, time: float):
         total_force.begin_sum(self.state, 0, time)
 
     @ti.kernel
-    def _end_sum(self, total_force: ti.template()):
+    def _end_sum(self, total_force: Template):
         total_force.end_sum(self.state, 0)
 
     @ti.kernel
-    def _accumulate_parallel(self, total_force: ti.template(), time: float):
+    def _accumulate_parallel(self, total_force: Template, time: float):
         total_force.accumulate(self.state, 0, time, "parallel")
 
     @ti.kernel
-    def _prepare_replicas(self, total_force: ti.template(), time: float):
+    def _prepare_replicas(self, total_force: Template, time: float):
         for q in range(self.state.replica_count * self.grain):
             if q % self.grain == 0:
                 first = q // self.grain * self.state.particle_count
                 total_force.accumulate(self.state, first, time, "serial")
 
     @ti.kernel
-    def _start_implicit(self, total_force: ti.template(), time: float):
+    def _start_implicit(self, total_force: Template, time: float):
         for i in range(self.state.total_count):
             first = i // self.state.particle_count * self.state.particle_count
             self.integrator.start(self.state, total_force, first, i, time)

@@ -92,8 +92,21 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "steps_per_second": rate,
         "pair_interactions_per_second": rate * pairs if rate is not None and pairs else None,
         "launches_per_step": launches_per_step(simulation),
+        **(_solver(simulation) if simulation.integrator.implicit else {}),
         "conserves_energy": simulation.conserves_energy,
         **(table.summary() if table.rows else {}),
+    }
+
+
+def _solver(simulation: "Simulation") -> dict[str, Any]:
+    """What solving the steps' equations took."""
+    report, steps = simulation.solver_report, max(1, simulation.solver_report.steps)
+    return {
+        "linear_solver": type(simulation.integrator.newton.linear).__name__,
+        "newton_iterations_per_step": report.newton_iterations / steps,
+        "newton_iterations_most": report.most_newton_iterations,
+        "linear_iterations_per_step": report.linear_iterations / steps,
+        "unsolved_steps": report.unsolved,
     }
 
 
@@ -127,6 +140,7 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         ("device", f"{found['backend']}: {found['device']}{threads}"),
         ("plan", f"{found['plan']}: {found['plan_reason']}"),
         ("reached", f"t = {found['time']:.9g} in {found['steps']:,} steps{_rate(found)}"),
+        ("solver", _solver_line(found)),
         ("errors", _errors(found)),
         ("time", _times(found)),
         *(("wrote", file) for file in files),
@@ -148,6 +162,16 @@ def _rate(found: Mapping[str, Any]) -> str:
         return ""
     pairs = found["pair_interactions_per_second"]
     return f", {found['steps_per_second']:,.0f} steps/s" + (f", {pairs:.3g} pair interactions/s" if pairs else "")
+
+
+def _solver_line(found: Mapping[str, Any]) -> str:
+    if "linear_solver" not in found:
+        return ""
+    newton = f"{found['newton_iterations_per_step']:.2f} Newton iterations a step, at most {found['newton_iterations_most']}"
+    linear = ", factors of a banded matrix in each"
+    if found["linear_solver"] == "ConjugateGradients":
+        linear = f", {found['linear_iterations_per_step']:.1f} of conjugate gradients a step"
+    return f"{newton}{linear}; steps not solved: {found['unsolved_steps']}"
 
 
 def _errors(found: Mapping[str, Any]) -> str:

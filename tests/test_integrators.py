@@ -12,6 +12,7 @@ from mpp_taichi.integrators._runge_kutta import nystroem_rows
 from scenes import everything, kepler
 
 INTEGRATORS = component.names("integrators")
+TABLES = [name for name in INTEGRATORS if component.declaration("integrators", name).base != "Implicit"]
 SLOPE_TOLERANCE = 0.1
 ROUND_OFF = 2.0**-53
 
@@ -90,7 +91,8 @@ def test_order_is_kept_by_forces_that_depend_on_velocity(name):
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_time_reversible_integrators_return_to_round_off_and_others_do_not(name):
     steps = 1000
-    with Simulation(kepler(0.5, dt=0.02, integrator=name), backend="cpu", precision="f64") as simulation:
+    dt = 0.02 if declared(name, "order") > 1 else 0.002  # else implicit Euler falls into the sun on the way
+    with Simulation(kepler(0.5, dt=dt, integrator=name), backend="cpu", precision="f64") as simulation:
         before = simulation.snapshot()
         simulation.run(steps=steps)
         simulation.dt = -simulation.dt
@@ -107,22 +109,26 @@ def test_time_reversible_integrators_return_to_round_off_and_others_do_not(name)
 
 def test_palindromic_tables_are_exactly_those_called_reversible():
     reversible = {name for name in INTEGRATORS if declared(name, "time_reversible")}
-    assert reversible == {"leapfrog", "velocity_verlet", "yoshida4", "pefrl"}
+    assert reversible & set(TABLES) == {"leapfrog", "velocity_verlet", "yoshida4", "pefrl"}
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_energy_is_bounded_for_symplectic_integrators_and_drifts_for_others(name):
-    """Over 200 orbits: the largest error of the last fifty stays that of the first ten, or leaves that of the first behind."""
+    """Over 200 orbits: the largest error of the last fifty stays that of the first ten, or it leaves the first behind."""
     errors = []
-    with Simulation(kepler(0.3, dt=0.05, integrator=name), backend="cpu", precision="f64") as simulation:
+    dt = 0.05 if declared(name, "order") > 1 else 0.005  # else implicit Euler falls into the sun in the first orbit
+    symplectic = declared(name, "symplectic")
+    with Simulation(kepler(0.3, dt=dt, integrator=name), backend="cpu", precision="f64") as simulation:
         energy = simulation.diagnostics()["total_energy"]
         for _ in range(800):
-            simulation.run(steps=31)  # a quarter of a turn
+            simulation.run(steps=round(1.55 / dt))  # about a quarter of a turn, at ever new phases
             errors.append(abs(simulation.diagnostics()["total_energy"] / energy - 1.0))
-    if declared(name, "symplectic"):
+            if not symplectic and errors[-1] > 2.0 * max(errors[:4]):
+                break
+    if symplectic:
         assert max(errors[600:]) < 1.5 * max(errors[:40])
     else:
-        assert max(errors[600:]) > 2.0 * max(errors[:4])
+        assert errors[-1] > 2.0 * max(errors[:4])
 
 
 @pytest.mark.parametrize("name", INTEGRATORS)
@@ -135,10 +141,12 @@ def test_momentum_is_kept_to_round_off(name):
         simulation.run(steps=1000)
         after = simulation.diagnostics()
     error = np.abs(after["momentum"] - before["momentum"]).max()
-    assert error <= 1000 * ROUND_OFF * before["momentum_scale"]
+    # Implicit methods solve their equations to 1e-12 of the way of a step, which is speed times dt.
+    solver = 1e-12 if declared(name, "implicit") else 0.0
+    assert error <= 1000 * (ROUND_OFF + solver) * before["momentum_scale"]
 
 
-@pytest.mark.parametrize("name", INTEGRATORS)
+@pytest.mark.parametrize("name", TABLES)
 def test_tables_are_consistent(name):
     """Weights sum to one: the first condition of any order."""
     method = component.build("integrators", name, {"dt": 1.0})
@@ -197,7 +205,7 @@ def oscillator_step(method, terms):
     return np.stack([x, v])
 
 
-@pytest.mark.parametrize("name", INTEGRATORS)
+@pytest.mark.parametrize("name", TABLES)
 def test_every_digit_of_a_table_counts(name):
     """On the oscillator a step must be the Taylor series of exp(hJ) up to the order, to the rounding of its coefficients."""
     method = component.build("integrators", name, {"dt": 1.0})
@@ -226,7 +234,7 @@ def test_stability_limits_are_those_of_the_textbooks(name, limit):
 @pytest.mark.parametrize("damping", [0.0, 0.7])
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_the_amplification_matrix_is_what_a_step_does(name, damping):
-    """A mass on a spring of length 0 along x: D = ω², c = γ; three steps are three products."""
+    """A mass on a spring of length 0 along x: D = ω², c = γ; a method of two steps has a matrix of two states."""
     dt, frequency = 0.3, 2.0
     scene = {
         "particles": [
@@ -238,8 +246,14 @@ def test_the_amplification_matrix_is_what_a_step_does(name, damping):
     }
     method = component.build("integrators", name, {"dt": dt})
     step = method.amplification(frequency * dt, damping * dt)
+    states = []
     with Simulation(scene, backend="cpu", precision="f64") as simulation:
-        simulation.run(steps=3)
-        end = simulation.snapshot()
-    expected = np.linalg.matrix_power(step, 3) @ [0.8, -0.5 * dt]
-    np.testing.assert_allclose([end.position[1, 0], end.velocity[1, 0] * dt], expected, rtol=1e-13, atol=1e-14)
+        for _ in range(5):
+            now = simulation.snapshot()
+            states.append([now.position[1, 0], now.velocity[1, 0] * dt])
+            simulation.run(steps=1)
+    history = len(step) // 2  # states that a step looks at
+    before = np.concatenate(states[history - 1 :: -1] if history > 1 else states[:1])
+    expected = np.linalg.matrix_power(step, 4 - (history - 1)) @ before
+    # Implicit methods solve their equations to 1e-12 of the way of a step.
+    np.testing.assert_allclose(states[4], expected[:2], rtol=1e-13, atol=4e-12 if method.implicit else 1e-14)

@@ -25,9 +25,9 @@ class Implicit(Integrator):
 
         x = x* + P,  v = v* + (g/b) P,  P = b a(x, v, t + node·dt),  b = beta·dt², g = gamma·dt.
 
-    A method says beta, gamma and node, sets the bases x*, v* from the start of the step (`begin`) and the end of the step from P
-    (`finish`). All of them are stable for springs of any stiffness; what they make of oscillations that a step cannot resolve is
-    their difference: see `amplification`.
+    A method says beta, gamma and node, sets the bases x*, v* from the start of the step (`begin`) and the end of the step from
+    P (`finish`). All of them are stable for springs of any stiffness; what they make of oscillations that a step cannot resolve
+    is their difference: see `amplification`.
     """
 
     implicit = True
@@ -79,7 +79,7 @@ class Implicit(Integrator):
 
     @ti.func
     def start(self, state: Template, total_force: Template, first, i, time):
-        """After the state was set from outside, with all accelerations of the implicit part known: what a step wants to find."""
+        """Set what the first step wants to find, from the accelerations of `starting_force`."""
 
     @ti.func
     def coefficients(self, state: Template, first, dt):
@@ -133,20 +133,20 @@ class Implicit(Integrator):
         return self.beta * dt * dt, self.gamma * dt
 
     @ti.kernel
-    def _begin(self, state: ti.template(), dt: float, b: float):
+    def _begin(self, state: Template, dt: float, b: float):
         for i in range(state.particle_count):
             self.begin(state, i, dt, b)
             state.shift[i] = ti.Vector.zero(float, state.dimensions)
 
     @ti.kernel
-    def _finish(self, state: ti.template(), dt: float, b: float, g: float):
+    def _finish(self, state: Template, dt: float, b: float, g: float):
         for i in range(state.particle_count):
             self.finish(state, i, dt, b, g)
         for one in range(1):
             state.history_dt[one] = dt
 
     @ti.kernel
-    def _kick(self, state: ti.template(), dt: float):
+    def _kick(self, state: Template, dt: float):
         for i in range(state.particle_count):
             self.kick(state, i, dt)
 

@@ -14,8 +14,8 @@ from mpp_taichi.types import Template
 class Bdf2(Implicit):
     """Two-step formula y₁ = (4 y − y₋₁)/3 + (2h/3) y₁′ for x and v: second order, and it damps what a step cannot resolve.
 
-    A slow oscillation loses about (ωh)³·π/2 of its energy per turn; a fast one is gone at once. The first step, and one of
-    another length, is one of implicit Euler. Source: Curtiss & Hirschfelder, PNAS 38 (1952) 235; Hairer & Wanner, Solving ODEs II, §V.1.
+    A slow oscillation loses about π(ωh)³ of its energy per turn; a fast one is gone at once. The first step, and one of another
+    length, is one of implicit Euler. Source: Curtiss & Hirschfelder, PNAS 38 (1952) 235; Hairer & Wanner, §V.1.
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")
@@ -48,8 +48,8 @@ class Bdf2(Implicit):
         x = state.position[i]
         v = state.velocity[i]
         if b < dt * dt:
-            state.base_velocity[i] = (4.0 * v - state.earlier_velocity[i]) / 3.0
-            state.base_position[i] = (4.0 * x - state.earlier_position[i]) / 3.0 + 2.0 / 3.0 * dt * state.base_velocity[i]
+            state.base_velocity[i] = v + (v - state.earlier_velocity[i]) / 3.0
+            state.base_position[i] = x + (x - state.earlier_position[i]) / 3.0 + 2.0 / 3.0 * dt * state.base_velocity[i]
         else:
             state.base_velocity[i] = v
             state.base_position[i] = x + dt * v

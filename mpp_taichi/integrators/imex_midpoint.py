@@ -16,8 +16,8 @@ from mpp_taichi.types import Template
 class ImexMidpoint(Implicit):
     """Half a kick by the soft forces, an implicit midpoint step with springs and friction alone, half a kick: second order.
 
-    Symplectic and time-reversible; any stiffness is stable. Soft are the forces between all pairs and the external ones: they are
-    evaluated once a step, where the fully implicit methods want them in every iteration. The step must resolve the soft forces.
+    Symplectic and time-reversible; any stiffness is stable. Soft are the forces between all pairs and the external ones: they
+    are evaluated once a step, where fully implicit methods want them in every iteration. The step must resolve the soft forces.
     Source: Zhang & Skeel, Appl. Numer. Math. 25 (1997) 297; Stern & Grinspun, Multiscale Model. Simul. 7 (2009) 1779.
     """
 

@@ -12,7 +12,7 @@ from mpp_taichi.types import Template
 class ImplicitEuler(Implicit):
     """v₁ = v + h a(x₁, v₁), x₁ = x + h v₁: first order, stable for any step, and strongly damping.
 
-    An oscillation loses the part 1 − 1/(1 + ω²h²) of its energy in each step. For statics and for getting out of hopeless states.
+    An oscillation loses the part 1 − 1/(1 + ω²h²) of its energy in each step. For statics, and to get out of hopeless states.
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")

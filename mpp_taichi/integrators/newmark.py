@@ -12,8 +12,8 @@ from mpp_taichi.types import Template
 class Newmark(Implicit):
     """Newmark's method with β = ¼, γ = ½, the trapezoidal rule: second order, time-reversible, no damping.
 
-    x₁ = x + h v + h²/4 (a + a₁), v₁ = v + h/2 (a + a₁). Its energy error stays bounded: a change of variables makes it the implicit
-    midpoint rule. Source: Newmark, J. Eng. Mech. Div. ASCE 85 (1959) 67; Hairer, Lubich & Wanner, §VI.8.
+    x₁ = x + h v + h²/4 (a + a₁), v₁ = v + h/2 (a + a₁). Its energy error stays bounded: a change of variables makes it the
+    implicit midpoint rule. Source: Newmark, J. Eng. Mech. Div. ASCE 85 (1959) 67; Hairer, Lubich & Wanner, §VI.8.
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")

@@ -13,9 +13,9 @@ from mpp_taichi.types import Template
 class Banded:
     """Solve A δ = r by A = L D Lᵀ without pivoting, in one thread; O(n w²) for n unknowns of half-bandwidth w.
 
-    The particles are taken in an order that keeps springs short (see ordering.py): a chain has w = 2·dimensions − 1 whatever its
-    length. A pivot that is not positive means that A is not positive definite: it is said, and Newton projects. Source: Golub &
-    Van Loan, Matrix Computations, §4.3.
+    The particles are taken in an order that keeps springs short (see ordering.py): a chain has w = 2·dimensions − 1 whatever
+    its length. A pivot that is not positive means that A is not positive definite: it is said, and Newton projects.
+    Source: Golub & Van Loan, Matrix Computations, §4.3.
     """
 
     def __init__(self, matrix: NewtonMatrix, order: np.ndarray, between: np.ndarray):
@@ -141,7 +141,7 @@ class Banded:
         return 1, float(state.term_total[0][0]), indefinite
 
     @ti.kernel
-    def _solve(self, state: ti.template(), time: float, g: float) -> ti.i32:
+    def _solve(self, state: Template, time: float, g: float) -> ti.i32:
         result = 0
         ti.loop_config(serialize=True)
         for one in range(1):

@@ -121,24 +121,24 @@ class ConjugateGradients:
         return iterations, slope, not squared >= 0.0
 
     @ti.kernel
-    def _begin(self, state: ti.template()):
+    def _begin(self, state: Template):
         for i in range(state.particle_count):
             state.terms[i] = self.begin(state, i)
         reduce_terms(state)
 
     @ti.kernel
-    def _multiply(self, state: ti.template(), time: float, g: float):
+    def _multiply(self, state: Template, time: float, g: float):
         for i in range(state.particle_count):
             state.terms[i] = self.multiply(state, 0, i, time, g)
         reduce_terms(state)
 
     @ti.kernel
-    def _advance(self, state: ti.template(), step: float):
+    def _advance(self, state: Template, step: float):
         for i in range(state.particle_count):
             state.terms[i] = self.advance(state, i, step)
         reduce_terms(state)
 
     @ti.kernel
-    def _turn(self, state: ti.template(), share: float):
+    def _turn(self, state: Template, share: float):
         for i in range(state.particle_count):
             self.turn(state, i, share)

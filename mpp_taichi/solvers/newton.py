@@ -27,7 +27,7 @@ class Newton:
     The last update must be, in the Euclidean norm over all particles, below tolerance times the way of the step, or what the
     observed rate of convergence promises for the next one must be; rounding of the positions is allowed for. An update that
     leads too far (the residual along it has turned round) is halved. A step that is not solved is reported, never passed over.
-    Source: Hairer & Wanner, Solving ODEs II, §IV.8 (the rate); Crisfield, Non-linear Finite Element Analysis, §9.2 (the halving).
+    Source: Hairer & Wanner, Solving ODEs II, §IV.8 (the rate); Crisfield, Non-linear Finite Element Analysis, §9.2 (halving).
     """
 
     def __init__(self, matrix: NewtonMatrix, linear: Any, tolerance: float | None):
@@ -200,28 +200,28 @@ class Newton:
         return report
 
     @ti.kernel
-    def _clear(self, state: ti.template()):
+    def _clear(self, state: Template):
         for i in range(self.particle_count):
             state.update[i] = ti.Vector.zero(float, state.dimensions)
 
     @ti.kernel
-    def _displace(self, state: ti.template(), ratio: float):
+    def _displace(self, state: Template, ratio: float):
         for i in range(self.particle_count):
             self.displace(state, i, ratio)
 
     @ti.kernel
-    def _measure(self, state: ti.template(), time: float, b: float):
+    def _measure(self, state: Template, time: float, b: float):
         for i in range(self.particle_count):
             state.terms[i] = self.measure(state, 0, i, time, b)
         reduce_terms(state)
 
     @ti.kernel
-    def _linearize(self, state: ti.template(), time: float, b: float, g: float, projected: ti.i32):
+    def _linearize(self, state: Template, time: float, b: float, g: float, projected: ti.i32):
         for i in range(self.particle_count):
             self.matrix.linearize(state, 0, i, time, b, g, projected)
 
     @ti.kernel
-    def _apply(self, state: ti.template(), factor: float, dt: float):
+    def _apply(self, state: Template, factor: float, dt: float):
         for i in range(self.particle_count):
             state.terms[i] = self.apply(state, i, factor, dt)
         reduce_terms(state)

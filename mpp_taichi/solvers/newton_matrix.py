@@ -14,8 +14,8 @@ class NewtonMatrix:
     they are soft, and leaving them out costs a few more iterations but no accuracy.
 
     A central spring has the block S = β n nᵀ + α (1 − n nᵀ), so a half-spring keeps n, α and β: the product with a vector is a
-    gather over the half-springs of a particle. Where springs are compressed α may be negative and A indefinite; `projected` puts
-    0 for a negative α, which makes A positive definite and changes nothing but the way to the solution.
+    gather over the half-springs of a particle. Where springs are compressed α may be negative and A indefinite; `projected`
+    puts 0 for a negative α, which makes A positive definite and changes nothing but the way to the solution.
     """
 
     def __init__(self, total_force, dimensions: int, half_spring_count: int):
