@@ -24,7 +24,7 @@ class EnergyMeter:
     @ti.kernel
     def _measure(self, time: float):
         for i in range(self.state.particle_count):
-            self.terms[i] = self.total_force.potential_energy_of(self.state, i, time)
+            self.terms[i] = self.total_force.potential_energy_of(self.state, 0, i, time)
 
     def potential_energy(self, time: float) -> float:
         """Sum over all forces that have a potential."""

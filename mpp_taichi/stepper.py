@@ -60,7 +60,7 @@ class Stepper:
             self._advance_replicas(time, dt, steps)
         elif self.integrator.implicit:
             for s in range(steps):
-                self.integrator.launch_step(self.state, self.launch_force, time + s * dt, dt)
+                self.integrator.launch_step(self.state, self.total_force, self.launch_force, time + s * dt, dt)
         elif self.launches_stages:
             for s in range(steps):
                 self._launch_stages(time + s * dt, dt)

@@ -106,6 +106,7 @@ def _solver(simulation: "Simulation") -> dict[str, Any]:
         "newton_iterations_per_step": report.newton_iterations / steps,
         "newton_iterations_most": report.most_newton_iterations,
         "linear_iterations_per_step": report.linear_iterations / steps,
+        "cut_steps": report.cut_steps,
         "unsolved_steps": report.unsolved,
     }
 
@@ -171,7 +172,7 @@ def _solver_line(found: Mapping[str, Any]) -> str:
     linear = ", factors of a banded matrix in each"
     if found["linear_solver"] == "ConjugateGradients":
         linear = f", {found['linear_iterations_per_step']:.1f} of conjugate gradients a step"
-    return f"{newton}{linear}; steps not solved: {found['unsolved_steps']}"
+    return f"{newton}{linear}; {found['cut_steps']} steps cut in pieces, {found['unsolved_steps']} not solved"
 
 
 def _errors(found: Mapping[str, Any]) -> str:

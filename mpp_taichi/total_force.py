@@ -101,14 +101,14 @@ class TotalForce:
                 state.acceleration[i] = state.acceleration[i] * state.free[i]
 
     @ti.func
-    def potential_energy_of(self, state: Template, i, time):
+    def potential_energy_of(self, state: Template, first, i, time):
         """Share of particle i in the potential energy, in f64: a pair or a spring is split evenly between its ends."""
         result = ti.cast(0.0, state.wide)
         for force in ti.static(self.external):
             result += force.potential(state, i, time)
         for bond in ti.static(self.bonds):
-            for h in range(state.spring_start[i], state.spring_start[i + 1]):
-                result += 0.5 * bond.potential(state, i, state.spring_neighbor[h], h)
+            for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
+                result += 0.5 * bond.potential(state, i, first + state.spring_neighbor[h], h)
         if ti.static(self.has_pairs):
             result += self.pairs.potential_energy_of(state, i)
         return result

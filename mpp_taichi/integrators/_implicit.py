@@ -7,7 +7,7 @@ import taichi as ti
 
 from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.snapshot import Snapshot
-from mpp_taichi.solvers._sums import sum_fields
+from mpp_taichi.solvers._sums import dot, read_total, reduce_terms, sum_fields
 from mpp_taichi.solvers.banded import Banded
 from mpp_taichi.solvers.conjugate_gradients import ConjugateGradients
 from mpp_taichi.solvers.newton import Newton
@@ -17,6 +17,8 @@ from mpp_taichi.types import Template
 
 # Half-bandwidth, in particles, up to which factors in one thread beat conjugate gradients, on a CPU.
 WIDEST_BAND = 20
+MOST_PIECES = 1024  # of a step that cannot be done in one
+GUARD_ROOM = {ti.f32: 1e-5, ti.f64: 1e-12}  # of the energy: its own rounding
 
 
 @ti.data_oriented
@@ -28,12 +30,17 @@ class Implicit(Integrator):
     A method says beta, gamma and node, sets the bases x*, v* from the start of the step (`begin`) and the end of the step from
     P (`finish`). All of them are stable for springs of any stiffness; what they make of oscillations that a step cannot resolve
     is their difference: see `amplification`.
+
+    A step whose equations Newton's method does not solve is done again in two pieces, in four, and so on; and so is one of a
+    method that never gains energy (`never_gains_energy`) if it does: that happens where springs are pushed through themselves.
+    Cut steps are counted. What MOST_PIECES do not solve ends the run.
     """
 
     implicit = True
     beta = 1.0
     gamma = 1.0
     node = 1.0
+    never_gains_energy = False  # where forces only conserve or dissipate, and the way from start to end is convex
     has_soft_forces = False  # forces left to kicks
     extra_vectors: tuple = ()  # fields of its own
     solver = "auto"
@@ -60,8 +67,13 @@ class Implicit(Integrator):
         part = self.implicit_part(total_force)
         matrix = NewtonMatrix(part, total_force.dimensions, 2 * len(start.springs))
         self.newton = Newton(matrix, self._linear_solver(matrix, start, on_cpu), self.tolerance)
-        vectors = {name: ("vector", start.particle_count) for name in self.extra_vectors}
+        own = ("position", "velocity", *self.extra_vectors)
+        vectors = {name: ("vector", start.particle_count) for name in (*self.extra_vectors, *(f"start_{name}" for name in own))}
         sums = sum_fields(start.particle_count) if plan == "parallel" else {}
+        forces = total_force.forces
+        only_damped = all(force.conserves_energy or force.depends_on_velocity for force in forces)
+        self.guards_energy = self.never_gains_energy and only_damped and bool(total_force.bonds) and not total_force.has_pairs
+        self.guard_room = GUARD_ROOM[ti.lang.impl.current_cfg().default_fp]
         return {**self.newton.fields(), **vectors, **sums, "history_dt": ("scalar", 1)}
 
     def _linear_solver(self, matrix: NewtonMatrix, start: Snapshot, on_cpu: bool) -> Any:
@@ -74,6 +86,8 @@ class Implicit(Integrator):
 
     def fill(self, state: Any) -> None:
         """Give the state's work fields what they begin with."""
+        state.extras = tuple(getattr(state, name) for name in self.extra_vectors)
+        state.starts = tuple(getattr(state, f"start_{name}") for name in self.extra_vectors)
         if isinstance(self.newton.linear, Banded):
             state.place.from_numpy(np.tile(self.newton.linear.order, state.replica_count))
 
@@ -98,39 +112,147 @@ class Implicit(Integrator):
     def kick(self, state: Template, i, dt):
         """After the step, with the accelerations of the soft forces known."""
 
+    # One thread ------------------------------------------------------------------------------------------------------------
+
     @ti.func
     def step(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
-        """Advance from `time` to `time + dt` in one thread; a replica that could not be solved stands still."""
-        if state.unsolved[first // total_force.particle_count] == 0:
+        """Advance from `time` to `time + dt`, if need be in pieces; a replica that cannot be advanced stands still."""
+        replica = first // total_force.particle_count
+        if state.unsolved[replica] == 0:
             end = first + total_force.particle_count
-            b, g = self.coefficients(state, first, dt)
             for i in range(first, end):
-                self.begin(state, i, dt, b)
-                state.shift[i] = ti.Vector.zero(float, state.dimensions)
-            self.newton.solve_serial(state, first, time + self.node * dt, dt, b, g)
-            for i in range(first, end):
-                self.finish(state, i, dt, b, g)
-            state.history_dt[first // total_force.particle_count] = dt
-            if ti.static(self.has_soft_forces):
-                self.soft.accumulate(state, first, time + dt, "serial")
-                for i in range(first, end):
-                    self.kick(state, i, dt)
+                self.remember(state, i)
+            history = state.history_dt[replica]
+            pieces = 1
+            solved = 0
+            while solved == 0 and state.unsolved[replica] == 0:
+                h = dt / pieces
+                done = 0
+                solved = 1
+                while solved == 1 and done < pieces:
+                    solved = self.attempt(state, total_force, first, time + done * h, h)
+                    done += 1
+                if solved == 0:
+                    for i in range(first, end):
+                        self.go_back(state, i)
+                    state.history_dt[replica] = history
+                    if pieces >= MOST_PIECES:
+                        state.unsolved[replica] = 1
+                    pieces *= 2
+            if solved == 1:
+                state.solved_steps[replica] += 1
+                if pieces > 1:
+                    state.cut_steps[replica] += 1
 
-    def launch_step(self, state: Any, launch_force: Any, time: float, dt: float) -> None:
-        """The same, all particles at once."""
+    @ti.func
+    def attempt(self, state: Template, total_force: Template, first, time, dt):
+        """One step or piece of it; 1 when its equations were solved, and it gained no energy where none can come from."""
+        end = first + total_force.particle_count
+        b, g = self.coefficients(state, first, dt)
+        before = self.guarded_energy(state, total_force, first, time)
+        for i in range(first, end):
+            self.begin(state, i, dt, b)
+            state.shift[i] = ti.Vector.zero(float, state.dimensions)
+        solved = self.newton.solve_serial(state, first, time + self.node * dt, dt, b, g)
+        for i in range(first, end):
+            self.finish(state, i, dt, b, g)
+        state.history_dt[first // total_force.particle_count] = dt
+        if ti.static(self.has_soft_forces):
+            self.soft.accumulate(state, first, time + dt, "serial")
+            for i in range(first, end):
+                self.kick(state, i, dt)
+        if self.guarded_energy(state, total_force, first, time + dt) > before + self.guard_room * ti.abs(before):
+            solved = 0
+        return solved
+
+    @ti.func
+    def guarded_energy(self, state: Template, total_force: Template, first, time):
+        """Total energy where it is watched, else 0."""
+        result = ti.cast(0.0, state.wide)
+        if ti.static(self.guards_energy):
+            for i in range(first, first + total_force.particle_count):
+                result += self.energy_of(state, total_force, first, i, time)
+        return result
+
+    # One particle's part ---------------------------------------------------------------------------------------------------
+
+    @ti.func
+    def remember(self, state: Template, i):
+        """Keep the start of the step."""
+        state.start_position[i] = state.position[i]
+        state.start_velocity[i] = state.velocity[i]
+        for k in ti.static(range(len(self.extra_vectors))):
+            state.starts[k][i] = state.extras[k][i]
+
+    @ti.func
+    def go_back(self, state: Template, i):
+        """To the start of the step."""
+        state.position[i] = state.start_position[i]
+        state.velocity[i] = state.start_velocity[i]
+        for k in ti.static(range(len(self.extra_vectors))):
+            state.extras[k][i] = state.starts[k][i]
+
+    @ti.func
+    def energy_of(self, state: Template, total_force: Template, first, i, time):
+        """Kinetic and potential energy of particle i, bonds shared by their ends."""
+        speed_squared = dot(state, state.velocity[i], state.velocity[i])
+        kinetic = 0.5 * ti.cast(self.newton.matrix.weight(state, i), state.wide) * speed_squared
+        return kinetic + total_force.potential_energy_of(state, first, i, time)
+
+    # All particles at once -------------------------------------------------------------------------------------------------
+
+    def launch_step(self, state: Any, total_force: Any, launch_force: Any, time: float, dt: float) -> None:
+        """The same as `step`."""
         if state.unsolved[0]:
             return
+        self._remember(state)
+        history = state.history_dt[0]
+        pieces, solved = 1, False
+        while not solved and pieces <= MOST_PIECES:
+            h = dt / pieces
+            solved = all(self._launch_attempt(state, total_force, launch_force, time + k * h, h) for k in range(pieces))
+            if not solved:
+                self._go_back(state)
+                state.history_dt[0] = history
+                pieces *= 2
+        launched = self.newton.launched
+        launched.steps += solved
+        launched.fewest_steps += solved
+        launched.cut_steps += solved and pieces > 1
+        if not solved:
+            state.unsolved[0] = 1
+
+    def _launch_attempt(self, state: Any, total_force: Any, launch_force: Any, time: float, dt: float) -> bool:
+        """The same as `attempt`."""
         b, g = self.host_coefficients(state, dt)
+        before = self._measured_energy(state, total_force, time)
         self._begin(state, dt, b)
-        self.newton.solve_parallel(state, launch_force, time + self.node * dt, dt, b, g)
+        solved = self.newton.solve_parallel(state, launch_force, time + self.node * dt, dt, b, g)
         self._finish(state, dt, b, g)
         if self.has_soft_forces:
             launch_force(self.soft, time + dt)
             self._kick(state, dt)
+        return solved and self._measured_energy(state, total_force, time + dt) <= before + self.guard_room * abs(before)
 
     def host_coefficients(self, state: Any, dt: float) -> tuple[float, float]:
         """(b, g), on the host."""
         return self.beta * dt * dt, self.gamma * dt
+
+    def _measured_energy(self, state: Any, total_force: Any, time: float) -> float:
+        if not self.guards_energy:
+            return 0.0
+        self._measure_energy(state, total_force, time)
+        return read_total(state)[0]
+
+    @ti.kernel
+    def _remember(self, state: Template):
+        for i in range(state.particle_count):
+            self.remember(state, i)
+
+    @ti.kernel
+    def _go_back(self, state: Template):
+        for i in range(state.particle_count):
+            self.go_back(state, i)
 
     @ti.kernel
     def _begin(self, state: Template, dt: float, b: float):
@@ -149,6 +271,13 @@ class Implicit(Integrator):
     def _kick(self, state: Template, dt: float):
         for i in range(state.particle_count):
             self.kick(state, i, dt)
+
+    @ti.kernel
+    def _measure_energy(self, state: Template, total_force: Template, time: float):
+        for i in range(state.particle_count):
+            energy = self.energy_of(state, total_force, 0, i, time)
+            state.terms[i] = ti.Vector([energy, ti.cast(0.0, state.wide)])
+        reduce_terms(state)
 
 
 def oscillator(frequency: float, damping: float) -> np.ndarray:

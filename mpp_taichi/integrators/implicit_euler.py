@@ -19,6 +19,7 @@ class ImplicitEuler(Implicit):
     solver: str = param("auto", choices=("auto", "conjugate_gradients", "direct"), help="of Newton's linear systems")
     tolerance: float = param(None, optional=True, above=0.0, maximum=0.01, help="of the step's way; absent: by precision")
     order = 1
+    never_gains_energy = True
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """(1 − M)⁻¹ with the oscillator's matrix M."""

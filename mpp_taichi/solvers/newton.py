@@ -9,14 +9,14 @@ from mpp_taichi.solvers.newton_matrix import NewtonMatrix
 from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.types import Template
 
-MOST_ITERATIONS = 60
+MOST_ITERATIONS = 40
 OVERSHOOT = 0.9  # the slope along an update may turn round, but not to more than this part of what it was
 SMALLEST_FACTOR = 1e-3  # of an update, when it is halved again and again
 AT_ROUND_OFF = 1e4  # updates that no longer shrink, and are within a hundred tolerances, are the rounding of the forces
 # Relative to the way a step goes; well below what any method of second order leaves, and above rounding.
 TOLERANCE = {ti.f32: 1e-6, ti.f64: 1e-12}
 UNIT_ROUND_OFF = {ti.f32: 2.0**-24, ti.f64: 2.0**-53}
-COUNTERS = ("newton_count", "newton_most", "linear_count", "solved_steps")
+COUNTERS = ("newton_count", "newton_most", "linear_count", "solved_steps", "cut_steps")
 RUNNING, SOLVED, GAVE_UP = 0, 1, 2
 
 
@@ -85,7 +85,7 @@ class Newton:
 
     @ti.func
     def solve_serial(self, state: Template, first, time, dt, b, g):
-        """Find P; counts what it took, and marks the replica when it could not be found."""
+        """Find P, and count what it took; 1 when it was found."""
         end = first + self.particle_count
         replica = first // self.particle_count
         status = RUNNING
@@ -124,10 +124,7 @@ class Newton:
                 last = sizes[0]
         state.newton_count[replica] += iterations
         state.newton_most[replica] = ti.max(state.newton_most[replica], iterations)
-        if status == SOLVED:
-            state.solved_steps[replica] += 1
-        else:
-            state.unsolved[replica] = 1
+        return ti.select(status == SOLVED, 1, 0)
 
     @ti.func
     def judge(self, iterations, indefinite, sizes, last):
@@ -147,7 +144,7 @@ class Newton:
 
     # All particles at once -------------------------------------------------------------------------------------------------
 
-    def solve_parallel(self, state: Any, launch_force: Any, time: float, dt: float, b: float, g: float) -> None:
+    def solve_parallel(self, state: Any, launch_force: Any, time: float, dt: float, b: float, g: float) -> bool:
         """The same, a launch for each sweep; `launch_force(total_force, time)` sets the accelerations."""
         status, iterations, linear_iterations, factor, slope_before, last = RUNNING, 0, 0, 1.0, 0.0, 0.0
         self._clear(state)
@@ -175,11 +172,7 @@ class Newton:
         self.launched.newton_iterations += iterations
         self.launched.linear_iterations += linear_iterations
         self.launched.most_newton_iterations = max(self.launched.most_newton_iterations, iterations)
-        if status == SOLVED:
-            self.launched.steps += 1
-            self.launched.fewest_steps += 1
-        else:
-            state.unsolved[0] = 1
+        return status == SOLVED
 
     def collect(self, state: Any) -> SolverReport:
         """What was counted since the last time, on the device and beside it."""
@@ -192,6 +185,7 @@ class Newton:
                 steps=int(counts["solved_steps"].sum()),
                 newton_iterations=int(counts["newton_count"].sum()),
                 linear_iterations=int(counts["linear_count"].sum()),
+                cut_steps=int(counts["cut_steps"].sum()),
                 most_newton_iterations=int(counts["newton_most"].max()),
                 unsolved=int(state.unsolved.to_numpy().sum()),
             )

@@ -8,7 +8,8 @@ class SolverReport:
     """Counts over all steps and replicas.
 
     steps, newton_iterations, linear_iterations   solved steps, and what they took together
-    most_newton_iterations                        in one step
+    most_newton_iterations                        in one step, or piece of it
+    cut_steps                                     that were done in pieces, because in one they were not solved
     unsolved                                      replicas that stand still because a step of theirs was not solved
     fewest_steps                                  solved by the replica that solved fewest, since the last report
     """
@@ -17,6 +18,7 @@ class SolverReport:
     newton_iterations: int = 0
     linear_iterations: int = 0
     most_newton_iterations: int = 0
+    cut_steps: int = 0
     unsolved: int = 0
     fewest_steps: int = 0
 
@@ -26,4 +28,5 @@ class SolverReport:
         self.newton_iterations += other.newton_iterations
         self.linear_iterations += other.linear_iterations
         self.most_newton_iterations = max(self.most_newton_iterations, other.most_newton_iterations)
+        self.cut_steps += other.cut_steps
         self.unsolved += other.unsolved
