@@ -69,8 +69,19 @@ class BondForce(Force):
         """Force on particle i from the half-spring h that leads to j."""
 
     @ti.func
-    def stiffness(self, state: Template, h, length):
-        """∂F/∂x of the half-spring as it is now: (along its direction, across it) [force / length]."""
+    def stiffness(self, state: Template, i, j, h, length):
+        """∂F/∂x of the half-spring from i to j as it is now: (along its direction, across it) [force / length]."""
+
+    @ti.func
+    def step_force(self, state: Template, i, j, h):
+        """Force on particle i that over a step from `piece_start` does the work of the potential to the last digit.
+
+        Positions and velocities are those of the middle of the step; damping may only take energy.
+        """
+
+    @ti.func
+    def step_stiffness(self, state: Template, i, j, h, length):
+        """∂F/∂x of that force, by the position in the middle: (along, across), or what is near to it."""
 
     @ti.func
     def damping_rates(self, state: Template, h):

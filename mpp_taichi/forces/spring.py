@@ -51,12 +51,51 @@ class Spring(BondForce):
         return result
 
     @ti.func
-    def stiffness(self, state: Template, h, length):
+    def stiffness(self, state: Template, i, j, h, length):
         """D along, D (1 − L/|d|) across: less than nothing where the spring is compressed. Without a direction, D all round."""
         along = state.spring_stiffness[h]
         across = along
         if length > 0.0:
             across = along * (1.0 - state.spring_rest_length[h] / length)
+        return along, across
+
+    @ti.func
+    def step_lengths(self, state: Template, i, j):
+        """Lengths at the start and at the end of a step, the end as far beyond the middle as the start is before it."""
+        before = state.piece_start[j] - state.piece_start[i]
+        after = 2.0 * (state.position[j] - state.position[i]) - before
+        return ti.sqrt(before.dot(before)), ti.sqrt(after.dot(after))
+
+    @ti.func
+    def step_force(self, state: Template, i, j, h):
+        """D (½ (l₀ + l₁) − L) (d₀ + d₁)/(l₀ + l₁), whose product with d₁ − d₀ is ½ D (l₁ − L)² − ½ D (l₀ − L)².
+
+        Source: Simo & Tarnow, Z. angew. Math. Phys. 43 (1992) 757; Gonzalez, J. Nonlinear Sci. 6 (1996) 449.
+        """
+        separation = state.position[j] - state.position[i]
+        before, after = self.step_lengths(state, i, j)
+        result = ti.Vector.zero(float, state.dimensions)
+        if before + after > 0.0:
+            result = state.spring_stiffness[h] * (1.0 - 2.0 * state.spring_rest_length[h] / (before + after)) * separation
+        if ti.static(self.damping == "axial"):
+            squared = separation.dot(separation)
+            if squared > 0.0:
+                closing = (state.velocity[j] - state.velocity[i]).dot(separation)
+                result += state.spring_damping[h] * (closing / squared) * separation
+        if ti.static(self.damping == "full"):
+            result += state.spring_damping[h] * (state.velocity[j] - state.velocity[i])
+        return result
+
+    @ti.func
+    def step_stiffness(self, state: Template, i, j, h, length):
+        """As if the spring did not turn during the step."""
+        before, after = self.step_lengths(state, i, j)
+        across = state.spring_stiffness[h]
+        along = across
+        if before + after > 0.0:
+            share = 2.0 * state.spring_rest_length[h] / (before + after)
+            across = state.spring_stiffness[h] * (1.0 - share)
+            along = across + state.spring_stiffness[h] * share * (2.0 * length / (before + after))
         return along, across
 
     @ti.func

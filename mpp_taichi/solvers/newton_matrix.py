@@ -53,7 +53,8 @@ class NewtonMatrix:
         block = self.diagonal(state, i, time, g) * ti.Matrix.identity(float, self.dimensions)
         if ti.static(self.has_bonds):
             for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
-                separation = state.position[first + state.spring_neighbor[h]] - state.position[i]
+                j = first + state.spring_neighbor[h]
+                separation = state.position[j] - state.position[i]
                 length = ti.sqrt(separation.dot(separation))
                 direction = ti.Vector.zero(float, self.dimensions)
                 if length > 0.0:
@@ -61,7 +62,7 @@ class NewtonMatrix:
                 along = ti.cast(0.0, float)
                 across = ti.cast(0.0, float)
                 for bond in ti.static(self.total_force.bonds):
-                    stiffness_along, stiffness_across = bond.stiffness(state, h, length)
+                    stiffness_along, stiffness_across = bond.stiffness(state, i, j, h, length)
                     damping_along, damping_across = bond.damping_rates(state, h)
                     if projected == 1:
                         stiffness_across = ti.max(stiffness_across, 0.0)
