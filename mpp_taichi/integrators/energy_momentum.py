@@ -41,7 +41,7 @@ class StepBond(BondForce):
 
 @component
 class EnergyMomentum(Implicit):
-    """v₁ = v + h a, x₁ = x + h (v + v₁)/2, with springs averaged so that energy and momenta are kept: second order, time-reversible.
+    """v₁ = v + h a, x₁ = x + h (v + v₁)/2, springs averaged so that energy and momenta are kept: second order, time-reversible.
 
     Of springs of any stiffness in any state, and of uniform fields, the energy is kept to the solver's tolerance at every step,
     and so are linear and angular momentum; damping only takes energy. Where the midpoint rule may heat up springs that a step

@@ -130,7 +130,9 @@ class Newton:
     def judge(self, iterations, indefinite, sizes, last):
         """Whether the iteration has come to its end; the text of `judgement`, on the device."""
         status = RUNNING
-        if sizes[0] <= sizes[1]:
+        if indefinite == 1:
+            status = GAVE_UP
+        elif sizes[0] <= sizes[1]:
             status = SOLVED
         elif iterations > 1 and sizes[0] < last:
             rate = ti.sqrt(sizes[0] / last)
@@ -138,7 +140,7 @@ class Newton:
                 status = SOLVED
         if status == RUNNING and iterations > 3 and sizes[0] > 0.25 * last and sizes[0] <= AT_ROUND_OFF * sizes[1]:
             status = SOLVED
-        if status == RUNNING and (iterations >= MOST_ITERATIONS or indefinite == 1 or not sizes[0] < ti.math.inf):
+        if status == RUNNING and (iterations >= MOST_ITERATIONS or not sizes[0] < ti.math.inf):
             status = GAVE_UP
         return status
 
@@ -224,6 +226,8 @@ class Newton:
 def judgement(iterations: int, indefinite: bool, sizes: tuple[float, float], last: float) -> int:
     """Whether the iteration has come to its end: |δ|² and what it may be, and |δ|² of the iteration before."""
     size, allowed = sizes
+    if indefinite:
+        return GAVE_UP
     if size <= allowed:
         return SOLVED
     if iterations > 1 and size < last:
@@ -232,4 +236,4 @@ def judgement(iterations: int, indefinite: bool, sizes: tuple[float, float], las
             return SOLVED
     if iterations > 3 and size > 0.25 * last and size <= AT_ROUND_OFF * allowed:
         return SOLVED
-    return GAVE_UP if iterations >= MOST_ITERATIONS or indefinite or not size < float("inf") else RUNNING
+    return GAVE_UP if iterations >= MOST_ITERATIONS or not size < float("inf") else RUNNING
