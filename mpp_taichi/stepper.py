@@ -68,10 +68,15 @@ class Stepper:
             for s in range(steps):
                 self._advance_parallel(time + s * dt, dt)
 
-    def launches_per_step(self) -> int:
-        """Parallel loops started in one step; a serial or replica launch holds many steps and counts as none."""
+    def launches_per_step(self) -> int | None:
+        """Parallel loops started in one step; a serial or replica launch holds many steps and counts as none.
+
+        None under the parallel plan of an implicit method: as many as its iterations need.
+        """
         if self.plan != "parallel":
             return 0
+        if self.integrator.implicit:
+            return None
         damped = self.total_force.depends_on_velocity
         force = 1 + (1 + self.state.has_fixed_axes if self.total_force.has_pairs else 0)
         return self.integrator.evaluations * force + sum(

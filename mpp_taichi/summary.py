@@ -107,6 +107,7 @@ def _solver(simulation: "Simulation") -> dict[str, Any]:
         "newton_iterations_most": report.most_newton_iterations,
         "linear_iterations_per_step": report.linear_iterations / steps,
         "cut_steps": report.cut_steps,
+        "gaining_pieces": report.gaining_pieces,
         "unsolved_steps": report.unsolved,
     }
 
@@ -116,7 +117,8 @@ def launches_per_step(simulation: "Simulation") -> float | None:
     if simulation.step_count == 0:
         return None
     if simulation.plan == "parallel":
-        return float(simulation.stepper.launches_per_step())
+        launches = simulation.stepper.launches_per_step()
+        return None if launches is None else float(launches)
     return simulation.kernel_calls / simulation.step_count
 
 
@@ -172,7 +174,8 @@ def _solver_line(found: Mapping[str, Any]) -> str:
     linear = ", factors of a banded matrix in each"
     if found["linear_solver"] == "ConjugateGradients":
         linear = f", {found['linear_iterations_per_step']:.1f} of conjugate gradients a step"
-    return f"{newton}{linear}; {found['cut_steps']} steps cut in pieces, {found['unsolved_steps']} not solved"
+    gains = f", {found['gaining_pieces']} pieces gained energy" if found["gaining_pieces"] else ""
+    return f"{newton}{linear}; {found['cut_steps']} steps cut in pieces{gains}, {found['unsolved_steps']} not solved"
 
 
 def _errors(found: Mapping[str, Any]) -> str:

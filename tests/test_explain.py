@@ -42,7 +42,8 @@ def profiler(monkeypatch):
 @pytest.mark.parametrize("scene", [kepler, cluster, everything])
 def test_parallel_loops_are_those_that_the_profiler_counts(integrator, scene, profiler):
     with Simulation(scene(integrator=integrator), backend="cpu", plan="parallel") as simulation:
-        assert simulation.stepper.launches_per_step() == profiled_loops(simulation)
+        told = simulation.stepper.launches_per_step()
+        assert told is None if simulation.integrator.implicit else told == profiled_loops(simulation)
 
 
 def test_a_serial_step_starts_no_parallel_loop(profiler):

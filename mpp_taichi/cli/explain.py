@@ -61,7 +61,7 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "spring_count": len(simulation.start.springs),
         "effects": effect_names(simulation),
         "integrator": simulation.spec.integrator.name,
-        "force_evaluations_per_step": simulation.integrator.evaluations,
+        "force_evaluations_per_step": None if simulation.integrator.implicit else simulation.integrator.evaluations,
         "plan": simulation.plan,
         "plan_reason": plan_reason(simulation, plan_asked),
         "work_per_step": simulation.step_work,
@@ -93,11 +93,15 @@ def _timings(step: "StepTime", shares: "list[EffectCost]", prices: "list[EffectC
 def _lines(found: dict[str, Any]) -> list[str]:
     launches = found["launches_per_step"]
     how_often = f"{launches} parallel loops launched per step" if launches else "one launch holds many steps"
+    if launches is None:
+        how_often = "several parallel loops launched per iteration"
+    evaluations = f"{found['force_evaluations_per_step']} force evaluations per step"
+    if found["force_evaluations_per_step"] is None:
+        evaluations = "a force evaluation per iteration"
     limit = found["dt_limit"]
     rows = [
         f"{found['scene']}: {found['particle_count']:,} particles, {found['spring_count']:,} springs",
-        f"compiled   {', '.join(found['effects']) or 'no effect'}; {found['integrator']}, "
-        f"{found['force_evaluations_per_step']} force evaluations per step",
+        f"compiled   {', '.join(found['effects']) or 'no effect'}; {found['integrator']}, {evaluations}",
         f"device     {found['backend']}: {found['device']}, {found['precision']}",
         f"plan       {found['plan']}: {found['plan_reason']}; {how_often}",
         f"memory     {_bytes(found['field_bytes'])} in fields",

@@ -7,36 +7,10 @@ import taichi as ti
 
 from mpp_taichi.component import component, param
 from mpp_taichi.forces._base import BondForce
+from mpp_taichi.forces._step_bond import StepBond
 from mpp_taichi.integrators._implicit import Implicit, trapezoid
 from mpp_taichi.total_force import TotalForce
 from mpp_taichi.types import Template
-
-
-@ti.data_oriented
-class StepBond(BondForce):
-    """A bond as it acts over a whole step."""
-
-    def __init__(self, bond: Any):
-        """Bind the bond as it acts at a time."""
-        self.bond = bond
-        self.needs = bond.needs
-        self.conserves_energy = bond.conserves_energy
-        self.depends_on_velocity = bond.depends_on_velocity
-
-    @ti.func
-    def force(self, state: Template, i, j, h):
-        """That of the step."""
-        return self.bond.step_force(state, i, j, h)
-
-    @ti.func
-    def stiffness(self, state: Template, i, j, h, length):
-        """That of the step."""
-        return self.bond.step_stiffness(state, i, j, h, length)
-
-    @ti.func
-    def damping_rates(self, state: Template, h):
-        """Those of the bond."""
-        return self.bond.damping_rates(state, h)
 
 
 @component

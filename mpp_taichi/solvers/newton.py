@@ -16,7 +16,7 @@ AT_ROUND_OFF = 1e4  # updates that no longer shrink, and are within a hundred to
 # Relative to the way a step goes; well below what any method of second order leaves, and above rounding.
 TOLERANCE = {ti.f32: 1e-6, ti.f64: 1e-12}
 UNIT_ROUND_OFF = {ti.f32: 2.0**-24, ti.f64: 2.0**-53}
-COUNTERS = ("newton_count", "newton_most", "linear_count", "solved_steps", "cut_steps")
+COUNTERS = ("newton_count", "newton_most", "linear_count", "solved_steps", "cut_steps", "gaining_pieces")
 RUNNING, SOLVED, GAVE_UP = 0, 1, 2
 
 
@@ -188,6 +188,7 @@ class Newton:
                 newton_iterations=int(counts["newton_count"].sum()),
                 linear_iterations=int(counts["linear_count"].sum()),
                 cut_steps=int(counts["cut_steps"].sum()),
+                gaining_pieces=int(counts["gaining_pieces"].sum()),
                 most_newton_iterations=int(counts["newton_most"].max()),
                 unsolved=int(state.unsolved.to_numpy().sum()),
             )
