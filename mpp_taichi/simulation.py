@@ -64,7 +64,9 @@ class Simulation:
         check_capacity(self.estimate)
         self.phases = phases_of(self.spec)
         self._start = self.phases[0].particles
-        work = max(plans.step_work(each.spec, each.particles.particle_count, len(each.particles.springs)) for each in self.phases)
+        work = max(
+            plans.step_work(each.spec, each.particles.particle_count, len(each.particles.springs)) for each in self.phases
+        )
         self.device = backends.start(backend, precision, large=work >= GPU_WORTH_WORK, threads=threads)
         backends.retain(self.device)
         self._closed = False
@@ -86,7 +88,9 @@ class Simulation:
             return
         if number not in self._compiled:
             starts = self.replica_starts
-            self._compiled[number] = CompiledPhase(self.phases[number], self.device, plan=self._plan_asked, replica_starts=starts)
+            self._compiled[number] = CompiledPhase(
+                self.phases[number], self.device, plan=self._plan_asked, replica_starts=starts
+            )
         phase, compiled = self.phases[number], self._compiled[number]
         self.phase_number, self.spec, self._particles = number, phase.spec, phase.particles
         self.integrator, self.dt = compiled.integrator, compiled.dt
@@ -195,9 +199,10 @@ class Simulation:
         return max(0.0, following[0].at - self.time) if following else math.inf
 
     def _begin_phase(self, number: int) -> None:
-        """Go on with the next phase from exactly its time. Positions and velocities are carried over bit for bit; axes held now stop.
+        """Go on with the next phase from exactly its time: positions and velocities are carried over bit for bit.
 
-        What the change does to the energy is work from outside, kept in `phase_work`; `phase_energy` is the energy it leaves.
+        An axis that is held from now on stops. What the change does to the energy is work from outside, kept in `phase_work`;
+        `phase_energy` is the energy it leaves.
         """
         before = self._total_energy()
         copies = range(self.state.replica_count)

@@ -39,7 +39,7 @@ def _check(tree: Node, name: str, folder: Path, faults: Faults) -> tuple[SceneSp
     context = _context(tree, folder, faults)
     model = scene_model(select(tree.plain()))
     try:
-        validated = model.model_validate(tree.plain(), context=context)
+        validated: Any = model.model_validate(tree.plain(), context=context)
     except ValidationError as error:
         messages.report(error, tree, model, faults)
         faults.raise_if_any()

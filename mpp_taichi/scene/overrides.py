@@ -117,7 +117,11 @@ def _put_in_list(entries: list[Node], step: Any, rest: Path, new: Node, adding: 
 
 def _instead(word: str, entries: list[Node]) -> str:
     """What to write for an entry of a list."""
-    names = [] if any(entry.get(word) for entry in entries) else [key for entry in entries if isinstance(entry.value, dict) for key in entry.value]
+    names = (
+        []
+        if any(entry.get(word) for entry in entries)
+        else [key for entry in entries if isinstance(entry.value, dict) for key in entry.value]
+    )
     return f"{suggestion(word, names) or ','} " + (f"allowed: 0 to {len(entries) - 1}" if entries else "the list is empty")
 
 

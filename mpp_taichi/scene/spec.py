@@ -8,7 +8,18 @@ from pydantic import ConfigDict, Field
 from mpp_taichi.scene.fields import Flag, ListOf, Number, Settings, Text, Whole
 from mpp_taichi.scene.location import Location
 
-__all__ = ["CameraSpec", "ComponentSpec", "Event", "EventSpec", "Expectation", "Location", "RecordSpec", "RunSpec", "SceneSpec", "ViewSpec"]
+__all__ = [
+    "CameraSpec",
+    "ComponentSpec",
+    "Event",
+    "EventSpec",
+    "Expectation",
+    "Location",
+    "RecordSpec",
+    "RunSpec",
+    "SceneSpec",
+    "ViewSpec",
+]
 _CLOSED = ConfigDict(extra="forbid")
 _COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
 

@@ -56,7 +56,7 @@ def _check_times(spec: SceneSpec, times: Sequence[float], node: Node, faults: Fa
     for number, (at, entry) in enumerate(zip(times, node.value, strict=True)):
         place, key = entry.value["at"].location, f"timeline[{number}].at"
         if number and at <= times[number - 1]:
-            faults.add(place, key, f"{shown(at)} is not after timeline[{number - 1}].at = {shown(times[number - 1])}, must be later")
+            faults.add(place, key, f"{shown(at)} is not after timeline[{number - 1}].at = {shown(times[number - 1])}")
         elif spec.run.duration is not None and at >= spec.run.duration:
             faults.add(place, key, f"{shown(at)} is never reached, must be below run.duration = {shown(spec.run.duration)}")
 
@@ -90,7 +90,9 @@ def _checked(tree: Node, number: int, check: Callable[[Node], SceneSpec]) -> Sce
     try:
         return check(tree)
     except SceneError as error:
-        raise SceneError(*(f"{fault} (from timeline[{number}] on)" for fault in error.faults), excerpts=error.excerpts) from None
+        raise SceneError(
+            *(f"{fault} (from timeline[{number}] on)" for fault in error.faults), excerpts=error.excerpts
+        ) from None
 
 
 def _check_placement(first: SceneSpec, scene: SceneSpec, changes: Node, key: str, faults: Faults) -> None:
