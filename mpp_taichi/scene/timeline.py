@@ -96,7 +96,7 @@ def _checked(tree: Node, number: int, check: Callable[[Node], SceneSpec]) -> Sce
 
 
 def _check_placement(first: SceneSpec, scene: SceneSpec, changes: Node, key: str, faults: Faults) -> None:
-    """Refuse a phase that would place its particles elsewhere, or others: where they are is where the phase before left them."""
+    """Refuse a phase that would place its particles elsewhere, or others: they are where the phase before left them."""
     if len(scene.particles) != len(first.particles):
         _report(changes, ("particles",), key, "adds or removes particles, their number stays as it is", faults)
         return
