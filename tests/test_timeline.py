@@ -123,7 +123,10 @@ def test_an_event_changes_the_motion_at_exactly_its_time():
 
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 def test_phases_are_separate_runs_joined_by_a_snapshot(plan):
-    """Bit for bit, with nearly everything changed at once: forces, springs, masses, held axes, integrator and step."""
+    """Bit for bit, with nearly everything changed at once: forces, springs, masses, held axes, integrator and step.
+
+    The second method keeps the force from step to step; the one of the phase before is another one.
+    """
     before = everything(dt=0.01)
     before["forces"] = before["forces"][2:]
     after = copy.deepcopy(before)
@@ -157,6 +160,24 @@ def test_phases_are_separate_runs_joined_by_a_snapshot(plan):
     assert np.array_equal(found.position, expected.position) and np.array_equal(found.velocity, expected.velocity)
     assert np.array_equal(found.mass, expected.mass) and len(found.springs) == len(expected.springs)
     assert found.velocity[2, 1] == 0.0 and found.position[2, 1] == middle.position[2, 1]
+
+
+def test_a_method_with_a_history_begins_anew_in_its_phase():
+    """BDF2 after leapfrog: as from a snapshot, and again so after a restart, when its fields still hold the history of before."""
+    bdf2 = {"integrator": {"bdf2": {"dt": 0.02}}}
+    scene = oscillator({"at": 0.105, "set": {"springs.link.stiffness": 9, **bdf2}}, dt=0.01)
+    with Simulation(scene, backend="cpu") as simulation:
+        middle = simulation.run(until=0.105).snapshot()
+        assert simulation.step_count == 11 and simulation.phase_number == 1
+        found = simulation.run(steps=5).snapshot()
+        assert (simulation.solver_report.steps, simulation.solver_report.unsolved) == (5, 0)
+        simulation.restart()
+        assert np.array_equal(simulation.run(steps=16).snapshot().position, found.position)
+    alone = {**oscillator(), **bdf2}
+    alone["springs"][0]["link"]["stiffness"] = 9
+    with Simulation(alone, backend="cpu") as simulation:
+        simulation.state.write(middle.position, middle.velocity)
+        assert np.array_equal(simulation.run(steps=5).snapshot().position, found.position)
 
 
 def test_replicas_go_through_the_phases_together():
