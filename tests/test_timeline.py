@@ -163,7 +163,7 @@ def test_phases_are_separate_runs_joined_by_a_snapshot(plan):
 
 
 def test_a_method_with_a_history_begins_anew_in_its_phase():
-    """BDF2 after leapfrog: as from a snapshot, and again so after a restart, when its fields still hold the history of before."""
+    """BDF2 after leapfrog: as from a snapshot, and so again after a restart, when its fields still hold a history."""
     bdf2 = {"integrator": {"bdf2": {"dt": 0.02}}}
     scene = oscillator({"at": 0.105, "set": {"springs.link.stiffness": 9, **bdf2}}, dt=0.01)
     with Simulation(scene, backend="cpu") as simulation:
