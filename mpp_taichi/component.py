@@ -38,6 +38,7 @@ class Parameter:
     above: float | None = None  # exclusive minimum
     choices: tuple[str, ...] = ()
     optional: bool = False  # absent means None
+    strength: bool = False  # of a force: without it, where it is zero, there is no force
     names: tuple[str, ...] = ()  # per-particle names that a Formula may use
 
 

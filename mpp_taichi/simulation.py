@@ -1,19 +1,25 @@
 """Simulation: time, step count, the order of operations, and the execution plan."""
 
+import logging
 import math
 import time as clock
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from mpp_taichi import backends, component, plans, postmortem
-from mpp_taichi.assemble import assemble
-from mpp_taichi.errors import BackendError, CapacityError, MppError
+import numpy as np
+
+from mpp_taichi import backends, plans, postmortem
+from mpp_taichi.errors import MppError
+from mpp_taichi.phases import CompiledPhase, phase_at, phases_of
 from mpp_taichi.scene.estimate import check_capacity, estimate
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.timeline import whole_steps
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.solvers.report import SolverReport
+
+log = logging.getLogger(__name__)
 
 LAUNCH_SECONDS = 0.1  # aim for one launch: short enough to interrupt, long enough not to matter
 GPU_WORTH_WORK = 4_000_000  # work per step (see plans) from which `auto` looks for a GPU
@@ -30,7 +36,10 @@ class Recorder(Protocol):
 
 
 class Simulation:
-    """A scene, compiled to one step and run on one device.
+    """A scene, compiled to one step and run on one device; with a timeline, to one step for each phase.
+
+    What depends on the phase (`spec`, `dt`, `integrator`, `total_force`, `state`, …) is that of the present one, `phase_number`
+    in `phases`.
 
     `scene` is a path, a mapping of the shape of the YAML, or a SceneSpec; `overrides` are those of `--set`. `replica_starts`
     holds the starting snapshots of independent copies of the scene that run side by side, one thread each. Raises SceneError,
@@ -53,70 +62,42 @@ class Simulation:
         self.spec = load_scene(scene, overrides=overrides)
         self.estimate = estimate(self.spec)
         check_capacity(self.estimate)
-        self._start = assemble(self.spec)
-        self._build(backend, precision, plan, tuple(replica_starts), threads)
+        self.phases = phases_of(self.spec)
+        self._start = self.phases[0].particles
+        work = max(
+            plans.step_work(each.spec, each.particles.particle_count, len(each.particles.springs)) for each in self.phases
+        )
+        self.device = backends.start(backend, precision, large=work >= GPU_WORTH_WORK, threads=threads)
+        backends.retain(self.device)
+        self._closed = False
+        self._plan_asked, self.replica_starts = plan, tuple(replica_starts)
+        self._compiled: dict[int, CompiledPhase] = {}
+        self.phase_number = -1
+        self._enter(0)
         self.setup_seconds = clock.perf_counter() - began
         self.compile_seconds = 0.0
         self.advance_seconds = 0.0
         self.kernel_calls = 0  # of the stepper; under the serial plan each is one launch
+        self.phase_work: list[float] = []
+        self.when_phase_begins: list[Callable[[Simulation], None]] = []
         self.restart()
 
-    def _build(self, backend: str, precision: str | None, plan: str, starts: tuple[Snapshot, ...], threads: int | None) -> None:
-        start = self._start
-        work = self.step_work = plans.step_work(self.spec, start.particle_count, len(start.springs))
-        self.device = backends.start(backend, precision, large=work >= GPU_WORTH_WORK, threads=threads)
-        backends.retain(self.device)
-        self._closed = False
-        # Only now may Taichi code be imported, and only what the scene names.
-        from mpp_taichi.energy import EnergyMeter
-        from mpp_taichi.state import State
-        from mpp_taichi.stepper import Stepper
-        from mpp_taichi.total_force import TotalForce, compose
-
-        self.integrator = component.build("integrators", self.spec.integrator.name, self.spec.integrator.parameters)
-        self.dt = float(self.spec.integrator.parameters["dt"])
-        self.total_force = TotalForce(compose(self.spec, start), start.particle_count, self.spec.dimensions)
-        self.replica_starts = starts
-        replica_count = max(1, len(starts))
-        self.plan = plan if plan != "auto" else plans.choose(work, on_cpu=self.device.on_cpu, replica_count=replica_count)
-        if self.plan not in plans.PLANS or (replica_count > 1) != (self.plan == "replicas"):
-            raise BackendError(
-                f"plan {plan!r} does not fit; there are auto, serial and parallel for one copy, replicas for several"
+    def _enter(self, number: int) -> None:
+        """Make a phase the present one; what it needs is imported and allocated when it is entered for the first time."""
+        if number == self.phase_number:
+            return
+        if number not in self._compiled:
+            starts = self.replica_starts
+            self._compiled[number] = CompiledPhase(
+                self.phases[number], self.device, plan=self._plan_asked, replica_starts=starts
             )
-        work_fields = self.integrator.work_fields(self.total_force, start, plan=self.plan, on_cpu=self.device.on_cpu)
-        self.state = State(
-            start,
-            dimensions=self.spec.dimensions,
-            needs=self.total_force.needs,
-            scratch_count=self.integrator.scratch_count(self.total_force.depends_on_velocity),
-            streaming=self.total_force.has_pairs,
-            replica_count=replica_count,
-            wide=backends.widest_float(self.device),
-            work=work_fields,
-        )
-        self.stepper = Stepper(self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=self.device.on_cpu)
-        self.energy_meter = EnergyMeter(self.state, self.total_force)
-        self.launch_limit = self._steps_per_launch()
+        phase, compiled = self.phases[number], self._compiled[number]
+        self.phase_number, self.spec, self._particles = number, phase.spec, phase.particles
+        self.integrator, self.dt = compiled.integrator, compiled.dt
+        self.total_force, self.plan, self.step_work = compiled.total_force, compiled.plan, compiled.work
+        self.state, self.stepper, self.energy_meter = compiled.state, compiled.stepper, compiled.energy_meter
+        self.launch_limit = compiled.launch_limit
         self._launch_steps = 1
-
-    def _steps_per_launch(self) -> int:
-        """Most steps one launch may hold: software Vulkan stops a thread's loops in silence."""
-        limit = self.device.probes.loop_limit
-        if limit is None:
-            return 2**31 - 1
-        if self.plan == "parallel":
-            longest = self.state.particle_count if self.total_force.has_pairs else 0
-            allowed = 2**31 - 1
-        else:
-            longest = self.stepper.loop_iterations_per_step()
-            allowed = limit // longest
-        if longest > limit:
-            raise CapacityError(
-                f"this device ({self.device.name}) stops a kernel thread after {limit:,} loop iterations, and one step of "
-                f"{self.state.particle_count:,} particles under the {self.plan} plan needs {longest:,}; "
-                "use --backend cpu or another plan"
-            )
-        return allowed
 
     # --- time -----------------------------------------------------------------------------------------------------------
 
@@ -133,15 +114,20 @@ class Simulation:
     def restart(self) -> None:
         """Go back to the start."""
         self._require_life()
+        self._enter(phase_at(self.phases, self._start.time))
+        self.phase_work.clear()
+        self.phase_energy: float | None = None
         self._origin_time, self._origin_step, self._steps_since_origin = self._start.time, self._start.step, 0
         if self.replica_starts:
-            import numpy as np
-
             position = np.concatenate([start.position for start in self.replica_starts])
             velocity = np.concatenate([start.velocity * start.free for start in self.replica_starts])
             self.state.write(position, velocity)
         else:
             self.state.write(self._start.position, self._start.velocity * self._start.free)
+        self._start_afresh()
+
+    def _start_afresh(self) -> None:
+        """After positions and velocities were set: neither forces kept nor a method's history hold any more."""
         self._prepared = False
         if self.integrator.implicit:
             self.stepper.solver_report()
@@ -158,11 +144,28 @@ class Simulation:
         """Advance by `duration`, `until` a time, or by `steps`; without any of them as the scene's `run:` says.
 
         A loop of: ask the recorders when they are due, step that far at most, check that every number is finite, let the
-        recorders look. If the end is no whole number of steps away, one shorter step reaches it exactly.
+        recorders look. If the end is no whole number of steps away, one shorter step reaches it exactly. The end of a phase is
+        reached in the same way, and the next one begins there and then.
         """
         self._require_life()
-        whole, rest = self._plan_run(duration, until, steps)
+        span, left = self._plan_run(duration, until, steps)
         self._notify(recorders)
+        while True:
+            ahead = self.time_to_next_phase
+            leg = min(span, ahead)
+            whole, rest = whole_steps(leg, self.dt) if leg < math.inf else (left, 0.0)
+            ends_early = left < whole + (rest > 0.0)
+            if ends_early:
+                whole, rest = left, 0.0
+            self._step(int(whole), rest, recorders)
+            if ends_early or leg < ahead or ahead == math.inf:
+                return self
+            span, left = span - ahead, left - whole - (rest > 0.0)
+            self._begin_phase(self.phase_number + 1)
+            self._notify(recorders)
+
+    def _step(self, whole: int, rest: float, recorders: Sequence[Recorder]) -> None:
+        """So many steps, and one of the length `rest` unless that is 0."""
         last = self.step_count + whole
         while self.step_count < last:
             due = min([recorder.steps_until_due(self) for recorder in recorders], default=last)
@@ -171,9 +174,9 @@ class Simulation:
         if rest > 0.0:
             self._advance(1, rest)
             self._notify(recorders)
-        return self
 
-    def _plan_run(self, duration: float | None, until: float | None, steps: int | None) -> tuple[int, float]:
+    def _plan_run(self, duration: float | None, until: float | None, steps: int | None) -> tuple[float, float]:
+        """How much time and how many steps a run may take; one of them is infinite."""
         if sum(argument is not None for argument in (duration, until, steps)) > 1:
             raise MppError("run takes one of duration, until and steps")
         if duration is None and until is None and steps is None:
@@ -183,13 +186,42 @@ class Simulation:
         if steps is not None:
             if steps < 0:
                 raise MppError(f"steps must not be negative, got {steps}")
-            return steps, 0.0
+            return math.inf, steps
         span = float(duration) if duration is not None else float(until or 0.0) - self.time
         if not math.isfinite(span) or span < 0.0:
             raise MppError(f"cannot run for a time of {span}")
-        whole = math.floor(span / self.dt * (1.0 + 4e-16) + 1e-9)
-        rest = span - whole * self.dt
-        return whole, (rest if rest > 1e-9 * self.dt else 0.0)
+        return span, math.inf
+
+    @property
+    def time_to_next_phase(self) -> float:
+        """Simulated time until the timeline changes something; infinite where it does not any more."""
+        following = self.phases[self.phase_number + 1 : self.phase_number + 2]
+        return max(0.0, following[0].at - self.time) if following else math.inf
+
+    def _begin_phase(self, number: int) -> None:
+        """Go on with the next phase from exactly its time: positions and velocities are carried over bit for bit.
+
+        An axis that is held from now on stops. What the change does to the energy is work from outside, kept in `phase_work`;
+        `phase_energy` is the energy it leaves.
+        """
+        before = self._total_energy()
+        copies = range(self.state.replica_count)
+        position, velocity = (np.concatenate(each) for each in zip(*(self.state.read(replica) for replica in copies)))
+        step = self.step_count
+        self._enter(number)
+        phase = self.phases[number]
+        self._origin_time, self._origin_step, self._steps_since_origin = phase.at, step, 0
+        self.state.write(position, velocity * np.tile(phase.particles.free, (len(copies), 1)))
+        self._start_afresh()
+        self.phase_energy = self._total_energy()
+        self.phase_work.append(self.phase_energy - before)
+        changed = ", ".join(phase.changes)
+        log.info("time %.9g: %s changed, and the energy by %.6g", phase.at, changed, self.phase_work[-1])
+        for observe in self.when_phase_begins:
+            observe(self)
+
+    def _total_energy(self) -> float:
+        return float(self.diagnostics()["total_energy"])
 
     def _notify(self, recorders: Sequence[Recorder]) -> None:
         for recorder in recorders:
@@ -275,7 +307,7 @@ class Simulation:
         """Host copy of all particles now, float64 whatever the precision."""
         self._require_life()
         position, velocity = self.state.read(replica)
-        return self._start.moved(position=position, velocity=velocity, time=self.time, step=self.step_count)
+        return self._particles.moved(position=position, velocity=velocity, time=self.time, step=self.step_count)
 
     @property
     def start(self) -> Snapshot:
@@ -303,7 +335,8 @@ class Simulation:
     def close(self) -> None:
         """Give the device memory back."""
         if not self._closed and backends.is_alive(self.device):
-            self.state.destroy()
+            for compiled in self._compiled.values():
+                compiled.state.destroy()
             backends.release(self.device)
         self._closed = True
 

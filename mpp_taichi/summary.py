@@ -64,7 +64,8 @@ def effect_names(simulation: "Simulation") -> list[str]:
 def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopwatch, *, plan_asked: str) -> dict[str, Any]:
     """The facts of a run; `status`, `files` and `expect` are added by who knows them."""
     spec, device = simulation.spec, simulation.device
-    timed_steps = simulation.step_count - 1  # the first launch is one step, and its time is that of the compiler
+    phases = simulation.phases[: simulation.phase_number + 1]
+    timed_steps = simulation.step_count - len(phases)  # the first launch of each is one step, and its time the compiler's
     rate = timed_steps / simulation.advance_seconds if simulation.advance_seconds > 0.0 else None
     count = simulation.state.particle_count
     pairs = count * (count - 1) * max(1, simulation.integrator.evaluations) if simulation.total_force.has_pairs else 0
@@ -79,7 +80,7 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "plan_reason": plan_reason(simulation, plan_asked),
         "integrator": spec.integrator.name,
         "dt": simulation.dt,
-        "effects": effect_names(simulation),
+        "effects": list(dict.fromkeys(name for phase in phases for name in phase.effects)),
         "particle_count": count,
         "spring_count": len(simulation.start.springs),
         "steps": simulation.step_count,
@@ -93,7 +94,8 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "pair_interactions_per_second": rate * pairs if rate is not None and pairs else None,
         "launches_per_step": launches_per_step(simulation),
         **(_solver(simulation) if simulation.integrator.implicit else {}),
-        "conserves_energy": simulation.conserves_energy,
+        "conserves_energy": simulation.conserves_energy and all(row["conserves_energy"] for row in table.rows),
+        "phases": phase_facts(simulation),
         **(table.summary() if table.rows else {}),
     }
 
@@ -110,6 +112,21 @@ def _solver(simulation: "Simulation") -> dict[str, Any]:
         "gaining_pieces": report.gaining_pieces,
         "unsolved_steps": report.unsolved,
     }
+
+
+def phase_facts(simulation: "Simulation") -> list[dict[str, Any]]:
+    """What the timeline has changed so far: time, keys and values, the effects since, and the energy put in by the change."""
+    begun = simulation.phases[1 : simulation.phase_number + 1]
+    return [
+        {
+            "at": phase.at,
+            "changes": phase.changes,
+            "effects": phase.effects,
+            "integrator": phase.spec.integrator.name,
+            "work": work,
+        }
+        for phase, work in zip(begun, simulation.phase_work, strict=True)
+    ]
 
 
 def launches_per_step(simulation: "Simulation") -> float | None:
@@ -143,6 +160,7 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         ("device", f"{found['backend']}: {found['device']}{threads}"),
         ("plan", f"{found['plan']}: {found['plan_reason']}"),
         ("reached", f"t = {found['time']:.9g} in {found['steps']:,} steps{_rate(found)}"),
+        *(("phase", _phase_line(phase)) for phase in found["phases"]),
         ("solver", _solver_line(found)),
         ("errors", _errors(found)),
         ("time", _times(found)),
@@ -178,12 +196,19 @@ def _solver_line(found: Mapping[str, Any]) -> str:
     return f"{newton}{linear}; {found['cut_steps']} steps cut in pieces{gains}, {found['unsolved_steps']} not solved"
 
 
+def _phase_line(phase: Mapping[str, Any]) -> str:
+    effects = ", ".join(phase["effects"]) or "no effect"
+    return f"from t = {phase['at']:.9g}: {', '.join(phase['changes'])} changed, then {effects}; energy {phase['work']:+.6g}"
+
+
 def _errors(found: Mapping[str, Any]) -> str:
     if "relative_energy_error_max" not in found:
         return ""
     energy = f"energy {found['relative_energy_error_max']:.2g}"
     if not found["conserves_energy"]:
         energy += " (a force does work here)"
+        if "conserved_energy_error_max" in found:
+            energy += f", {found['conserved_energy_error_max']:.2g} where none does"
     return f"{energy}, momentum {found['momentum_error_max']:.2g}, angular momentum {found['angular_momentum_error_max']:.2g}"
 
 

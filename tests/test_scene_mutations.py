@@ -185,7 +185,6 @@ CHANGES = [
     ("run: {duration: 30}", "walls: []", "does not have 'walls' yet"),
     ("run: {duration: 30}", "inspect: []", "does not have 'inspect' yet"),
     ("run: {duration: 30}", "sliders: []", "does not have 'sliders' yet"),
-    ("run: {duration: 30}", "timeline: []", "does not have 'timeline' yet"),
     ("run: {duration: 30}", "accuracy: {}", "does not have 'accuracy' yet"),
     ("run: {duration: 30}", "rnu: {duration: 30}", "did you mean 'run'"),
     ("trails: 10", "trails: -1", "must be at least 0"),

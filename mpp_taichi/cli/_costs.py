@@ -41,7 +41,7 @@ def measure(simulation: "Simulation") -> tuple[StepTime, list[EffectCost], list[
 
     The variants are timed in turn, round after round, so that a machine that slows down slows all of them.
     """
-    spec, asked = simulation.spec, simulation.plan
+    spec, asked = replace(simulation.spec, timeline=()), simulation.plan
     fewer, more = _without(spec), _with(spec)
     simulations = [simulation]
     try:

@@ -4,6 +4,7 @@ import argparse
 
 from mpp_taichi import plans
 from mpp_taichi.cli import _options
+from mpp_taichi.cli._phases import described, phase_line
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._terminal import put, put_json
 from mpp_taichi.scene.estimate import Estimate, check_capacity, estimate
@@ -26,11 +27,12 @@ def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
         "effects": [force.name for force in spec.forces] + (["spring"] if needed.spring_count else []),
         "integrator": spec.integrator.name,
         "dt": dt,
+        "timeline": described(spec),
         "particle_count": needed.particle_count,
         "spring_count": needed.spring_count,
         "pair_interactions_per_evaluation": needed.pair_interactions_per_evaluation,
-        "steps": goal.step_count(dt),
-        "time": None if goal.endless else goal.span(dt),
+        "steps": goal.step_count(spec),
+        "time": None if goal.endless else goal.span(spec),
         "bytes": needed.bytes,
         "backend": arguments.backend,
         "precision": arguments.precision or "f64 on the CPU, f32 elsewhere",
@@ -45,7 +47,9 @@ def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
     if arguments.json:
         put_json(found)
     else:
-        put("\n".join(_line(name, value) for name, value in found.items() if name not in ("resolved", "status", "exit_code")))
+        hidden = ("resolved", "status", "exit_code")
+        found["timeline"] = [phase_line(phase) for phase in described(spec)]
+        put("\n".join(_line(name, value) for name, value in found.items() if name not in hidden))
     return 0
 
 

@@ -11,6 +11,7 @@ from mpp_taichi.recorders.table import FORMATS as TABLE_FORMATS
 from mpp_taichi.recorders.trajectory import FORMATS as TRAJECTORY_FORMATS
 from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
 from mpp_taichi.recorders.video import check_encoder
+from mpp_taichi.scene import timeline
 from mpp_taichi.scene.estimate import MOST_STEPS
 from mpp_taichi.scene.spec import SceneSpec
 
@@ -86,14 +87,14 @@ class Goal:
         """Whether nothing says where to stop."""
         return self.until is None and self.steps is None
 
-    def span(self, dt: float) -> float:
+    def span(self, spec: SceneSpec) -> float:
         """Simulated time of the run, which starts at 0 [time]."""
-        return self.until if self.until is not None else (self.steps or 0) * dt
+        return self.until if self.until is not None else timeline.time_after(spec, self.steps or 0)
 
-    def step_count(self, dt: float) -> int | None:
+    def step_count(self, spec: SceneSpec) -> int | None:
         """Steps of the run, or None without an end."""
         if self.until is not None:
-            return max(1, round(self.until / dt))
+            return max(1, timeline.step_count(spec, self.until))
         return self.steps
 
     def is_reached(self, simulation: "Simulation") -> bool:
@@ -111,7 +112,7 @@ class Goal:
         """
         if self.endless and not may_be_endless:
             raise UsageError(f"{spec.source}: the scene has no run.duration: say how long, --until T or --steps N")
-        steps = self.step_count(float(spec.integrator.parameters["dt"]))
+        steps = self.step_count(spec)
         if steps is not None and steps > MOST_STEPS:
             raise CapacityError(
                 f"{spec.source}: the run takes {steps:.3g} steps, allowed: {MOST_STEPS:,}; enlarge dt or shorten the run"

@@ -23,6 +23,7 @@ from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.stability import spring_step_limit
 from mpp_taichi.summary import Stopwatch, Timed, lines, summarize
 
@@ -69,7 +70,8 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
         sinks = _open_sinks(spec, request, stack)
         trajectory = stack.enter_context(TrajectoryRecorder(request.trajectory)) if request.trajectory else None
         simulation = stack.enter_context(_start(spec, request))
-        _warn_of_large_step(simulation)
+        _warn_of_large_steps(simulation)
+        simulation.when_phase_begins.append(_check_phase)
         return _Run(spec, request, goal, simulation, stopwatch).go(interruption, sinks, trajectory)
 
 
@@ -97,15 +99,28 @@ def _start(spec: SceneSpec, request: Request) -> "Simulation":
     return Simulation(spec, backend=request.backend, precision=request.precision, plan=request.plan, threads=request.threads)
 
 
-def _warn_of_large_step(simulation: "Simulation") -> None:
-    limit = spring_step_limit(simulation.start)
-    if limit is not None and simulation.dt > limit:
+def _warn_of_large_steps(simulation: "Simulation") -> None:
+    """Look at every phase now, before the first step."""
+    for phase in simulation.phases:
+        _warn_of_large_step(phase.particles, float(phase.spec.integrator.parameters["dt"]), phase.at)
+
+
+def _warn_of_large_step(particles: Snapshot, dt: float, begins: float) -> None:
+    limit = spring_step_limit(particles)
+    if limit is not None and dt > limit:
         log.warning(
-            "dt = %.4g is %.2g times what the springs allow an explicit method; the run may fail, %.4g is safe",
-            simulation.dt,
-            simulation.dt / limit,
+            "%sdt = %.4g is %.2g times what the springs allow an explicit method; the run may fail, %.4g is safe",
+            f"from t = {begins:.6g} on, " if begins > 0.0 else "",
+            dt,
+            dt / limit,
             limit,
         )
+
+
+def _check_phase(simulation: "Simulation") -> None:
+    """Look again at a phase that begins, as it really is."""
+    phase = simulation.phases[simulation.phase_number]
+    _warn_of_large_step(simulation.snapshot(), simulation.dt, phase.at)
 
 
 class _Run:
@@ -113,7 +128,7 @@ class _Run:
 
     def __init__(self, spec: SceneSpec, request: Request, goal: Goal, simulation: "Simulation", stopwatch: Stopwatch) -> None:
         self.spec, self.request, self.goal, self.simulation, self.stopwatch = spec, request, goal, simulation, stopwatch
-        self.total_steps = goal.step_count(simulation.dt)
+        self.total_steps = goal.step_count(spec)
         sparse = simulation.total_force.has_pairs and simulation.plan == "parallel"
         self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps, sparse=sparse)
         self.table = TableRecorder(self.every)
@@ -170,7 +185,7 @@ class _Run:
             view,
             sinks,
             round(fps * seconds),
-            self.goal.span(self.simulation.dt),
+            self.goal.span(self.spec),
             title=self.spec.title,
             caption=self._caption,
             stopwatch=self.stopwatch,

@@ -8,6 +8,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli import _options
+from mpp_taichi.cli._phases import described, phase_line
 from mpp_taichi.cli._terminal import output_reserved, put, put_json, say
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def execute(arguments: argparse.Namespace) -> int:
         )
         with simulation:
             step, shares, prices = measure(simulation)
-            found = _facts(simulation, arguments.plan) | _timings(step, shares, prices)
+            found = _facts(simulation, arguments.plan) | _timings(step, shares, prices) | {"timeline": described(spec)}
     if arguments.json:
         put_json(found)
     else:
@@ -110,6 +111,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
         *(f"           {row['effect']:20s}{_share(row)} of it" for row in found["shares"]),
         "absent     what each would add to a step",
         *(f"           {row['effect']:20s}{_share(row)}" for row in found["absent"]),
+        *(f"{'timeline' if not n else '':11s}{phase_line(phase)}" for n, phase in enumerate(found["timeline"])),
         f"dt         {found['dt']:.6g}" + (f"; the springs allow {limit:.6g} to leapfrog" if limit else ""),
     ]
     return rows

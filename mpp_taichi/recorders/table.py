@@ -26,7 +26,7 @@ ERRORS = ("relative_energy_error", "momentum_error", "angular_momentum_error", "
 class TableRecorder:
     """Samples energies, momentum, angular momentum and centre of mass every `every` steps, all in f64.
 
-    Errors are against the first sample:
+    Errors are against the first sample, that of the energy against the energy at the start of the present phase:
 
     relative_energy_error   |E − E₀| / |E₀|; where E₀ is zero, over the largest kinetic + |potential| seen so far instead
     momentum_error          |P − P₀| over the largest Σ m |v| seen so far
@@ -46,6 +46,8 @@ class TableRecorder:
         self.rows.clear()
         self._drift = np.zeros(3)
         self._radius = 0.0
+        self._phase_number = 0
+        self._energy = 0.0
         self._largest = dict.fromkeys(("energy", "momentum", "angular_momentum", "way"), 0.0)
 
     @staticmethod
@@ -57,7 +59,9 @@ class TableRecorder:
         return max(SPARSE_STEPS if sparse else 1, 100 if steps is None else steps // SAMPLES_PER_RUN)
 
     def steps_until_due(self, simulation: "Simulation") -> int:
-        """Until the next sample."""
+        """Until the next sample; a new phase is looked at as it begins."""
+        if self.rows and simulation.phase_number != self._phase_number:
+            return 0
         return self.rows[-1]["step"] + self.every - simulation.step_count if self.rows else 0
 
     def record(self, simulation: "Simulation") -> None:
@@ -66,7 +70,9 @@ class TableRecorder:
             row = simulation.diagnostics()
             if not self.rows:
                 self._remember_start(simulation)
-            self.rows.append({**row, **self._errors(row)})
+            if not self.rows or simulation.phase_number != self._phase_number:
+                self._remember_energy(simulation, row)
+            self.rows.append({**row, **self._errors(row), "conserves_energy": simulation.conserves_energy})
 
     def finish(self, simulation: "Simulation") -> None:
         """Take the last sample, unless that was just done."""
@@ -83,6 +89,13 @@ class TableRecorder:
         self._drift = weight @ snapshot.velocity
         self._radius = float(np.linalg.norm(snapshot.position - weight @ snapshot.position, axis=1).max())
 
+    def _remember_energy(self, simulation: "Simulation", row: dict[str, Any]) -> None:
+        """What the energy is to stay at: as a phase began if that was seen, else as it is now."""
+        self._phase_number = simulation.phase_number
+        began = simulation.phase_energy if self.rows else None
+        self._energy = row["total_energy"] if began is None else began
+        self._largest["energy"] = 0.0
+
     def _errors(self, row: dict[str, Any]) -> dict[str, float]:
         first = self.rows[0] if self.rows else row
         way = row["center_of_mass"] - first["center_of_mass"]
@@ -90,11 +103,11 @@ class TableRecorder:
         self._raise("momentum", row["momentum_scale"])
         self._raise("angular_momentum", row["angular_momentum_scale"])
         self._raise("way", math.hypot(*way))
-        start, largest = abs(first["total_energy"]), self._largest
+        start, largest = abs(self._energy), self._largest
         uniform = self._drift * (row["time"] - first["time"])
         return {
             "relative_energy_error": _ratio(
-                row["total_energy"] - first["total_energy"],
+                row["total_energy"] - self._energy,
                 start if start > ZERO_ENERGY * largest["energy"] else largest["energy"],
             ),
             "momentum_error": _ratio(row["momentum"] - first["momentum"], largest["momentum"]),
@@ -106,13 +119,18 @@ class TableRecorder:
         self._largest[name] = max(self._largest[name], value)
 
     def summary(self) -> dict[str, float]:
-        """First and last energy, and the largest of every error (`relative_energy_error_max`, …)."""
+        """First and last energy, and the largest of every error (`relative_energy_error_max`, …).
+
+        `conserved_energy_error_max` is that of the energy while every force present had a potential; absent if that never was.
+        """
         found = {
             "total_energy_initial": self.rows[0]["total_energy"],
             "total_energy_final": self.rows[-1]["total_energy"],
             "kinetic_energy_final": self.rows[-1]["kinetic_energy"],
             "potential_energy_final": self.rows[-1]["potential_energy"],
         }
+        if kept := [row["relative_energy_error"] for row in self.rows if row["conserves_energy"]]:
+            found["conserved_energy_error_max"] = max(kept)
         return found | {f"{name}_max": max(row[name] for row in self.rows) for name in ERRORS}
 
     def columns(self) -> dict[str, Any]:

@@ -19,7 +19,7 @@ ENERGY_LIMIT = 0.1
 class EnergyWatchdog:
     """Reads the table as it grows; the time of the first sample above `ENERGY_LIMIT` is kept as `broken_at` and warned about.
 
-    Stands after its table in the list of recorders. The limit holds for scenes all of whose forces conserve energy; that the
+    Stands after its table in the list of recorders. The limit holds while all forces present conserve energy; that the
     energy is a number holds for every scene, and particles on their way to infinity break it long before they are NaN.
     """
 
@@ -49,7 +49,7 @@ class EnergyWatchdog:
                 )
                 error.step, error.time = row["step"], row["time"]
                 raise error
-            if simulation.conserves_energy and self.broken_at is None and not row["relative_energy_error"] <= ENERGY_LIMIT:
+            if row["conserves_energy"] and self.broken_at is None and not row["relative_energy_error"] <= ENERGY_LIMIT:
                 self.broken_at = row["time"]
                 log.warning(
                     "the energy was off by %.2g of itself at time %.6g although every force conserves it: "

@@ -8,6 +8,7 @@ from mpp_taichi.scene.spec import Expectation
 # What every run measures anyway, without a diagnostic of that name.
 SUMMARY_QUANTITIES = {
     "relative_energy_error_max": "largest |E − E₀| / |E₀| of the run, work of dissipative forces left out of no account",
+    "conserved_energy_error_max": "the same, of those phases of a timeline in which every force has a potential",
     "momentum_error_max": "largest change of the total momentum, relative to Σ m |v|",
     "angular_momentum_error_max": "largest change of the total angular momentum, relative to Σ m |r × v|",
     "center_of_mass_error_max": "largest distance of the centre of mass from uniform motion, relative to the system's size",

@@ -243,6 +243,21 @@ class Counts(Field):
 
 
 @dataclass(frozen=True)
+class Settings(Field):
+    """A mapping of paths to values; what they may be is known only to the scene that they are set in (timeline.py)."""
+
+    def check(self, value: Any, context: Context) -> dict[str, Any]:
+        """Refuse what is no mapping, and one that changes nothing."""
+        if not isinstance(value, dict) or not value:
+            raise Wrong(f"must be a mapping of paths to values, not {shown(value) if value else 'nothing'}")
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        """Any mapping."""
+        return {"type": "object", "minProperties": 1}
+
+
+@dataclass(frozen=True)
 class Reference(Field):
     """A particle by index or name; which it is is known only when all particles are counted (references.py)."""
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from mpp_taichi.scene import constants, expectations, extends, messages, references, units
+from mpp_taichi.scene import constants, expectations, extends, messages, references, timeline, units
 from mpp_taichi.scene import overrides as override
 from mpp_taichi.scene.cross_checks import check_together
 from mpp_taichi.scene.document import Node, from_python, read_file
@@ -30,10 +30,16 @@ def load_scene(source: str | Path | Mapping[str, Any] | SceneSpec, *, overrides:
     faults = Faults()
     tree, name, folder = _read(source, faults)
     tree = _override(tree, overrides, faults)
+    spec, times = _check(tree, name, folder, faults)
+    return timeline.with_phases(spec, times, tree, faults, lambda changed: _check(changed, name, folder, faults)[0])
+
+
+def _check(tree: Node, name: str, folder: Path, faults: Faults) -> tuple[SceneSpec, list[float]]:
+    """The scene that a tree holds, and the times of its timeline, whose phases are still to be made."""
     context = _context(tree, folder, faults)
     model = scene_model(select(tree.plain()))
     try:
-        validated = model.model_validate(tree.plain(), context=context)
+        validated: Any = model.model_validate(tree.plain(), context=context)
     except ValidationError as error:
         messages.report(error, tree, model, faults)
         faults.raise_if_any()
@@ -43,7 +49,7 @@ def load_scene(source: str | Path | Mapping[str, Any] | SceneSpec, *, overrides:
     spec = references.resolve(spec, tree, faults)
     check_together(spec, tree, faults)
     faults.raise_if_any()
-    return spec
+    return spec, [event.at for event in validated.timeline]
 
 
 def _read(source: str | Path | Mapping[str, Any] | SceneSpec, faults: Faults) -> tuple[Node, str, Path]:

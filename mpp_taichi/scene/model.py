@@ -18,7 +18,7 @@ from mpp_taichi.component import REQUIRED, Parameter
 from mpp_taichi.scene import fields, units
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.fields import Context, Field, Number, Text, Whole, Wrong
-from mpp_taichi.scene.spec import RecordSpec, RunSpec, ViewSpec
+from mpp_taichi.scene.spec import EventSpec, RecordSpec, RunSpec, ViewSpec
 
 # Keys of a scene that hold components, and the folder those come from.
 KINDS = {
@@ -28,7 +28,7 @@ KINDS = {
     "integrator": "integrators",
     "expect": "diagnostics",
 }
-LATER_KEYS = ("contacts", "walls", "inspect", "sliders", "timeline", "accuracy")
+LATER_KEYS = ("contacts", "walls", "inspect", "sliders", "accuracy")
 _STRICT = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, protected_namespaces=())
 Selection = tuple[tuple[str, tuple[str, ...]], ...]  # kind → names of the components in the model
 
@@ -134,6 +134,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         integrator=(integrator, Describe(description="the method that advances time")),
         move_to_center_of_mass=_key(fields.Flag(), False, "start with the centre of mass at rest at the origin"),
         run=(RunSpec, Describe(RunSpec(), description="how long to run")),
+        timeline=(_list_of(EventSpec), Describe([], description="what changes at a time; a list of {at, set}")),
         view=(ViewSpec, Describe(ViewSpec(), description="what is drawn")),
         record=(RecordSpec, Describe(RecordSpec(), description="how a film is made")),
         expect=(expect | None, Describe(None, description="physics that must come out")),

@@ -5,10 +5,21 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from mpp_taichi.scene.fields import Flag, ListOf, Number, Text, Whole
+from mpp_taichi.scene.fields import Flag, ListOf, Number, Settings, Text, Whole
 from mpp_taichi.scene.location import Location
 
-__all__ = ["CameraSpec", "ComponentSpec", "Expectation", "Location", "RecordSpec", "RunSpec", "SceneSpec", "ViewSpec"]
+__all__ = [
+    "CameraSpec",
+    "ComponentSpec",
+    "Event",
+    "EventSpec",
+    "Expectation",
+    "Location",
+    "RecordSpec",
+    "RunSpec",
+    "SceneSpec",
+    "ViewSpec",
+]
 _CLOSED = ConfigDict(extra="forbid")
 _COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
 
@@ -69,6 +80,15 @@ class RunSpec:
     every: Annotated[int | None, Whole(minimum=1), Field(description="steps between diagnostic samples")] = None
 
 
+@dataclass(frozen=True)
+class EventSpec:
+    """A change at a time: `set` maps paths, as `--set` takes them, to the values that hold from then on."""
+
+    __pydantic_config__ = _CLOSED
+    at: Annotated[float, Number(above=0.0), Field(description="time of the change, reached exactly")]
+    set: Annotated[dict[str, Any], Settings(), Field(description="path: value, forces.linear_drag.coefficient: 0 say")]
+
+
 @dataclass(frozen=True, eq=False)
 class Expectation:
     """A statement of physics that `check` asserts: `quantity` bounded by `below`/`above`, or `near ± within`.
@@ -83,6 +103,16 @@ class Expectation:
     above: dict[str, float] | None
     near: float | None
     within: dict[str, float] | None
+    location: Location
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """A time of the timeline: what changes there, as plain data, and the scene from then on, which has no timeline itself."""
+
+    at: float
+    changes: dict[str, Any]
+    scene: "SceneSpec"
     location: Location
 
 
@@ -107,3 +137,4 @@ class SceneSpec:
     record: RecordSpec
     expect: tuple[Expectation, ...]
     resolved: dict[str, Any]  # plain YAML-able mapping, itself a scene: extends and overrides applied, expressions kept
+    timeline: tuple[Event, ...] = ()  # this scene itself is the first phase

@@ -10,7 +10,7 @@ class SolverReport:
     steps, newton_iterations, linear_iterations   solved steps, and what they took together
     most_newton_iterations                        in one step, or piece of it
     cut_steps                                     that were done in pieces, because in one they were not solved
-    gaining_pieces                                the smallest of those that gained energy all the same, by a method that should not
+    gaining_pieces                                the smallest ones, that gained energy all the same
     unsolved                                      replicas that stand still because a step of theirs was not solved
     fewest_steps                                  solved by the replica that solved fewest, since the last report
     """
