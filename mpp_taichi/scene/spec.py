@@ -8,7 +8,17 @@ from pydantic import ConfigDict, Field
 from mpp_taichi.scene.fields import Flag, ListOf, Number, Text, Whole
 from mpp_taichi.scene.location import Location
 
-__all__ = ["CameraSpec", "ComponentSpec", "Expectation", "Location", "RecordSpec", "RunSpec", "SceneSpec", "ViewSpec"]
+__all__ = [
+    "CameraSpec",
+    "ComponentSpec",
+    "Expectation",
+    "Location",
+    "RecordSpec",
+    "RunSpec",
+    "SceneSpec",
+    "SpringTypeSpec",
+    "ViewSpec",
+]
 _CLOSED = ConfigDict(extra="forbid")
 _COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
 
@@ -67,6 +77,17 @@ class RunSpec:
     duration: Annotated[float | None, Number(above=0.0), Field(description="time to simulate; or give steps")] = None
     steps: Annotated[int | None, Whole(minimum=1), Field(description="steps to do; or give duration")] = None
     every: Annotated[int | None, Whole(minimum=1), Field(description="steps between diagnostic samples")] = None
+
+
+@dataclass(frozen=True)
+class SpringTypeSpec:
+    """What the springs of one type share; what it does not say, each entry of springs: says for itself."""
+
+    __pydantic_config__ = _CLOSED
+    stiffness: Annotated[float | None, Number(minimum=0.0), Field(description="D [force length⁻¹]")] = None
+    damping: Annotated[float | None, Number(minimum=0.0), Field(description="c [force time length⁻¹]")] = None
+    prestretch: Annotated[float | None, Number(above=0.0), Field(description="placed length over rest length")] = None
+    color: Annotated[tuple[float, float, float] | None, _COLOR, Field(description="red, green, blue in 0…1")] = None
 
 
 @dataclass(frozen=True, eq=False)
