@@ -9,7 +9,7 @@ def with_integrator(scene, integrator, dt, **more):
 
 
 def cloth_links(damping=0.0):
-    """Nearest neighbours, cross-links and bending, ever weaker; ω_max of masses 0.02 is below √(8·(20 + 10 + 4) / 0.02) = 117."""
+    """Nearest neighbours, cross-links and bending, ever weaker; ω_max < √(8 (20 + 10 + 4) / 0.02) = 117."""
     kinds = {"nearest": 20.0, "diagonal": 10.0, "bending": 4.0}
     return [
         {"lattice_links": {"of": "cloth", "neighbors": kind, "stiffness": stiffness, "damping": damping}}

@@ -1,4 +1,4 @@
-"""Springs by their laws: the oscillator in its three regimes for every integrator, and networks that break careless programs."""
+"""Springs by their laws: the oscillator in its three regimes for every integrator, and networks that are hard to keep."""
 
 import logging
 import math
@@ -195,7 +195,7 @@ def test_a_network_whose_forces_jump_stays_finite_and_keeps_its_energy(make, cap
 
 
 def test_a_hundredfold_stretch_keeps_its_energy_within_the_bound():
-    """Velocity Verlet's energy swings by (ω dt)²/4 of itself; passing the wall at 99 with a jump of 2 costs 2 · 99 · 0.05 / E each."""
+    """Leapfrog's energy swings by (ω dt)²/4 of itself; passing the wall at 99 with a jump of 2 costs up to 2 · 99 · 0.05/2."""
     scene = hard_networks.huge_stretch(dt=0.05)
     energy = 0.5 * 99.0**2
     with Simulation(scene, backend="cpu", precision="f64") as simulation:

@@ -43,7 +43,7 @@ def _keys() -> Iterator[str]:
     yield "## Keys\n\n| key | default | meaning |\n|---|---|---|"
     schema = scene_schema()
     for key, entry in schema["properties"].items():
-        default = "**required**" if key in schema["required"] else _shown(entry.get("default"))
+        default = "**required**" if key in schema["anyOf"][0]["required"] else _shown(entry.get("default"))
         yield f"| `{key}` | {default} | {entry.get('description', '')} |"
 
 

@@ -15,6 +15,7 @@ def scene_schema() -> dict[str, Any]:
     schema = scene_model(all_components()).model_json_schema(mode="validation")
     for described in (CameraSpec, RecordSpec, RunSpec, SpringTypeSpec, ViewSpec):  # some versions of pydantic leave these out
         schema["$defs"][described.__name__]["description"] = described.__doc__
+    schema["anyOf"] = [{"required": schema.pop("required")}, {"required": ["extends"]}]  # the base may hold what is missing
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
