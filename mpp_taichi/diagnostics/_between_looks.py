@@ -1,4 +1,4 @@
-"""What a coordinate does between two looks: the cubic through both values and both rates (Hermite), good to the fourth order."""
+"""What a coordinate does between two looks: the cubic through both values and both rates (Hermite)."""
 
 import math
 

@@ -8,7 +8,7 @@ from mpp_taichi.snapshot import Snapshot
 
 @component
 class OscillationPeriod(Diagnostic):
-    """Mean period of one coordinate of one particle: time between its first and last upward passages of a level, by their number.
+    """Mean period of one coordinate of one particle: from its first upward passage of a level to its last.
 
     Passages are found between looks by a cubic through values and rates, to 1e-7 of a period.
     """

@@ -26,7 +26,7 @@ def static_shape(start, between, stiffness, rest_length, load, free, *, toleranc
         step, length = step.reshape(x.shape), 1.0
         slope = np.sum((gradient - load) * step)
         # Close to the end the energy's own rounding hides the descent: there the full step is taken.
-        while energy(x + length * step) > energy(x) + 1e-4 * length * slope + 1e-13 * abs(energy(x)) and length > 1e-6:
+        while energy(x + length * step) > energy(x) + 1e-4 * length * slope + 1e-13 * np.abs(load * x).sum() and length > 1e-6:
             length *= 0.5
         x = x + length * step
     raise RuntimeError(f"no equilibrium found: residual {np.abs(residual).max():.3g}")
