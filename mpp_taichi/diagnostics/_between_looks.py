@@ -16,26 +16,34 @@ def coordinate(snapshot: Snapshot, of: Particle, axis: str) -> tuple[float, floa
 
 
 class Track:
-    """The last two looks at a coordinate, and how soon the next must come."""
+    """The last two looks at a coordinate, and how soon the next must come.
 
-    def __init__(self) -> None:
-        """Nothing was seen yet."""
+    The angular frequency of an oscillation is the largest speed over the largest distance from the middle, and the largest
+    change of speed over the largest speed. Early on the larger of the two is the inverse of the time since the start.
+    """
+
+    def __init__(self, middle: float) -> None:
+        """Nothing was seen yet; distances are from `middle`."""
         self.looks: list[tuple[float, float, float]] = []  # time, value, rate
-        self._fastest = 0.0  # largest rate of change seen, as an angular frequency
+        self._middle = middle
+        self._farthest = self._fastest = self._steepest = 0.0
 
-    def add(self, time: float, value: float, rate: float, size: float) -> None:
-        """Keep a look; `size` is the amplitude that rates are measured by."""
+    def add(self, time: float, value: float, rate: float) -> None:
+        """Keep a look."""
         self.looks = [*self.looks[-1:], (time, value, rate)]
-        if size > 0.0 and len(self.looks) == 2 and time > self.looks[0][0]:
-            change = abs(rate - self.looks[0][2]) / (time - self.looks[0][0])
-            self._fastest = max(self._fastest, math.sqrt(change / size), abs(rate) / size)
+        self._farthest = max(self._farthest, abs(value - self._middle))
+        self._fastest = max(self._fastest, abs(rate))
+        if len(self.looks) == 2 and time > self.looks[0][0]:
+            self._steepest = max(self._steepest, abs(rate - self.looks[0][2]) / (time - self.looks[0][0]))
 
     @property
     def interval(self) -> float:
-        """A small part of the fastest oscillation seen; every step until two looks tell how fast it is."""
+        """A small part of an oscillation; what does not move is looked at with the table."""
         if len(self.looks) < 2:
             return 0.0
-        return LOOK_ANGLE / self._fastest if self._fastest > 0.0 else 0.0
+        by_distance = self._fastest / self._farthest if self._farthest > 0.0 else 0.0
+        by_speed = self._steepest / self._fastest if self._fastest > 0.0 else 0.0
+        return LOOK_ANGLE / max(by_distance, by_speed) if max(by_distance, by_speed) > 0.0 else math.inf
 
     def value(self, s: float) -> float:
         """The cubic at the part s in 0…1 of the time between the two looks."""

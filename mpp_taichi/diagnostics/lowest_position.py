@@ -15,17 +15,13 @@ class LowestPosition(Diagnostic):
     of: Particle = param(help="the particle")
     axis: str = param("z", choices=("x", "y", "z"), help="the coordinate")
     _track: Track | None = None
-    _start: float = 0.0
-    _size: float = 0.0
     _lowest: float = math.inf
 
     def observe(self, time: float, snapshot: Snapshot) -> None:
         """Look between this look and the last one, too."""
         value, rate = coordinate(snapshot, self.of, self.axis)
-        if self._track is None:
-            self._track, self._start = Track(), value
-        self._size = max(self._size, abs(value - self._start))
-        self._track.add(time, value, rate, self._size)
+        self._track = self._track or Track(value)
+        self._track.add(time, value, rate)
         self._lowest = min(self._lowest, self._track.lowest() if len(self._track.looks) == 2 else value)
 
     @property

@@ -17,15 +17,13 @@ class OscillationPeriod(Diagnostic):
     axis: str = param(choices=("x", "y", "z"), help="the coordinate")
     about: float = param(0.0, unit="length", help="the level it swings about")
     _track: Track | None = None
-    _size: float = 0.0
     _passages: tuple[float, ...] = ()
 
     def observe(self, time: float, snapshot: Snapshot) -> None:
         """Note the upward passages."""
         value, rate = coordinate(snapshot, self.of, self.axis)
-        self._track = self._track or Track()
-        self._size = max(self._size, abs(value - self.about))
-        self._track.add(time, value - self.about, rate, self._size)
+        self._track = self._track or Track(0.0)
+        self._track.add(time, value - self.about, rate)
         if len(self._track.looks) == 2 and self._track.looks[0][1] < 0.0 <= self._track.looks[1][1]:
             self._passages = (*self._passages, self._track.first_crossing(0.0))
 
