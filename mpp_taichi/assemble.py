@@ -10,6 +10,7 @@ from mpp_taichi.errors import PlacementError, SceneError
 from mpp_taichi.generators._base import Center, GeneratorContext, Group
 from mpp_taichi.networks._base import NetworkContext
 from mpp_taichi.scene.layout import ParticleLayout, build, layout_of
+from mpp_taichi.scene.network_warnings import warn_of_networks
 from mpp_taichi.scene.physics_checks import check_physics
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot, Springs
@@ -33,6 +34,8 @@ def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot
     springs = _link(spec, layout, rest_position)
     snapshot = Snapshot(**arrays, name=names, springs=springs)
     check_physics(spec, snapshot, layout, moved=placed_as is not None)
+    if placed_as is None:
+        warn_of_networks(spec, snapshot, layout)
     return _centered(snapshot) if spec.move_to_center_of_mass else snapshot
 
 

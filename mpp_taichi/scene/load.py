@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from mpp_taichi.scene import constants, expectations, extends, messages, references, timeline, units
+from mpp_taichi.scene import constants, expectations, extends, messages, references, spring_types, timeline, units
 from mpp_taichi.scene import overrides as override
 from mpp_taichi.scene.cross_checks import check_together
 from mpp_taichi.scene.document import Node, from_python, read_file
@@ -45,7 +45,8 @@ def _check(tree: Node, name: str, folder: Path, faults: Faults) -> tuple[SceneSp
         faults.raise_if_any()
         raise  # a fault without a message would be a bug
     faults.raise_if_any()
-    spec = _specification(validated, tree, name, context)
+    spec = _specification(validated, tree, name, context, faults)
+    faults.raise_if_any()
     spec = references.resolve(spec, tree, faults)
     check_together(spec, tree, faults)
     faults.raise_if_any()
@@ -90,7 +91,7 @@ def _context(tree: Node, folder: Path, faults: Faults) -> Context:
     return Context(values, 2 if flat else 3, folder)
 
 
-def _specification(validated: Any, tree: Node, name: str, context: Context) -> SceneSpec:
+def _specification(validated: Any, tree: Node, name: str, context: Context, faults: Faults) -> SceneSpec:
     gravity = context.constants.get("G", 1.0) if validated.units else 1.0
     forces = tuple(_with_gravity(entry, gravity) for entry in _entries(validated.forces, tree, "forces"))
     return SceneSpec(
@@ -101,7 +102,7 @@ def _specification(validated: Any, tree: Node, name: str, context: Context) -> S
         units=dict(validated.units) if validated.units else None,
         constants={key: value for key, value in context.constants.items() if value is not None},
         particles=_entries(validated.particles, tree, "particles"),
-        springs=_entries(validated.springs, tree, "springs"),
+        springs=spring_types.resolve(_entries(validated.springs, tree, "springs"), validated.spring_types or {}, tree, faults),
         spring_damping=validated.spring_damping,
         forces=forces,
         integrator=_entry(validated.integrator, tree.value["integrator"]),

@@ -18,7 +18,7 @@ from mpp_taichi.component import REQUIRED, Parameter
 from mpp_taichi.scene import fields, units
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.fields import Context, Field, Number, Text, Whole, Wrong
-from mpp_taichi.scene.spec import EventSpec, RecordSpec, RunSpec, ViewSpec
+from mpp_taichi.scene.spec import EventSpec, RecordSpec, RunSpec, SpringTypeSpec, ViewSpec
 
 # Keys of a scene that hold components, and the folder those come from.
 KINDS = {
@@ -116,6 +116,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         _entries(kind, chosen[kind]) for kind in ("generators", "networks", "forces", "integrators")
     )
     numbers = dict[str, Annotated[float, ResolvedBefore()]]
+    types = dict[str, SpringTypeSpec]
     return create_model(
         "Scene",
         __config__=_STRICT,
@@ -129,6 +130,10 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         seed=_key(Whole(minimum=0, maximum=2**53), 0, "of every random number of the scene"),
         particles=(_list_of(particles), Describe(min_length=1, description="generators, in the order of the indices")),
         springs=(_list_of(springs), Describe([], description="springs between particles")),
+        spring_types=(
+            types | None,
+            Describe(None, description="what springs of a name share, for entries that say `type: name`"),
+        ),
         spring_damping=_key(Text(("axial", "full")), "axial", "damping along the spring, or of the whole relative velocity"),
         forces=(_list_of(forces), Describe([], description="what acts on the particles besides springs")),
         integrator=(integrator, Describe(description="the method that advances time")),

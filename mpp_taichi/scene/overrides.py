@@ -127,7 +127,7 @@ def _instead(word: str, entries: list[Node]) -> str:
 
 def _may_have_more(walked: Path) -> bool:
     """Whether the model knows all keys of a place, so that an unknown one is found when the scene is checked."""
-    if walked in (("constants",), ("expect",), ("integrator",)):
+    if walked in (("constants",), ("spring_types",), ("expect",), ("integrator",)):
         return False
     return not (len(walked) == 2 and walked[0] in KINDS and isinstance(walked[1], int))
 

@@ -16,7 +16,14 @@ KIND_TITLES = {
     "integrators": "Integrators: `integrator:`",
     "diagnostics": "Measured quantities: keys of `expect:`",
 }
-SPECS = {"run": "RunSpec", "timeline": "EventSpec", "view": "ViewSpec", "view.camera": "CameraSpec", "record": "RecordSpec"}
+SPECS = {
+    "spring_types.NAME": "SpringTypeSpec",
+    "run": "RunSpec",
+    "timeline": "EventSpec",
+    "view": "ViewSpec",
+    "view.camera": "CameraSpec",
+    "record": "RecordSpec",
+}
 INTRODUCTION = """# Scene reference
 
 Written from the model by `python -m mpp_taichi.scene.reference`; do not edit.
@@ -40,7 +47,7 @@ def _keys() -> Iterator[str]:
     yield "## Keys\n\n| key | default | meaning |\n|---|---|---|"
     schema = scene_schema()
     for key, entry in schema["properties"].items():
-        default = "**required**" if key in schema["required"] else _shown(entry.get("default"))
+        default = "**required**" if key in schema["anyOf"][0]["required"] else _shown(entry.get("default"))
         yield f"| `{key}` | {default} | {entry.get('description', '')} |"
 
 

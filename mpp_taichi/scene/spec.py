@@ -18,6 +18,7 @@ __all__ = [
     "RecordSpec",
     "RunSpec",
     "SceneSpec",
+    "SpringTypeSpec",
     "ViewSpec",
 ]
 _CLOSED = ConfigDict(extra="forbid")
@@ -87,6 +88,17 @@ class EventSpec:
     __pydantic_config__ = _CLOSED
     at: Annotated[float, Number(above=0.0), Field(description="time of the change, reached exactly")]
     set: Annotated[dict[str, Any], Settings(), Field(description="path: value, forces.linear_drag.coefficient: 0 say")]
+
+
+@dataclass(frozen=True)
+class SpringTypeSpec:
+    """What the springs of one type share; what it does not say, each entry of springs: says for itself."""
+
+    __pydantic_config__ = _CLOSED
+    stiffness: Annotated[float | None, Number(minimum=0.0), Field(description="D [force length⁻¹]")] = None
+    damping: Annotated[float | None, Number(minimum=0.0), Field(description="c [force time length⁻¹]")] = None
+    prestretch: Annotated[float | None, Number(above=0.0), Field(description="placed length over rest length")] = None
+    color: Annotated[tuple[float, float, float] | None, _COLOR, Field(description="red, green, blue in 0…1")] = None
 
 
 @dataclass(frozen=True, eq=False)
