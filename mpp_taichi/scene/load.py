@@ -104,6 +104,7 @@ def _specification(validated: Any, tree: Node, name: str, context: Context) -> S
         view=validated.view,
         record=validated.record,
         expect=expectations.build(validated.expect, tree.get("expect")),
+        modes=validated.modes,
         resolved=tree.plain(),
     )
 

@@ -16,7 +16,13 @@ KIND_TITLES = {
     "integrators": "Integrators: `integrator:`",
     "diagnostics": "Measured quantities: keys of `expect:`",
 }
-SPECS = {"run": "RunSpec", "view": "ViewSpec", "view.camera": "CameraSpec", "record": "RecordSpec"}
+SPECS = {
+    "run": "RunSpec",
+    "view": "ViewSpec",
+    "view.camera": "CameraSpec",
+    "record": "RecordSpec",
+    "modes": "ModesSpec",
+}
 INTRODUCTION = """# Scene reference
 
 Written from the model by `python -m mpp_taichi.scene.reference`; do not edit.

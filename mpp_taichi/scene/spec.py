@@ -5,10 +5,13 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from mpp_taichi.scene.fields import Flag, ListOf, Number, Text, Whole
+from mpp_taichi.scene.fields import Counts, Flag, ListOf, Number, Text, Whole
 from mpp_taichi.scene.location import Location
 
-__all__ = ["CameraSpec", "ComponentSpec", "Expectation", "Location", "RecordSpec", "RunSpec", "SceneSpec", "ViewSpec"]
+__all__ = [
+    *("CameraSpec", "ComponentSpec", "Expectation", "Location", "ModesSpec"),
+    *("RecordSpec", "RunSpec", "SceneSpec", "ViewSpec"),
+]
 _CLOSED = ConfigDict(extra="forbid")
 _COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
 
@@ -69,6 +72,23 @@ class RunSpec:
     every: Annotated[int | None, Whole(minimum=1), Field(description="steps between diagnostic samples")] = None
 
 
+@dataclass(frozen=True)
+class ModesSpec:
+    """Modes of the spring network that are followed: those of a lattice, [r, s], or of the whole network, [k] from below."""
+
+    __pydantic_config__ = _CLOSED
+    of: Annotated[str | None, Text(), Field(description="a lattice; absent: the scene's only one, or the whole network")] = None
+    show: Annotated[
+        tuple[tuple[int, int, int], ...],
+        ListOf(Counts(), tuple(range(1, 13)), "modes"),
+        Field(description="mode numbers, [[1, 1], [2, 1]] say; absent: the four lowest"),
+    ] = ()
+    along: Annotated[
+        str | None, Text(("x", "y", "z")), Field(description="direction of the motion; absent: across the lattice")
+    ] = None
+    after: Annotated[float, Number(minimum=0.0), Field(description="look from this time on [time]")] = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Expectation:
     """A statement of physics that `check` asserts: `quantity` bounded by `below`/`above`, or `near ± within`.
@@ -106,4 +126,5 @@ class SceneSpec:
     view: ViewSpec
     record: RecordSpec
     expect: tuple[Expectation, ...]
+    modes: ModesSpec | None
     resolved: dict[str, Any]  # plain YAML-able mapping, itself a scene: extends and overrides applied, expressions kept
