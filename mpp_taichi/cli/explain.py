@@ -48,6 +48,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
     from mpp_taichi import plans
+    from mpp_taichi.modes.network_report import network_facts
     from mpp_taichi.stability import spring_step_limit
     from mpp_taichi.summary import effect_names, plan_reason
 
@@ -72,6 +73,7 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "dt": simulation.dt,
         "dt_limit": spring_step_limit(simulation.start),
         "conserves_energy": simulation.conserves_energy,
+        **network_facts(simulation.spec, simulation.start, simulation.integrator.amplification, simulation.dt),
     }
 
 
@@ -91,6 +93,8 @@ def _timings(step: "StepTime", shares: "list[EffectCost]", prices: "list[EffectC
 
 
 def _lines(found: dict[str, Any]) -> list[str]:
+    from mpp_taichi.modes.network_report import network_lines, note
+
     launches = found["launches_per_step"]
     how_often = f"{launches} parallel loops launched per step" if launches else "one launch holds many steps"
     limit = found["dt_limit"]
@@ -107,6 +111,8 @@ def _lines(found: dict[str, Any]) -> list[str]:
         "absent     what each would add to a step",
         *(f"           {row['effect']:20s}{_share(row)}" for row in found["absent"]),
         f"dt         {found['dt']:.6g}" + (f"; the springs allow {limit:.6g} to leapfrog" if limit else ""),
+        *(f"{head:10s} {text}" for head, text in network_lines(found)),
+        *([f"           {said}"] if (said := note(found)) else []),
     ]
     return rows
 
