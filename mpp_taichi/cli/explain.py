@@ -93,7 +93,7 @@ def _timings(step: "StepTime", shares: "list[EffectCost]", prices: "list[EffectC
 
 
 def _lines(found: dict[str, Any]) -> list[str]:
-    from mpp_taichi.modes.network_report import network_lines, note
+    from mpp_taichi.modes.network_report import MOST_FREEDOMS, network_lines, note
 
     launches = found["launches_per_step"]
     how_often = f"{launches} parallel loops launched per step" if launches else "one launch holds many steps"
@@ -113,8 +113,13 @@ def _lines(found: dict[str, Any]) -> list[str]:
         f"dt         {found['dt']:.6g}" + (f"; the springs allow {limit:.6g} to leapfrog" if limit else ""),
         *(f"{head:10s} {text}" for head, text in network_lines(found)),
         *([f"           {said}"] if (said := note(found)) else []),
+        *([f"springs    modes are counted for up to {MOST_FREEDOMS:,} freedoms"] if _is_too_large(found) else []),
     ]
     return rows
+
+
+def _is_too_large(found: dict[str, Any]) -> bool:
+    return bool(found["spring_count"]) and "zero_frequency_modes" not in found
 
 
 def _share(row: dict[str, Any]) -> str:

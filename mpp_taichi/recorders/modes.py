@@ -1,6 +1,7 @@
 """Modes: amplitudes along a run, the frequencies they show, and the files they are written to."""
 
 import csv
+import math
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,10 +21,11 @@ FORMATS = (*PLOT_FORMATS, ".csv", ".npz")
 SAMPLES_KEPT = 100_000  # beyond, every second one is let go; frequencies are measured from all
 EXCITED = 1e-3  # of the largest amplitude, times √(modal mass); what is smaller is rounding, or what other modes force on it
 CAPTION_MODES = 3
+SMALL = 1e-9  # of the largest amplitude: captions call it 0
 
 
 class ModeRecorder:
-    """Projects the particles on a few modes, as often as the fastest of them asks for, and at least every `every` steps.
+    """Projects the particles on a few modes, as often as the fastest of them asks for; every `every` steps while none swings.
 
     For each mode: its amplitude [length] and rate, its share of the energy of the linear network, and its frequency from the
     times at which it goes through zero. Leakage is the share of the energy outside all of them.
@@ -65,8 +67,9 @@ class ModeRecorder:
         self._seen_step = simulation.step_count
         if simulation.time >= self.after:
             self._take(simulation.time, self.modes.read(simulation.snapshot()))
-        wishes = [meter.interval(mode.angular_frequency) for meter, mode in zip(self._meters, self.modes.modes)]
-        self._due_step = simulation.step_count + max(1, int(min(self.every, min(wishes) / simulation.dt)))
+        wish = min(meter.interval(mode.angular_frequency) for meter, mode in zip(self._meters, self.modes.modes))
+        steps = max(1, int(wish / simulation.dt)) if wish < math.inf else self.every
+        self._due_step = simulation.step_count + steps
 
     def _take(self, time: float, reading: Reading) -> None:
         for meter, amplitude, rate in zip(self._meters, reading.amplitude, reading.rate):
@@ -121,7 +124,8 @@ class ModeRecorder:
         if not self.readings:
             return ""
         told = zip(self.modes.modes[:CAPTION_MODES], self.readings[-1].amplitude)
-        return "modes " + "  ".join(f"{mode.label} {amplitude:+.2g}" for mode, amplitude in told)
+        rounding = SMALL * max(meter.largest for meter in self._meters)
+        return "modes " + "  ".join(f"{mode.label} {a if abs(a) > rounding else 0.0:+.2g}" for mode, a in told)
 
     def columns(self) -> dict[str, np.ndarray]:
         """time and total_energy (sample_count,); amplitude, rate and energy_share (sample_count, mode_count)."""
