@@ -39,6 +39,16 @@ def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot
     return _centered(snapshot) if spec.move_to_center_of_mass else snapshot
 
 
+def rest_positions(spec: SceneSpec) -> np.ndarray:
+    """Where the particles of a checked scene are without their displacements [length], shape (particle_count, 3)."""
+    groups = _place(spec, layout_of(spec))
+    rest = np.concatenate([group.rest_position for group in groups])
+    if not spec.move_to_center_of_mass:
+        return rest
+    mass = np.concatenate([group.mass for group in groups])
+    return rest - (mass / mass.sum()) @ rest
+
+
 def _place(spec: SceneSpec, layout: ParticleLayout) -> list[Group]:
     gravity = next((entry.parameters for entry in spec.forces if entry.name == "newtonian_gravity"), {})
     groups: list[Group] = []

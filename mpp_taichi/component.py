@@ -19,7 +19,7 @@ PACKAGE_FOLDER = Path(__file__).parent
 # What the annotation of a parameter may say; the scene layer has one checked type for each.
 PARAMETER_TYPES = (
     *("float", "int", "bool", "str", "Vector", "Color", "Axes", "Shape"),
-    *("Formula", "FormulaVector", "Particle", "Pair", "Path"),
+    *("Formula", "FormulaVector", "Particle", "Pair", "Path", "Lattice", "ModeNumbers"),
 )
 REQUIRED = object()
 
@@ -182,3 +182,5 @@ Particle = int  # index of a particle, given as an index or a name
 Pair = tuple  # two different Particles
 Axes = tuple  # three booleans, one for each axis
 Shape = tuple  # counts along the axes
+Lattice = str  # name of a lattice
+ModeNumbers = tuple  # numbers of a mode of the lattice that the parameter `of` names

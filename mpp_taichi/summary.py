@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import plans
+from mpp_taichi.modes.network_report import mode_lines, network_lines
 
 if TYPE_CHECKING:
     from mpp_taichi.recorders.table import TableRecorder
@@ -164,6 +165,8 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         ("solver", _solver_line(found)),
         ("errors", _errors(found)),
         ("time", _times(found)),
+        *network_lines(found),
+        *mode_lines(found),
         *(("wrote", file) for file in files),
         *(("expect", verdict_line(verdict)) for verdict in verdicts),
         ("status", found["status"]),

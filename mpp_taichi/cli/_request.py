@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 from mpp_taichi.cli._options import require_suffix
 from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.errors import CapacityError
+from mpp_taichi.recorders._mode_plot import require_matplotlib
+from mpp_taichi.recorders.modes import FORMATS as MODE_FORMATS
+from mpp_taichi.recorders.modes import PLOT_FORMATS
 from mpp_taichi.recorders.table import FORMATS as TABLE_FORMATS
 from mpp_taichi.recorders.trajectory import FORMATS as TRAJECTORY_FORMATS
 from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
@@ -40,6 +43,7 @@ class Request:
     trajectory: Path | None = None
     snapshot: Path | None = None
     diagnostics: Path | None = None
+    modes: Path | None = None
     every: int | None = None
     quiet: bool = False
     allow_inaccurate: bool = False
@@ -56,13 +60,17 @@ class Request:
         Raises:
             UsageError: a suffix that is no format of that file.
             OutputError: a film is wanted and there is no encoder.
+            BackendError: a plot is wanted and there is no matplotlib.
         """
         require_suffix(self.video, VIDEO_FORMATS, "--video")
         require_suffix(self.trajectory, TRAJECTORY_FORMATS, "--trajectory")
         require_suffix(self.snapshot, (".npz",), "--snapshot")
         require_suffix(self.diagnostics, TABLE_FORMATS, "--diagnostics")
+        require_suffix(self.modes, MODE_FORMATS, "--modes")
         if self.video is not None:
             check_encoder()
+        if self.modes is not None and self.modes.suffix.lower() in PLOT_FORMATS:
+            require_matplotlib()
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,11 @@ from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._terminal import say
 from mpp_taichi.errors import MppError, OutputError, StabilityError
 from mpp_taichi.expectations import Verdict, Watcher
+from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
 from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.recorders.frames import FrameRecorder
+from mpp_taichi.recorders.modes import ModeRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
@@ -77,7 +79,7 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
 
 def _lock_outputs(request: Request, stack: ExitStack) -> None:
     """Hold the names of the files written at the end, so that a second run with the same names is refused now."""
-    for path in (request.snapshot, request.diagnostics):
+    for path in (request.snapshot, request.diagnostics, request.modes):
         if path is not None:
             stack.callback(OutputLock(path).release)
 
@@ -134,6 +136,11 @@ class _Run:
         self.table = TableRecorder(self.every)
         self.watchdog = EnergyWatchdog(self.table)
         self.watcher = Watcher(spec.expect if goal.whole else (), self.every)
+        self.network = network_facts(
+            spec, simulation.start, simulation.integrator.amplification, simulation.dt, most_freedoms=QUICK_FREEDOMS
+        )
+        follows = spec.modes is not None or request.modes is not None
+        self.modes = ModeRecorder(simulation, spec.modes, self.every) if follows else None
         self.films: list[FilmRecorder] = []
         self.files: list[str] = []
         self.error: MppError | None = None
@@ -145,7 +152,10 @@ class _Run:
             self.films = [self._film(sinks)]
         if trajectory is not None:
             trajectory.every = self.every
-        looks: list[Any] = [self.table, self.watchdog, self.watcher, *([trajectory] if trajectory else [])]
+        if not self.request.quiet and (said := note(self.network)):
+            say(f"note: {said}")
+        modes = [self.modes] if self.modes else []
+        looks: list[Any] = [self.table, self.watchdog, self.watcher, *modes, *([trajectory] if trajectory else [])]
         timed = [Timed(look, self.stopwatch, "diagnostics") for look in looks]
         bar = sys.stderr is not None and sys.stderr.isatty()
         progress = ProgressRecorder(self.total_steps, self._energy_error, bar=bar)
@@ -156,7 +166,7 @@ class _Run:
             self._finish([*looks, *self.films])
         except Interrupted as signal:
             self.interrupted = signal
-            self._finish([self.table, self.watchdog, *([trajectory] if trajectory else [])])
+            self._finish([self.table, self.watchdog, *modes, *([trajectory] if trajectory else [])])
         except (StabilityError, OutputError) as error:
             self.error = error
             say(f"error: {error}")
@@ -197,7 +207,8 @@ class _Run:
 
     def _caption(self) -> str:
         error = self._energy_error()
-        return f"energy error {error:.1e}" if error else ""
+        told = (f"energy error {error:.1e}" if error else "", self.modes.caption() if self.modes else "")
+        return "\n".join(line for line in told if line)
 
     def _finish(self, recorders: Sequence[Any]) -> None:
         """The last looks, at the state the run ended in."""
@@ -219,6 +230,8 @@ class _Run:
             jobs.append((trajectory.path, trajectory.close))
         if request.diagnostics is not None and self.table.rows:
             jobs.append((request.diagnostics, lambda: self.table.save(request.diagnostics)))
+        if self.modes is not None and request.modes is not None and self.modes.times:
+            jobs.append((request.modes, lambda: self.modes.save(request.modes)))
         if state is not None:
             jobs.append((state, lambda: simulation.snapshot().save(state)))
         for path, job in jobs:
@@ -241,6 +254,7 @@ class _Run:
 
     def _outcome(self) -> Outcome:
         summary = summarize(self.simulation, self.table, self.stopwatch, plan_asked=self.request.plan)
+        summary |= self.network | (self.modes.summary() if self.modes else {})
         verdicts: list[Verdict] = []
         if self._reached_the_end():
             verdicts = self.watcher.verdicts(summary, self.simulation.device.precision)

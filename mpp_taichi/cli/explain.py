@@ -49,6 +49,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
     from mpp_taichi import plans
+    from mpp_taichi.modes.network_report import network_facts
     from mpp_taichi.stability import spring_step_limit
     from mpp_taichi.summary import effect_names, plan_reason
 
@@ -73,6 +74,7 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "dt": simulation.dt,
         "dt_limit": spring_step_limit(simulation.start),
         "conserves_energy": simulation.conserves_energy,
+        **network_facts(simulation.spec, simulation.start, simulation.integrator.amplification, simulation.dt),
     }
 
 
@@ -92,6 +94,8 @@ def _timings(step: "StepTime", shares: "list[EffectCost]", prices: "list[EffectC
 
 
 def _lines(found: dict[str, Any]) -> list[str]:
+    from mpp_taichi.modes.network_report import MOST_FREEDOMS, network_lines, note
+
     launches = found["launches_per_step"]
     how_often = f"{launches} parallel loops launched per step" if launches else "one launch holds many steps"
     if launches is None:
@@ -113,8 +117,15 @@ def _lines(found: dict[str, Any]) -> list[str]:
         *(f"           {row['effect']:20s}{_share(row)}" for row in found["absent"]),
         *(f"{'timeline' if not n else '':11s}{phase_line(phase)}" for n, phase in enumerate(found["timeline"])),
         f"dt         {found['dt']:.6g}" + (f"; the springs allow {limit:.6g} to leapfrog" if limit else ""),
+        *(f"{head:10s} {text}" for head, text in network_lines(found)),
+        *([f"           {said}"] if (said := note(found)) else []),
+        *([f"springs    modes are counted for up to {MOST_FREEDOMS:,} freedoms"] if _is_too_large(found) else []),
     ]
     return rows
+
+
+def _is_too_large(found: dict[str, Any]) -> bool:
+    return bool(found["spring_count"]) and "zero_frequency_modes" not in found
 
 
 def _share(row: dict[str, Any]) -> str:

@@ -55,7 +55,7 @@ def execute(arguments: argparse.Namespace) -> int:
         "trajectory",
         "snapshot",
     )
-    given = {name: getattr(arguments, name) for name in (*names, "diagnostics", "every", "quiet", "allow_inaccurate")}
+    given = {name: getattr(arguments, name) for name in (*names, "diagnostics", "modes", "every", "quiet", "allow_inaccurate")}
     with output_reserved(arguments.json):
         outcome = run_scene(spec, Request(**given, film_seconds=arguments.duration))
     if not arguments.quiet:

@@ -57,7 +57,7 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
     from mpp_taichi.cli._request import OUTPUT_FOLDER, Request
 
     names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "trajectory", "snapshot")
-    given = {name: getattr(arguments, name) for name in (*names, "diagnostics", "every", "quiet", "allow_inaccurate")}
+    given = {name: getattr(arguments, name) for name in (*names, "diagnostics", "modes", "every", "quiet", "allow_inaccurate")}
     if arguments.headless or arguments.video is not None:
         return Request(**given)
     problem = no_window()

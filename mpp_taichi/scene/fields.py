@@ -173,7 +173,9 @@ class ListOf(Field):
     def check(self, value: Any, context: Context) -> tuple[Any, ...]:
         """Check every item."""
         if not isinstance(value, list) or len(value) not in self.lengths:
-            count = " or ".join(str(length) for length in self.lengths)
+            count = " or ".join(map(str, self.lengths))
+            if len(self.lengths) > 3:
+                count = f"{self.lengths[0]} to {self.lengths[-1]}"
             raise Wrong(f"must be a list of {count} {self.what}, not {shown(value)}")
         wrong = Wrong("")
         items = []

@@ -111,6 +111,7 @@ def _specification(validated: Any, tree: Node, name: str, context: Context, faul
         view=validated.view,
         record=validated.record,
         expect=expectations.build(validated.expect, tree.get("expect")),
+        modes=validated.modes,
         resolved=tree.plain(),
     )
 

@@ -18,7 +18,7 @@ from mpp_taichi.component import REQUIRED, Parameter
 from mpp_taichi.scene import fields, units
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.fields import Context, Field, Number, Text, Whole, Wrong
-from mpp_taichi.scene.spec import EventSpec, RecordSpec, RunSpec, SpringTypeSpec, ViewSpec
+from mpp_taichi.scene.spec import EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec, ViewSpec
 
 # Keys of a scene that hold components, and the folder those come from.
 KINDS = {
@@ -98,6 +98,8 @@ def field_of(parameter: Parameter) -> Field:
         "Particle": fields.Reference,
         "Pair": lambda: fields.ListOf(fields.Reference(), (2,), "particles"),
         "Path": fields.FileBeside,
+        "Lattice": Text,
+        "ModeNumbers": fields.Counts,
     }
     return makers[parameter.type]()
 
@@ -142,6 +144,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         timeline=(_list_of(EventSpec), Describe([], description="what changes at a time; a list of {at, set}")),
         view=(ViewSpec, Describe(ViewSpec(), description="what is drawn")),
         record=(RecordSpec, Describe(RecordSpec(), description="how a film is made")),
+        modes=(ModesSpec | None, Describe(None, description="modes of the springs that are followed while they swing")),
         expect=(expect | None, Describe(None, description="physics that must come out")),
     )
 

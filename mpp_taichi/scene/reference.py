@@ -23,6 +23,7 @@ SPECS = {
     "view": "ViewSpec",
     "view.camera": "CameraSpec",
     "record": "RecordSpec",
+    "modes": "ModesSpec",
 }
 INTRODUCTION = """# Scene reference
 

@@ -5,21 +5,12 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from mpp_taichi.scene.fields import Flag, ListOf, Number, Settings, Text, Whole
+from mpp_taichi.scene.fields import Counts, Flag, ListOf, Number, Settings, Text, Whole
 from mpp_taichi.scene.location import Location
 
 __all__ = [
-    "CameraSpec",
-    "ComponentSpec",
-    "Event",
-    "EventSpec",
-    "Expectation",
-    "Location",
-    "RecordSpec",
-    "RunSpec",
-    "SceneSpec",
-    "SpringTypeSpec",
-    "ViewSpec",
+    *("CameraSpec", "ComponentSpec", "Event", "EventSpec", "Expectation", "Location", "ModesSpec"),
+    *("RecordSpec", "RunSpec", "SceneSpec", "SpringTypeSpec", "ViewSpec"),
 ]
 _CLOSED = ConfigDict(extra="forbid")
 _COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
@@ -101,6 +92,23 @@ class SpringTypeSpec:
     color: Annotated[tuple[float, float, float] | None, _COLOR, Field(description="red, green, blue in 0…1")] = None
 
 
+@dataclass(frozen=True)
+class ModesSpec:
+    """Modes of the spring network that are followed: those of a lattice, [r, s], or of the whole network, [k] from below."""
+
+    __pydantic_config__ = _CLOSED
+    of: Annotated[str | None, Text(), Field(description="a lattice; absent: the scene's only one, or the whole network")] = None
+    show: Annotated[
+        tuple[tuple[int, int, int], ...],
+        ListOf(Counts(), tuple(range(1, 13)), "modes"),
+        Field(description="mode numbers, [[1, 1], [2, 1]] say; absent: the four lowest"),
+    ] = ()
+    along: Annotated[
+        str | None, Text(("x", "y", "z")), Field(description="direction of the motion; absent: across the lattice")
+    ] = None
+    after: Annotated[float, Number(minimum=0.0), Field(description="look from this time on [time]")] = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Expectation:
     """A statement of physics that `check` asserts: `quantity` bounded by `below`/`above`, or `near ± within`.
@@ -148,5 +156,6 @@ class SceneSpec:
     view: ViewSpec
     record: RecordSpec
     expect: tuple[Expectation, ...]
+    modes: ModesSpec | None
     resolved: dict[str, Any]  # plain YAML-able mapping, itself a scene: extends and overrides applied, expressions kept
     timeline: tuple[Event, ...] = ()  # this scene itself is the first phase
