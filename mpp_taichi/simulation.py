@@ -4,7 +4,7 @@ import math
 import time as clock
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from mpp_taichi import backends, component, plans, postmortem
 from mpp_taichi.assemble import assemble
@@ -14,6 +14,9 @@ from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.solvers.report import SolverReport
+
+if TYPE_CHECKING:
+    from mpp_taichi.energy_balance import EnergyBalance
 
 LAUNCH_SECONDS = 0.1  # aim for one launch: short enough to interrupt, long enough not to matter
 GPU_WORTH_WORK = 4_000_000  # work per step (see plans) from which `auto` looks for a GPU
@@ -59,6 +62,7 @@ class Simulation:
         self.compile_seconds = 0.0
         self.advance_seconds = 0.0
         self.kernel_calls = 0  # of the stepper; under the serial plan each is one launch
+        self.energy_balance: EnergyBalance | None = None
         self.restart()
 
     def _build(self, backend: str, precision: str | None, plan: str, starts: tuple[Snapshot, ...], threads: int | None) -> None:
@@ -146,6 +150,8 @@ class Simulation:
         if self.integrator.implicit:
             self.stepper.solver_report()
             self.solver_report = SolverReport()
+        if self.energy_balance is not None:
+            self.energy_balance.restart()
 
     def run(
         self,
@@ -161,17 +167,24 @@ class Simulation:
         recorders look. If the end is no whole number of steps away, one shorter step reaches it exactly.
         """
         self._require_life()
+        if self.energy_balance is not None:
+            self.energy_balance.look(self)
         whole, rest = self._plan_run(duration, until, steps)
         self._notify(recorders)
         last = self.step_count + whole
         while self.step_count < last:
             due = min([recorder.steps_until_due(self) for recorder in recorders], default=last)
-            self._advance(max(1, min(due, last - self.step_count, self._launch_steps, self.launch_limit)), self.dt)
+            longest = min(self._launch_steps, self._launch_cap())
+            self._advance(max(1, min(due, last - self.step_count, longest)), self.dt)
             self._notify(recorders)
         if rest > 0.0:
             self._advance(1, rest)
             self._notify(recorders)
         return self
+
+    def _launch_cap(self) -> int:
+        balance = self.energy_balance
+        return self.launch_limit if balance is None else min(self.launch_limit, balance.meter.longest_launch)
 
     def _plan_run(self, duration: float | None, until: float | None, steps: int | None) -> tuple[int, float]:
         if sum(argument is not None for argument in (duration, until, steps)) > 1:
@@ -218,12 +231,15 @@ class Simulation:
         else:
             self.compile_seconds += seconds
         self._move_clock(steps, dt)
+        if self.energy_balance is not None:
+            self.energy_balance.follow(self, steps, dt)
 
     def _launch(self, steps: int, dt: float) -> None:
         if not self._prepared:
             self.stepper.prepare(self.time)
             self._prepared = True
-        self.stepper.advance(self.time, dt, steps)
+        balance = self.energy_balance
+        self.stepper.advance(self.time, dt, steps, None if balance is None else balance.meter)
         self.kernel_calls += 1
 
     def _move_clock(self, steps: int, dt: float) -> None:
@@ -283,11 +299,29 @@ class Simulation:
         return self._start
 
     def diagnostics(self) -> dict[str, Any]:
-        """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`."""
+        """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`.
+
+        With an energy balance also dissipated_energy, work, energy_balance_residual and energy_turnover.
+        """
         from mpp_taichi.energy import mechanics
 
         self._require_life()
-        return mechanics(self.snapshot(), self.energy_meter.potential_energy(self.time))
+        found = mechanics(self.snapshot(), self.energy_meter.potential_energy(self.time))
+        if self.energy_balance is not None:
+            found |= self.energy_balance.account(self, found["total_energy"])
+        return found
+
+    def keep_energy_balance(self) -> "EnergyBalance":
+        """From now on keep account of dissipated energy and work, step by step."""
+        from mpp_taichi.energy import PowerMeter
+        from mpp_taichi.energy_balance import EnergyBalance
+
+        self._require_life()
+        # A serial launch whose loops a device limits has no room for more of them.
+        in_kernel = self.plan == "serial" and self.device.probes.loop_limit is None
+        meter = PowerMeter(self.state, self.total_force, in_kernel=in_kernel)
+        self.energy_balance = EnergyBalance(meter, self.energy_meter)
+        return self.energy_balance
 
     @property
     def conserves_energy(self) -> bool:

@@ -22,6 +22,7 @@ from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
+from mpp_taichi.scene.expectations import BALANCE_QUANTITIES
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.stability import spring_step_limit
 from mpp_taichi.summary import Stopwatch, Timed, lines, summarize
@@ -119,6 +120,8 @@ class _Run:
         self.table = TableRecorder(self.every)
         self.watchdog = EnergyWatchdog(self.table)
         self.watcher = Watcher(spec.expect if goal.whole else (), self.every)
+        if request.energy_balance or any(each.quantity in BALANCE_QUANTITIES for each in self.watcher.expectations):
+            simulation.keep_energy_balance()
         self.films: list[FilmRecorder] = []
         self.files: list[str] = []
         self.error: MppError | None = None

@@ -57,6 +57,11 @@ class ParticleLayout:
             raise PlacementError(f"{shown(reference)} is no single particle, allowed: {word}[0] to {word}[{shown(count - 1)}]")
         return self.starts[number] + offset
 
+    def group(self, reference: int | str) -> tuple[int, int] | None:
+        """First index and count of the entry called so; None where no entry is."""
+        number = self.names.get(reference) if isinstance(reference, str) else None
+        return None if number is None else (self.starts[number], self.counts[number])
+
     def lattice(self, name: str) -> Lattice:
         """The lattice of a name; PlacementError says which there are."""
         if name not in self.lattices:
