@@ -57,6 +57,10 @@ class PowerMeter:
         self.longest_launch = max(1, min(HISTORY_STEPS, HISTORY_ENTRIES // self.block_count))
         self.history = ti.Vector.field(3, state.wide, shape=(self.longest_launch, self.block_count))
 
+    def looks_at(self, state: State, total_force: TotalForce) -> bool:
+        """Whether these are what is measured."""
+        return self.state is state and self.total_force is total_force
+
     @ti.func
     def store(self, s, b, time):
         """After step s of a launch, the sums over block b, one particle after the other."""

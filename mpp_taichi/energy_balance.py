@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.energy import EnergyMeter, PowerMeter
+from mpp_taichi.energy import PowerMeter
 from mpp_taichi.errors import MppError
 from mpp_taichi.numerical_damping import OscillationCounter
 from mpp_taichi.running_integral import RunningIntegral
@@ -25,12 +25,11 @@ class EnergyBalance:
     residual does not fall below some 2⁻²⁴ √steps of the turnover. Of several replicas the first is looked at.
     """
 
-    def __init__(self, meter: PowerMeter, energy_meter: EnergyMeter) -> None:
+    def __init__(self, meter: PowerMeter) -> None:
         """Measure nothing before the first look."""
         if any(not force.conserves_energy for force in meter.total_force.pair_forces):
             raise MppError("there is no energy balance with a pair force that has no potential")
         self.meter = meter
-        self._energy_meter = energy_meter
         self.restart()
 
     def restart(self) -> None:
@@ -69,7 +68,7 @@ class EnergyBalance:
         if self._step != simulation.step_count:
             powers = self._powers_now(simulation.time)
             if self._step is None:
-                self.initial_energy = float(powers[2]) + self._energy_meter.potential_energy(simulation.time)
+                self.initial_energy = float(powers[2]) + simulation.energy_meter.potential_energy(simulation.time)
             self._take(simulation.time, powers)
             self._step = simulation.step_count
 
@@ -96,10 +95,13 @@ class EnergyBalance:
 
     @contextmanager
     def parameter_change(self, simulation: Any) -> Iterator[None]:
-        """A block in which parameters, or the particles, are changed at one time: the energy put in is booked as work."""
+        """A block in which parameters, or the particles, are changed at one time: the energy put in is booked as work.
+
+        Whoever replaces fields or forces there also gives the `meter` of the new ones.
+        """
         self.look(simulation)
-        before = self._kinetic + self._energy_meter.potential_energy(simulation.time)
+        before = self._kinetic + simulation.energy_meter.potential_energy(simulation.time)
         yield
         self._integral.cut()
         self._take(simulation.time, self._powers_now(simulation.time))
-        self._booked += self._kinetic + self._energy_meter.potential_energy(simulation.time) - before
+        self._booked += self._kinetic + simulation.energy_meter.potential_energy(simulation.time) - before

@@ -2,7 +2,8 @@
 
 import math
 import time as clock
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -16,6 +17,7 @@ from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.solvers.report import SolverReport
 
 if TYPE_CHECKING:
+    from mpp_taichi.energy import PowerMeter
     from mpp_taichi.energy_balance import EnergyBalance
 
 LAUNCH_SECONDS = 0.1  # aim for one launch: short enough to interrupt, long enough not to matter
@@ -313,15 +315,30 @@ class Simulation:
 
     def keep_energy_balance(self) -> "EnergyBalance":
         """From now on keep account of dissipated energy and work, step by step."""
-        from mpp_taichi.energy import PowerMeter
         from mpp_taichi.energy_balance import EnergyBalance
 
         self._require_life()
+        self.energy_balance = EnergyBalance(self._power_meter())
+        return self.energy_balance
+
+    def _power_meter(self) -> "PowerMeter":
+        from mpp_taichi.energy import PowerMeter
+
         # A serial launch whose loops a device limits has no room for more of them.
         in_kernel = self.plan == "serial" and self.device.probes.loop_limit is None
-        meter = PowerMeter(self.state, self.total_force, in_kernel=in_kernel)
-        self.energy_balance = EnergyBalance(meter, self.energy_meter)
-        return self.energy_balance
+        return PowerMeter(self.state, self.total_force, in_kernel=in_kernel)
+
+    @contextmanager
+    def parameter_change(self) -> Iterator[None]:
+        """A block in which parameters, fields or forces are replaced between two steps.
+
+        An energy balance books what that does to the energy as work.
+        """
+        balance = self.energy_balance
+        with balance.parameter_change(self) if balance is not None else nullcontext():
+            yield
+            if balance is not None and not balance.meter.looks_at(self.state, self.total_force):
+                balance.meter = self._power_meter()
 
     @property
     def conserves_energy(self) -> bool:

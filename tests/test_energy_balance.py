@@ -80,7 +80,7 @@ def largest_errors(simulation, duration):
 )
 def test_the_balance_closes_to_the_order_of_the_method(name, damping):
     """And so does the bob's way against the closed form, which needs the drive at the right time of every stage."""
-    finest = {1: 2048, 2: 1024, 4: 256}[declared(name, "order")]
+    finest = {1: 2048, 2: 1024, 4: 256}[declared(name, "order")] // (4 if declared(name, "implicit") else 1)
     dts, residuals, ways = [], [], []
     with Simulation(damped_and_driven(name, damping), backend="cpu", precision="f64") as simulation:
         simulation.keep_energy_balance()
@@ -199,10 +199,10 @@ def test_axial_damping_takes_nothing_from_a_rigid_rotation_and_full_damping_its_
 
 def test_a_change_of_parameters_is_booked_as_work():
     with Simulation(lone_bob(dt=0.02), backend="cpu", precision="f64") as simulation:
-        balance = simulation.keep_energy_balance()
+        simulation.keep_energy_balance()
         simulation.run(duration=1.0)
         before = simulation.diagnostics()
-        with balance.parameter_change(simulation):
+        with simulation.parameter_change():
             simulation.state.spring_stiffness.fill(2.0 * STIFFNESS)
             simulation.state.spring_damping.fill(3.0 * SPRING_DAMPING)
         after = simulation.diagnostics()
@@ -233,11 +233,12 @@ def oscillator(name, dt, second=None):
     return {"particles": bodies, "springs": links, "integrator": {name: {"dt": dt}}}
 
 
-def measured(scene, duration):
+def measured(scene, duration, settle=0.0):
     with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        simulation.run(steps=round(settle / simulation.dt))
         balance = simulation.keep_energy_balance()
         table = TableRecorder(20)
-        simulation.run(duration=duration, recorders=[table])
+        simulation.run(steps=round(duration / simulation.dt), recorders=[table])
         table.finish(simulation)
     rows = table.rows
     losses = [-row["energy_balance_residual"] for row in rows]
@@ -252,12 +253,13 @@ def test_measured_numerical_damping_is_that_of_the_amplification_matrix(name):
     principal = eigenvalues[np.abs(eigenvalues).argmax()]
     steps = 2.0 * math.pi / abs(np.angle(principal))
     share = 1.0 - abs(principal) ** (2.0 * steps)
-    found = measured(oscillator(name, dt), 20 * 2.0 * math.pi)
+    # A method of several steps starts with another one, also where a step is shortened; here none is.
+    found = measured(oscillator(name, dt), 20 * 2.0 * math.pi, settle=4.0 * math.pi)
     if abs(share) < 1e-9:  # as good as none: it must not be made out of rounding
         assert found["share_per_oscillation"] is None or abs(found["share_per_oscillation"]) < 1e-9
     else:
         assert found["problem"] == ""
-        assert found["oscillations"] == pytest.approx(20.0, rel=dt**2)
+        assert found["oscillations"] == pytest.approx(20.0, rel=dt**2 + dt / (40 * math.pi))
         # The mean of 1 − e^δ over an oscillation against δ: δ/2 of it; maxima half an oscillation short of the run: 1/40.
         assert found["share_per_oscillation"] == pytest.approx(share, rel=abs(share) / 2 + 1 / 40)
         assert found["per_time"] * 2.0 * math.pi == pytest.approx(found["per_oscillation"], rel=dt**2)
