@@ -3,9 +3,10 @@
 import logging
 import math
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -18,6 +19,10 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.timeline import whole_steps
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.solvers.report import SolverReport
+
+if TYPE_CHECKING:
+    from mpp_taichi.energy import PowerMeter
+    from mpp_taichi.energy_balance import EnergyBalance
 
 log = logging.getLogger(__name__)
 
@@ -80,6 +85,7 @@ class Simulation:
         self.kernel_calls = 0  # of the stepper; under the serial plan each is one launch
         self.phase_work: list[float] = []
         self.when_phase_begins: list[Callable[[Simulation], None]] = []
+        self.energy_balance: EnergyBalance | None = None
         self.restart()
 
     def _enter(self, number: int) -> None:
@@ -132,6 +138,8 @@ class Simulation:
         if self.integrator.implicit:
             self.stepper.solver_report()
             self.solver_report = SolverReport()
+        if self.energy_balance is not None:
+            self.energy_balance.restart()
 
     def run(
         self,
@@ -148,6 +156,8 @@ class Simulation:
         reached in the same way, and the next one begins there and then.
         """
         self._require_life()
+        if self.energy_balance is not None:
+            self.energy_balance.look(self)
         span, left = self._plan_run(duration, until, steps)
         self._notify(recorders)
         while True:
@@ -169,11 +179,16 @@ class Simulation:
         last = self.step_count + whole
         while self.step_count < last:
             due = min([recorder.steps_until_due(self) for recorder in recorders], default=last)
-            self._advance(max(1, min(due, last - self.step_count, self._launch_steps, self.launch_limit)), self.dt)
+            longest = min(self._launch_steps, self._launch_cap())
+            self._advance(max(1, min(due, last - self.step_count, longest)), self.dt)
             self._notify(recorders)
         if rest > 0.0:
             self._advance(1, rest)
             self._notify(recorders)
+
+    def _launch_cap(self) -> int:
+        balance = self.energy_balance
+        return self.launch_limit if balance is None else min(self.launch_limit, balance.meter.longest_launch)
 
     def _plan_run(self, duration: float | None, until: float | None, steps: int | None) -> tuple[float, float]:
         """How much time and how many steps a run may take; one of them is infinite."""
@@ -250,12 +265,15 @@ class Simulation:
         else:
             self.compile_seconds += seconds
         self._move_clock(steps, dt)
+        if self.energy_balance is not None:
+            self.energy_balance.follow(self, steps, dt)
 
     def _launch(self, steps: int, dt: float) -> None:
         if not self._prepared:
             self.stepper.prepare(self.time)
             self._prepared = True
-        self.stepper.advance(self.time, dt, steps)
+        balance = self.energy_balance
+        self.stepper.advance(self.time, dt, steps, None if balance is None else balance.meter)
         self.kernel_calls += 1
 
     def _move_clock(self, steps: int, dt: float) -> None:
@@ -315,11 +333,44 @@ class Simulation:
         return self._start
 
     def diagnostics(self) -> dict[str, Any]:
-        """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`."""
+        """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`.
+
+        With an energy balance also dissipated_energy, work, energy_balance_residual and energy_turnover.
+        """
         from mpp_taichi.energy import mechanics
 
         self._require_life()
-        return mechanics(self.snapshot(), self.energy_meter.potential_energy(self.time))
+        found = mechanics(self.snapshot(), self.energy_meter.potential_energy(self.time))
+        if self.energy_balance is not None:
+            found |= self.energy_balance.account(self, found["total_energy"])
+        return found
+
+    def keep_energy_balance(self) -> "EnergyBalance":
+        """From now on keep account of dissipated energy and work, step by step."""
+        from mpp_taichi.energy_balance import EnergyBalance
+
+        self._require_life()
+        self.energy_balance = EnergyBalance(self._power_meter())
+        return self.energy_balance
+
+    def _power_meter(self) -> "PowerMeter":
+        from mpp_taichi.energy import PowerMeter
+
+        # A serial launch whose loops a device limits has no room for more of them.
+        in_kernel = self.plan == "serial" and self.device.probes.loop_limit is None
+        return PowerMeter(self.state, self.total_force, in_kernel=in_kernel)
+
+    @contextmanager
+    def parameter_change(self) -> Iterator[None]:
+        """A block in which parameters, fields or forces are replaced between two steps.
+
+        An energy balance books what that does to the energy as work.
+        """
+        balance = self.energy_balance
+        with balance.parameter_change(self) if balance is not None else nullcontext():
+            yield
+            if balance is not None and not balance.meter.looks_at(self.state, self.total_force):
+                balance.meter = self._power_meter()
 
     @property
     def conserves_energy(self) -> bool:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import plans
 from mpp_taichi.modes.network_report import mode_lines, network_lines
+from mpp_taichi.numerical_damping import numerical_damping
 
 if TYPE_CHECKING:
     from mpp_taichi.recorders.table import TableRecorder
@@ -98,6 +99,7 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "conserves_energy": simulation.conserves_energy and all(row["conserves_energy"] for row in table.rows),
         "phases": phase_facts(simulation),
         **(table.summary() if table.rows else {}),
+        **damping_of_method(simulation, table),
     }
 
 
@@ -128,6 +130,21 @@ def phase_facts(simulation: "Simulation") -> list[dict[str, Any]]:
         }
         for phase, work in zip(begun, simulation.phase_work, strict=True)
     ]
+
+
+def damping_of_method(simulation: "Simulation", table: "TableRecorder") -> dict[str, Any]:
+    """What the method itself lost: measured where an energy balance is kept, or where no force accounts for a loss.
+
+    A symplectic method in a scene that conserves energy loses none in the long run, and is not asked.
+    """
+    balance = simulation.energy_balance
+    closed = simulation.conserves_energy
+    if not table.rows or (closed and simulation.integrator.symplectic) or not (closed or balance is not None):
+        return {}
+    times = [row["time"] for row in table.rows]
+    energies = [row["energy_balance_residual" if balance is not None else "total_energy"] for row in table.rows]
+    losses = [energies[0] - energy for energy in energies]
+    return {"numerical_damping": numerical_damping(times, losses, balance.oscillations if balance is not None else None)}
 
 
 def launches_per_step(simulation: "Simulation") -> float | None:
@@ -164,6 +181,8 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         *(("phase", _phase_line(phase)) for phase in found["phases"]),
         ("solver", _solver_line(found)),
         ("errors", _errors(found)),
+        ("balance", _balance(found)),
+        ("damping", _damping(found)),
         ("time", _times(found)),
         *network_lines(found),
         *mode_lines(found),
@@ -213,6 +232,30 @@ def _errors(found: Mapping[str, Any]) -> str:
         if "conserved_energy_error_max" in found:
             energy += f", {found['conserved_energy_error_max']:.2g} where none does"
     return f"{energy}, momentum {found['momentum_error_max']:.2g}, angular momentum {found['angular_momentum_error_max']:.2g}"
+
+
+def _balance(found: Mapping[str, Any]) -> str:
+    if "energy_balance_error_max" not in found:
+        return ""
+    return (
+        f"dissipated {found['dissipated_energy']:.6g}, work {found['work']:.6g}, "
+        f"closes to {found['energy_balance_error_max']:.2g} of the energy turned over"
+    )
+
+
+def _damping(found: Mapping[str, Any]) -> str:
+    """Energy that the method lost by itself: the price of its step, beside the time."""
+    damping = found.get("numerical_damping")
+    if damping is None:
+        return ""
+    if damping["per_time"] is None:
+        return f"by the method itself not determinable: {damping['problem']}"
+    word = "lost" if damping["energy_lost"] >= 0.0 else "gained"
+    told = f"the method itself {word} {abs(damping['energy_lost']):.3g}, {abs(damping['per_time']):.3g} per unit time"
+    if damping["per_oscillation"] is None:
+        return f"{told}; per oscillation not determinable: {damping['problem']}"
+    each, share = abs(damping["per_oscillation"]), abs(damping["share_per_oscillation"])
+    return f"{told}, {each:.3g} or {share:.3g} of it per oscillation, {damping['oscillations']:.4g} of them"
 
 
 def _times(found: Mapping[str, Any]) -> str:

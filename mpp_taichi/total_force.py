@@ -70,7 +70,7 @@ class TotalForce:
                     total += bond.force(state, i, first + state.spring_neighbor[h], h)
                 result += total / state.mass[i]
         if ti.static(state.has_fixed_axes):
-            result *= state.free[i]
+            result = ti.select(state.free[i] != 0.0, result, 0.0)  # a product would make NaN of a held particle's F/0
         return result
 
     @ti.func
@@ -98,7 +98,34 @@ class TotalForce:
         """Take the pair forces off the axes that are held."""
         if ti.static(state.has_fixed_axes):
             for i in range(first, first + self.particle_count):
-                state.acceleration[i] = state.acceleration[i] * state.free[i]
+                state.acceleration[i] = ti.select(state.free[i] != 0.0, state.acceleration[i], 0.0)
+
+    @ti.func
+    def powers_of(self, state: Template, i, time):
+        """Shares of particle i in the power dissipated and in the power of the driving forces, [energy / time], in f64.
+
+        Forces without a potential that depend on velocity dissipate, the others drive. A damped spring is split evenly between
+        its ends, so that what both ends share in their motion does not enter.
+        """
+        dissipated, driving = ti.cast(0.0, state.wide), ti.cast(0.0, state.wide)
+        for force in ti.static(self.external):
+            if ti.static(not force.conserves_energy):
+                # A particle without mass may be here only if it is held, and then no force works on it.
+                if state.mass[i] > 0.0:
+                    acceleration = force.accelerate(state, i, time)
+                    power = ti.cast(0.0, state.wide)
+                    for k in ti.static(range(state.dimensions)):
+                        power += ti.cast(acceleration[k], state.wide) * ti.cast(state.velocity[i][k], state.wide)
+                    power *= ti.cast(state.mass[i], state.wide)
+                    if ti.static(force.depends_on_velocity):
+                        dissipated -= power
+                    else:
+                        driving += power
+        for bond in ti.static(self.bonds):
+            if ti.static(not bond.conserves_energy):
+                for h in range(state.spring_start[i], state.spring_start[i + 1]):
+                    dissipated += 0.5 * bond.dissipation(state, i, state.spring_neighbor[h], h)
+        return ti.Vector([dissipated, driving], state.wide)
 
     @ti.func
     def potential_energy_of(self, state: Template, first, i, time):

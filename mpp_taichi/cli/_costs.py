@@ -101,7 +101,7 @@ def _slight(declared: Declaration) -> dict[str, Any] | None:
     found = {}
     for parameter in declared.parameters:
         value = _slight_value(parameter)
-        if value is None:
+        if value is None and not (parameter.optional and parameter.type == "Particles"):  # absent, it means all of them
             return None
         found[parameter.name] = value
     return found

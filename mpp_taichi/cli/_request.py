@@ -47,6 +47,7 @@ class Request:
     every: int | None = None
     quiet: bool = False
     allow_inaccurate: bool = False
+    energy_balance: bool = False
     window: bool = False
 
     @property

@@ -24,6 +24,7 @@ from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
+from mpp_taichi.scene.expectations import BALANCE_QUANTITIES
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.stability import spring_step_limit
@@ -141,6 +142,8 @@ class _Run:
         )
         follows = spec.modes is not None or request.modes is not None
         self.modes = ModeRecorder(simulation, spec.modes, self.every) if follows else None
+        if request.energy_balance or any(each.quantity in BALANCE_QUANTITIES for each in self.watcher.expectations):
+            simulation.keep_energy_balance()
         self.films: list[FilmRecorder] = []
         self.files: list[str] = []
         self.error: MppError | None = None

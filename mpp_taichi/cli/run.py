@@ -28,6 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _options.add_tables(parser)
     parser.add_argument("--dry-run", action="store_true", help="say what would be done, and start no device")
     parser.add_argument("--allow-inaccurate", action="store_true", help="end with code 0 even when energy was lost")
+    parser.add_argument(
+        "--energy-balance", action="store_true", help="account for dissipated energy, work and what the method loses by itself"
+    )
     _options.add_report(parser)
 
 
@@ -57,7 +60,8 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
     from mpp_taichi.cli._request import OUTPUT_FOLDER, Request
 
     names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "trajectory", "snapshot")
-    given = {name: getattr(arguments, name) for name in (*names, "diagnostics", "modes", "every", "quiet", "allow_inaccurate")}
+    names = (*names, "diagnostics", "modes", "every", "quiet", "allow_inaccurate", "energy_balance")
+    given = {name: getattr(arguments, name) for name in names}
     if arguments.headless or arguments.video is not None:
         return Request(**given)
     problem = no_window()

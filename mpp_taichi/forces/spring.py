@@ -118,3 +118,17 @@ class Spring(BondForce):
             squared += component_k * component_k
         stretch = ti.sqrt(squared) - ti.cast(state.spring_rest_length[h], state.wide)
         return 0.5 * ti.cast(state.spring_stiffness[h], state.wide) * stretch * stretch
+
+    @ti.func
+    def dissipation(self, state: Template, i, j, h):
+        """c ((v_j − v_i)·n)², or c |v_j − v_i|² with full damping."""
+        squared, along, speed = ti.cast(0.0, state.wide), ti.cast(0.0, state.wide), ti.cast(0.0, state.wide)
+        for k in ti.static(range(state.dimensions)):
+            separation_k = ti.cast(state.position[j][k], state.wide) - ti.cast(state.position[i][k], state.wide)
+            velocity_k = ti.cast(state.velocity[j][k], state.wide) - ti.cast(state.velocity[i][k], state.wide)
+            squared += separation_k * separation_k
+            along += separation_k * velocity_k
+            speed += velocity_k * velocity_k
+        if ti.static(self.damping == "axial"):
+            speed = ti.select(squared > 0.0, along * along / squared, 0.0)
+        return ti.cast(state.spring_damping[h], state.wide) * speed

@@ -19,6 +19,7 @@ SPARSE_STEPS = 20  # the potential of 3073 bodies took six of their steps; so fa
 ZERO_ENERGY = 1e-12  # an |E₀| below this share of kinetic + |potential| is what rounding left of zero
 FORMATS = (".csv", ".npz")
 _SCALARS = ("time", "step", "kinetic_energy", "potential_energy", "total_energy")
+_BALANCE = ("dissipated_energy", "work", "energy_balance_residual")  # only with an energy balance
 _VECTORS = ("momentum", "angular_momentum", "center_of_mass")
 ERRORS = ("relative_energy_error", "momentum_error", "angular_momentum_error", "center_of_mass_error")
 
@@ -33,6 +34,9 @@ class TableRecorder:
     angular_momentum_error  |L − L₀| over the largest Σ m |x| |v| seen so far
     center_of_mass_error    distance of the centre of mass from uniform motion, over the radius of the system at the start,
                             or over its own largest way where the system is a point
+
+    With an energy balance also energy_balance_error, |E + D − W − E₀| over the largest kinetic energy, dissipated energy D or
+    |work| W of the whole run, or over its largest kinetic + |potential| where that is all rounding.
     """
 
     def __init__(self, every: int) -> None:
@@ -131,11 +135,31 @@ class TableRecorder:
         }
         if kept := [row["relative_energy_error"] for row in self.rows if row["conserves_energy"]]:
             found["conserved_energy_error_max"] = max(kept)
-        return found | {f"{name}_max": max(row[name] for row in self.rows) for name in ERRORS}
+        found |= {f"{name}_max": max(row[name] for row in self.rows) for name in ERRORS}
+        if self.is_balanced:
+            found |= {name: self.rows[-1][name] for name in _BALANCE[:2]}
+            found["energy_balance_error_max"] = max(self._balance_errors())
+        return found
+
+    @property
+    def is_balanced(self) -> bool:
+        """Whether the samples hold an energy balance."""
+        return bool(self.rows) and _BALANCE[0] in self.rows[0]
+
+    def _balance_errors(self) -> list[float]:
+        turnover, largest = max(row["energy_turnover"] for row in self.rows), self._largest["energy"]
+        scale = turnover if turnover > ZERO_ENERGY * largest else largest
+        return [_ratio(row["energy_balance_residual"], scale) for row in self.rows]
+
+    def _derived(self) -> dict[str, list[float]]:
+        """The errors, and the energy balance where it is kept."""
+        found = {name: [row[name] for row in self.rows] for name in (*ERRORS, *(_BALANCE if self.is_balanced else ()))}
+        return found | ({"energy_balance_error": self._balance_errors()} if self.is_balanced else {})
 
     def columns(self) -> dict[str, Any]:
         """Every column: scalars (sample_count,), vectors (sample_count, 3)."""
-        return {name: np.array([row[name] for row in self.rows]) for name in (*_SCALARS, *_VECTORS, *ERRORS)}
+        measured = {name: [row[name] for row in self.rows] for name in (*_SCALARS, *_VECTORS)}
+        return {name: np.array(values) for name, values in (measured | self._derived()).items()}
 
     def save(self, path: Path) -> None:
         """Write the table as its suffix says, by way of a temporary file.
@@ -161,12 +185,13 @@ class TableRecorder:
 
     def _lines(self) -> list[Sequence[str]]:
         """Header and rows; numbers in their shortest exact spelling."""
-        header = [*_SCALARS, *(f"{name}_{axis}" for name in _VECTORS for axis in "xyz"), *ERRORS]
+        derived = self._derived()
+        header = [*_SCALARS, *(f"{name}_{axis}" for name in _VECTORS for axis in "xyz"), *derived]
         lines: list[Sequence[str]] = [header]
-        for row in self.rows:
+        for row, *rest in zip(self.rows, *derived.values(), strict=True):
             numbers = [row[name] for name in _SCALARS]
             numbers += [value for name in _VECTORS for value in row[name]]
-            numbers += [row[name] for name in ERRORS]
+            numbers += rest
             lines.append([repr(value) if isinstance(value, int) else repr(float(value)) for value in numbers])
         return lines
 

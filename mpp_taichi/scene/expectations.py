@@ -12,9 +12,14 @@ SUMMARY_QUANTITIES = {
     "momentum_error_max": "largest change of the total momentum, relative to Σ m |v|",
     "angular_momentum_error_max": "largest change of the total angular momentum, relative to Σ m |r × v|",
     "center_of_mass_error_max": "largest distance of the centre of mass from uniform motion, relative to the system's size",
+    "energy_balance_error_max": "largest |E + dissipated − work − E₀|, relative to the energy turned over",
+    "dissipated_energy": "energy that drag and the damping of springs took out",
+    "work": "work of driving forces",
     "steps": "steps done",
     "time": "time reached",
 }
+BALANCE_QUANTITIES = frozenset({"energy_balance_error_max", "dissipated_energy", "work"})
+"""Of these, the ones for which an energy balance is kept."""
 BOUNDS = ("below", "above", "near", "within")
 
 

@@ -65,6 +65,11 @@ class ParticleLayout:
         if any(number > largest for number, largest in zip(numbers, most, strict=True)):
             raise PlacementError(f"{name} has no mode {list(numbers)}, allowed: from [1, 1, 1] to {most}")
 
+    def group(self, reference: int | str) -> tuple[int, int] | None:
+        """First index and count of the entry called so; None where no entry is."""
+        number = self.names.get(reference) if isinstance(reference, str) else None
+        return None if number is None else (self.starts[number], self.counts[number])
+
     def lattice(self, name: str) -> Lattice:
         """The lattice of a name; PlacementError says which there are."""
         if name not in self.lattices:

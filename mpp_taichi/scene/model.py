@@ -96,6 +96,7 @@ def field_of(parameter: Parameter) -> Field:
         "Formula": lambda: fields.PerParticle(tuple(parameter.names)),
         "FormulaVector": lambda: fields.InSpace(fields.PerParticle(tuple(parameter.names))),
         "Particle": fields.Reference,
+        "Particles": fields.Reference,
         "Pair": lambda: fields.ListOf(fields.Reference(), (2,), "particles"),
         "Path": fields.FileBeside,
         "Lattice": Text,

@@ -69,6 +69,8 @@ class _Finder:
             value = given[parameter.name]
             if parameter.type == "Particle" and value is not None:
                 found[parameter.name] = self._find(value, (*path, parameter.name))
+            elif parameter.type == "Particles" and value is not None:
+                found[parameter.name] = self._find_group(value, (*path, parameter.name))
             elif parameter.type == "Pair" and value is not None:
                 places = [(*path, parameter.name, end) for end in (0, 1)]
                 pair = tuple(self._find(end, place) for end, place in zip(value, places, strict=True))
@@ -96,6 +98,13 @@ class _Finder:
         except PlacementError as error:
             self._fault(path, str(error))
             return None
+
+    def _find_group(self, reference: int | str, path: tuple[Any, ...]) -> tuple[int, int] | None:
+        group = self.layout.group(reference)
+        if group is not None:
+            return group
+        index = self._find(reference, path)
+        return None if index is None else (index, 1)
 
     def _fault(self, path: tuple[Any, ...], message: str) -> None:
         walked = list(self.tree.along(path))
