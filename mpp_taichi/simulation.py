@@ -131,15 +131,15 @@ class Simulation:
         else:
             self.state.write(self._start.position, self._start.velocity * self._start.free)
         self._start_afresh()
+        self.solver_report = SolverReport()
+        if self.energy_balance is not None:
+            self.energy_balance.restart()
 
     def _start_afresh(self) -> None:
         """After positions and velocities were set: neither forces kept nor a method's history hold any more."""
         self._prepared = False
         if self.integrator.implicit:
-            self.stepper.solver_report()
-            self.solver_report = SolverReport()
-        if self.energy_balance is not None:
-            self.energy_balance.restart()
+            self.stepper.solver_report()  # what was counted before does not belong to what comes
 
     def run(
         self,
@@ -223,11 +223,12 @@ class Simulation:
         copies = range(self.state.replica_count)
         position, velocity = (np.concatenate(each) for each in zip(*(self.state.read(replica) for replica in copies)))
         step = self.step_count
-        self._enter(number)
         phase = self.phases[number]
-        self._origin_time, self._origin_step, self._steps_since_origin = phase.at, step, 0
-        self.state.write(position, velocity * np.tile(phase.particles.free, (len(copies), 1)))
-        self._start_afresh()
+        with self.parameter_change():
+            self._enter(number)
+            self._origin_time, self._origin_step, self._steps_since_origin = phase.at, step, 0
+            self.state.write(position, velocity * np.tile(phase.particles.free, (len(copies), 1)))
+            self._start_afresh()
         self.phase_energy = self._total_energy()
         self.phase_work.append(self.phase_energy - before)
         changed = ", ".join(phase.changes)
