@@ -1,5 +1,7 @@
 """Every force of the catalogue: gradient of its potential, third law, dissipation; a new file is tested by being there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from compiled import TIME, CompiledForces, build_force, random_snapshot, snapshot_of
@@ -134,7 +136,14 @@ def test_charges_of_one_sign_repel():
 
 @pytest.mark.parametrize("full", [False, True])
 def test_springs_match_the_textbook_sum(full):
-    snapshot = random_snapshot(6)
+    """At particles of 0 to 12 springs: sums run over four at a time and the rest singly."""
+    count = 14
+    between = np.array([(i, j) for i in range(count) for j in range(i) if i + j >= count], np.int32)
+    random = np.random.default_rng(4)
+    snapshot = random_snapshot(count)
+    kinds = {key: random.uniform(0.5, 2.0, len(between)) for key in ("stiffness", "damping", "rest_length")}
+    snapshot = replace(snapshot, springs=Springs(between=between, color=np.ones((len(between), 3)), **kinds))
+    assert set(np.bincount(between.ravel(), minlength=count)) == set(range(count - 1))
     s = snapshot.springs
     spring = component.build("forces", "spring", {"damping": "full" if full else "axial"})
     expected = accelerations.springs(
