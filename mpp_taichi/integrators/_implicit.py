@@ -28,7 +28,7 @@ class Implicit(Integrator):
         x = x* + P,  v = v* + (g/b) P,  P = b a(x, v, t + node·dt),  b = beta·dt², g = gamma·dt.
 
     A method says beta, gamma and node, sets the bases x*, v* from the start of the step (`begin`) and the end of the step from
-    P (`finish`). All of them are stable for springs of any stiffness; what they make of oscillations that a step cannot resolve
+    P (`finish`). Positions are kept as a start and a shift from there, so that a step rounds them once. All of them are stable for springs of any stiffness; what they make of oscillations that a step cannot resolve
     is their difference: see `amplification`.
 
     A step whose equations Newton's method does not solve is done again in two pieces, in four, and so on; and so is one of a
@@ -102,7 +102,7 @@ class Implicit(Integrator):
 
     @ti.func
     def begin(self, state: Template, i, dt, b):
-        """Set base_position and base_velocity."""
+        """Set base_shift and base_velocity."""
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
@@ -154,6 +154,7 @@ class Implicit(Integrator):
         b, g = self.coefficients(state, first, dt)
         before = self.guarded_energy(state, total_force, first, time)
         for i in range(first, end):
+            state.piece_start[i] = state.position[i]
             self.begin(state, i, dt, b)
             state.shift[i] = ti.Vector.zero(float, state.dimensions)
         solved = self.newton.solve_serial(state, first, time + self.node * dt, dt, b, g)
@@ -266,6 +267,7 @@ class Implicit(Integrator):
     @ti.kernel
     def _begin(self, state: Template, dt: float, b: float):
         for i in range(state.particle_count):
+            state.piece_start[i] = state.position[i]
             self.begin(state, i, dt, b)
             state.shift[i] = ti.Vector.zero(float, state.dimensions)
 

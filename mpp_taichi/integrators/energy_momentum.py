@@ -32,7 +32,6 @@ class EnergyMomentum(Implicit):
     beta = 0.25
     gamma = 0.5
     node = 0.5
-    extra_vectors = ("piece_start",)
 
     def implicit_part(self, total_force: Any) -> Any:
         """All forces, the bonds averaged."""
@@ -46,12 +45,11 @@ class EnergyMomentum(Implicit):
     @ti.func
     def begin(self, state: Template, i, dt, b):
         """Half of the free flight."""
-        state.piece_start[i] = state.position[i]
         state.base_velocity[i] = state.velocity[i]
-        state.base_position[i] = state.position[i] + 0.5 * dt * state.velocity[i]
+        state.base_shift[i] = 0.5 * dt * state.velocity[i]
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
         """From the middle as far again."""
-        state.position[i] = state.base_position[i] + 0.5 * dt * state.base_velocity[i] + 2.0 * state.shift[i]
+        state.position[i] = state.piece_start[i] + 2.0 * (state.base_shift[i] + state.shift[i])
         state.velocity[i] = state.base_velocity[i] + 2.0 * (g / b) * state.shift[i]

@@ -39,11 +39,11 @@ class Newton:
         self.particle_count = matrix.total_force.particle_count
         self.launched = SolverReport()  # of the steps that the host led
         self.tolerance_squared = (TOLERANCE[precision] if tolerance is None else tolerance) ** 2
-        self.floor_squared = (4.0 * UNIT_ROUND_OFF[precision]) ** 2
+        self.floor_squared = (4.0 * matrix.dimensions * UNIT_ROUND_OFF[precision]) ** 2
 
     def fields(self) -> dict[str, tuple[str, int]]:
         """Kind and count, for each replica, of the fields it needs, those of matrix and linear solver among them."""
-        vectors = ("base_position", "base_velocity", "shift", "update", "right_side", "residual")
+        vectors = ("piece_start", "base_shift", "base_velocity", "shift", "update", "right_side", "residual")
         return {
             **{name: ("vector", self.particle_count) for name in vectors},
             **{name: ("index", 1) for name in (*COUNTERS, "unsolved")},
@@ -56,7 +56,7 @@ class Newton:
     @ti.func
     def displace(self, state: Template, i, ratio):
         """Put the particle at the trial; ratio = g/b."""
-        state.position[i] = state.base_position[i] + state.shift[i]
+        state.position[i] = state.piece_start[i] + (state.base_shift[i] + state.shift[i])
         state.velocity[i] = state.base_velocity[i] + ratio * state.shift[i]
 
     @ti.func
@@ -78,8 +78,14 @@ class Newton:
         state.shift[i] += change
         way = dt * state.base_velocity[i]
         moved = dot(state, state.shift[i], state.shift[i]) + dot(state, way, way)
-        place = dot(state, state.base_position[i], state.base_position[i])
-        return ti.Vector([dot(state, change, change), self.tolerance_squared * moved + self.floor_squared * place])
+        # Rounded positions put noise into the forces, and they into P: all of it along stiff springs, next to none along soft.
+        noisy = ti.Vector.zero(float, state.dimensions)
+        for k in ti.static(range(state.dimensions)):
+            noisy[k] = (1.0 - self.matrix.weight(state, i) * state.inverse_block[i][k, k]) * state.piece_start[i][k]
+        if ti.static(state.has_fixed_axes):
+            noisy *= state.free[i]
+        noise = dot(state, noisy, noisy)
+        return ti.Vector([dot(state, change, change), self.tolerance_squared * moved + self.floor_squared * noise])
 
     # One thread ------------------------------------------------------------------------------------------------------------
 
