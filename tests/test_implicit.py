@@ -6,7 +6,6 @@ import hard_networks
 import numpy as np
 import pytest
 from reference import rigid_pendulum
-from scenes import everything
 
 from mpp_taichi import Simulation, StabilityError, component
 from mpp_taichi.cli.main import main
@@ -14,6 +13,7 @@ from mpp_taichi.integrators import _implicit
 from mpp_taichi.solvers import newton
 from mpp_taichi.solvers.conjugate_gradients import ConjugateGradients
 from mpp_taichi.solvers.ordering import bandwidth, narrow_order
+from scenes import everything
 
 IMPLICIT = [name for name in component.names("integrators") if component.declaration("integrators", name).base == "Implicit"]
 TOLERANCE = 1e-12  # of the way of a step, to which Newton's method solves in f64
@@ -169,7 +169,9 @@ def test_both_linear_solvers_and_all_plans_give_the_same_step(name):
     ends = {}
     for solver in ("direct", "conjugate_gradients"):
         for plan in ("serial", "parallel"):
-            with Simulation(sheet(name, 0.005, count=5, solver=solver), backend="cpu", precision="f64", plan=plan) as simulation:
+            with Simulation(
+                sheet(name, 0.005, count=5, solver=solver), backend="cpu", precision="f64", plan=plan
+            ) as simulation:
                 ends[solver, plan] = simulation.run(steps=10).snapshot().position
                 assert simulation.solver_report.steps == 10 and simulation.solver_report.unsolved == 0
                 assert simulation.solver_report.linear_iterations >= simulation.solver_report.newton_iterations

@@ -3,10 +3,10 @@
     python tools/benchmark_stiff_chain.py [--error 1e-3] [--repeats 9] [--json FILE]
 
 Thirty-two masses on springs between two walls, hardly stretched: along the chain ω ≤ 2 √(D/m), across it
-ω_k = 2 √(T/m d) sin(kπ/2(n + 1)) with a tension T so small that the largest stable step of leapfrog is a millionth of the slowest
-period. The chain starts in its first two transverse modes, so faintly that they are linear, and swings for one slow period; the
-error is the largest of any mass at sixteen times, over the amplitude. Explicit methods run at 0.9 of their limit, implicit ones
-at the largest step, of a ladder, that keeps the error. All in f64, compiled beforehand, timed in turn; medians.
+ω_k = 2 √(T/m d) sin(kπ/2(n + 1)) with a tension T so small that the largest stable step of leapfrog is a millionth of the
+slowest period. The chain starts in its first two transverse modes, so faintly that they are linear, and swings for one slow
+period; the error is the largest of any mass at sixteen times, over the amplitude. Explicit methods run at 0.9 of their limit,
+implicit ones at the largest step, of a ladder, that keeps the error. All in f64, compiled beforehand, timed in turn; medians.
 """
 
 import argparse
@@ -39,7 +39,7 @@ def sine(k):
     return math.sin(k * math.pi / (2 * (MASSES + 1)))
 
 
-# Leapfrog allows 2/ω_max = 1/sin(nπ/2(n + 1)) for D = m = 1; the slowest period 2π/(2 √τ sin(π/2(n + 1))) sets the tension τ = T/D d.
+# For D = m = 1 leapfrog allows 2/ω_max = 1/sin(nπ/2(n + 1)); the slowest period is π/(√τ sin(π/2(n + 1))) with τ = T/D d.
 LIMIT = 1.0 / sine(MASSES)
 TENSION = (SHARE * math.pi / (LIMIT * sine(1))) ** 2
 PERIOD = math.pi / (math.sqrt(TENSION) * sine(1))
@@ -96,7 +96,7 @@ def seconds_of(simulation, steps):
 
 
 def prepare(allowed):
-    """(name, simulation, steps per period, error, Newton iterations a step); no steps where none of the ladder keeps the error."""
+    """(name, simulation, steps per period, error, Newton iterations a step); steps None where none keeps the error."""
     from mpp_taichi import Simulation
 
     ready = []
@@ -132,9 +132,7 @@ def main():
                 seconds[name].append(seconds_of(simulation, steps))
     from mpp_taichi.availability import cpu_name
 
-    print(
-        f"{cpu_name()}, {os.cpu_count()} cores; {MASSES} masses, slow period {PERIOD:.4g} = {PERIOD / LIMIT:.3g} explicit limits\n"
-    )
+    print(f"{cpu_name()}, {os.cpu_count()} cores; {MASSES} masses, slow period {PERIOD:.4g} = {PERIOD / LIMIT:.3g} limits\n")
     print(f"{'method':18s} {'steps':>9s} {'error':>9s} {'ms':>9s} {'/ leapfrog':>11s} {'Newton a step':>14s}")
     base = statistics.median(seconds["leapfrog"])
     rows = []

@@ -7,7 +7,7 @@ ANCHOR = np.array([0.0, 1.0])
 
 
 def end_positions(first, second, stiffness, gravity, time):
-    """Places at `time` of the two masses of 1, from rest: the first on a rod of length 1, the second on a spring of length 1."""
+    """Places of two masses of 1, from rest: the first on a rod of length 1, the second on a spring of length 1."""
     start = np.arctan2(first[0] - ANCHOR[0], ANCHOR[1] - first[1])
 
     def slopes(_, y):
