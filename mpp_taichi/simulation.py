@@ -9,11 +9,13 @@ from typing import Any, Protocol
 from mpp_taichi import backends, component, plans, postmortem
 from mpp_taichi.assemble import assemble
 from mpp_taichi.errors import BackendError, CapacityError, MppError
+from mpp_taichi.postmortem import Mark
 from mpp_taichi.scene.estimate import check_capacity, estimate
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.solvers.report import SolverReport
+from mpp_taichi.stability import StepAdvice, StepGuard
 
 LAUNCH_SECONDS = 0.1  # aim for one launch: short enough to interrupt, long enough not to matter
 GPU_WORTH_WORK = 4_000_000  # work per step (see plans) from which `auto` looks for a GPU
@@ -33,8 +35,10 @@ class Simulation:
     """A scene, compiled to one step and run on one device.
 
     `scene` is a path, a mapping of the shape of the YAML, or a SceneSpec; `overrides` are those of `--set`. `replica_starts`
-    holds the starting snapshots of independent copies of the scene that run side by side, one thread each. Raises SceneError,
-    BackendError or CapacityError before anything is allocated, StabilityError while running.
+    holds the starting snapshots of independent copies of the scene that run side by side, one thread each. `start` is a state
+    of the same particles to go on from instead of the scene's own, with its time and step count. `force` runs a step that is
+    beyond what the springs allow. Raises SceneError, BackendError or CapacityError before anything is allocated,
+    StabilityError when it is run.
     """
 
     def __init__(
@@ -47,14 +51,18 @@ class Simulation:
         overrides: Mapping[str, Any] | Sequence[str] = (),
         replica_starts: Sequence[Snapshot] = (),
         threads: int | None = None,
+        start: Snapshot | None = None,
+        force: bool = False,
     ):
         """Read the scene, start the backend, allocate and fill the fields; kernels are compiled at the first step."""
         began = clock.perf_counter()
         self.spec = load_scene(scene, overrides=overrides)
         self.estimate = estimate(self.spec)
         check_capacity(self.estimate)
-        self._start = assemble(self.spec)
+        assembled = assemble(self.spec)
+        self._start = assembled if start is None else start.continuing(assembled)
         self._build(backend, precision, plan, tuple(replica_starts), threads)
+        self._guard = StepGuard(self.spec, self._start, self.integrator, force=force)
         self.setup_seconds = clock.perf_counter() - began
         self.compile_seconds = 0.0
         self.advance_seconds = 0.0
@@ -158,10 +166,12 @@ class Simulation:
         """Advance by `duration`, `until` a time, or by `steps`; without any of them as the scene's `run:` says.
 
         A loop of: ask the recorders when they are due, step that far at most, check that every number is finite, let the
-        recorders look. If the end is no whole number of steps away, one shorter step reaches it exactly.
+        recorders look. If the end is no whole number of steps away, one shorter step reaches it exactly. A step beyond what the
+        springs allow is refused with a StabilityError, see `check_step`.
         """
         self._require_life()
         whole, rest = self._plan_run(duration, until, steps)
+        self.check_step(whole)
         self._notify(recorders)
         last = self.step_count + whole
         while self.step_count < last:
@@ -269,6 +279,43 @@ class Simulation:
         singular = any(force.softening == 0.0 for force in self.total_force.pair_forces)
         raise postmortem.diagnose(before, particle, step=self.step_count + 1, time=self.time + dt, pairs_singular=singular)
 
+    # --- stability ------------------------------------------------------------------------------------------------------
+
+    @property
+    def step_advice(self) -> StepAdvice | None:
+        """How large a step the springs and the drag allow, as the particles were placed; None where nothing limits it."""
+        return self._guard.advice(self.dt)
+
+    def check_step(self, steps: int | None = None) -> None:
+        """Warn of a step near its limit, and refuse one beyond it unless this simulation was made with `force`.
+
+        `steps` is the length of the run, for methods whose oscillations grow whatever the step is. Done once for each dt.
+
+        Raises:
+            StabilityError: the step cannot hold.
+        """
+        self._guard.check(self.dt, steps)
+
+    def mark(self) -> Mark:
+        """The state and its time, to `return_to`."""
+        return Mark(self.state.save(), self._origin_time, self._origin_step, self._steps_since_origin)
+
+    def return_to(self, mark: Mark) -> None:
+        """Go back; what a method of several steps remembers is forgotten, as after `restart`."""
+        self.state.restore(mark.saved)
+        self._origin_time, self._origin_step, self._steps_since_origin = mark.origin_time, mark.origin_step, mark.steps
+        self._prepared = False
+
+    def try_steps(self, steps: int) -> bool:
+        """Advance without recorders; False, and no error, where a number is not finite or a step not solved."""
+        while steps > 0:
+            count = min(steps, self.launch_limit)
+            self._launch(count, self.dt)
+            self._move_clock(count, self.dt)
+            steps -= count
+        solved = not (self.integrator.implicit and self.stepper.solver_report().unsolved)
+        return solved and self.stepper.first_bad_particle() < 0
+
     # --- looking --------------------------------------------------------------------------------------------------------
 
     def snapshot(self, replica: int = 0) -> Snapshot:
@@ -293,6 +340,14 @@ class Simulation:
     def conserves_energy(self) -> bool:
         """Whether every force has a potential, so that energy may be asked to stay."""
         return all(force.conserves_energy for force in self.total_force.forces)
+
+    @property
+    def gains_no_energy(self) -> bool:
+        """Whether every force has a potential or brakes, so that energy may be asked not to grow.
+
+        What has no potential and depends on velocity is taken for a brake; what has none and does not, for a drive.
+        """
+        return all(force.conserves_energy or force.depends_on_velocity for force in self.total_force.forces)
 
     # --- end ------------------------------------------------------------------------------------------------------------
 

@@ -64,7 +64,9 @@ def effect_names(simulation: "Simulation") -> list[str]:
 def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopwatch, *, plan_asked: str) -> dict[str, Any]:
     """The facts of a run; `status`, `files` and `expect` are added by who knows them."""
     spec, device = simulation.spec, simulation.device
-    timed_steps = simulation.step_count - 1  # the first launch is one step, and its time is that of the compiler
+    timed_steps = (
+        simulation.step_count - simulation.start.step - 1
+    )  # the first launch is one step, and its time is that of the compiler
     rate = timed_steps / simulation.advance_seconds if simulation.advance_seconds > 0.0 else None
     count = simulation.state.particle_count
     pairs = count * (count - 1) * max(1, simulation.integrator.evaluations) if simulation.total_force.has_pairs else 0
@@ -113,11 +115,12 @@ def _solver(simulation: "Simulation") -> dict[str, Any]:
 
 def launches_per_step(simulation: "Simulation") -> float | None:
     """Kernel launches a step took, on average so far: a serial launch holds many steps, a parallel step several loops."""
-    if simulation.step_count == 0:
+    done = simulation.step_count - simulation.start.step
+    if done <= 0:
         return None
     if simulation.plan == "parallel":
         return float(simulation.stepper.launches_per_step())
-    return simulation.kernel_calls / simulation.step_count
+    return simulation.kernel_calls / done
 
 
 def plan_reason(simulation: "Simulation", plan_asked: str) -> str:
@@ -138,6 +141,7 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         ("scene", f"{found['title'] or found['scene']}: {found['particle_count']:,} particles{springs}"),
         ("effects", ", ".join(found["effects"]) or "none: every particle moves on a straight line"),
         ("method", f"{found['integrator']}, dt {found['dt']:.6g}, {found['precision']}"),
+        ("rewound", found.get("rewound", "")),
         ("device", f"{found['backend']}: {found['device']}{threads}"),
         ("plan", f"{found['plan']}: {found['plan_reason']}"),
         ("reached", f"t = {found['time']:.9g} in {found['steps']:,} steps{_rate(found)}"),

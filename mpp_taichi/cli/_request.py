@@ -15,6 +15,7 @@ from mpp_taichi.scene.estimate import MOST_STEPS
 from mpp_taichi.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
+    from mpp_taichi.cli._rewind import Rewind
     from mpp_taichi.simulation import Simulation
 
 OUTPUT_FOLDER = Path("out")
@@ -43,6 +44,8 @@ class Request:
     quiet: bool = False
     allow_inaccurate: bool = False
     window: bool = False
+    force: bool = False
+    rewind: "Rewind | None" = None
 
     @property
     def films(self) -> bool:
@@ -71,6 +74,7 @@ class Goal:
     until: float | None
     steps: int | None
     whole: bool  # the scene's own full duration, of which its expectations speak
+    begin: float = 0.0  # time at which the run starts
 
     @staticmethod
     def of(spec: SceneSpec, request: Request) -> "Goal":
@@ -87,13 +91,13 @@ class Goal:
         return self.until is None and self.steps is None
 
     def span(self, dt: float) -> float:
-        """Simulated time of the run, which starts at 0 [time]."""
-        return self.until if self.until is not None else (self.steps or 0) * dt
+        """Simulated time of the run [time]."""
+        return self.until - self.begin if self.until is not None else (self.steps or 0) * dt
 
     def step_count(self, dt: float) -> int | None:
         """Steps of the run, or None without an end."""
         if self.until is not None:
-            return max(1, round(self.until / dt))
+            return max(1, round((self.until - self.begin) / dt))
         return self.steps
 
     def is_reached(self, simulation: "Simulation") -> bool:

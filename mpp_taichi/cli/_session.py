@@ -1,10 +1,9 @@
 """Session: one scene run from the command line, with its recorders, its limits and what it leaves behind."""
 
-import logging
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +11,10 @@ from mpp_taichi.cli._options import output_stem
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._terminal import say
-from mpp_taichi.errors import MppError, OutputError, StabilityError
+from mpp_taichi.errors import MppError, OutputError, StabilityError, StateError
 from mpp_taichi.expectations import Verdict, Watcher
 from mpp_taichi.recorders._lock import OutputLock
+from mpp_taichi.recorders.blow_up import BlowUpWatch
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.recorders.frames import FrameRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
@@ -23,13 +23,10 @@ from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.stability import spring_step_limit
 from mpp_taichi.summary import Stopwatch, Timed, lines, summarize
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(eq=False)
@@ -45,7 +42,9 @@ class Outcome:
     def as_json(self) -> dict[str, Any]:
         """The one object of `--json`."""
         expected = [{**vars(verdict), "label": verdict.label} for verdict in self.verdicts]
-        trouble = {"error": str(self.error)} if self.error else {}
+        trouble: dict[str, Any] = {"error": str(self.error)} if self.error else {}
+        if isinstance(self.error, StabilityError):
+            trouble["broke_at"] = {key: getattr(self.error, key) for key in ("step", "time", "particle")}
         return {**self.summary, "expect": expected, "files": self.files, **trouble, "exit_code": self.exit_code}
 
     def lines(self) -> list[str]:
@@ -69,8 +68,11 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
         sinks = _open_sinks(spec, request, stack)
         trajectory = stack.enter_context(TrajectoryRecorder(request.trajectory)) if request.trajectory else None
         simulation = stack.enter_context(_start(spec, request))
-        _warn_of_large_step(simulation)
-        return _Run(spec, request, goal, simulation, stopwatch).go(interruption, sinks, trajectory)
+        rewound = request.rewind.choose_step(simulation) if request.rewind is not None else ""
+        if request.rewind is not None:
+            goal = request.rewind.goal(goal, simulation)
+        simulation.check_step(goal.step_count(simulation.dt))
+        return _Run(spec, request, goal, simulation, stopwatch, rewound).go(interruption, sinks, trajectory)
 
 
 def _lock_outputs(request: Request, stack: ExitStack) -> None:
@@ -94,29 +96,28 @@ def _open_sinks(spec: SceneSpec, request: Request, stack: ExitStack) -> list[Any
 def _start(spec: SceneSpec, request: Request) -> "Simulation":
     from mpp_taichi.simulation import Simulation  # the first import of Taichi: the scene is known to be sound
 
-    return Simulation(spec, backend=request.backend, precision=request.precision, plan=request.plan, threads=request.threads)
-
-
-def _warn_of_large_step(simulation: "Simulation") -> None:
-    limit = spring_step_limit(simulation.start)
-    if limit is not None and simulation.dt > limit:
-        log.warning(
-            "dt = %.4g is %.2g times what the springs allow an explicit method; the run may fail, %.4g is safe",
-            simulation.dt,
-            simulation.dt / limit,
-            limit,
-        )
+    options = {name: getattr(request, name) for name in ("backend", "precision", "plan", "threads", "force")}
+    if request.rewind is None:
+        return Simulation(spec, **options)
+    try:
+        return Simulation(spec, **options, start=request.rewind.state)
+    except StateError as error:
+        raise StateError(f"--rewind {request.rewind.file}: it is of another scene: {error}") from None
 
 
 class _Run:
     """The middle part of a session, when everything stands: step, look, and close in good order."""
 
-    def __init__(self, spec: SceneSpec, request: Request, goal: Goal, simulation: "Simulation", stopwatch: Stopwatch) -> None:
+    def __init__(
+        self, spec: SceneSpec, request: Request, goal: Goal, simulation: "Simulation", stopwatch: Stopwatch, rewound: str = ""
+    ) -> None:
         self.spec, self.request, self.goal, self.simulation, self.stopwatch = spec, request, goal, simulation, stopwatch
+        self.rewound = rewound
         self.total_steps = goal.step_count(simulation.dt)
         sparse = simulation.total_force.has_pairs and simulation.plan == "parallel"
         self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps, sparse=sparse)
         self.table = TableRecorder(self.every)
+        self.blow_up = BlowUpWatch(self.table)
         self.watchdog = EnergyWatchdog(self.table)
         self.watcher = Watcher(spec.expect if goal.whole else (), self.every)
         self.films: list[FilmRecorder] = []
@@ -130,10 +131,11 @@ class _Run:
             self.films = [self._film(sinks)]
         if trajectory is not None:
             trajectory.every = self.every
-        looks: list[Any] = [self.table, self.watchdog, self.watcher, *([trajectory] if trajectory else [])]
+        looks: list[Any] = [self.table, self.blow_up, self.watchdog, self.watcher, *([trajectory] if trajectory else [])]
         timed = [Timed(look, self.stopwatch, "diagnostics") for look in looks]
         bar = sys.stderr is not None and sys.stderr.isatty()
-        progress = ProgressRecorder(self.total_steps, self._energy_error, bar=bar)
+        total = None if self.total_steps is None else self.simulation.step_count + self.total_steps
+        progress = ProgressRecorder(total, self._energy_error, bar=bar)
         wants_progress = not (self.request.quiet or self.request.window)
         recorders = [*timed, *self.films, interruption, *([progress] if wants_progress else [])]
         try:
@@ -142,7 +144,10 @@ class _Run:
         except Interrupted as signal:
             self.interrupted = signal
             self._finish([self.table, self.watchdog, *([trajectory] if trajectory else [])])
-        except (StabilityError, OutputError) as error:
+        except StabilityError as error:
+            self.error = self.blow_up.explain(error, self.simulation)
+            say(f"error: {self.error}")
+        except OutputError as error:
             self.error = error
             say(f"error: {error}")
         with self.stopwatch("encode"):
@@ -187,7 +192,7 @@ class _Run:
     def _finish(self, recorders: Sequence[Any]) -> None:
         """The last looks, at the state the run ended in."""
         for recorder in recorders:
-            if isinstance(recorder, EnergyWatchdog):
+            if isinstance(recorder, (BlowUpWatch, EnergyWatchdog)):
                 recorder.record(self.simulation)
             else:
                 recorder.finish(self.simulation)
@@ -205,7 +210,7 @@ class _Run:
         if request.diagnostics is not None and self.table.rows:
             jobs.append((request.diagnostics, lambda: self.table.save(request.diagnostics)))
         if state is not None:
-            jobs.append((state, lambda: simulation.snapshot().save(state)))
+            jobs.append((state, lambda: replace(simulation.snapshot(), dt=simulation.dt).save(state)))
         for path, job in jobs:
             try:
                 job()
@@ -243,6 +248,8 @@ class _Run:
         else:
             status = "ok"
         summary["status"] = status
+        if self.rewound:
+            summary["rewound"] = self.rewound
         return Outcome(summary, code, self.error, verdicts, self.files)
 
     def _reached_the_end(self) -> bool:

@@ -48,10 +48,9 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
     from mpp_taichi import plans
-    from mpp_taichi.stability import spring_step_limit
     from mpp_taichi.summary import effect_names, plan_reason
 
-    fields = simulation.state.field_sizes()
+    fields, advice = simulation.state.field_sizes(), simulation.step_advice
     return {
         "scene": simulation.spec.source,
         "backend": simulation.device.backend,
@@ -70,7 +69,8 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "fields": fields,
         "field_bytes": sum(fields.values()),
         "dt": simulation.dt,
-        "dt_limit": spring_step_limit(simulation.start),
+        **(advice.facts() if advice is not None else {"dt_limit": None}),
+        "dt_said": advice.line() if advice is not None else "nothing in this scene limits it",
         "conserves_energy": simulation.conserves_energy,
     }
 
@@ -93,7 +93,6 @@ def _timings(step: "StepTime", shares: "list[EffectCost]", prices: "list[EffectC
 def _lines(found: dict[str, Any]) -> list[str]:
     launches = found["launches_per_step"]
     how_often = f"{launches} parallel loops launched per step" if launches else "one launch holds many steps"
-    limit = found["dt_limit"]
     rows = [
         f"{found['scene']}: {found['particle_count']:,} particles, {found['spring_count']:,} springs",
         f"compiled   {', '.join(found['effects']) or 'no effect'}; {found['integrator']}, "
@@ -106,7 +105,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
         *(f"           {row['effect']:20s}{_share(row)} of it" for row in found["shares"]),
         "absent     what each would add to a step",
         *(f"           {row['effect']:20s}{_share(row)}" for row in found["absent"]),
-        f"dt         {found['dt']:.6g}" + (f"; the springs allow {limit:.6g} to leapfrog" if limit else ""),
+        f"dt         {found['dt']:.6g}; {found['dt_said']}",
     ]
     return rows
 

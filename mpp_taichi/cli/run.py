@@ -28,6 +28,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _options.add_tables(parser)
     parser.add_argument("--dry-run", action="store_true", help="say what would be done, and start no device")
     parser.add_argument("--allow-inaccurate", action="store_true", help="end with code 0 even when energy was lost")
+    _options.add_force(parser)
+    parser.add_argument(
+        "--rewind",
+        nargs="?",
+        const="",
+        metavar="F.npz",
+        help="go on from the state that a run left that blew up or was interrupted, with a step that holds; "
+        "the newest of out/SCENE.crash.npz and out/SCENE.interrupted.npz when no file is named",
+    )
     _options.add_report(parser)
 
 
@@ -57,7 +66,11 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
     from mpp_taichi.cli._request import OUTPUT_FOLDER, Request
 
     names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "trajectory", "snapshot")
-    given = {name: getattr(arguments, name) for name in (*names, "diagnostics", "every", "quiet", "allow_inaccurate")}
+    given = {name: getattr(arguments, name) for name in (*names, "diagnostics", "every", "quiet", "allow_inaccurate", "force")}
+    if arguments.rewind is not None:
+        from mpp_taichi.cli._rewind import Rewind
+
+        given["rewind"] = Rewind.of(spec, arguments.rewind, arguments.overrides)
     if arguments.headless or arguments.video is not None:
         return Request(**given)
     problem = no_window()
