@@ -10,6 +10,7 @@ from mpp_taichi.errors import PlacementError, SceneError
 from mpp_taichi.generators._base import Center, GeneratorContext, Group
 from mpp_taichi.networks._base import NetworkContext
 from mpp_taichi.scene.layout import ParticleLayout, build, layout_of
+from mpp_taichi.scene.network_warnings import warn_of_networks
 from mpp_taichi.scene.physics_checks import check_physics
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot, Springs
@@ -18,21 +19,34 @@ _PARTICLE_ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color",
 _SPRING_ARRAYS = ("between", "stiffness", "damping", "rest_length", "color")
 
 
-def assemble(spec: SceneSpec) -> Snapshot:
+def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot:
     """Make every particle and spring; the same scene and seed give the same numbers.
 
-    SceneError, located at the entry, where they cannot be placed or physics does not allow them.
+    A later phase of a timeline is `placed_as` the scene it began as, whose forces orbits were computed from. SceneError,
+    located at the entry, where they cannot be placed or physics does not allow them.
     """
     layout = layout_of(spec)
-    groups = _place(spec, layout)
+    groups = _place(spec if placed_as is None else replace(spec, forces=placed_as.forces), layout)
     arrays: dict[str, Any] = {key: np.concatenate([getattr(group, key) for group in groups]) for key in _PARTICLE_ARRAYS}
     rest_position = np.concatenate([group.rest_position for group in groups])
     names = tuple(name for group in groups for name in group.name)
     arrays["velocity"] = np.where(arrays["free"], arrays["velocity"], 0.0)  # a held axis does not move, whatever was said
     springs = _link(spec, layout, rest_position)
     snapshot = Snapshot(**arrays, name=names, springs=springs)
-    check_physics(spec, snapshot, layout)
+    check_physics(spec, snapshot, layout, moved=placed_as is not None)
+    if placed_as is None:
+        warn_of_networks(spec, snapshot, layout)
     return _centered(snapshot) if spec.move_to_center_of_mass else snapshot
+
+
+def rest_positions(spec: SceneSpec) -> np.ndarray:
+    """Where the particles of a checked scene are without their displacements [length], shape (particle_count, 3)."""
+    groups = _place(spec, layout_of(spec))
+    rest = np.concatenate([group.rest_position for group in groups])
+    if not spec.move_to_center_of_mass:
+        return rest
+    mass = np.concatenate([group.mass for group in groups])
+    return rest - (mass / mass.sum()) @ rest
 
 
 def _place(spec: SceneSpec, layout: ParticleLayout) -> list[Group]:

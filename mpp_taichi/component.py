@@ -19,7 +19,7 @@ PACKAGE_FOLDER = Path(__file__).parent
 # What the annotation of a parameter may say; the scene layer has one checked type for each.
 PARAMETER_TYPES = (
     *("float", "int", "bool", "str", "Vector", "Color", "Axes", "Shape"),
-    *("Formula", "FormulaVector", "Particle", "Pair", "Path"),
+    *("Formula", "FormulaVector", "Particle", "Particles", "Pair", "Path", "Lattice", "ModeNumbers"),
 )
 REQUIRED = object()
 
@@ -38,6 +38,7 @@ class Parameter:
     above: float | None = None  # exclusive minimum
     choices: tuple[str, ...] = ()
     optional: bool = False  # absent means None
+    strength: bool = False  # of a force: without it, where it is zero, there is no force
     names: tuple[str, ...] = ()  # per-particle names that a Formula may use
 
 
@@ -178,6 +179,9 @@ Color = tuple  # red, green, blue in 0…1
 Formula = Any  # number, or an expression over per-particle names, evaluated by the generator
 FormulaVector = tuple  # three Formulas
 Particle = int  # index of a particle, given as an index or a name
+Particles = tuple  # a particle or a whole group: first index, count; given by index or name
 Pair = tuple  # two different Particles
 Axes = tuple  # three booleans, one for each axis
 Shape = tuple  # counts along the axes
+Lattice = str  # name of a lattice
+ModeNumbers = tuple  # numbers of a mode of the lattice that the parameter `of` names

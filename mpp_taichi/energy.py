@@ -1,4 +1,4 @@
-"""Energies and momenta: terms on the device in its widest float, sums on the host in float64, in a fixed order."""
+"""Energies, powers and momenta: terms on the device in its widest float, sums on the host in float64, in a fixed order."""
 
 import math
 from typing import Any
@@ -9,6 +9,10 @@ import taichi as ti
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.state import State
 from mpp_taichi.total_force import TotalForce
+
+BLOCK = 32  # particles that one thread sums up
+HISTORY_STEPS = 256  # most steps of a launch whose powers are kept
+HISTORY_ENTRIES = 2**18  # 6 MiB of them
 
 
 @ti.data_oriented
@@ -31,7 +35,64 @@ class EnergyMeter:
         if not self.total_force.forces:
             return 0.0
         self._measure(time)
-        return math.fsum(self.terms.to_numpy().astype(np.float64))
+        return total(self.terms.to_numpy().astype(np.float64))
+
+
+@ti.data_oriented
+class PowerMeter:
+    """Power dissipated, power of the driving forces [energy / time] and kinetic energy of the first replica, step by step.
+
+    `in_kernel`: a serial launch measures after each of its steps itself, one thread over all particles.
+    """
+
+    def __init__(self, state: State, total_force: TotalForce, *, in_kernel: bool):
+        """Allocate three numbers per block of particles and step of a launch."""
+        self.state = state
+        self.total_force = total_force
+        self.in_kernel = in_kernel
+        self.particle_count = state.particle_count
+        self.has_mass = "mass" in state.quantities  # it has not where no force acts
+        self.block = state.particle_count if in_kernel else BLOCK
+        self.block_count = (state.particle_count + self.block - 1) // self.block
+        self.longest_launch = max(1, min(HISTORY_STEPS, HISTORY_ENTRIES // self.block_count))
+        self.history = ti.Vector.field(3, state.wide, shape=(self.longest_launch, self.block_count))
+
+    def looks_at(self, state: State, total_force: TotalForce) -> bool:
+        """Whether these are what is measured."""
+        return self.state is state and self.total_force is total_force
+
+    @ti.func
+    def store(self, s, b, time):
+        """After step s of a launch, the sums over block b, one particle after the other."""
+        sums = ti.Vector.zero(self.state.wide, 3)
+        for i in range(b * self.block, ti.min((b + 1) * self.block, self.particle_count)):
+            kinetic = ti.cast(0.0, self.state.wide)
+            if ti.static(self.has_mass):
+                for k in ti.static(range(self.state.dimensions)):
+                    kinetic += ti.cast(self.state.velocity[i][k], self.state.wide) ** 2
+                kinetic *= 0.5 * ti.cast(self.state.mass[i], self.state.wide)
+            powers = self.total_force.powers_of(self.state, i, time)
+            sums += ti.Vector([powers[0], powers[1], kinetic], self.state.wide)
+        self.history[s, b] = sums
+
+    @ti.kernel
+    def keep(self, s: ti.i32, time: float):
+        """Measure after step s of a launch."""
+        for b in range(self.block_count):
+            self.store(s, b, time)
+
+    def kept(self, steps: int) -> np.ndarray:
+        """The three after each of the `steps` of the last launch, shape (steps, 3)."""
+        blocks = self.history.to_numpy()[:steps].astype(np.float64)
+        return np.array([[total(column) for column in step.T] for step in blocks])
+
+
+def total(terms: np.ndarray) -> float:
+    """The sum, rounded once; not finite where a term, or the sum, is not."""
+    try:
+        return math.fsum(terms)
+    except (OverflowError, ValueError):  # beyond the largest number; ∞ − ∞
+        return math.nan
 
 
 def mechanics(snapshot: Snapshot, potential_energy: float) -> dict[str, Any]:
@@ -44,7 +105,7 @@ def mechanics(snapshot: Snapshot, potential_energy: float) -> dict[str, Any]:
     moving = snapshot.free.any(axis=1)
     mass = snapshot.mass
     velocity = snapshot.velocity
-    kinetic = 0.5 * math.fsum(mass * np.einsum("ij,ij->i", velocity, velocity))
+    kinetic = 0.5 * total(mass * np.einsum("ij,ij->i", velocity, velocity))
     held = np.where(moving, mass, 0.0)
     speed = np.linalg.norm(velocity, axis=1)
     distance = np.linalg.norm(snapshot.position, axis=1)

@@ -28,7 +28,7 @@ class Verdict:
     @property
     def label(self) -> str:
         """`orbital_period(of=1, around=0)`."""
-        inside = ", ".join(f"{key}={value}" for key, value in self.parameters.items())
+        inside = ", ".join(f"{key}={value}" for key, value in self.parameters.items() if value is not None)
         return f"{self.quantity}({inside})" if inside else self.quantity
 
 
@@ -63,6 +63,8 @@ class Watcher:
     def record(self, simulation: "Simulation") -> None:
         """Show the particles to every diagnostic."""
         snapshot = simulation.snapshot()
+        if self._seen_step < 0:
+            self._begin(simulation)
         self._seen_step = simulation.step_count
         for number, diagnostic in self._diagnostics.items():
             try:
@@ -70,9 +72,17 @@ class Watcher:
                     diagnostic.observe(simulation.time, snapshot)
             except NoResultError as error:
                 self._failures[number] = str(error)
-        shortest = min((diagnostic.interval for diagnostic in self._diagnostics.values()), default=math.inf)
+        watching = [diagnostic for number, diagnostic in self._diagnostics.items() if number not in self._failures]
+        shortest = min((diagnostic.interval for diagnostic in watching), default=math.inf)
         steps = self.every if shortest == math.inf else min(self.every, max(1, int(shortest / simulation.dt)))
         self._due_step = simulation.step_count + steps
+
+    def _begin(self, simulation: "Simulation") -> None:
+        for number, diagnostic in self._diagnostics.items():
+            try:
+                diagnostic.begin(simulation.spec, simulation.start)
+            except NoResultError as error:
+                self._failures[number] = str(error)
 
     def finish(self, simulation: "Simulation") -> None:
         """Look at the end, unless that was the last look."""

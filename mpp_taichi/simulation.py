@@ -1,23 +1,33 @@
 """Simulation: time, step count, the order of operations, and the execution plan."""
 
+import logging
 import math
 import time as clock
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
-from mpp_taichi import backends, component, plans, postmortem
-from mpp_taichi.assemble import assemble
-from mpp_taichi.errors import BackendError, CapacityError, MppError
-from mpp_taichi.postmortem import Mark
+import numpy as np
+
+from mpp_taichi import backends, plans
+from mpp_taichi.errors import MppError
+from mpp_taichi.motion import Motion
+from mpp_taichi.phases import CompiledPhase, phase_at, phases_of
 from mpp_taichi.scene.estimate import check_capacity, estimate
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.timeline import whole_steps
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.stability import StepAdvice, StepGuard
 
-LAUNCH_SECONDS = 0.1  # aim for one launch: short enough to interrupt, long enough not to matter
+if TYPE_CHECKING:
+    from mpp_taichi.energy import PowerMeter
+    from mpp_taichi.energy_balance import EnergyBalance
+
+log = logging.getLogger(__name__)
+
 GPU_WORTH_WORK = 4_000_000  # work per step (see plans) from which `auto` looks for a GPU
 
 
@@ -31,8 +41,11 @@ class Recorder(Protocol):
         """Look."""
 
 
-class Simulation:
-    """A scene, compiled to one step and run on one device.
+class Simulation(Motion):
+    """A scene, compiled to one step and run on one device; with a timeline, to one step for each phase.
+
+    What depends on the phase (`spec`, `dt`, `integrator`, `total_force`, `state`, …) is that of the present one, `phase_number`
+    in `phases`.
 
     `scene` is a path, a mapping of the shape of the YAML, or a SceneSpec; `overrides` are those of `--set`. `replica_starts`
     holds the starting snapshots of independent copies of the scene that run side by side, one thread each. `start` is a state
@@ -59,101 +72,53 @@ class Simulation:
         self.spec = load_scene(scene, overrides=overrides)
         self.estimate = estimate(self.spec)
         check_capacity(self.estimate)
-        assembled = assemble(self.spec)
-        self._start = assembled if start is None else start.continuing(assembled)
-        self._build(backend, precision, plan, tuple(replica_starts), threads)
-        self._guard = StepGuard(self.spec, self._start, self.integrator, force=force)
-        self.setup_seconds = clock.perf_counter() - began
-        self.compile_seconds = 0.0
-        self.advance_seconds = 0.0
-        self.kernel_calls = 0  # of the stepper; under the serial plan each is one launch
-        self.restart()
-
-    def _build(self, backend: str, precision: str | None, plan: str, starts: tuple[Snapshot, ...], threads: int | None) -> None:
-        start = self._start
-        work = self.step_work = plans.step_work(self.spec, start.particle_count, len(start.springs))
-        self.device = backends.start(backend, precision, large=work >= GPU_WORTH_WORK, threads=threads)
-        backends.retain(self.device)
-        self._closed = False
-        # Only now may Taichi code be imported, and only what the scene names.
-        from mpp_taichi.energy import EnergyMeter
-        from mpp_taichi.state import State
-        from mpp_taichi.stepper import Stepper
-        from mpp_taichi.total_force import TotalForce, compose
-
-        self.integrator = component.build("integrators", self.spec.integrator.name, self.spec.integrator.parameters)
-        self.dt = float(self.spec.integrator.parameters["dt"])
-        self.total_force = TotalForce(compose(self.spec, start), start.particle_count, self.spec.dimensions)
-        self.replica_starts = starts
-        replica_count = max(1, len(starts))
-        self.plan = plan if plan != "auto" else plans.choose(work, on_cpu=self.device.on_cpu, replica_count=replica_count)
-        if self.plan not in plans.PLANS or (replica_count > 1) != (self.plan == "replicas"):
-            raise BackendError(
-                f"plan {plan!r} does not fit; there are auto, serial and parallel for one copy, replicas for several"
-            )
-        work_fields = self.integrator.work_fields(self.total_force, start, plan=self.plan, on_cpu=self.device.on_cpu)
-        self.state = State(
-            start,
-            dimensions=self.spec.dimensions,
-            needs=self.total_force.needs,
-            scratch_count=self.integrator.scratch_count(self.total_force.depends_on_velocity),
-            streaming=self.total_force.has_pairs,
-            replica_count=replica_count,
-            wide=backends.widest_float(self.device),
-            work=work_fields,
+        self.phases = phases_of(self.spec)
+        self.first_phase = phase_at(self.phases, 0.0 if start is None else start.time)
+        made = self.phases[self.first_phase].particles
+        self._start = made if start is None else start.continuing(made)
+        work = max(
+            plans.step_work(each.spec, each.particles.particle_count, len(each.particles.springs)) for each in self.phases
         )
-        self.stepper = Stepper(self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=self.device.on_cpu)
-        self.energy_meter = EnergyMeter(self.state, self.total_force)
-        self.launch_limit = self._steps_per_launch()
-        self._launch_steps = 1
+        super().__init__(backends.start(backend, precision, large=work >= GPU_WORTH_WORK, threads=threads))
+        self._plan_asked, self.replica_starts, self._force = plan, tuple(replica_starts), force
+        self._compiled: dict[int, CompiledPhase] = {}
+        self.phase_number = -1
+        self.phase_work: list[float] = []
+        self.when_phase_begins: list[Callable[[Simulation], None]] = []
+        self.restart()
+        self.setup_seconds = clock.perf_counter() - began
 
-    def _steps_per_launch(self) -> int:
-        """Most steps one launch may hold: software Vulkan stops a thread's loops in silence."""
-        limit = self.device.probes.loop_limit
-        if limit is None:
-            return 2**31 - 1
-        if self.plan == "parallel":
-            longest = self.state.particle_count if self.total_force.has_pairs else 0
-            allowed = 2**31 - 1
-        else:
-            longest = self.stepper.loop_iterations_per_step()
-            allowed = limit // longest
-        if longest > limit:
-            raise CapacityError(
-                f"this device ({self.device.name}) stops a kernel thread after {limit:,} loop iterations, and one step of "
-                f"{self.state.particle_count:,} particles under the {self.plan} plan needs {longest:,}; "
-                "use --backend cpu or another plan"
+    def _enter(self, number: int) -> None:
+        """Make a phase the present one; what it needs is imported and allocated when it is entered for the first time."""
+        if number not in self._compiled:
+            starts = self.replica_starts
+            self._compiled[number] = CompiledPhase(
+                self.phases[number], self.device, plan=self._plan_asked, replica_starts=starts
             )
-        return allowed
+        self.phase_number = number
+        self._adopt(self.phases[number], self._compiled[number])
 
     # --- time -----------------------------------------------------------------------------------------------------------
-
-    @property
-    def time(self) -> float:
-        """Simulated time: step count × dt, so that it does not gather rounding errors."""
-        return self._origin_time + self._steps_since_origin * self.dt
-
-    @property
-    def step_count(self) -> int:
-        """Steps taken since the start."""
-        return self._origin_step + self._steps_since_origin
 
     def restart(self) -> None:
         """Go back to the start."""
         self._require_life()
-        self._origin_time, self._origin_step, self._steps_since_origin = self._start.time, self._start.step, 0
+        if self.phase_number != self.first_phase:
+            self._enter(self.first_phase)
+            self._guard_step(self._start)
+        self.phase_work.clear()
+        self.phase_energy: float | None = None
+        self._set_clock(self._start.time, self._start.step)
         if self.replica_starts:
-            import numpy as np
-
             position = np.concatenate([start.position for start in self.replica_starts])
             velocity = np.concatenate([start.velocity * start.free for start in self.replica_starts])
             self.state.write(position, velocity)
         else:
             self.state.write(self._start.position, self._start.velocity * self._start.free)
-        self._prepared = False
-        if self.integrator.implicit:
-            self.stepper.solver_report()
-            self.solver_report = SolverReport()
+        self._start_afresh()
+        self.solver_report = SolverReport()
+        if self.energy_balance is not None:
+            self.energy_balance.restart()
 
     def run(
         self,
@@ -166,24 +131,51 @@ class Simulation:
         """Advance by `duration`, `until` a time, or by `steps`; without any of them as the scene's `run:` says.
 
         A loop of: ask the recorders when they are due, step that far at most, check that every number is finite, let the
-        recorders look. If the end is no whole number of steps away, one shorter step reaches it exactly. A step beyond what the
-        springs allow is refused with a StabilityError, see `check_step`.
+        recorders look. If the end is no whole number of steps away, one shorter step reaches it exactly. The end of a phase is
+        reached in the same way, and the next one begins there and then. A step beyond what the springs allow is refused with
+        a StabilityError, see `check_step`.
         """
         self._require_life()
-        whole, rest = self._plan_run(duration, until, steps)
-        self.check_step(whole)
+        span, left = self._plan_run(duration, until, steps)
+        self._check_leg(span, left)
+        if self.energy_balance is not None:
+            self.energy_balance.look(self)
         self._notify(recorders)
+        while True:
+            ahead = self.time_to_next_phase
+            whole, rest, ends_early = self._leg(span, left)
+            self._step(int(whole), rest, recorders)
+            if ends_early or span < ahead or ahead == math.inf:
+                return self
+            span, left = span - ahead, left - whole - (rest > 0.0)
+            self._begin_phase(self.phase_number + 1)
+            self._check_leg(span, left)
+            self._notify(recorders)
+
+    def _leg(self, span: float, left: float) -> tuple[float, float, bool]:
+        """Whole steps to the end of the phase or the run, the length of a last, shorter one, and whether `left` comes first."""
+        leg = min(span, self.time_to_next_phase)
+        whole, rest = whole_steps(leg, self.dt) if leg < math.inf else (left, 0.0)
+        return (left, 0.0, True) if left < whole + (rest > 0.0) else (whole, rest, False)
+
+    def _check_leg(self, span: float, left: float) -> None:
+        whole, rest, _ = self._leg(span, left)
+        if whole or rest:
+            self.check_step(int(whole) + (rest > 0.0))
+
+    def _step(self, whole: int, rest: float, recorders: Sequence[Recorder]) -> None:
+        """So many steps, and one of the length `rest` unless that is 0."""
         last = self.step_count + whole
         while self.step_count < last:
             due = min([recorder.steps_until_due(self) for recorder in recorders], default=last)
-            self._advance(max(1, min(due, last - self.step_count, self._launch_steps, self.launch_limit)), self.dt)
+            self._advance(max(1, min(due, last - self.step_count, self._longest_launch())), self.dt)
             self._notify(recorders)
         if rest > 0.0:
             self._advance(1, rest)
             self._notify(recorders)
-        return self
 
-    def _plan_run(self, duration: float | None, until: float | None, steps: int | None) -> tuple[int, float]:
+    def _plan_run(self, duration: float | None, until: float | None, steps: int | None) -> tuple[float, float]:
+        """How much time and how many steps a run may take; one of them is infinite."""
         if sum(argument is not None for argument in (duration, until, steps)) > 1:
             raise MppError("run takes one of duration, until and steps")
         if duration is None and until is None and steps is None:
@@ -193,98 +185,60 @@ class Simulation:
         if steps is not None:
             if steps < 0:
                 raise MppError(f"steps must not be negative, got {steps}")
-            return steps, 0.0
+            return math.inf, steps
         span = float(duration) if duration is not None else float(until or 0.0) - self.time
         if not math.isfinite(span) or span < 0.0:
             raise MppError(f"cannot run for a time of {span}")
-        whole = math.floor(span / self.dt * (1.0 + 4e-16) + 1e-9)
-        rest = span - whole * self.dt
-        return whole, (rest if rest > 1e-9 * self.dt else 0.0)
+        return span, math.inf
+
+    @property
+    def time_to_next_phase(self) -> float:
+        """Simulated time until the timeline changes something; infinite where it does not any more."""
+        following = self.phases[self.phase_number + 1 : self.phase_number + 2]
+        return max(0.0, following[0].at - self.time) if following else math.inf
+
+    def _begin_phase(self, number: int) -> None:
+        """Go on with the next phase from exactly its time: positions and velocities are carried over bit for bit.
+
+        An axis that is held from now on stops. What the change does to the energy is work from outside, kept in `phase_work`;
+        `phase_energy` is the energy it leaves.
+        """
+        before = self._total_energy()
+        copies = range(self.state.replica_count)
+        position, velocity = (np.concatenate(each) for each in zip(*(self.state.read(replica) for replica in copies)))
+        step = self.step_count
+        phase = self.phases[number]
+        with self.parameter_change():
+            self._enter(number)
+            self._set_clock(phase.at, step)
+            self.state.write(position, velocity * np.tile(phase.particles.free, (len(copies), 1)))
+            self._start_afresh()
+        self._guard_step(self.snapshot())
+        self.phase_energy = self._total_energy()
+        self.phase_work.append(self.phase_energy - before)
+        changed = ", ".join(phase.changes)
+        log.info("time %.9g: %s changed, and the energy by %.6g", phase.at, changed, self.phase_work[-1])
+        for observe in self.when_phase_begins:
+            observe(self)
+
+    def _total_energy(self) -> float:
+        return float(self.diagnostics()["total_energy"])
 
     def _notify(self, recorders: Sequence[Recorder]) -> None:
         for recorder in recorders:
             if recorder.steps_until_due(self) <= 0:
                 recorder.record(self)
 
-    def _advance(self, steps: int, dt: float) -> None:
-        """One launch, timed, and looked over for numbers that are not finite."""
-        saved = self.state.save()
-        prepared = self._prepared
-        began = clock.perf_counter()
-        self._launch(steps, dt)
-        particle = self.stepper.first_bad_particle()  # waits for the device
-        seconds = clock.perf_counter() - began
-        if self.integrator.implicit:
-            report = self.stepper.solver_report()
-            if report.unsolved:
-                self._give_up(saved, report, dt)
-            self.solver_report.add(report)
-        if particle >= 0:
-            self._fail(saved, steps, dt)
-        if prepared:
-            self.advance_seconds += seconds
-            if steps == self._launch_steps:
-                self._launch_steps = max(1, min(self._launch_steps * 8, int(steps * LAUNCH_SECONDS / max(seconds, 1e-6))))
-        else:
-            self.compile_seconds += seconds
-        self._move_clock(steps, dt)
-
-    def _launch(self, steps: int, dt: float) -> None:
-        if not self._prepared:
-            self.stepper.prepare(self.time)
-            self._prepared = True
-        self.stepper.advance(self.time, dt, steps)
-        self.kernel_calls += 1
-
-    def _move_clock(self, steps: int, dt: float) -> None:
-        if dt == self.dt:
-            self._steps_since_origin += steps
-        else:
-            self._origin_time, self._origin_step = self.time + steps * dt, self.step_count + steps
-            self._steps_since_origin = 0
-
-    def _give_up(self, saved: Any, report: Any, dt: float) -> None:
-        """Go back to the last step whose equations were solved, and say which were not."""
-        particle = self.stepper.least_solved_particle() % self.state.particle_count
-        self.state.restore(saved)
-        self._prepared = False
-        if report.fewest_steps:
-            self._launch(report.fewest_steps, dt)
-            self.stepper.solver_report()
-        self._move_clock(report.fewest_steps, dt)
-        self.solver_report.add(report)
-        raise postmortem.unsolved(self.snapshot(), particle, step=self.step_count + 1, time=self.time + dt)
-
-    def _fail(self, saved: Any, steps: int, dt: float) -> None:
-        """Find the step, the particle and the pair that a NaN began with; leave the last good state standing."""
-        stored = [saved]
-
-        def advance(count: int) -> bool:
-            self._launch(count, dt)
-            return self.stepper.first_bad_particle() < 0
-
-        def keep() -> None:
-            stored[0] = self.state.save()
-
-        def rewind() -> None:
-            self.state.restore(stored[0])
-            self._prepared = False
-
-        bad_step = postmortem.first_bad_step(steps, advance, keep, rewind)
-        self._move_clock(bad_step - 1, dt)
-        before = self.snapshot()
-        self._launch(1, dt)
-        particle = self.stepper.first_bad_particle() % self.state.particle_count
-        rewind()
-        singular = any(force.softening == 0.0 for force in self.total_force.pair_forces)
-        raise postmortem.diagnose(before, particle, step=self.step_count + 1, time=self.time + dt, pairs_singular=singular)
-
     # --- stability ------------------------------------------------------------------------------------------------------
 
     @property
     def step_advice(self) -> StepAdvice | None:
-        """How large a step the springs and the drag allow, as the particles were placed; None where nothing limits it."""
+        """How large a step springs and drag allow the particles as they were when the phase began; None for any step."""
         return self._guard.advice(self.dt)
+
+    def _guard_step(self, particles: Snapshot) -> None:
+        """Judge steps by these springs from now on."""
+        self._guard = StepGuard(self.spec, particles, self.integrator, force=self._force)
 
     def check_step(self, steps: int | None = None) -> None:
         """Warn of a step near its limit, and refuse one beyond it unless this simulation was made with `force`.
@@ -296,33 +250,7 @@ class Simulation:
         """
         self._guard.check(self.dt, steps)
 
-    def mark(self) -> Mark:
-        """The state and its time, to `return_to`."""
-        return Mark(self.state.save(), self._origin_time, self._origin_step, self._steps_since_origin)
-
-    def return_to(self, mark: Mark) -> None:
-        """Go back; what a method of several steps remembers is forgotten, as after `restart`."""
-        self.state.restore(mark.saved)
-        self._origin_time, self._origin_step, self._steps_since_origin = mark.origin_time, mark.origin_step, mark.steps
-        self._prepared = False
-
-    def try_steps(self, steps: int) -> bool:
-        """Advance without recorders; False, and no error, where a number is not finite or a step not solved."""
-        while steps > 0:
-            count = min(steps, self.launch_limit)
-            self._launch(count, self.dt)
-            self._move_clock(count, self.dt)
-            steps -= count
-        solved = not (self.integrator.implicit and self.stepper.solver_report().unsolved)
-        return solved and self.stepper.first_bad_particle() < 0
-
     # --- looking --------------------------------------------------------------------------------------------------------
-
-    def snapshot(self, replica: int = 0) -> Snapshot:
-        """Host copy of all particles now, float64 whatever the precision."""
-        self._require_life()
-        position, velocity = self.state.read(replica)
-        return self._start.moved(position=position, velocity=velocity, time=self.time, step=self.step_count)
 
     @property
     def start(self) -> Snapshot:
@@ -330,35 +258,49 @@ class Simulation:
         return self._start
 
     def diagnostics(self) -> dict[str, Any]:
-        """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`."""
-        from mpp_taichi.energy import mechanics
+        """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`.
+
+        With an energy balance also dissipated_energy, work, energy_balance_residual and energy_turnover.
+        """
+        found = self.mechanics()
+        if self.energy_balance is not None:
+            found |= self.energy_balance.account(self, found["total_energy"])
+        return found
+
+    def keep_energy_balance(self) -> "EnergyBalance":
+        """From now on keep account of dissipated energy and work, step by step."""
+        from mpp_taichi.energy_balance import EnergyBalance
 
         self._require_life()
-        return mechanics(self.snapshot(), self.energy_meter.potential_energy(self.time))
+        self.energy_balance = EnergyBalance(self._power_meter())
+        return self.energy_balance
 
-    @property
-    def conserves_energy(self) -> bool:
-        """Whether every force has a potential, so that energy may be asked to stay."""
-        return all(force.conserves_energy for force in self.total_force.forces)
+    def _power_meter(self) -> "PowerMeter":
+        from mpp_taichi.energy import PowerMeter
 
-    @property
-    def gains_no_energy(self) -> bool:
-        """Whether every force has a potential or brakes, so that energy may be asked not to grow.
+        # A serial launch whose loops a device limits has no room for more of them.
+        in_kernel = self.plan == "serial" and self.device.probes.loop_limit is None
+        return PowerMeter(self.state, self.total_force, in_kernel=in_kernel)
 
-        What has no potential and depends on velocity is taken for a brake; what has none and does not, for a drive.
+    @contextmanager
+    def parameter_change(self) -> Iterator[None]:
+        """A block in which parameters, fields or forces are replaced between two steps.
+
+        An energy balance books what that does to the energy as work.
         """
-        return all(force.conserves_energy or force.depends_on_velocity for force in self.total_force.forces)
+        balance = self.energy_balance
+        with balance.parameter_change(self) if balance is not None else nullcontext():
+            yield
+            if balance is not None and not balance.meter.looks_at(self.state, self.total_force):
+                balance.meter = self._power_meter()
 
     # --- end ------------------------------------------------------------------------------------------------------------
-
-    def _require_life(self) -> None:
-        if self._closed or not backends.is_alive(self.device):
-            raise MppError("this simulation has ended: it was closed, or another one started a different backend or precision")
 
     def close(self) -> None:
         """Give the device memory back."""
         if not self._closed and backends.is_alive(self.device):
-            self.state.destroy()
+            for compiled in self._compiled.values():
+                compiled.state.destroy()
             backends.release(self.device)
         self._closed = True
 

@@ -52,9 +52,15 @@ class Stepper:
                 self._prepare_replicas(force, time)
             self._start_implicit(force, time)
 
-    def advance(self, time: float, dt: float, steps: int) -> None:
-        """Advance by `steps` steps of `dt` from `time`."""
-        if self.plan == "serial":
+    def advance(self, time: float, dt: float, steps: int, meter: Any = None) -> None:
+        """Advance by `steps` steps of `dt` from `time`; a `meter` of powers looks on after each of them."""
+        if meter and meter.in_kernel:
+            self._advance_metered(time, dt, steps, meter)
+        elif meter:
+            for s in range(steps):
+                self.advance(time + s * dt, dt, 1)
+                meter.keep(s, time + (s + 1) * dt)
+        elif self.plan == "serial":
             self._advance_serial(time, dt, steps)
         elif self.plan == "replicas":
             self._advance_replicas(time, dt, steps)
@@ -68,10 +74,15 @@ class Stepper:
             for s in range(steps):
                 self._advance_parallel(time + s * dt, dt)
 
-    def launches_per_step(self) -> int:
-        """Parallel loops started in one step; a serial or replica launch holds many steps and counts as none."""
+    def launches_per_step(self) -> int | None:
+        """Parallel loops started in one step; a serial or replica launch holds many steps and counts as none.
+
+        None under the parallel plan of an implicit method: as many as its iterations need.
+        """
         if self.plan != "parallel":
             return 0
+        if self.integrator.implicit:
+            return None
         damped = self.total_force.depends_on_velocity
         force = 1 + (1 + self.state.has_fixed_axes if self.total_force.has_pairs else 0)
         return self.integrator.evaluations * force + sum(
@@ -90,6 +101,13 @@ class Stepper:
         ti.loop_config(serialize=True)
         for s in range(steps):
             self.integrator.step(self.state, self.total_force, 0, time + s * dt, dt, "serial")
+
+    @ti.kernel
+    def _advance_metered(self, time: float, dt: float, steps: ti.i32, meter: ti.template()):
+        ti.loop_config(serialize=True)
+        for s in range(steps):
+            self.integrator.step(self.state, self.total_force, 0, time + s * dt, dt, "serial")
+            meter.store(s, 0, time + (s + 1) * dt)
 
     @ti.kernel
     def _advance_parallel(self, time: float, dt: float):

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import plans
+from mpp_taichi.modes.network_report import mode_lines, network_lines
+from mpp_taichi.numerical_damping import numerical_damping
 
 if TYPE_CHECKING:
     from mpp_taichi.recorders.table import TableRecorder
@@ -64,9 +66,9 @@ def effect_names(simulation: "Simulation") -> list[str]:
 def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopwatch, *, plan_asked: str) -> dict[str, Any]:
     """The facts of a run; `status`, `files` and `expect` are added by who knows them."""
     spec, device = simulation.spec, simulation.device
-    timed_steps = (
-        simulation.step_count - simulation.start.step - 1
-    )  # the first launch is one step, and its time is that of the compiler
+    phases = simulation.phases[simulation.first_phase : simulation.phase_number + 1]
+    # The first launch of each phase is one step, and its time the compiler's.
+    timed_steps = simulation.step_count - simulation.start.step - len(phases)
     rate = timed_steps / simulation.advance_seconds if simulation.advance_seconds > 0.0 else None
     count = simulation.state.particle_count
     pairs = count * (count - 1) * max(1, simulation.integrator.evaluations) if simulation.total_force.has_pairs else 0
@@ -81,7 +83,7 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "plan_reason": plan_reason(simulation, plan_asked),
         "integrator": spec.integrator.name,
         "dt": simulation.dt,
-        "effects": effect_names(simulation),
+        "effects": list(dict.fromkeys(name for phase in phases for name in phase.effects)),
         "particle_count": count,
         "spring_count": len(simulation.start.springs),
         "steps": simulation.step_count,
@@ -95,8 +97,10 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "pair_interactions_per_second": rate * pairs if rate is not None and pairs else None,
         "launches_per_step": launches_per_step(simulation),
         **(_solver(simulation) if simulation.integrator.implicit else {}),
-        "conserves_energy": simulation.conserves_energy,
+        "conserves_energy": simulation.conserves_energy and all(row["conserves_energy"] for row in table.rows),
+        "phases": phase_facts(simulation),
         **(table.summary() if table.rows else {}),
+        **damping_of_method(simulation, table),
     }
 
 
@@ -109,8 +113,39 @@ def _solver(simulation: "Simulation") -> dict[str, Any]:
         "newton_iterations_most": report.most_newton_iterations,
         "linear_iterations_per_step": report.linear_iterations / steps,
         "cut_steps": report.cut_steps,
+        "gaining_pieces": report.gaining_pieces,
         "unsolved_steps": report.unsolved,
     }
+
+
+def phase_facts(simulation: "Simulation") -> list[dict[str, Any]]:
+    """What the timeline has changed so far: time, keys and values, the effects since, and the energy put in by the change."""
+    begun = simulation.phases[simulation.first_phase + 1 : simulation.phase_number + 1]
+    return [
+        {
+            "at": phase.at,
+            "changes": phase.changes,
+            "effects": phase.effects,
+            "integrator": phase.spec.integrator.name,
+            "work": work,
+        }
+        for phase, work in zip(begun, simulation.phase_work, strict=True)
+    ]
+
+
+def damping_of_method(simulation: "Simulation", table: "TableRecorder") -> dict[str, Any]:
+    """What the method itself lost: measured where an energy balance is kept, or where no force accounts for a loss.
+
+    A symplectic method in a scene that conserves energy loses none in the long run, and is not asked.
+    """
+    balance = simulation.energy_balance
+    closed = simulation.conserves_energy
+    if not table.rows or (closed and simulation.integrator.symplectic) or not (closed or balance is not None):
+        return {}
+    times = [row["time"] for row in table.rows]
+    energies = [row["energy_balance_residual" if balance is not None else "total_energy"] for row in table.rows]
+    losses = [energies[0] - energy for energy in energies]
+    return {"numerical_damping": numerical_damping(times, losses, balance.oscillations if balance is not None else None)}
 
 
 def launches_per_step(simulation: "Simulation") -> float | None:
@@ -119,7 +154,8 @@ def launches_per_step(simulation: "Simulation") -> float | None:
     if done <= 0:
         return None
     if simulation.plan == "parallel":
-        return float(simulation.stepper.launches_per_step())
+        launches = simulation.stepper.launches_per_step()
+        return None if launches is None else float(launches)
     return simulation.kernel_calls / done
 
 
@@ -145,9 +181,14 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         ("device", f"{found['backend']}: {found['device']}{threads}"),
         ("plan", f"{found['plan']}: {found['plan_reason']}"),
         ("reached", f"t = {found['time']:.9g} in {found['steps']:,} steps{_rate(found)}"),
+        *(("phase", _phase_line(phase)) for phase in found["phases"]),
         ("solver", _solver_line(found)),
         ("errors", _errors(found)),
+        ("balance", _balance(found)),
+        ("damping", _damping(found)),
         ("time", _times(found)),
+        *network_lines(found),
+        *mode_lines(found),
         *(("wrote", file) for file in files),
         *(("expect", verdict_line(verdict)) for verdict in verdicts),
         ("status", found["status"]),
@@ -176,7 +217,13 @@ def _solver_line(found: Mapping[str, Any]) -> str:
     linear = ", factors of a banded matrix in each"
     if found["linear_solver"] == "ConjugateGradients":
         linear = f", {found['linear_iterations_per_step']:.1f} of conjugate gradients a step"
-    return f"{newton}{linear}; {found['cut_steps']} steps cut in pieces, {found['unsolved_steps']} not solved"
+    gains = f", {found['gaining_pieces']} pieces gained energy" if found["gaining_pieces"] else ""
+    return f"{newton}{linear}; {found['cut_steps']} steps cut in pieces{gains}, {found['unsolved_steps']} not solved"
+
+
+def _phase_line(phase: Mapping[str, Any]) -> str:
+    effects = ", ".join(phase["effects"]) or "no effect"
+    return f"from t = {phase['at']:.9g}: {', '.join(phase['changes'])} changed, then {effects}; energy {phase['work']:+.6g}"
 
 
 def _errors(found: Mapping[str, Any]) -> str:
@@ -185,7 +232,33 @@ def _errors(found: Mapping[str, Any]) -> str:
     energy = f"energy {found['relative_energy_error_max']:.2g}"
     if not found["conserves_energy"]:
         energy += " (a force does work here)"
+        if "conserved_energy_error_max" in found:
+            energy += f", {found['conserved_energy_error_max']:.2g} where none does"
     return f"{energy}, momentum {found['momentum_error_max']:.2g}, angular momentum {found['angular_momentum_error_max']:.2g}"
+
+
+def _balance(found: Mapping[str, Any]) -> str:
+    if "energy_balance_error_max" not in found:
+        return ""
+    return (
+        f"dissipated {found['dissipated_energy']:.6g}, work {found['work']:.6g}, "
+        f"closes to {found['energy_balance_error_max']:.2g} of the energy turned over"
+    )
+
+
+def _damping(found: Mapping[str, Any]) -> str:
+    """Energy that the method lost by itself: the price of its step, beside the time."""
+    damping = found.get("numerical_damping")
+    if damping is None:
+        return ""
+    if damping["per_time"] is None:
+        return f"by the method itself not determinable: {damping['problem']}"
+    word = "lost" if damping["energy_lost"] >= 0.0 else "gained"
+    told = f"the method itself {word} {abs(damping['energy_lost']):.3g}, {abs(damping['per_time']):.3g} per unit time"
+    if damping["per_oscillation"] is None:
+        return f"{told}; per oscillation not determinable: {damping['problem']}"
+    each, share = abs(damping["per_oscillation"]), abs(damping["share_per_oscillation"])
+    return f"{told}, {each:.3g} or {share:.3g} of it per oscillation, {damping['oscillations']:.4g} of them"
 
 
 def _times(found: Mapping[str, Any]) -> str:

@@ -4,10 +4,12 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi import component
-from mpp_taichi.energy import EnergyMeter
+from mpp_taichi.energy import EnergyMeter, PowerMeter
 from mpp_taichi.snapshot import Snapshot, Springs
 from mpp_taichi.state import State
 from mpp_taichi.total_force import TotalForce
+
+TIME = 0.3  # at which forces are asked, not 0, so that one that swings with time does not vanish
 
 
 def snapshot_of(position, *, velocity=None, mass=None, charge=None, springs=None, free=None):
@@ -43,10 +45,12 @@ def random_snapshot(count=5, *, seed=3, dimensions=3, masses=True):
 
 
 def build_force(name):
-    """An instance with every parameter that has no default set to 0.7."""
+    """An instance with every parameter that has no default set to 0.7, or to a vector of that size."""
     from mpp_taichi.component import REQUIRED
 
-    parameters = {p.name: 0.7 for p in component.declaration("forces", name).parameters if p.default is REQUIRED or p.optional}
+    values = {"float": 0.7, "Vector": (0.7, -0.6, 0.5)}
+    declared = component.declaration("forces", name).parameters
+    parameters = {p.name: values.get(p.type) for p in declared if p.default is REQUIRED or p.optional}
     return component.build("forces", name, parameters)
 
 
@@ -69,12 +73,12 @@ class CompiledForces:
 
     @ti.kernel
     def _accumulate(self):
-        self.total_force.accumulate(self.state, 0, 0.0, self.shape)
+        self.total_force.accumulate(self.state, 0, TIME, self.shape)
 
     @ti.kernel
     def _add_velocity_dependent(self):
         for i in range(self.state.particle_count):
-            extra = self.total_force.local_acceleration(self.state, 0, i, 0.0, True)
+            extra = self.total_force.local_acceleration(self.state, 0, i, TIME, True)
             self.state.acceleration[i] = self.state.acceleration[i] + extra
 
     def acceleration(self, position=None, velocity=None, *, parts="all"):
@@ -89,6 +93,12 @@ class CompiledForces:
             self._add_velocity_dependent()
         return self.state.acceleration.to_numpy().astype(float)
 
+    def powers(self):
+        """Power dissipated and power of the driving forces, where the particles are now."""
+        meter = PowerMeter(self.state, self.total_force, in_kernel=False)
+        meter.keep(0, TIME)
+        return meter.kept(1)[0, :2]
+
     def potential(self, position, velocity):
         self.state.write(position, velocity)
-        return self.meter.potential_energy(0.0)
+        return self.meter.potential_energy(TIME)

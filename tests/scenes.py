@@ -62,3 +62,23 @@ def everything(dt=0.005, integrator="leapfrog", damping=0.3, drag=0.2):
         ],
         "integrator": {integrator: {"dt": dt}},
     }
+
+
+def irregular_network(count=1100, springs=2500, *, seed=2, damping=0.3, dt=0.01, integrator="leapfrog"):
+    """Bodies at random places, springs between random pairs: from none to many at a particle, none of them alike."""
+    import numpy as np
+
+    random = np.random.default_rng(seed)
+    places = random.uniform(-1, 1, (count, 3))
+    rows = zip(random.uniform(0.5, 1.5, count).tolist(), places.tolist())
+    pairs = [random.choice(count, 2, replace=False).tolist() for _ in range(springs)]
+    terms = zip(pairs, random.uniform(1, 3, springs).tolist(), random.uniform(0.5, 1.5, springs).tolist())
+    return {
+        "title": "Network",
+        "particles": [{"body": {"mass": mass, "position": place}} for mass, place in rows],
+        "springs": [
+            {"link": {"between": pair, "stiffness": stiffness, "damping": damping, "rest_length": length}}
+            for pair, stiffness, length in terms
+        ],
+        "integrator": {integrator: {"dt": dt}},
+    }

@@ -39,7 +39,8 @@ def profiler(monkeypatch):
 @pytest.mark.parametrize("scene", [kepler, cluster, everything])
 def test_parallel_loops_are_those_that_the_profiler_counts(integrator, scene, profiler):
     with Simulation(scene(integrator=integrator), backend="cpu", plan="parallel") as simulation:
-        assert simulation.stepper.launches_per_step() == profiled_loops(simulation)
+        told = simulation.stepper.launches_per_step()
+        assert told is None if simulation.integrator.implicit else told == profiled_loops(simulation)
 
 
 def test_a_serial_step_starts_no_parallel_loop(profiler):
@@ -52,7 +53,7 @@ def test_pair_forces_take_most_of_a_step_of_many_bodies():
         step, shares, absent = measure(simulation)
     (gravity,) = shares
     assert gravity.name == "newtonian_gravity" and 0.5 < gravity.seconds / step.seconds <= 1.0
-    assert {cost.name for cost in absent} == {"coulomb", "linear_drag", "uniform_gravity"}
+    assert {cost.name for cost in absent} == {"coulomb", "harmonic_drive", "linear_drag", "uniform_gravity"}
     cost = {entry.name: entry.seconds / step.seconds for entry in absent}
     assert cost["coulomb"] > cost["uniform_gravity"]  # N² against N
 
@@ -63,7 +64,8 @@ def test_explain_tells_fields_and_effects(tmp_path, capsys):
     assert main(["explain", str(path), "--json", "-q"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["effects"] == ["newtonian_gravity", "coulomb", "uniform_gravity", "linear_drag", "spring"]
-    assert [row["effect"] for row in found["shares"]] == found["effects"] and found["absent"] == []
+    assert [row["effect"] for row in found["shares"]] == found["effects"]
+    assert [row["effect"] for row in found["absent"]] == ["harmonic_drive"]
     assert found["fields"]["position"] == 5 * 3 * 8 and found["fields"]["spring_neighbor"] == 2 * 5 * 4
     assert found["field_bytes"] == sum(found["fields"].values())
     assert (

@@ -1,11 +1,14 @@
 """Every force of the catalogue: gradient of its potential, third law, dissipation; a new file is tested by being there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from compiled import CompiledForces, build_force, random_snapshot, snapshot_of
+from compiled import TIME, CompiledForces, build_force, random_snapshot, snapshot_of
 from reference import accelerations
 
 from mpp_taichi import backends, component
+from mpp_taichi.snapshot import Springs
 
 FORCES = component.names("forces")
 STEP = 1e-5  # of the central difference: its error ~ STEP² U''' and the round-off ~ 1e-16 U / STEP balance near here
@@ -27,6 +30,8 @@ def test_force_is_minus_the_gradient_of_the_potential(name, dimensions):
     compiled = CompiledForces([build_force(name)], snapshot, dimensions=dimensions)
     rest = np.zeros_like(snapshot.velocity)
     force = snapshot.mass[:, None] * compiled.acceleration(snapshot.position, rest)
+    if not compiled.total_force.forces[0].conserves_energy and not compiled.total_force.forces[0].depends_on_velocity:
+        force *= 0.0  # it has no potential, and must not pretend to one
     gradient = np.zeros_like(force)
     for i in range(snapshot.particle_count):
         for k in range(dimensions):
@@ -63,14 +68,48 @@ def test_forces_that_depend_on_velocity_take_energy_out(name):
     force = build_force(name)
     snapshot = random_snapshot(6)
     compiled = CompiledForces([force], snapshot)
-    acceleration = compiled.acceleration(snapshot.position, snapshot.velocity, parts="all")
     still = compiled.acceleration(snapshot.position, np.zeros_like(snapshot.velocity), parts="all")
+    acceleration = compiled.acceleration(snapshot.position, snapshot.velocity, parts="all")
     power = (snapshot.mass[:, None] * (acceleration - still) * snapshot.velocity).sum()
     if force.depends_on_velocity:
         assert power < -1e-3
         assert not force.conserves_energy
+        expected = [-power, 0.0]
     else:
         assert np.array_equal(acceleration, still)
+        total = (snapshot.mass[:, None] * acceleration * snapshot.velocity).sum()
+        expected = [0.0, 0.0 if force.conserves_energy else total]
+    np.testing.assert_allclose(compiled.powers(), expected, rtol=0, atol=1e-14 * np.abs(acceleration).sum())
+
+
+@pytest.mark.parametrize(("of", "driven"), [(None, [0, 1, 2, 3]), ((2, 1), [2]), ((1, 2), [1, 2])])
+def test_a_drive_pushes_those_that_it_names_with_its_force_whatever_their_mass(of, driven):
+    snapshot = random_snapshot(4)
+    parameters = {"force": (0.3, -0.2, 0.5), "angular_frequency": 2.0, "phase": 0.4, "of": of}
+    compiled = CompiledForces([component.build("forces", "harmonic_drive", parameters)], snapshot)
+    expected = np.zeros((4, 3))
+    expected[driven] = np.sin(2.0 * TIME + 0.4) * np.array([0.3, -0.2, 0.5])
+    found = snapshot.mass[:, None] * compiled.acceleration(snapshot.position, snapshot.velocity)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=4 * 2.0**-53)
+
+
+def test_forces_on_a_held_particle_without_mass_are_no_nan():
+    """0 · (F / 0) is NaN: a held axis must be left out, not multiplied away."""
+    springs = Springs(
+        between=np.array([[0, 1]], np.int32),
+        stiffness=np.ones(1),
+        damping=np.ones(1),
+        rest_length=np.full(1, 0.5),
+        color=np.ones((1, 3)),
+    )
+    held = snapshot_of(
+        [[0, 0, 0], [1, 0, 0]], velocity=[[0, 0, 0], [1, 0, 0]], mass=[0, 1], free=[[0] * 3, [1] * 3], springs=springs
+    )
+    forces = [build_force("linear_drag"), build_force("harmonic_drive"), build_force("spring")]
+    compiled = CompiledForces(forces, held)
+    assert np.array_equal(compiled.acceleration(held.position, held.velocity)[0], np.zeros(3))
+    # Drag 0.7 v² and axial damping c v² at v = 1; the drive of 0.7 along v.
+    assert compiled.powers() == pytest.approx([1.7, 0.7 * np.sin(0.7 * TIME)], rel=1e-14)
 
 
 def test_gravity_matches_the_textbook_sum():
@@ -97,7 +136,14 @@ def test_charges_of_one_sign_repel():
 
 @pytest.mark.parametrize("full", [False, True])
 def test_springs_match_the_textbook_sum(full):
-    snapshot = random_snapshot(6)
+    """At particles of 0 to 12 springs: sums run over four at a time and the rest singly."""
+    count = 14
+    between = np.array([(i, j) for i in range(count) for j in range(i) if i + j >= count], np.int32)
+    random = np.random.default_rng(4)
+    snapshot = random_snapshot(count)
+    kinds = {key: random.uniform(0.5, 2.0, len(between)) for key in ("stiffness", "damping", "rest_length")}
+    snapshot = replace(snapshot, springs=Springs(between=between, color=np.ones((len(between), 3)), **kinds))
+    assert set(np.bincount(between.ravel(), minlength=count)) == set(range(count - 1))
     s = snapshot.springs
     spring = component.build("forces", "spring", {"damping": "full" if full else "axial"})
     expected = accelerations.springs(

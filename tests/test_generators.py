@@ -443,16 +443,6 @@ def test_coincidences_among_a_hundred_thousand_are_found_quickly(tmp_path):
         assemble(spec)
 
 
-def test_springs_whose_ends_coincide():
-    link = {"between": ["a", "b"], "stiffness": 1}
-    pair = [body(name="a"), body(name="b")]
-    with pytest.raises(SceneError, match=r"springs\[0\].link: the spring between particle 0 \(a\) and particle 1 \(b\)"):
-        made(pair, springs=[{"link": link}])
-    with pytest.raises(SceneError, match="only rest_length: 0 is allowed"):
-        made(pair, springs=[{"link": {**link, "rest_length": 1}}])
-    made(pair, springs=[{"link": {**link, "rest_length": 0}}])
-
-
 def test_the_center_of_mass_can_be_put_to_rest_at_the_origin():
     pair = [body(1, (1, 2, 3), velocity=[1, 0, 0]), body(3, (5, 6, 7), velocity=[0, 2, 0])]
     snapshot = made(pair, move_to_center_of_mass=True)

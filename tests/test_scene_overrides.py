@@ -143,3 +143,13 @@ def test_an_anchor_s_other_uses_stay_as_they_are(tmp_path):
     )
     spec = load_scene(path, overrides=["particles[0].body.mass=5"])
     assert [entry.parameters["mass"] for entry in spec.particles] == [5.0, 1.0]
+
+
+def test_a_component_that_is_there_once_goes_by_its_name():
+    assert load_scene(SCENE, overrides=["forces.newtonian_gravity.softening=0.5"]).forces[0].parameters["softening"] == 0.5
+    with pytest.raises(SceneError, match=r"particles has 2 entries 'body', allowed: 0 to 1"):
+        load_scene(SCENE, overrides=["particles.body.mass=2"])
+    with pytest.raises(
+        SceneError, match=r"forces has no entry 'newton_gravity', did you mean 'newtonian_gravity'\? allowed: 0 to 0"
+    ):
+        load_scene(SCENE, overrides=["forces.newton_gravity.softening=2"])

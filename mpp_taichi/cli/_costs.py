@@ -41,7 +41,7 @@ def measure(simulation: "Simulation") -> tuple[StepTime, list[EffectCost], list[
 
     The variants are timed in turn, round after round, so that a machine that slows down slows all of them.
     """
-    spec, asked = simulation.spec, simulation.plan
+    spec, asked = replace(simulation.spec, timeline=()), simulation.plan
     fewer, more = _without(spec), _with(spec)
     simulations = [simulation]
     try:
@@ -101,7 +101,7 @@ def _slight(declared: Declaration) -> dict[str, Any] | None:
     found = {}
     for parameter in declared.parameters:
         value = _slight_value(parameter)
-        if value is None:
+        if value is None and not (parameter.optional and parameter.type == "Particles"):  # absent, it means all of them
             return None
         found[parameter.name] = value
     return found

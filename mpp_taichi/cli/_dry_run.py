@@ -5,6 +5,7 @@ from typing import Any
 
 from mpp_taichi import plans
 from mpp_taichi.cli import _options
+from mpp_taichi.cli._phases import described, phase_line
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._terminal import explain_error, output_reserved, put, put_json
 from mpp_taichi.errors import StabilityError
@@ -28,11 +29,12 @@ def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
         "effects": [force.name for force in spec.forces] + (["spring"] if needed.spring_count else []),
         "integrator": spec.integrator.name,
         "dt": dt,
+        "timeline": described(spec),
         "particle_count": needed.particle_count,
         "spring_count": needed.spring_count,
         "pair_interactions_per_evaluation": needed.pair_interactions_per_evaluation,
-        "steps": goal.step_count(dt),
-        "time": None if goal.endless else goal.span(dt),
+        "steps": goal.step_count(spec),
+        "time": None if goal.endless else goal.span(spec),
         "bytes": needed.bytes,
         "backend": arguments.backend,
         "precision": arguments.precision or "f64 on the CPU, f32 elsewhere",
@@ -51,6 +53,7 @@ def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
         put_json(found)
     else:
         hidden = ("resolved", "status", "exit_code", "error")
+        found["timeline"] = [phase_line(phase) for phase in described(spec)]
         put("\n".join(_line(name, value) for name, value in found.items() if name not in hidden))
     if refused is not None:
         explain_error(refused)
@@ -59,30 +62,30 @@ def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
 
 
 def _check_step(spec: SceneSpec, arguments: argparse.Namespace, goal: Goal, found: dict[str, Any]) -> StabilityError | None:
-    """Add what limits the step, and return what a run would be refused with.
+    """Add what limits the first step, and return what a run would be refused with, in whichever of its phases.
 
     Only a scene with springs or drag is placed for it, and only then is Taichi imported, without starting a device: how a
     method treats an oscillator is written in its own file, beside its step, and is not written a second time.
     """
-    from mpp_taichi import component
-    from mpp_taichi.stability import advise
-
-    if not spec.springs and not any(force.name == "linear_drag" for force in spec.forces):
+    scenes = (spec, *(event.scene for event in spec.timeline))
+    if not any(scene.springs or any(force.name == "linear_drag" for force in scene.forces) for scene in scenes):
         return None
-    from mpp_taichi.assemble import assemble
     from mpp_taichi.backends import import_taichi
+    from mpp_taichi.cli._step_check import advice_of, spans, steps_in
+    from mpp_taichi.phases import phases_of
 
     with output_reserved(arguments.json):
         import_taichi()
-        method = component.build("integrators", spec.integrator.name, spec.integrator.parameters)
-        advice = advise(spec, assemble(spec), method, found["dt"])
-    if advice is None:
-        return None
-    found |= advice.facts()
-    try:
-        advice.enforce(steps=goal.step_count(found["dt"]), force=arguments.force)
-    except StabilityError as error:
-        return error
+        reached = [(advice_of(phase), span) for phase, span in spans(phases_of(spec), goal)]
+    for number, (advice, span) in enumerate(reached):
+        if advice is None:
+            continue
+        if number == 0:
+            found |= advice.facts()
+        try:
+            advice.enforce(steps=steps_in(span, advice.dt), force=arguments.force)
+        except StabilityError as error:
+            return error
     return None
 
 
@@ -101,7 +104,7 @@ def _plan(spec: SceneSpec, asked: str, needed: Estimate) -> str:
 
 def _files(spec: SceneSpec, arguments: argparse.Namespace) -> list[str]:
     """The files that are asked for; without a display there is a film as well."""
-    names = ("video", "trajectory", "snapshot", "diagnostics")
+    names = ("video", "trajectory", "snapshot", "diagnostics", "modes")
     files = [str(getattr(arguments, name)) for name in names if getattr(arguments, name) is not None]
     if not arguments.headless and arguments.video is None:
         files.append(f"{OUTPUT_FOLDER / _options.output_stem(spec.source)}.mp4, unless a window opens")

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from mpp_taichi.scene import timeline
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.views._base import Frame
 
@@ -27,7 +28,7 @@ def show(
     from mpp_taichi.views.window import Window
 
     window = Window(spec.view, title=spec.title, dimensions=spec.dimensions)
-    total = goal.step_count(simulation.dt)
+    total = goal.step_count(spec)
     frames = max(1, round(spec.record.seconds * WINDOW_FRAMES_PER_SECOND))
     steps = max(1, round(total / frames)) if total else STEPS_PER_FRAME_WITHOUT_END
     window.run(_Steered(simulation, spec, goal, recorders, interruption, caption), steps_per_frame=steps)
@@ -61,7 +62,8 @@ class _Steered:
         """Go on by so many steps, and to the end exactly."""
         until, left = self.goal.until, self.goal.steps
         if not self.goal.is_reached(self.simulation):
-            if until is not None and self.simulation.time + (steps + 1e-9) * self.simulation.dt >= until:
+            time, dt = self.simulation.time, self.simulation.dt
+            if until is not None and timeline.time_after(self.spec, steps, time) + 1e-9 * dt >= until:
                 self.simulation.run(until=until, recorders=self.recorders)
                 return
             if left is not None:

@@ -48,11 +48,14 @@ def add_length(parser: argparse.ArgumentParser) -> None:
 
 
 def add_tables(parser: argparse.ArgumentParser) -> None:
-    """--trajectory, --snapshot, --diagnostics, --every."""
+    """--trajectory, --snapshot, --diagnostics, --modes, --every."""
     group = parser.add_argument_group("files to write")
     group.add_argument("--trajectory", type=output_path, metavar="F", help="positions along the run: .npz, .xyz or .extxyz")
     group.add_argument("--snapshot", type=output_path, metavar="F.npz", help="the final state")
     group.add_argument("--diagnostics", type=output_path, metavar="F", help="table of energies and momenta: .csv or .npz")
+    group.add_argument(
+        "--modes", type=output_path, metavar="F", help="amplitudes of the springs' modes: .png, .svg, .pdf, .csv or .npz"
+    )
     group.add_argument(
         "--every", type=positive_integer, metavar="N", help="steps between two samples; about 200 samples when absent"
     )

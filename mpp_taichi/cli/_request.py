@@ -7,10 +7,14 @@ from typing import TYPE_CHECKING
 from mpp_taichi.cli._options import require_suffix
 from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.errors import CapacityError
+from mpp_taichi.recorders._mode_plot import require_matplotlib
+from mpp_taichi.recorders.modes import FORMATS as MODE_FORMATS
+from mpp_taichi.recorders.modes import PLOT_FORMATS
 from mpp_taichi.recorders.table import FORMATS as TABLE_FORMATS
 from mpp_taichi.recorders.trajectory import FORMATS as TRAJECTORY_FORMATS
 from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
 from mpp_taichi.recorders.video import check_encoder
+from mpp_taichi.scene import timeline
 from mpp_taichi.scene.estimate import MOST_STEPS
 from mpp_taichi.scene.spec import SceneSpec
 
@@ -40,9 +44,11 @@ class Request:
     trajectory: Path | None = None
     snapshot: Path | None = None
     diagnostics: Path | None = None
+    modes: Path | None = None
     every: int | None = None
     quiet: bool = False
     allow_inaccurate: bool = False
+    energy_balance: bool = False
     window: bool = False
     force: bool = False
     rewind: "Rewind | None" = None
@@ -58,13 +64,17 @@ class Request:
         Raises:
             UsageError: a suffix that is no format of that file.
             OutputError: a film is wanted and there is no encoder.
+            BackendError: a plot is wanted and there is no matplotlib.
         """
         require_suffix(self.video, VIDEO_FORMATS, "--video")
         require_suffix(self.trajectory, TRAJECTORY_FORMATS, "--trajectory")
         require_suffix(self.snapshot, (".npz",), "--snapshot")
         require_suffix(self.diagnostics, TABLE_FORMATS, "--diagnostics")
+        require_suffix(self.modes, MODE_FORMATS, "--modes")
         if self.video is not None:
             check_encoder()
+        if self.modes is not None and self.modes.suffix.lower() in PLOT_FORMATS:
+            require_matplotlib()
 
 
 @dataclass(frozen=True)
@@ -90,14 +100,15 @@ class Goal:
         """Whether nothing says where to stop."""
         return self.until is None and self.steps is None
 
-    def span(self, dt: float) -> float:
+    def span(self, spec: SceneSpec) -> float:
         """Simulated time of the run [time]."""
-        return self.until - self.begin if self.until is not None else (self.steps or 0) * dt
+        end = self.until if self.until is not None else timeline.time_after(spec, self.steps or 0, self.begin)
+        return end - self.begin
 
-    def step_count(self, dt: float) -> int | None:
+    def step_count(self, spec: SceneSpec) -> int | None:
         """Steps of the run, or None without an end."""
         if self.until is not None:
-            return max(1, round((self.until - self.begin) / dt))
+            return max(1, timeline.step_count(spec, self.until) - timeline.step_count(spec, self.begin))
         return self.steps
 
     def is_reached(self, simulation: "Simulation") -> bool:
@@ -115,7 +126,7 @@ class Goal:
         """
         if self.endless and not may_be_endless:
             raise UsageError(f"{spec.source}: the scene has no run.duration: say how long, --until T or --steps N")
-        steps = self.step_count(float(spec.integrator.parameters["dt"]))
+        steps = self.step_count(spec)
         if steps is not None and steps > MOST_STEPS:
             raise CapacityError(
                 f"{spec.source}: the run takes {steps:.3g} steps, allowed: {MOST_STEPS:,}; enlarge dt or shorten the run"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from mpp_taichi.cli._options import output_stem
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal
 from mpp_taichi.cli._terminal import UsageError
+from mpp_taichi.scene import timeline
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
@@ -70,12 +71,18 @@ class Rewind:
             return Goal(None, None, False, begin)
         end = goal.until
         if end is None and goal.whole:
-            end = begin + ((goal.steps or 0) - self.state.step) * (self.state.dt or simulation.dt)
+            end = self._end_of_scene(simulation, (goal.steps or 0) - self.state.step)
         elif end is None:
             end = begin + (goal.steps or 0) * simulation.dt
         if end <= begin * (1.0 + 1e-12):
             raise UsageError(f"--rewind {self.file}: its time {begin:.9g} is not before the end of the run, {end:.9g}")
         return Goal(end, None, False, begin)
+
+    def _end_of_scene(self, simulation: "Simulation", left: int) -> float:
+        """Time at which the run that left the state would have ended, after so many steps more."""
+        if len(simulation.phases) > 1:
+            return timeline.time_after(simulation.phases[0].spec, left, simulation.time)
+        return simulation.time + left * (self.state.dt or simulation.dt)
 
 
 def _newest(spec: SceneSpec) -> Path:

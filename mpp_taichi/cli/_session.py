@@ -10,18 +10,22 @@ from typing import TYPE_CHECKING, Any
 from mpp_taichi.cli._options import output_stem
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
+from mpp_taichi.cli._step_check import check_steps
 from mpp_taichi.cli._terminal import say
 from mpp_taichi.errors import MppError, OutputError, StabilityError, StateError
 from mpp_taichi.expectations import Verdict, Watcher
+from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
 from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.recorders.blow_up import BlowUpWatch
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.recorders.frames import FrameRecorder
+from mpp_taichi.recorders.modes import ModeRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
+from mpp_taichi.scene.expectations import BALANCE_QUANTITIES
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.summary import Stopwatch, Timed, lines, summarize
 
@@ -71,13 +75,14 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
         rewound = request.rewind.choose_step(simulation) if request.rewind is not None else ""
         if request.rewind is not None:
             goal = request.rewind.goal(goal, simulation)
-        simulation.check_step(goal.step_count(simulation.dt))
-        return _Run(spec, request, goal, simulation, stopwatch, rewound).go(interruption, sinks, trajectory)
+        steps = check_steps(simulation, goal, force=request.force)
+        total = goal.step_count(spec) if request.rewind is None else steps
+        return _Run(spec, request, goal, simulation, stopwatch, total, rewound).go(interruption, sinks, trajectory)
 
 
 def _lock_outputs(request: Request, stack: ExitStack) -> None:
     """Hold the names of the files written at the end, so that a second run with the same names is refused now."""
-    for path in (request.snapshot, request.diagnostics):
+    for path in (request.snapshot, request.diagnostics, request.modes):
         if path is not None:
             stack.callback(OutputLock(path).release)
 
@@ -109,17 +114,31 @@ class _Run:
     """The middle part of a session, when everything stands: step, look, and close in good order."""
 
     def __init__(
-        self, spec: SceneSpec, request: Request, goal: Goal, simulation: "Simulation", stopwatch: Stopwatch, rewound: str = ""
+        self,
+        spec: SceneSpec,
+        request: Request,
+        goal: Goal,
+        simulation: "Simulation",
+        stopwatch: Stopwatch,
+        total_steps: int | None,
+        rewound: str,
     ) -> None:
         self.spec, self.request, self.goal, self.simulation, self.stopwatch = spec, request, goal, simulation, stopwatch
-        self.rewound = rewound
-        self.total_steps = goal.step_count(simulation.dt)
+        self.total_steps, self.rewound = total_steps, rewound
         sparse = simulation.total_force.has_pairs and simulation.plan == "parallel"
         self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps, sparse=sparse)
         self.table = TableRecorder(self.every)
         self.blow_up = BlowUpWatch(self.table)
+        simulation.when_phase_begins.append(lambda _: self.blow_up.restart())  # a change may add energy
         self.watchdog = EnergyWatchdog(self.table)
         self.watcher = Watcher(spec.expect if goal.whole else (), self.every)
+        self.network = network_facts(
+            spec, simulation.start, simulation.integrator.amplification, simulation.dt, most_freedoms=QUICK_FREEDOMS
+        )
+        follows = spec.modes is not None or request.modes is not None
+        self.modes = ModeRecorder(simulation, spec.modes, self.every) if follows else None
+        if request.energy_balance or any(each.quantity in BALANCE_QUANTITIES for each in self.watcher.expectations):
+            simulation.keep_energy_balance()
         self.films: list[FilmRecorder] = []
         self.files: list[str] = []
         self.error: MppError | None = None
@@ -131,7 +150,17 @@ class _Run:
             self.films = [self._film(sinks)]
         if trajectory is not None:
             trajectory.every = self.every
-        looks: list[Any] = [self.table, self.blow_up, self.watchdog, self.watcher, *([trajectory] if trajectory else [])]
+        if not self.request.quiet and (said := note(self.network)):
+            say(f"note: {said}")
+        modes = [self.modes] if self.modes else []
+        looks: list[Any] = [
+            self.table,
+            self.blow_up,
+            self.watchdog,
+            self.watcher,
+            *modes,
+            *([trajectory] if trajectory else []),
+        ]
         timed = [Timed(look, self.stopwatch, "diagnostics") for look in looks]
         bar = sys.stderr is not None and sys.stderr.isatty()
         total = None if self.total_steps is None else self.simulation.step_count + self.total_steps
@@ -143,7 +172,7 @@ class _Run:
             self._finish([*looks, *self.films])
         except Interrupted as signal:
             self.interrupted = signal
-            self._finish([self.table, self.watchdog, *([trajectory] if trajectory else [])])
+            self._finish([self.table, self.watchdog, *modes, *([trajectory] if trajectory else [])])
         except StabilityError as error:
             self.error = self.blow_up.explain(error, self.simulation)
             say(f"error: {self.error}")
@@ -175,7 +204,7 @@ class _Run:
             view,
             sinks,
             round(fps * seconds),
-            self.goal.span(self.simulation.dt),
+            self.goal.span(self.spec),
             title=self.spec.title,
             caption=self._caption,
             stopwatch=self.stopwatch,
@@ -187,7 +216,8 @@ class _Run:
 
     def _caption(self) -> str:
         error = self._energy_error()
-        return f"energy error {error:.1e}" if error else ""
+        told = (f"energy error {error:.1e}" if error else "", self.modes.caption() if self.modes else "")
+        return "\n".join(line for line in told if line)
 
     def _finish(self, recorders: Sequence[Any]) -> None:
         """The last looks, at the state the run ended in."""
@@ -209,6 +239,8 @@ class _Run:
             jobs.append((trajectory.path, trajectory.close))
         if request.diagnostics is not None and self.table.rows:
             jobs.append((request.diagnostics, lambda: self.table.save(request.diagnostics)))
+        if self.modes is not None and request.modes is not None and self.modes.times:
+            jobs.append((request.modes, lambda: self.modes.save(request.modes)))
         if state is not None:
             jobs.append((state, lambda: replace(simulation.snapshot(), dt=simulation.dt).save(state)))
         for path, job in jobs:
@@ -231,6 +263,7 @@ class _Run:
 
     def _outcome(self) -> Outcome:
         summary = summarize(self.simulation, self.table, self.stopwatch, plan_asked=self.request.plan)
+        summary |= self.network | (self.modes.summary() if self.modes else {})
         verdicts: list[Verdict] = []
         if self._reached_the_end():
             verdicts = self.watcher.verdicts(summary, self.simulation.device.precision)

@@ -8,6 +8,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli import _options
+from mpp_taichi.cli._phases import described, phase_line
 from mpp_taichi.cli._terminal import output_reserved, put, put_json, say
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def execute(arguments: argparse.Namespace) -> int:
         )
         with simulation:
             step, shares, prices = measure(simulation)
-            found = _facts(simulation, arguments.plan) | _timings(step, shares, prices)
+            found = _facts(simulation, arguments.plan) | _timings(step, shares, prices) | {"timeline": described(spec)}
     if arguments.json:
         put_json(found)
     else:
@@ -48,6 +49,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
     from mpp_taichi import plans
+    from mpp_taichi.modes.network_report import network_facts
     from mpp_taichi.summary import effect_names, plan_reason
 
     fields, advice = simulation.state.field_sizes(), simulation.step_advice
@@ -60,7 +62,7 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "spring_count": len(simulation.start.springs),
         "effects": effect_names(simulation),
         "integrator": simulation.spec.integrator.name,
-        "force_evaluations_per_step": simulation.integrator.evaluations,
+        "force_evaluations_per_step": None if simulation.integrator.implicit else simulation.integrator.evaluations,
         "plan": simulation.plan,
         "plan_reason": plan_reason(simulation, plan_asked),
         "work_per_step": simulation.step_work,
@@ -72,6 +74,13 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         **(advice.facts() if advice is not None else {"dt_limit": None}),
         "dt_said": advice.line() if advice is not None else "nothing in this scene limits it",
         "conserves_energy": simulation.conserves_energy,
+        **network_facts(
+            simulation.spec,
+            simulation.start,
+            simulation.integrator.amplification,
+            simulation.dt,
+            highest=advice.network.frequency if advice is not None else None,
+        ),
     }
 
 
@@ -91,12 +100,18 @@ def _timings(step: "StepTime", shares: "list[EffectCost]", prices: "list[EffectC
 
 
 def _lines(found: dict[str, Any]) -> list[str]:
+    from mpp_taichi.modes.network_report import MOST_FREEDOMS, network_lines, note
+
     launches = found["launches_per_step"]
     how_often = f"{launches} parallel loops launched per step" if launches else "one launch holds many steps"
+    if launches is None:
+        how_often = "several parallel loops launched per iteration"
+    evaluations = f"{found['force_evaluations_per_step']} force evaluations per step"
+    if found["force_evaluations_per_step"] is None:
+        evaluations = "a force evaluation per iteration"
     rows = [
         f"{found['scene']}: {found['particle_count']:,} particles, {found['spring_count']:,} springs",
-        f"compiled   {', '.join(found['effects']) or 'no effect'}; {found['integrator']}, "
-        f"{found['force_evaluations_per_step']} force evaluations per step",
+        f"compiled   {', '.join(found['effects']) or 'no effect'}; {found['integrator']}, {evaluations}",
         f"device     {found['backend']}: {found['device']}, {found['precision']}",
         f"plan       {found['plan']}: {found['plan_reason']}; {how_often}",
         f"memory     {_bytes(found['field_bytes'])} in fields",
@@ -105,9 +120,17 @@ def _lines(found: dict[str, Any]) -> list[str]:
         *(f"           {row['effect']:20s}{_share(row)} of it" for row in found["shares"]),
         "absent     what each would add to a step",
         *(f"           {row['effect']:20s}{_share(row)}" for row in found["absent"]),
+        *(f"{'timeline' if not n else '':11s}{phase_line(phase)}" for n, phase in enumerate(found["timeline"])),
         f"dt         {found['dt']:.6g}; {found['dt_said']}",
+        *(f"{head:10s} {text}" for head, text in network_lines(found)),
+        *([f"           {said}"] if (said := note(found)) else []),
+        *([f"springs    modes are counted for up to {MOST_FREEDOMS:,} freedoms"] if _is_too_large(found) else []),
     ]
     return rows
+
+
+def _is_too_large(found: dict[str, Any]) -> bool:
+    return bool(found["spring_count"]) and "zero_frequency_modes" not in found
 
 
 def _share(row: dict[str, Any]) -> str:

@@ -28,6 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _options.add_tables(parser)
     parser.add_argument("--dry-run", action="store_true", help="say what would be done, and start no device")
     parser.add_argument("--allow-inaccurate", action="store_true", help="end with code 0 even when energy was lost")
+    parser.add_argument(
+        "--energy-balance", action="store_true", help="account for dissipated energy, work and what the method loses by itself"
+    )
     _options.add_force(parser)
     parser.add_argument(
         "--rewind",
@@ -66,7 +69,8 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
     from mpp_taichi.cli._request import OUTPUT_FOLDER, Request
 
     names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "trajectory", "snapshot")
-    given = {name: getattr(arguments, name) for name in (*names, "diagnostics", "every", "quiet", "allow_inaccurate", "force")}
+    more = ("diagnostics", "modes", "every", "quiet", "allow_inaccurate", "energy_balance", "force")
+    given = {name: getattr(arguments, name) for name in (*names, *more)}
     if arguments.rewind is not None:
         from mpp_taichi.cli._rewind import Rewind
 

@@ -4,6 +4,7 @@ import math
 from abc import ABC, abstractmethod
 
 from mpp_taichi.errors import StabilityError
+from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 
@@ -13,6 +14,13 @@ class NoResultError(StabilityError):
 
 class Diagnostic(ABC):
     """Watches a run from its start and comes to one number. Changes nothing."""
+
+    def begin(self, spec: SceneSpec, start: Snapshot) -> None:  # noqa: B027 most have nothing to prepare
+        """See the scene and its start, before the first look.
+
+        Raises:
+            NoResultError: the quantity is not defined for this scene.
+        """
 
     @abstractmethod
     def observe(self, time: float, snapshot: Snapshot) -> None:

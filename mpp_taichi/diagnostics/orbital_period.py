@@ -6,6 +6,7 @@ import numpy as np
 
 from mpp_taichi.component import Particle, component, param
 from mpp_taichi.diagnostics._base import Diagnostic, NoResultError
+from mpp_taichi.hermite import crossing
 from mpp_taichi.snapshot import Snapshot
 
 LOOK_ANGLE = 0.05  # radians between two looks; the cubic below is then good to about 1e-9 of a turn, and less on a circle
@@ -44,7 +45,7 @@ class OrbitalPeriod(Diagnostic):
         turned = (math.atan2(y, x) - last_angle + math.pi) % (2.0 * math.pi) - math.pi
         angle = last_angle + turned
         if angle >= 2.0 * math.pi:
-            self._period = _crossing(last_time, time, (last_angle, last_rate), (angle, rate)) - self._start
+            self._period = crossing(last_time, time, (last_angle, last_rate), (angle, rate), level=2.0 * math.pi) - self._start
         self._last = (time, angle, rate)
 
     @property
@@ -71,18 +72,3 @@ def _plane(separation: np.ndarray, motion: np.ndarray) -> np.ndarray:
     first = separation / np.linalg.norm(separation)
     second = np.cross(normal, separation)
     return np.array([first, second / np.linalg.norm(second)])
-
-
-def _crossing(begin: float, end: float, before: tuple[float, float], after: tuple[float, float]) -> float:
-    """When the Hermite cubic through (angle, rate) before and after reaches 2π; by bisection, to the last bit."""
-    h = end - begin
-
-    def angle(s: float) -> float:
-        rise = s * s * (3.0 - 2.0 * s)
-        return (1.0 - rise) * before[0] + rise * after[0] + h * s * (1.0 - s) * ((1.0 - s) * before[1] - s * after[1])
-
-    low, high = 0.0, 1.0
-    while high - low > 1e-15:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if angle(middle) >= 2.0 * math.pi else (middle, high)
-    return begin + high * h

@@ -90,3 +90,10 @@ class BondForce(Force):
     @ti.func
     def potential(self, state: Template, i, j, h):
         """Potential energy of the whole spring, in the widest float of the device (`state.wide`)."""
+
+    @ti.func
+    def dissipation(self, state: Template, i, j, h):
+        """Power that the whole spring takes out, −Σ F·v of the part of `force` without a potential, in `state.wide`.
+
+        Asked for only where `conserves_energy` is False.
+        """

@@ -18,6 +18,7 @@ class NewtonianGravity(PairForce):
     strength: float = param(
         None,
         optional=True,
+        strength=True,
         unit="length³ mass⁻¹ time⁻²",
         help="G, or k² in Gaussian units; absent: the G of the scene's units, or 1",
     )

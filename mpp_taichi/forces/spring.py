@@ -36,16 +36,20 @@ class Spring(BondForce):
 
     @ti.func
     def force(self, state: Template, i, j, h):
-        """Force on particle i from the half-spring h that leads to j."""
+        """Force on particle i from the half-spring h that leads to j.
+
+        One division, D (|d| − L)/|d| or with axial damping (D (|d| − L) |d| + c (v_j − v_i)·d)/d², and no branch: compilers
+        make vectors of several half-springs only without.
+        """
         separation = state.position[j] - state.position[i]
-        length = ti.sqrt(separation.dot(separation))
-        direction = ti.Vector.zero(float, state.dimensions)
-        if length > 0.0:
-            direction = separation / length
-        result = state.spring_stiffness[h] * (length - state.spring_rest_length[h]) * direction
+        squared = separation.dot(separation)
+        length = ti.sqrt(squared)
+        tension = state.spring_stiffness[h] * (length - state.spring_rest_length[h])
+        along = tension / length
         if ti.static(self.damping == "axial"):
-            closing = (state.velocity[j] - state.velocity[i]).dot(direction)
-            result += state.spring_damping[h] * closing * direction
+            closing = (state.velocity[j] - state.velocity[i]).dot(separation)
+            along = (tension * length + state.spring_damping[h] * closing) / squared
+        result = ti.select(squared > 0.0, along, 0.0) * separation
         if ti.static(self.damping == "full"):
             result += state.spring_damping[h] * (state.velocity[j] - state.velocity[i])
         return result
@@ -118,3 +122,17 @@ class Spring(BondForce):
             squared += component_k * component_k
         stretch = ti.sqrt(squared) - ti.cast(state.spring_rest_length[h], state.wide)
         return 0.5 * ti.cast(state.spring_stiffness[h], state.wide) * stretch * stretch
+
+    @ti.func
+    def dissipation(self, state: Template, i, j, h):
+        """c ((v_j − v_i)·n)², or c |v_j − v_i|² with full damping."""
+        squared, along, speed = ti.cast(0.0, state.wide), ti.cast(0.0, state.wide), ti.cast(0.0, state.wide)
+        for k in ti.static(range(state.dimensions)):
+            separation_k = ti.cast(state.position[j][k], state.wide) - ti.cast(state.position[i][k], state.wide)
+            velocity_k = ti.cast(state.velocity[j][k], state.wide) - ti.cast(state.velocity[i][k], state.wide)
+            squared += separation_k * separation_k
+            along += separation_k * velocity_k
+            speed += velocity_k * velocity_k
+        if ti.static(self.damping == "axial"):
+            speed = ti.select(squared > 0.0, along * along / squared, 0.0)
+        return ti.cast(state.spring_damping[h], state.wide) * speed

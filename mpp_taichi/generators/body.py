@@ -1,5 +1,7 @@
 """One particle, every property given."""
 
+import numpy as np
+
 from mpp_taichi.component import Axes, Color, Vector, component, param
 from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make_group
 
@@ -10,7 +12,8 @@ class Body(Generator):
 
     name: str = param("", help="to refer to it by; otherwise it has its index")
     mass: float = param(unit="mass")
-    position: Vector = param(unit="length")
+    position: Vector = param(unit="length", help="with a displacement: that of rest")
+    displacement: Vector = param((0.0, 0.0, 0.0), unit="length", help="from rest, at the start; springs stretch by it")
     velocity: Vector = param((0.0, 0.0, 0.0), unit="length time⁻¹")
     radius: float = param(0.0, unit="length", help="for contacts and the picture")
     charge: float = param(0.0, unit="charge")
@@ -25,7 +28,8 @@ class Body(Generator):
         """Put the particle where it is said to be."""
         return make_group(
             1,
-            position=self.position,
+            position=np.add(self.position, self.displacement),
+            rest_position=self.position,
             velocity=self.velocity,
             mass=self.mass,
             radius=self.radius,

@@ -28,8 +28,9 @@ class Implicit(Integrator):
         x = x* + P,  v = v* + (g/b) P,  P = b a(x, v, t + node·dt),  b = beta·dt², g = gamma·dt.
 
     A method says beta, gamma and node, sets the bases x*, v* from the start of the step (`begin`) and the end of the step from
-    P (`finish`). All of them are stable for springs of any stiffness; what they make of oscillations that a step cannot resolve
-    is their difference: see `amplification`.
+    P (`finish`). Positions are kept as a start and a shift from there, so that a step rounds them once. All
+    of them are stable for springs of any stiffness; what they make of oscillations that a step cannot resolve is their
+    difference: see `amplification`.
 
     A step whose equations Newton's method does not solve is done again in two pieces, in four, and so on; and so is one of a
     method that never gains energy (`never_gains_energy`) if it does: that happens where springs are pushed through themselves.
@@ -102,7 +103,7 @@ class Implicit(Integrator):
 
     @ti.func
     def begin(self, state: Template, i, dt, b):
-        """Set base_position and base_velocity."""
+        """Set base_shift and base_velocity."""
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
@@ -130,7 +131,7 @@ class Implicit(Integrator):
                 done = 0
                 solved = 1
                 while solved == 1 and done < pieces:
-                    solved = self.attempt(state, total_force, first, time + done * h, h)
+                    solved = self.attempt(state, total_force, first, time + done * h, h, pieces >= MOST_PIECES)
                     done += 1
                 if solved == 0:
                     for i in range(first, end):
@@ -145,12 +146,16 @@ class Implicit(Integrator):
                     state.cut_steps[replica] += 1
 
     @ti.func
-    def attempt(self, state: Template, total_force: Template, first, time, dt):
-        """One step or piece of it; 1 when its equations were solved, and it gained no energy where none can come from."""
+    def attempt(self, state: Template, total_force: Template, first, time, dt, last_chance):
+        """One step or piece of it; 1 when its equations were solved, and it gained no energy where none can come from.
+
+        The last chance may gain some: that of pieces in which a spring is pushed through itself goes to 0 with their length.
+        """
         end = first + total_force.particle_count
         b, g = self.coefficients(state, first, dt)
         before = self.guarded_energy(state, total_force, first, time)
         for i in range(first, end):
+            state.piece_start[i] = state.position[i]
             self.begin(state, i, dt, b)
             state.shift[i] = ti.Vector.zero(float, state.dimensions)
         solved = self.newton.solve_serial(state, first, time + self.node * dt, dt, b, g)
@@ -162,7 +167,10 @@ class Implicit(Integrator):
             for i in range(first, end):
                 self.kick(state, i, dt)
         if self.guarded_energy(state, total_force, first, time + dt) > before + self.guard_room * ti.abs(before):
-            solved = 0
+            if last_chance:
+                state.gaining_pieces[first // total_force.particle_count] += 1
+            else:
+                solved = 0
         return solved
 
     @ti.func
@@ -210,7 +218,8 @@ class Implicit(Integrator):
         pieces, solved = 1, False
         while not solved and pieces <= MOST_PIECES:
             h = dt / pieces
-            solved = all(self._launch_attempt(state, total_force, launch_force, time + k * h, h) for k in range(pieces))
+            last = pieces >= MOST_PIECES
+            solved = all(self._launch_attempt(state, total_force, launch_force, time + k * h, h, last) for k in range(pieces))
             if not solved:
                 self._go_back(state)
                 state.history_dt[0] = history
@@ -222,7 +231,7 @@ class Implicit(Integrator):
         if not solved:
             state.unsolved[0] = 1
 
-    def _launch_attempt(self, state: Any, total_force: Any, launch_force: Any, time: float, dt: float) -> bool:
+    def _launch_attempt(self, state: Any, total_force: Any, launch_force: Any, time: float, dt: float, last: bool) -> bool:
         """The same as `attempt`."""
         b, g = self.host_coefficients(state, dt)
         before = self._measured_energy(state, total_force, time)
@@ -232,7 +241,9 @@ class Implicit(Integrator):
         if self.has_soft_forces:
             launch_force(self.soft, time + dt)
             self._kick(state, dt)
-        return solved and self._measured_energy(state, total_force, time + dt) <= before + self.guard_room * abs(before)
+        gains = self._measured_energy(state, total_force, time + dt) > before + self.guard_room * abs(before)
+        self.newton.launched.gaining_pieces += gains and last
+        return solved and (last or not gains)
 
     def host_coefficients(self, state: Any, dt: float) -> tuple[float, float]:
         """(b, g), on the host."""
@@ -257,6 +268,7 @@ class Implicit(Integrator):
     @ti.kernel
     def _begin(self, state: Template, dt: float, b: float):
         for i in range(state.particle_count):
+            state.piece_start[i] = state.position[i]
             self.begin(state, i, dt, b)
             state.shift[i] = ti.Vector.zero(float, state.dimensions)
 

@@ -53,6 +53,12 @@ class Splitting(Integrator):
         """Where the drifts have led to."""
         return tuple(node for node, _kick, _drift in self.entries[1:])
 
+    @property
+    def kick_rows(self) -> tuple:
+        """Weights of the slopes that give each velocity on the way through a damped kick, and last the one at its end."""
+        a, b = KICK_METHODS[self.order]
+        return (*a, b)
+
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Start velocities and slopes of the kick's own method."""
         return 1 + len(KICK_METHODS[self.order][1]) if velocity_dependent else 0
@@ -70,11 +76,11 @@ class Splitting(Integrator):
         return step
 
     def loops(self, k: int, velocity_dependent: bool) -> int:
-        """One, and three or more for a kick that forces change on the way."""
+        """One, or two for each stage of a kick that forces change on the way."""
         _node, kick, drift = self.entries[k]
-        damped = velocity_dependent and kick != 0.0
-        stages = len(KICK_METHODS[self.order][1])
-        return (1 + 2 * stages if damped else 0) + (1 if drift != 0.0 or (kick != 0.0 and not damped) else 0)
+        if velocity_dependent and kick != 0.0:
+            return 2 * len(KICK_METHODS[self.order][1])
+        return 1 if kick != 0.0 or drift != 0.0 else 0
 
     @ti.func
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
@@ -105,36 +111,40 @@ class Splitting(Integrator):
         has_drift: Template,
     ):
         """v += kick·dt·a, then x += drift·dt·v, in one loop."""
-        damped = ti.static(total_force.depends_on_velocity and has_kick)
-        if ti.static(damped):
-            self.damped_kick(state, total_force, first, time, kick * dt)
-        if ti.static(has_drift or not damped):
+        if ti.static(total_force.depends_on_velocity and has_kick):
+            self.damped_kick(state, total_force, first, time, kick * dt, drift * dt, has_drift)
+        else:
             for i in range(first, first + total_force.particle_count):
-                if ti.static(has_kick and not damped):
+                if ti.static(has_kick):
                     state.velocity[i] = state.velocity[i] + kick * dt * state.acceleration[i]
                 if ti.static(has_drift):
                     state.position[i] = state.position[i] + drift * dt * state.velocity[i]
 
     @ti.func
-    def damped_kick(self, state: Template, total_force: Template, first, time: Template, h: Template):
-        """Solve v' = acceleration + f(v) over h at fixed positions."""
-        a, b = ti.static(KICK_METHODS[self.order])
-        for i in range(first, first + total_force.particle_count):
-            state.scratch_0[i] = state.velocity[i]
-        for s in ti.static(range(len(b))):
-            if ti.static(s > 0):
-                for i in range(first, first + total_force.particle_count):
-                    stage = state.scratch_0[i]
-                    for k in ti.static(range(s)):
-                        if ti.static(a[s][k] != 0.0):
-                            stage += h * a[s][k] * state.scratch[1 + k][i]
-                    state.velocity[i] = stage
+    def damped_kick(
+        self,
+        state: Template,
+        total_force: Template,
+        first,
+        time: Template,
+        h: Template,
+        drift: Template,
+        has_drift: Template,
+    ):
+        """Solve v' = acceleration + f(v) over h at fixed positions, then drift; two loops for each slope."""
+        rows = ti.static(self.kick_rows)
+        for s in ti.static(range(len(rows) - 1)):
+            weights = ti.static(rows[s + 1])
             for i in range(first, first + total_force.particle_count):
                 slope = total_force.local_acceleration(state, first, i, time, True)
                 state.scratch[1 + s][i] = state.acceleration[i] + slope
-        for i in range(first, first + total_force.particle_count):
-            end = state.scratch_0[i]
-            for k in ti.static(range(len(b))):
-                if ti.static(b[k] != 0.0):
-                    end += h * b[k] * state.scratch[1 + k][i]
-            state.velocity[i] = end
+            for i in range(first, first + total_force.particle_count):
+                if ti.static(s == 0):
+                    state.scratch_0[i] = state.velocity[i]
+                velocity = state.scratch_0[i]
+                for k in ti.static(range(s + 1)):
+                    if ti.static(weights[k] != 0.0):
+                        velocity += h * weights[k] * state.scratch[1 + k][i]
+                state.velocity[i] = velocity
+                if ti.static(has_drift and s == len(rows) - 2):
+                    state.position[i] = state.position[i] + drift * velocity

@@ -22,7 +22,7 @@ class Bdf2(Implicit):
     solver: str = param("auto", choices=("auto", "conjugate_gradients", "direct"), help="of Newton's linear systems")
     tolerance: float = param(None, optional=True, above=0.0, maximum=0.01, help="of the step's way; absent: by precision")
     order = 2
-    extra_vectors = ("earlier_position", "earlier_velocity")
+    extra_vectors = ("earlier_shift", "earlier_velocity")
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """Matrix of two states, the newer first."""
@@ -44,20 +44,19 @@ class Bdf2(Implicit):
 
     @ti.func
     def begin(self, state: Template, i, dt, b):
-        """What the two earlier states say; then the newer one becomes the earlier."""
-        x = state.position[i]
+        """What the two earlier states say: y₁ = y + (y − y₋₁)/3 + …; then the newer velocity becomes the earlier."""
         v = state.velocity[i]
         if b < dt * dt:
             state.base_velocity[i] = v + (v - state.earlier_velocity[i]) / 3.0
-            state.base_position[i] = x + (x - state.earlier_position[i]) / 3.0 + 2.0 / 3.0 * dt * state.base_velocity[i]
+            state.base_shift[i] = state.earlier_shift[i] / 3.0 + 2.0 / 3.0 * dt * state.base_velocity[i]
         else:
             state.base_velocity[i] = v
-            state.base_position[i] = x + dt * v
-        state.earlier_position[i] = x
+            state.base_shift[i] = dt * v
         state.earlier_velocity[i] = v
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
-        """The stage is the end."""
-        state.position[i] = state.base_position[i] + state.shift[i]
+        """The stage is the end; the way there is kept as it was before it was rounded into the position."""
+        state.earlier_shift[i] = state.base_shift[i] + state.shift[i]
+        state.position[i] = state.piece_start[i] + state.earlier_shift[i]
         state.velocity[i] = state.base_velocity[i] + (g / b) * state.shift[i]

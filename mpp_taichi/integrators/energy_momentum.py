@@ -7,41 +7,15 @@ import taichi as ti
 
 from mpp_taichi.component import component, param
 from mpp_taichi.forces._base import BondForce
+from mpp_taichi.forces._step_bond import StepBond
 from mpp_taichi.integrators._implicit import Implicit, trapezoid
 from mpp_taichi.total_force import TotalForce
 from mpp_taichi.types import Template
 
 
-@ti.data_oriented
-class StepBond(BondForce):
-    """A bond as it acts over a whole step."""
-
-    def __init__(self, bond: Any):
-        """Bind the bond as it acts at a time."""
-        self.bond = bond
-        self.needs = bond.needs
-        self.conserves_energy = bond.conserves_energy
-        self.depends_on_velocity = bond.depends_on_velocity
-
-    @ti.func
-    def force(self, state: Template, i, j, h):
-        """That of the step."""
-        return self.bond.step_force(state, i, j, h)
-
-    @ti.func
-    def stiffness(self, state: Template, i, j, h, length):
-        """That of the step."""
-        return self.bond.step_stiffness(state, i, j, h, length)
-
-    @ti.func
-    def damping_rates(self, state: Template, h):
-        """Those of the bond."""
-        return self.bond.damping_rates(state, h)
-
-
 @component
 class EnergyMomentum(Implicit):
-    """v₁ = v + h a, x₁ = x + h (v + v₁)/2, with springs averaged so that energy and momenta are kept: second order, time-reversible.
+    """v₁ = v + h a, x₁ = x + h (v + v₁)/2, springs averaged so that energy and momenta are kept: second order, time-reversible.
 
     Of springs of any stiffness in any state, and of uniform fields, the energy is kept to the solver's tolerance at every step,
     and so are linear and angular momentum; damping only takes energy. Where the midpoint rule may heat up springs that a step
@@ -58,7 +32,6 @@ class EnergyMomentum(Implicit):
     beta = 0.25
     gamma = 0.5
     node = 0.5
-    extra_vectors = ("piece_start",)
 
     def implicit_part(self, total_force: Any) -> Any:
         """All forces, the bonds averaged."""
@@ -72,12 +45,11 @@ class EnergyMomentum(Implicit):
     @ti.func
     def begin(self, state: Template, i, dt, b):
         """Half of the free flight."""
-        state.piece_start[i] = state.position[i]
         state.base_velocity[i] = state.velocity[i]
-        state.base_position[i] = state.position[i] + 0.5 * dt * state.velocity[i]
+        state.base_shift[i] = 0.5 * dt * state.velocity[i]
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
         """From the middle as far again."""
-        state.position[i] = state.base_position[i] + 0.5 * dt * state.base_velocity[i] + 2.0 * state.shift[i]
+        state.position[i] = state.piece_start[i] + 2.0 * (state.base_shift[i] + state.shift[i])
         state.velocity[i] = state.base_velocity[i] + 2.0 * (g / b) * state.shift[i]

@@ -61,12 +61,12 @@ class ImexMidpoint(Implicit):
         if ti.static(self.has_soft_forces):
             velocity += 0.5 * dt * state.soft_acceleration[i]
         state.base_velocity[i] = velocity
-        state.base_position[i] = state.position[i] + 0.5 * dt * velocity
+        state.base_shift[i] = 0.5 * dt * velocity
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
         """From the middle as far again."""
-        state.position[i] = state.base_position[i] + 0.5 * dt * state.base_velocity[i] + 2.0 * state.shift[i]
+        state.position[i] = state.piece_start[i] + 2.0 * (state.base_shift[i] + state.shift[i])
         state.velocity[i] = state.base_velocity[i] + 2.0 * (g / b) * state.shift[i]
 
     @ti.func

@@ -29,10 +29,10 @@ class ImplicitEuler(Implicit):
     def begin(self, state: Template, i, dt, b):
         """Where it would fly freely."""
         state.base_velocity[i] = state.velocity[i]
-        state.base_position[i] = state.position[i] + dt * state.velocity[i]
+        state.base_shift[i] = dt * state.velocity[i]
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
         """The stage is the end."""
-        state.position[i] = state.base_position[i] + state.shift[i]
+        state.position[i] = state.piece_start[i] + (state.base_shift[i] + state.shift[i])
         state.velocity[i] = state.base_velocity[i] + (g / b) * state.shift[i]

@@ -35,10 +35,10 @@ class ImplicitMidpoint(Implicit):
     def begin(self, state: Template, i, dt, b):
         """Half of the free flight."""
         state.base_velocity[i] = state.velocity[i]
-        state.base_position[i] = state.position[i] + 0.5 * dt * state.velocity[i]
+        state.base_shift[i] = 0.5 * dt * state.velocity[i]
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
         """From the middle as far again."""
-        state.position[i] = state.base_position[i] + 0.5 * dt * state.base_velocity[i] + 2.0 * state.shift[i]
+        state.position[i] = state.piece_start[i] + 2.0 * (state.base_shift[i] + state.shift[i])
         state.velocity[i] = state.base_velocity[i] + 2.0 * (g / b) * state.shift[i]

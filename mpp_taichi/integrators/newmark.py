@@ -44,11 +44,11 @@ class Newmark(Implicit):
         """The part of the start."""
         kept = state.kept_acceleration[i]
         state.base_velocity[i] = state.velocity[i] + 0.5 * dt * kept
-        state.base_position[i] = state.position[i] + dt * state.velocity[i] + b * kept
+        state.base_shift[i] = dt * state.velocity[i] + b * kept
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
         """The part of the end; its acceleration is P/b."""
-        state.position[i] = state.base_position[i] + state.shift[i]
+        state.position[i] = state.piece_start[i] + (state.base_shift[i] + state.shift[i])
         state.velocity[i] = state.base_velocity[i] + (g / b) * state.shift[i]
         state.kept_acceleration[i] = state.shift[i] / b

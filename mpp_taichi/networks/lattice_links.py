@@ -1,6 +1,7 @@
-"""Springs between the nearest neighbours of a lattice."""
+"""Springs between the particles of a lattice: one kind of neighbours for each entry."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -11,7 +12,11 @@ from mpp_taichi.snapshot import Springs
 
 @component
 class LatticeLinks(Network):
-    """A spring from every particle of a lattice to the next along each axis: 112 of them in a sheet of 8 × 8.
+    """Springs between neighbours in a lattice; other kinds of neighbours, with their own stiffness, are another entry.
+
+    nearest: every particle and the next along each axis, 112 springs in a sheet of 8 × 8. diagonal: cross-links, both
+    diagonals of every square cell; without them a lattice with free corners shears without any force. bending: every particle
+    and the next but one along each axis, which makes a bend cost energy.
 
     Without prestretch a flat sheet has no linear restoring force across itself: a displacement z stretches a spring of length d
     only by z²/2d, so that the force goes as z³ and the frequency as the amplitude. A prestretch s, rest length d/s, gives
@@ -19,29 +24,30 @@ class LatticeLinks(Network):
     """
 
     of: str = param(help="name of the lattice")
-    stiffness: float = param(minimum=0.0, unit="force length⁻¹", help="D")
+    neighbors: str = param("nearest", choices=("nearest", "diagonal", "bending"), help="which particles are linked")
+    type: str = param("", help="of spring_types:, which gives what is not said here")
+    stiffness: float = param(None, optional=True, minimum=0.0, unit="force length⁻¹", help="D; needed here or in the type")
     damping: float = param(0.0, minimum=0.0, unit="force time length⁻¹", help="c")
     prestretch: float = param(1.0, above=0.0, help="placed length over rest length")
     color: Color = param((0.4, 0.4, 1.0), help="red, green, blue in 0…1")
 
     def spring_count(self, lattice: Callable[[str], tuple[int, tuple[int, int, int]]]) -> int:
-        """Along each axis one less than there are particles."""
+        """Along every step that links go, one for each particle that has a partner there."""
         counts = lattice(self.of)[1]
-        total = counts[0] * counts[1] * counts[2]
-        return sum(total // count * (count - 1) for count in counts)
+        return sum(
+            math.prod(max(count - abs(along), 0) for count, along in zip(counts, step, strict=True)) for step in self._steps()
+        )
 
     def generate(self, context: NetworkContext) -> Springs:
-        """Link neighbours, axis by axis."""
+        """Link neighbours, step by step."""
         first, counts = context.lattice(self.of)
-        index = first + np.arange(counts[0] * counts[1] * counts[2]).reshape(counts[::-1])  # last axis of the array is x
-        pairs = []
-        for axis in (2, 1, 0):
-            length = index.shape[axis]
-            near, far = np.take(index, range(length - 1), axis), np.take(index, range(1, length), axis)
-            pairs.append(np.stack([near.ravel(), far.ravel()], axis=1))
-        between = np.concatenate(pairs)
+        index = first + np.arange(math.prod(counts)).reshape(counts[::-1])  # last axis of the array is x
+        pairs = [np.zeros((0, 2), dtype=int)]
+        for step in self._steps():
+            near, far = zip(*(_ends(count, along) for count, along in zip(index.shape, step[::-1], strict=True)), strict=True)
+            pairs.append(np.stack([index[near].ravel(), index[far].ravel()], axis=1))
         return make_springs(
-            between,
+            np.concatenate(pairs),
             context,
             rest_length=None,
             stretch=self.prestretch,
@@ -49,3 +55,16 @@ class LatticeLinks(Network):
             damping=self.damping,
             color=self.color,
         )
+
+    def _steps(self) -> Iterator[tuple[int, int, int]]:
+        """From a particle to those it is linked with, in places along the three axes."""
+        for axis in range(3):
+            for lengths in {"nearest": [(1, 0)], "bending": [(2, 0)], "diagonal": [(1, 1), (1, -1)]}[self.neighbors]:
+                along = dict(zip((axis, (axis + 1) % 3, (axis + 2) % 3), (*lengths, 0), strict=True))
+                yield (along[0], along[1], along[2])
+
+
+def _ends(count: int, along: int) -> tuple[slice, slice]:
+    """Where along an axis the first and the second ends of the springs are."""
+    low, high = slice(0, max(count - abs(along), 0)), slice(abs(along), None)
+    return (low, high) if along >= 0 else (high, low)

@@ -11,12 +11,14 @@ from mpp_taichi.snapshot import Springs
 
 @component
 class Link(Network):
-    """One spring."""
+    """One spring. Two between the same particles act side by side: their forces add."""
 
     between: Pair = param(help="the two ends, by index or name")
-    stiffness: float = param(minimum=0.0, unit="force length⁻¹", help="D")
+    type: str = param("", help="of spring_types:, which gives what is not said here")
+    stiffness: float = param(None, optional=True, minimum=0.0, unit="force length⁻¹", help="D; needed here or in the type")
     damping: float = param(0.0, minimum=0.0, unit="force time length⁻¹", help="c")
-    rest_length: float = param(None, optional=True, minimum=0.0, unit="length", help="absent: as placed")
+    rest_length: float = param(None, optional=True, minimum=0.0, unit="length", help="absent: placed length over prestretch")
+    prestretch: float = param(1.0, above=0.0, help="placed length over rest length; of no account beside a rest_length")
     color: Color = param((0.4, 0.4, 1.0), help="red, green, blue in 0…1")
 
     def spring_count(self, lattice: Callable) -> int:
@@ -25,7 +27,12 @@ class Link(Network):
 
     def generate(self, context: NetworkContext) -> Springs:
         """Link the two."""
-        between = np.array([self.between])
         return make_springs(
-            between, context, rest_length=self.rest_length, stiffness=self.stiffness, damping=self.damping, color=self.color
+            np.array([self.between]),
+            context,
+            rest_length=self.rest_length,
+            stretch=self.prestretch,
+            stiffness=self.stiffness,
+            damping=self.damping,
+            color=self.color,
         )

@@ -47,6 +47,7 @@ class BlowUpWatch:
         self._released = 0.0
         self._sound: Mark | None = None
         self._elastic = 0.0
+        self._has_springs = False
         self._extent = 0.0
         self._epsilon = 0.0
 
@@ -80,8 +81,10 @@ class BlowUpWatch:
         return self._trace(simulation, row) if self._is_alarming(simulation, row) else error
 
     def _begin(self, simulation: "Simulation", row: dict[str, Any]) -> None:
-        start, springs = simulation.snapshot(), simulation.start.springs
+        start = simulation.snapshot()
+        springs = start.springs
         self._start = row
+        self._has_springs = len(springs) > 0
         self._elastic = float(0.5 * springs.stiffness @ springs.rest_length**2)
         self._extent = float(np.ptp(start.position, axis=0).max() + springs.rest_length.sum())
         self._epsilon = 2.0**-24 if simulation.device.precision == "f32" else 2.0**-53
@@ -110,7 +113,7 @@ class BlowUpWatch:
         if simulation.gains_no_energy:
             limit = ALARM * (self._turnover(row) + self._rounding(row)) + STRAIN_SHARE * self._elastic
             return self._gain(row) > limit
-        return len(simulation.start.springs) > 0 and _longest_spring(simulation) > LONGEST * self._extent
+        return self._has_springs and _longest_spring(simulation) > LONGEST * self._extent
 
     def _is_sound(self, simulation: "Simulation", row: dict[str, Any]) -> bool:
         if simulation.gains_no_energy:
@@ -160,7 +163,7 @@ def _strides(steps: int) -> list[int]:
 
 def _look(simulation: "Simulation") -> dict[str, Any]:
     with np.errstate(over="ignore", invalid="ignore"):
-        return simulation.diagnostics()
+        return simulation.mechanics()
 
 
 def _lengths(snapshot: Snapshot) -> np.ndarray:

@@ -26,8 +26,8 @@ class FilmRecorder:
     """Draws exactly `frame_count` frames; frame k shows the time start + k / (frame_count − 1) · span.
 
     Where that lies between two steps, at δ < dt after one, the positions shown are x + v δ: dense output of first order, whose
-    error ½ a δ² is far below a pixel for any step that resolves the motion. The first frame is the start and the last one the
-    end of the run, both exact. A single frame shows the start.
+    error ½ a δ² is far below a pixel for any step that resolves the motion. It never reaches into the next phase of a timeline.
+    The first frame is the start and the last one the end of the run, both exact. A single frame shows the start.
     """
 
     def __init__(
@@ -67,7 +67,8 @@ class FilmRecorder:
         while self.drawn_count < self.frame_count:
             offset = self._due_time() - simulation.time
             exact = abs(offset) <= SAME_TIME * simulation.dt
-            if not exact and (offset >= simulation.dt * (1.0 - SAME_TIME) or self._is_last()):
+            reach = min(simulation.dt, simulation.time_to_next_phase)
+            if not exact and (offset >= reach - simulation.dt * SAME_TIME or self._is_last()):
                 return
             moved = snapshot.moved(
                 position=snapshot.position + snapshot.velocity * (0.0 if exact else offset),

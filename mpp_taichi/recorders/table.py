@@ -19,6 +19,7 @@ SPARSE_STEPS = 20  # the potential of 3073 bodies took six of their steps; so fa
 ZERO_ENERGY = 1e-12  # an |E₀| below this share of kinetic + |potential| is what rounding left of zero
 FORMATS = (".csv", ".npz")
 _SCALARS = ("time", "step", "kinetic_energy", "potential_energy", "total_energy")
+_BALANCE = ("dissipated_energy", "work", "energy_balance_residual")  # only with an energy balance
 _VECTORS = ("momentum", "angular_momentum", "center_of_mass")
 ERRORS = ("relative_energy_error", "momentum_error", "angular_momentum_error", "center_of_mass_error")
 
@@ -26,13 +27,16 @@ ERRORS = ("relative_energy_error", "momentum_error", "angular_momentum_error", "
 class TableRecorder:
     """Samples energies, momentum, angular momentum and centre of mass every `every` steps, all in f64.
 
-    Errors are against the first sample:
+    Errors are against the first sample, that of the energy against the energy at the start of the present phase:
 
     relative_energy_error   |E − E₀| / |E₀|; where E₀ is zero, over the largest kinetic + |potential| seen so far instead
     momentum_error          |P − P₀| over the largest Σ m |v| seen so far
     angular_momentum_error  |L − L₀| over the largest Σ m |x| |v| seen so far
     center_of_mass_error    distance of the centre of mass from uniform motion, over the radius of the system at the start,
                             or over its own largest way where the system is a point
+
+    With an energy balance also energy_balance_error, |E + D − W − E₀| over the largest kinetic energy, dissipated energy D or
+    |work| W of the whole run, or over its largest kinetic + |potential| where that is all rounding.
     """
 
     def __init__(self, every: int) -> None:
@@ -46,6 +50,8 @@ class TableRecorder:
         self.rows.clear()
         self._drift = np.zeros(3)
         self._radius = 0.0
+        self._phase_number = 0
+        self._energy = 0.0
         self._largest = dict.fromkeys(("energy", "momentum", "angular_momentum", "way"), 0.0)
 
     @staticmethod
@@ -57,7 +63,9 @@ class TableRecorder:
         return max(SPARSE_STEPS if sparse else 1, 100 if steps is None else steps // SAMPLES_PER_RUN)
 
     def steps_until_due(self, simulation: "Simulation") -> int:
-        """Until the next sample."""
+        """Until the next sample; a new phase is looked at as it begins."""
+        if self.rows and simulation.phase_number != self._phase_number:
+            return 0
         return self.rows[-1]["step"] + self.every - simulation.step_count if self.rows else 0
 
     def record(self, simulation: "Simulation") -> None:
@@ -66,7 +74,9 @@ class TableRecorder:
             row = simulation.diagnostics()
             if not self.rows:
                 self._remember_start(simulation)
-            self.rows.append({**row, **self._errors(row)})
+            if not self.rows or simulation.phase_number != self._phase_number:
+                self._remember_energy(simulation, row)
+            self.rows.append({**row, **self._errors(row), "conserves_energy": simulation.conserves_energy})
 
     def finish(self, simulation: "Simulation") -> None:
         """Take the last sample, unless that was just done."""
@@ -83,6 +93,13 @@ class TableRecorder:
         self._drift = weight @ snapshot.velocity
         self._radius = float(np.linalg.norm(snapshot.position - weight @ snapshot.position, axis=1).max())
 
+    def _remember_energy(self, simulation: "Simulation", row: dict[str, Any]) -> None:
+        """What the energy is to stay at: as a phase began if that was seen, else as it is now."""
+        self._phase_number = simulation.phase_number
+        began = simulation.phase_energy if self.rows else None
+        self._energy = row["total_energy"] if began is None else began
+        self._largest["energy"] = 0.0
+
     def _errors(self, row: dict[str, Any]) -> dict[str, float]:
         first = self.rows[0] if self.rows else row
         way = row["center_of_mass"] - first["center_of_mass"]
@@ -90,11 +107,11 @@ class TableRecorder:
         self._raise("momentum", row["momentum_scale"])
         self._raise("angular_momentum", row["angular_momentum_scale"])
         self._raise("way", math.hypot(*way))
-        start, largest = abs(first["total_energy"]), self._largest
+        start, largest = abs(self._energy), self._largest
         uniform = self._drift * (row["time"] - first["time"])
         return {
             "relative_energy_error": _ratio(
-                row["total_energy"] - first["total_energy"],
+                row["total_energy"] - self._energy,
                 start if start > ZERO_ENERGY * largest["energy"] else largest["energy"],
             ),
             "momentum_error": _ratio(row["momentum"] - first["momentum"], largest["momentum"]),
@@ -106,18 +123,43 @@ class TableRecorder:
         self._largest[name] = max(self._largest[name], value)
 
     def summary(self) -> dict[str, float]:
-        """First and last energy, and the largest of every error (`relative_energy_error_max`, …)."""
+        """First and last energy, and the largest of every error (`relative_energy_error_max`, …).
+
+        `conserved_energy_error_max` is that of the energy while every force present had a potential; absent if that never was.
+        """
         found = {
             "total_energy_initial": self.rows[0]["total_energy"],
             "total_energy_final": self.rows[-1]["total_energy"],
             "kinetic_energy_final": self.rows[-1]["kinetic_energy"],
             "potential_energy_final": self.rows[-1]["potential_energy"],
         }
-        return found | {f"{name}_max": max(row[name] for row in self.rows) for name in ERRORS}
+        if kept := [row["relative_energy_error"] for row in self.rows if row["conserves_energy"]]:
+            found["conserved_energy_error_max"] = max(kept)
+        found |= {f"{name}_max": max(row[name] for row in self.rows) for name in ERRORS}
+        if self.is_balanced:
+            found |= {name: self.rows[-1][name] for name in _BALANCE[:2]}
+            found["energy_balance_error_max"] = max(self._balance_errors())
+        return found
+
+    @property
+    def is_balanced(self) -> bool:
+        """Whether the samples hold an energy balance."""
+        return bool(self.rows) and _BALANCE[0] in self.rows[0]
+
+    def _balance_errors(self) -> list[float]:
+        turnover, largest = max(row["energy_turnover"] for row in self.rows), self._largest["energy"]
+        scale = turnover if turnover > ZERO_ENERGY * largest else largest
+        return [_ratio(row["energy_balance_residual"], scale) for row in self.rows]
+
+    def _derived(self) -> dict[str, list[float]]:
+        """The errors, and the energy balance where it is kept."""
+        found = {name: [row[name] for row in self.rows] for name in (*ERRORS, *(_BALANCE if self.is_balanced else ()))}
+        return found | ({"energy_balance_error": self._balance_errors()} if self.is_balanced else {})
 
     def columns(self) -> dict[str, Any]:
         """Every column: scalars (sample_count,), vectors (sample_count, 3)."""
-        return {name: np.array([row[name] for row in self.rows]) for name in (*_SCALARS, *_VECTORS, *ERRORS)}
+        measured = {name: [row[name] for row in self.rows] for name in (*_SCALARS, *_VECTORS)}
+        return {name: np.array(values) for name, values in (measured | self._derived()).items()}
 
     def save(self, path: Path) -> None:
         """Write the table as its suffix says, by way of a temporary file.
@@ -143,12 +185,13 @@ class TableRecorder:
 
     def _lines(self) -> list[Sequence[str]]:
         """Header and rows; numbers in their shortest exact spelling."""
-        header = [*_SCALARS, *(f"{name}_{axis}" for name in _VECTORS for axis in "xyz"), *ERRORS]
+        derived = self._derived()
+        header = [*_SCALARS, *(f"{name}_{axis}" for name in _VECTORS for axis in "xyz"), *derived]
         lines: list[Sequence[str]] = [header]
-        for row in self.rows:
+        for row, *rest in zip(self.rows, *derived.values(), strict=True):
             numbers = [row[name] for name in _SCALARS]
             numbers += [value for name in _VECTORS for value in row[name]]
-            numbers += [row[name] for name in ERRORS]
+            numbers += rest
             lines.append([repr(value) if isinstance(value, int) else repr(float(value)) for value in numbers])
         return lines
 

@@ -17,7 +17,7 @@ ENERGY_LIMIT = 0.1
 class EnergyWatchdog:
     """Reads the table as it grows; the time of the first sample above `ENERGY_LIMIT` is kept as `broken_at` and warned about.
 
-    Stands after its table in the list of recorders. The limit holds for scenes all of whose forces conserve energy.
+    Stands after its table in the list of recorders. The limit holds while all forces present conserve energy.
     """
 
     def __init__(self, table: TableRecorder) -> None:
@@ -35,7 +35,7 @@ class EnergyWatchdog:
         new = self.table.rows[self._seen :]
         self._seen = len(self.table.rows)
         for row in new:
-            if simulation.conserves_energy and self.broken_at is None and not row["relative_energy_error"] <= ENERGY_LIMIT:
+            if row["conserves_energy"] and self.broken_at is None and not row["relative_energy_error"] <= ENERGY_LIMIT:
                 self.broken_at = row["time"]
                 log.warning(
                     "the energy was off by %.2g of itself at time %.6g although every force conserves it: "

@@ -1,10 +1,10 @@
 """Estimate: what a scene will cost, before any of it is allocated."""
 
-import math
 from dataclasses import dataclass
 
 from mpp_taichi import component
 from mpp_taichi.errors import CapacityError
+from mpp_taichi.scene import timeline
 from mpp_taichi.scene.layout import build, layout_of
 from mpp_taichi.scene.spec import SceneSpec
 
@@ -41,7 +41,9 @@ def estimate(spec: SceneSpec) -> Estimate:
     return Estimate(
         particle_count=particles,
         spring_count=springs,
-        bytes=particles * BYTES_PER_PARTICLE + springs * BYTES_PER_SPRING,
+        bytes=particles * BYTES_PER_PARTICLE
+        + springs * BYTES_PER_SPRING
+        + sum(estimate(event.scene).bytes for event in spec.timeline),  # every phase stays, for a restart
         pair_interactions_per_evaluation=particles * (particles - 1) if has_pairs else 0,
         steps=_steps(spec),
     )
@@ -81,8 +83,7 @@ def _steps(spec: SceneSpec) -> int | None:
     step = spec.integrator.parameters.get("dt")
     if spec.run.duration is None or step is None:
         return None
-    ratio = spec.run.duration / step
-    return math.ceil(ratio * (1.0 - 1e-12)) if math.isfinite(ratio) else MOST_STEPS * 1000
+    return timeline.step_count(spec, spec.run.duration)
 
 
 def _short(count: int) -> str:

@@ -173,7 +173,9 @@ class ListOf(Field):
     def check(self, value: Any, context: Context) -> tuple[Any, ...]:
         """Check every item."""
         if not isinstance(value, list) or len(value) not in self.lengths:
-            count = " or ".join(str(length) for length in self.lengths)
+            count = " or ".join(map(str, self.lengths))
+            if len(self.lengths) > 3:
+                count = f"{self.lengths[0]} to {self.lengths[-1]}"
             raise Wrong(f"must be a list of {count} {self.what}, not {shown(value)}")
         wrong = Wrong("")
         items = []
@@ -240,6 +242,21 @@ class Counts(Field):
     def schema(self) -> dict[str, Any]:
         """An array of integers."""
         return ListOf(Whole(minimum=1), (1, 2, 3)).schema()
+
+
+@dataclass(frozen=True)
+class Settings(Field):
+    """A mapping of paths to values; what they may be is known only to the scene that they are set in (timeline.py)."""
+
+    def check(self, value: Any, context: Context) -> dict[str, Any]:
+        """Refuse what is no mapping, and one that changes nothing."""
+        if not isinstance(value, dict) or not value:
+            raise Wrong(f"must be a mapping of paths to values, not {shown(value) if value else 'nothing'}")
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        """Any mapping."""
+        return {"type": "object", "minProperties": 1}
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,19 @@ class ParticleLayout:
             raise PlacementError(f"{shown(reference)} is no single particle, allowed: {word}[0] to {word}[{shown(count - 1)}]")
         return self.starts[number] + offset
 
+    def check_mode(self, name: str | None, numbers: tuple[int, int, int]) -> None:
+        """Refuse numbers that no mode of a lattice has; PlacementError says which are allowed."""
+        if name is None:
+            return  # the modes of a network are counted only when its matrix is solved
+        most = [max(1, count - 2) for count in self.lattice(name)[1]]
+        if any(number > largest for number, largest in zip(numbers, most, strict=True)):
+            raise PlacementError(f"{name} has no mode {list(numbers)}, allowed: from [1, 1, 1] to {most}")
+
+    def group(self, reference: int | str) -> tuple[int, int] | None:
+        """First index and count of the entry called so; None where no entry is."""
+        number = self.names.get(reference) if isinstance(reference, str) else None
+        return None if number is None else (self.starts[number], self.counts[number])
+
     def lattice(self, name: str) -> Lattice:
         """The lattice of a name; PlacementError says which there are."""
         if name not in self.lattices:

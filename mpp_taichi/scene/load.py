@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from mpp_taichi.scene import constants, expectations, extends, messages, references, units
+from mpp_taichi.scene import constants, expectations, extends, messages, references, spring_types, timeline, units
 from mpp_taichi.scene import overrides as override
 from mpp_taichi.scene.cross_checks import check_together
 from mpp_taichi.scene.document import Node, from_python, read_file
@@ -30,20 +30,27 @@ def load_scene(source: str | Path | Mapping[str, Any] | SceneSpec, *, overrides:
     faults = Faults()
     tree, name, folder = _read(source, faults)
     tree = _override(tree, overrides, faults)
+    spec, times = _check(tree, name, folder, faults)
+    return timeline.with_phases(spec, times, tree, faults, lambda changed: _check(changed, name, folder, faults)[0])
+
+
+def _check(tree: Node, name: str, folder: Path, faults: Faults) -> tuple[SceneSpec, list[float]]:
+    """The scene that a tree holds, and the times of its timeline, whose phases are still to be made."""
     context = _context(tree, folder, faults)
     model = scene_model(select(tree.plain()))
     try:
-        validated = model.model_validate(tree.plain(), context=context)
+        validated: Any = model.model_validate(tree.plain(), context=context)
     except ValidationError as error:
         messages.report(error, tree, model, faults)
         faults.raise_if_any()
         raise  # a fault without a message would be a bug
     faults.raise_if_any()
-    spec = _specification(validated, tree, name, context)
+    spec = _specification(validated, tree, name, context, faults)
+    faults.raise_if_any()
     spec = references.resolve(spec, tree, faults)
     check_together(spec, tree, faults)
     faults.raise_if_any()
-    return spec
+    return spec, [event.at for event in validated.timeline]
 
 
 def _read(source: str | Path | Mapping[str, Any] | SceneSpec, faults: Faults) -> tuple[Node, str, Path]:
@@ -84,7 +91,7 @@ def _context(tree: Node, folder: Path, faults: Faults) -> Context:
     return Context(values, 2 if flat else 3, folder)
 
 
-def _specification(validated: Any, tree: Node, name: str, context: Context) -> SceneSpec:
+def _specification(validated: Any, tree: Node, name: str, context: Context, faults: Faults) -> SceneSpec:
     gravity = context.constants.get("G", 1.0) if validated.units else 1.0
     forces = tuple(_with_gravity(entry, gravity) for entry in _entries(validated.forces, tree, "forces"))
     return SceneSpec(
@@ -95,7 +102,7 @@ def _specification(validated: Any, tree: Node, name: str, context: Context) -> S
         units=dict(validated.units) if validated.units else None,
         constants={key: value for key, value in context.constants.items() if value is not None},
         particles=_entries(validated.particles, tree, "particles"),
-        springs=_entries(validated.springs, tree, "springs"),
+        springs=spring_types.resolve(_entries(validated.springs, tree, "springs"), validated.spring_types or {}, tree, faults),
         spring_damping=validated.spring_damping,
         forces=forces,
         integrator=_entry(validated.integrator, tree.value["integrator"]),
@@ -104,6 +111,7 @@ def _specification(validated: Any, tree: Node, name: str, context: Context) -> S
         view=validated.view,
         record=validated.record,
         expect=expectations.build(validated.expect, tree.get("expect")),
+        modes=validated.modes,
         resolved=tree.plain(),
     )
 

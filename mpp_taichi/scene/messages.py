@@ -134,7 +134,7 @@ def _help(model: Any, path: tuple[Any, ...]) -> str:
 def _descend(annotation: Any, path: tuple[Any, ...]) -> Any:
     """The model or dataclass that pydantic's location `path` leads to, from a type."""
     options = [annotation]
-    while len(options) == 1 and typing.get_origin(options[0]) not in (None, list):
+    while len(options) == 1 and typing.get_origin(options[0]) not in (None, list, dict):
         origin, arguments = typing.get_origin(options[0]), typing.get_args(options[0])
         options = [arguments[0]] if origin is typing.Annotated else [each for each in arguments if each is not type(None)]
     target = options[0]
@@ -143,6 +143,8 @@ def _descend(annotation: Any, path: tuple[Any, ...]) -> Any:
     step, rest = path[0], path[1:]
     if typing.get_origin(target) is list:
         return _descend(typing.get_args(target)[0], rest)
+    if typing.get_origin(target) is dict:
+        return _descend(typing.get_args(target)[1], rest)
     if isinstance(target, type) and issubclass(target, BaseModel) and step in target.model_fields:
         return _descend(target.model_fields[step].annotation, rest)
     if dataclasses.is_dataclass(target):

@@ -18,7 +18,7 @@ from mpp_taichi.component import REQUIRED, Parameter
 from mpp_taichi.scene import fields, units
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.fields import Context, Field, Number, Text, Whole, Wrong
-from mpp_taichi.scene.spec import RecordSpec, RunSpec, ViewSpec
+from mpp_taichi.scene.spec import EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec, ViewSpec
 
 # Keys of a scene that hold components, and the folder those come from.
 KINDS = {
@@ -28,7 +28,7 @@ KINDS = {
     "integrator": "integrators",
     "expect": "diagnostics",
 }
-LATER_KEYS = ("contacts", "walls", "inspect", "sliders", "timeline", "accuracy")
+LATER_KEYS = ("contacts", "walls", "inspect", "sliders", "accuracy")
 _STRICT = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, protected_namespaces=())
 Selection = tuple[tuple[str, tuple[str, ...]], ...]  # kind → names of the components in the model
 
@@ -96,8 +96,11 @@ def field_of(parameter: Parameter) -> Field:
         "Formula": lambda: fields.PerParticle(tuple(parameter.names)),
         "FormulaVector": lambda: fields.InSpace(fields.PerParticle(tuple(parameter.names))),
         "Particle": fields.Reference,
+        "Particles": fields.Reference,
         "Pair": lambda: fields.ListOf(fields.Reference(), (2,), "particles"),
         "Path": fields.FileBeside,
+        "Lattice": Text,
+        "ModeNumbers": fields.Counts,
     }
     return makers[parameter.type]()
 
@@ -116,6 +119,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         _entries(kind, chosen[kind]) for kind in ("generators", "networks", "forces", "integrators")
     )
     numbers = dict[str, Annotated[float, ResolvedBefore()]]
+    types = dict[str, SpringTypeSpec]
     return create_model(
         "Scene",
         __config__=_STRICT,
@@ -129,13 +133,19 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         seed=_key(Whole(minimum=0, maximum=2**53), 0, "of every random number of the scene"),
         particles=(_list_of(particles), Describe(min_length=1, description="generators, in the order of the indices")),
         springs=(_list_of(springs), Describe([], description="springs between particles")),
+        spring_types=(
+            types | None,
+            Describe(None, description="what springs of a name share, for entries that say `type: name`"),
+        ),
         spring_damping=_key(Text(("axial", "full")), "axial", "damping along the spring, or of the whole relative velocity"),
         forces=(_list_of(forces), Describe([], description="what acts on the particles besides springs")),
         integrator=(integrator, Describe(description="the method that advances time")),
         move_to_center_of_mass=_key(fields.Flag(), False, "start with the centre of mass at rest at the origin"),
         run=(RunSpec, Describe(RunSpec(), description="how long to run")),
+        timeline=(_list_of(EventSpec), Describe([], description="what changes at a time; a list of {at, set}")),
         view=(ViewSpec, Describe(ViewSpec(), description="what is drawn")),
         record=(RecordSpec, Describe(RecordSpec(), description="how a film is made")),
+        modes=(ModesSpec | None, Describe(None, description="modes of the springs that are followed while they swing")),
         expect=(expect | None, Describe(None, description="physics that must come out")),
     )
 

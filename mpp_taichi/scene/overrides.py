@@ -1,6 +1,7 @@
 """Overrides: `--set path=value` and the `overrides=` of Python, put into a scene's tree before it is checked.
 
-A path is dotted, `integrator.leapfrog.dt`, with `[0]` or `.0` for the entries of lists. It sets what the scene has, or a key
+A path is dotted, `integrator.leapfrog.dt`, with `[0]` or `.0` for the entries of lists, or the name of the component when one
+entry only has it, `forces.linear_drag.coefficient`. It sets what the scene has, or a key
 that such a place may have; `+path=value` adds whatever is not there. Values are read as in a scene file.
 """
 
@@ -36,13 +37,23 @@ def apply(tree: Node, overrides: Mapping[str, Any] | Sequence[str], faults: Faul
     return tree
 
 
+def put(tree: Node, written: str, new: Node, faults: Faults) -> Node:
+    """The tree with a value from the scene itself at a path; a fault is placed at the value, and leaves the tree as it is."""
+    try:
+        return _put(tree, steps(written.removeprefix("+").strip()), new, written.startswith("+"), ())
+    except SceneError as error:
+        for fault in error.faults:
+            faults.found.append((new.location, fault))
+        return tree
+
+
 def _read(written: str, value: Any, *, from_text: bool) -> tuple[Path, bool, Node]:
     text, equals, value_text = written.partition("=") if from_text else (written, "=", "")
     location = Location(printable(f"--set {written}" if from_text else f"--set {written}={_short(value)}"), 0, 0)
     if not equals:
         raise SceneError(f"{location}: must be path=value, as in integrator.leapfrog.dt=0.01")
     adding = text.startswith("+")
-    path = _steps(text.removeprefix("+").strip())
+    path = steps(text.removeprefix("+").strip())
     if not path:
         example = "allowed: names with dots and [index], as in particles[0].body.mass"
         raise SceneError(f"{location}: {shown(text)} is no path, {example}")
@@ -55,16 +66,16 @@ def _read(written: str, value: Any, *, from_text: bool) -> tuple[Path, bool, Nod
         raise SceneError(*(places.sub(f"{location}: ", fault) for fault in error.faults)) from None
 
 
-def _steps(text: str) -> Path:
+def steps(text: str) -> Path:
     """The steps of a path; empty when it is none."""
-    steps: list[Any] = []
+    found_steps: list[Any] = []
     end = 0
     for found in _STEP.finditer(text):
         if found.start() != end or (found.group(0).startswith(".") == (end == 0) and found.group(1)):
             return ()
         end = found.end()
-        steps.append(int(found.group(2)) if found.group(2) else found.group(1))
-    return tuple(steps) if end == len(text) else ()
+        found_steps.append(int(found.group(2)) if found.group(2) else found.group(1))
+    return tuple(found_steps) if end == len(text) else ()
 
 
 def _put(node: Node, path: Path, new: Node, adding: bool, walked: Path) -> Node:
@@ -91,18 +102,32 @@ def _put(node: Node, path: Path, new: Node, adding: bool, walked: Path) -> Node:
 
 def _put_in_list(entries: list[Node], step: Any, rest: Path, new: Node, adding: bool, walked: Path) -> list[Node]:
     text = str(step)
+    if len(named := [i for i, entry in enumerate(entries) if entry.get(text) is not None]) == 1:
+        step, rest = named[0], (text, *rest)
+        text = str(step)
     index = int(text) if text.isascii() and text.isdigit() and len(text) < 10 else -1
     if index == len(entries) and adding:
         return [*entries, _put(Node(None, new.location), rest, new, adding, (*walked, index))]
     if not 0 <= index < len(entries):
-        raise SceneError(f"{new.location}: {key_text(walked)} has no entry {shown(text)}, allowed: 0 to {len(entries) - 1}")
+        what = f"has {len(named)} entries" if named else "has no entry"
+        raise SceneError(f"{new.location}: {key_text(walked)} {what} {shown(text)}{_instead(text, entries)}")
     changed = _put(entries[index], rest, new, adding, (*walked, index))
     return [*entries[:index], changed, *entries[index + 1 :]]
 
 
+def _instead(word: str, entries: list[Node]) -> str:
+    """What to write for an entry of a list."""
+    names = (
+        []
+        if any(entry.get(word) for entry in entries)
+        else [key for entry in entries if isinstance(entry.value, dict) for key in entry.value]
+    )
+    return f"{suggestion(word, names) or ','} " + (f"allowed: 0 to {len(entries) - 1}" if entries else "the list is empty")
+
+
 def _may_have_more(walked: Path) -> bool:
     """Whether the model knows all keys of a place, so that an unknown one is found when the scene is checked."""
-    if walked in (("constants",), ("expect",), ("integrator",)):
+    if walked in (("constants",), ("spring_types",), ("expect",), ("integrator",)):
         return False
     return not (len(walked) == 2 and walked[0] in KINDS and isinstance(walked[1], int))
 

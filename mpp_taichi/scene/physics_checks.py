@@ -6,8 +6,8 @@ import numpy as np
 
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.faults import FAULTS_SHOWN
-from mpp_taichi.scene.layout import ParticleLayout, build
-from mpp_taichi.scene.spec import ComponentSpec, Location, SceneSpec
+from mpp_taichi.scene.layout import ParticleLayout
+from mpp_taichi.scene.spec import Location, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 LARGEST_COORDINATE = 1e100
@@ -17,10 +17,10 @@ _NEEDS_NO_MASS_WITHOUT_CHARGE = {"coulomb"}
 Fault = tuple[Location, str]
 
 
-def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> None:
-    """Raise SceneError with every arrangement that cannot be run."""
+def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *, moved: bool = False) -> None:
+    """Raise SceneError with every arrangement that cannot be run; nothing that depends on the places when they have `moved`."""
     found: list[Fault] = []
-    for check in (_numbers, _masses, _springs, _coincidences, _center_of_mass):
+    for check in (_numbers, _masses) if moved else (_numbers, _masses, _coincidences, _center_of_mass):
         found += check(spec, snapshot, layout)
     lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]
     if len(found) > len(lines):
@@ -69,30 +69,6 @@ def _masses(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iter
     others = sorted(forces - _PROPORTIONAL_TO_MASS - _NEEDS_NO_MASS_WITHOUT_CHARGE)
     for index in _first_of_each_entry(layout, massless & bool(others)):
         yield _at(layout, index, f"has no mass, must have one above 0 where {', '.join(others)} acts")
-
-
-def _springs(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
-    """A spring whose ends coincide has no direction; it may only have the rest length 0, given in so many words."""
-    springs = snapshot.springs
-    if not len(springs):
-        return
-    ends = snapshot.position[springs.between]
-    together = np.all(ends[:, 0] == ends[:, 1], axis=1)
-    number = 0
-    for place, entry in enumerate(spec.springs):
-        count = _count(entry, layout)
-        said = entry.parameters.get("rest_length")
-        own = slice(number, number + count)
-        bad = np.flatnonzero(together[own] & ((said is None) | (springs.rest_length[own] > 0.0)))
-        if len(bad):
-            first, second = (layout.label(int(end)) for end in springs.between[number + bad[0]])
-            text = f"the spring between {first} and {second} has no direction, its ends are at the same place"
-            yield entry.location, f"springs[{place}].{entry.name}: {text}; only rest_length: 0 is allowed there"
-        number += count
-
-
-def _count(entry: ComponentSpec, layout: ParticleLayout) -> int:
-    return build("networks", entry).spring_count(layout.lattice)
 
 
 def _coincidences(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:

@@ -16,7 +16,15 @@ KIND_TITLES = {
     "integrators": "Integrators: `integrator:`",
     "diagnostics": "Measured quantities: keys of `expect:`",
 }
-SPECS = {"run": "RunSpec", "view": "ViewSpec", "view.camera": "CameraSpec", "record": "RecordSpec"}
+SPECS = {
+    "spring_types.NAME": "SpringTypeSpec",
+    "run": "RunSpec",
+    "timeline": "EventSpec",
+    "view": "ViewSpec",
+    "view.camera": "CameraSpec",
+    "record": "RecordSpec",
+    "modes": "ModesSpec",
+}
 INTRODUCTION = """# Scene reference
 
 Written from the model by `python -m mpp_taichi.scene.reference`; do not edit.
@@ -25,6 +33,9 @@ A scene is one YAML mapping. Every number may be an expression in quotes or with
 `sqrt sin cos tan atan2 exp log hypot min max abs`. A particle is named by its index, its `name`, or `group[index]`.
 Lists of components are lists of one-key mappings, `- name: {parameters}`. `extends:` takes another scene of the folder as
 the base: mappings merge, lists replace. `--set path=value` changes any key from the command line; `+path` adds an entry.
+`timeline:` changes such paths while the scene runs: each change begins a phase, which is compiled as a step of its own. Forces,
+springs, the integrator, constants and the particles' masses, charges, radii, colours and held axes may change; a force whose
+strength is set to 0 is no part of the phase. In `{…}`, write `forces.linear_drag.coefficient` rather than `forces[0].…`.
 """
 
 
@@ -37,7 +48,7 @@ def _keys() -> Iterator[str]:
     yield "## Keys\n\n| key | default | meaning |\n|---|---|---|"
     schema = scene_schema()
     for key, entry in schema["properties"].items():
-        default = "**required**" if key in schema["required"] else _shown(entry.get("default"))
+        default = "**required**" if key in schema["anyOf"][0]["required"] else _shown(entry.get("default"))
         yield f"| `{key}` | {default} | {entry.get('description', '')} |"
 
 

@@ -6,7 +6,7 @@ from typing import Any
 from mpp_taichi.component import Declaration, declaration
 from mpp_taichi.errors import PlacementError
 from mpp_taichi.scene.document import Node
-from mpp_taichi.scene.faults import Faults, shown
+from mpp_taichi.scene.faults import Faults, choices, shown
 from mpp_taichi.scene.layout import ParticleLayout, build, particle_layout
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.model import KINDS
@@ -35,6 +35,9 @@ def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
         replace(each, parameters=finder.parameters(each.parameters, _diagnostic(each.quantity), ("expect", each.quantity)))
         for each in spec.expect
     )
+    if spec.modes is not None:
+        shown_modes = {("show", number): numbers for number, numbers in enumerate(spec.modes.show)}
+        finder.modes(spec.modes.of, shown_modes, ("modes",))
     for number, each in enumerate(spec.springs):
         try:
             build("networks", each).spring_count(layout.lattice)
@@ -66,13 +69,28 @@ class _Finder:
             value = given[parameter.name]
             if parameter.type == "Particle" and value is not None:
                 found[parameter.name] = self._find(value, (*path, parameter.name))
+            elif parameter.type == "Particles" and value is not None:
+                found[parameter.name] = self._find_group(value, (*path, parameter.name))
             elif parameter.type == "Pair" and value is not None:
                 places = [(*path, parameter.name, end) for end in (0, 1)]
                 pair = tuple(self._find(end, place) for end, place in zip(value, places, strict=True))
                 if pair[0] is not None and pair[0] == pair[1]:
                     self._fault(places[1], f"both ends are {self.layout.label(pair[0])}, must be two different particles")
                 found[parameter.name] = pair
+            elif parameter.type == "ModeNumbers":
+                self.modes(given["of"], {(parameter.name,): value}, path)
         return found
+
+    def modes(self, name: str | None, modes: dict[tuple[Any, ...], Any], path: tuple[Any, ...]) -> None:
+        """Check that `of` below the path is a lattice, and that it has the modes that stand elsewhere below the path."""
+        if name is not None and name not in self.layout.lattices:
+            self._fault((*path, "of"), f"no lattice is called {shown(name)}{choices(name, self.layout.lattices)}")
+            return
+        for place, numbers in modes.items():
+            try:
+                self.layout.check_mode(name, numbers)
+            except PlacementError as error:
+                self._fault((*path, *place), str(error))
 
     def _find(self, reference: int | str, path: tuple[Any, ...]) -> int | None:
         try:
@@ -80,6 +98,13 @@ class _Finder:
         except PlacementError as error:
             self._fault(path, str(error))
             return None
+
+    def _find_group(self, reference: int | str, path: tuple[Any, ...]) -> tuple[int, int] | None:
+        group = self.layout.group(reference)
+        if group is not None:
+            return group
+        index = self._find(reference, path)
+        return None if index is None else (index, 1)
 
     def _fault(self, path: tuple[Any, ...], message: str) -> None:
         walked = list(self.tree.along(path))

@@ -5,10 +5,13 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from mpp_taichi.scene.fields import Flag, ListOf, Number, Text, Whole
+from mpp_taichi.scene.fields import Counts, Flag, ListOf, Number, Settings, Text, Whole
 from mpp_taichi.scene.location import Location
 
-__all__ = ["CameraSpec", "ComponentSpec", "Expectation", "Location", "RecordSpec", "RunSpec", "SceneSpec", "ViewSpec"]
+__all__ = [
+    *("CameraSpec", "ComponentSpec", "Event", "EventSpec", "Expectation", "Location", "ModesSpec"),
+    *("RecordSpec", "RunSpec", "SceneSpec", "SpringTypeSpec", "ViewSpec"),
+]
 _CLOSED = ConfigDict(extra="forbid")
 _COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
 
@@ -69,6 +72,43 @@ class RunSpec:
     every: Annotated[int | None, Whole(minimum=1), Field(description="steps between diagnostic samples")] = None
 
 
+@dataclass(frozen=True)
+class EventSpec:
+    """A change at a time: `set` maps paths, as `--set` takes them, to the values that hold from then on."""
+
+    __pydantic_config__ = _CLOSED
+    at: Annotated[float, Number(above=0.0), Field(description="time of the change, reached exactly")]
+    set: Annotated[dict[str, Any], Settings(), Field(description="path: value, forces.linear_drag.coefficient: 0 say")]
+
+
+@dataclass(frozen=True)
+class SpringTypeSpec:
+    """What the springs of one type share; what it does not say, each entry of springs: says for itself."""
+
+    __pydantic_config__ = _CLOSED
+    stiffness: Annotated[float | None, Number(minimum=0.0), Field(description="D [force length⁻¹]")] = None
+    damping: Annotated[float | None, Number(minimum=0.0), Field(description="c [force time length⁻¹]")] = None
+    prestretch: Annotated[float | None, Number(above=0.0), Field(description="placed length over rest length")] = None
+    color: Annotated[tuple[float, float, float] | None, _COLOR, Field(description="red, green, blue in 0…1")] = None
+
+
+@dataclass(frozen=True)
+class ModesSpec:
+    """Modes of the spring network that are followed: those of a lattice, [r, s], or of the whole network, [k] from below."""
+
+    __pydantic_config__ = _CLOSED
+    of: Annotated[str | None, Text(), Field(description="a lattice; absent: the scene's only one, or the whole network")] = None
+    show: Annotated[
+        tuple[tuple[int, int, int], ...],
+        ListOf(Counts(), tuple(range(1, 13)), "modes"),
+        Field(description="mode numbers, [[1, 1], [2, 1]] say; absent: the four lowest"),
+    ] = ()
+    along: Annotated[
+        str | None, Text(("x", "y", "z")), Field(description="direction of the motion; absent: across the lattice")
+    ] = None
+    after: Annotated[float, Number(minimum=0.0), Field(description="look from this time on [time]")] = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Expectation:
     """A statement of physics that `check` asserts: `quantity` bounded by `below`/`above`, or `near ± within`.
@@ -83,6 +123,16 @@ class Expectation:
     above: dict[str, float] | None
     near: float | None
     within: dict[str, float] | None
+    location: Location
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """A time of the timeline: what changes there, as plain data, and the scene from then on, which has no timeline itself."""
+
+    at: float
+    changes: dict[str, Any]
+    scene: "SceneSpec"
     location: Location
 
 
@@ -106,4 +156,6 @@ class SceneSpec:
     view: ViewSpec
     record: RecordSpec
     expect: tuple[Expectation, ...]
+    modes: ModesSpec | None
     resolved: dict[str, Any]  # plain YAML-able mapping, itself a scene: extends and overrides applied, expressions kept
+    timeline: tuple[Event, ...] = ()  # this scene itself is the first phase

@@ -16,7 +16,7 @@ AT_ROUND_OFF = 1e4  # updates that no longer shrink, and are within a hundred to
 # Relative to the way a step goes; well below what any method of second order leaves, and above rounding.
 TOLERANCE = {ti.f32: 1e-6, ti.f64: 1e-12}
 UNIT_ROUND_OFF = {ti.f32: 2.0**-24, ti.f64: 2.0**-53}
-COUNTERS = ("newton_count", "newton_most", "linear_count", "solved_steps", "cut_steps")
+COUNTERS = ("newton_count", "newton_most", "linear_count", "solved_steps", "cut_steps", "gaining_pieces")
 RUNNING, SOLVED, GAVE_UP = 0, 1, 2
 
 
@@ -39,11 +39,11 @@ class Newton:
         self.particle_count = matrix.total_force.particle_count
         self.launched = SolverReport()  # of the steps that the host led
         self.tolerance_squared = (TOLERANCE[precision] if tolerance is None else tolerance) ** 2
-        self.floor_squared = (4.0 * UNIT_ROUND_OFF[precision]) ** 2
+        self.floor_squared = (4.0 * matrix.dimensions * UNIT_ROUND_OFF[precision]) ** 2
 
     def fields(self) -> dict[str, tuple[str, int]]:
         """Kind and count, for each replica, of the fields it needs, those of matrix and linear solver among them."""
-        vectors = ("base_position", "base_velocity", "shift", "update", "right_side", "residual")
+        vectors = ("piece_start", "base_shift", "base_velocity", "shift", "update", "right_side", "residual")
         return {
             **{name: ("vector", self.particle_count) for name in vectors},
             **{name: ("index", 1) for name in (*COUNTERS, "unsolved")},
@@ -56,7 +56,7 @@ class Newton:
     @ti.func
     def displace(self, state: Template, i, ratio):
         """Put the particle at the trial; ratio = g/b."""
-        state.position[i] = state.base_position[i] + state.shift[i]
+        state.position[i] = state.piece_start[i] + (state.base_shift[i] + state.shift[i])
         state.velocity[i] = state.base_velocity[i] + ratio * state.shift[i]
 
     @ti.func
@@ -78,8 +78,14 @@ class Newton:
         state.shift[i] += change
         way = dt * state.base_velocity[i]
         moved = dot(state, state.shift[i], state.shift[i]) + dot(state, way, way)
-        place = dot(state, state.base_position[i], state.base_position[i])
-        return ti.Vector([dot(state, change, change), self.tolerance_squared * moved + self.floor_squared * place])
+        # Rounded positions put noise into the forces, and they into P: all of it along stiff springs, next to none along soft.
+        noisy = ti.Vector.zero(float, state.dimensions)
+        for k in ti.static(range(state.dimensions)):
+            noisy[k] = (1.0 - self.matrix.weight(state, i) * state.inverse_block[i][k, k]) * state.piece_start[i][k]
+        if ti.static(state.has_fixed_axes):
+            noisy *= state.free[i]
+        noise = dot(state, noisy, noisy)
+        return ti.Vector([dot(state, change, change), self.tolerance_squared * moved + self.floor_squared * noise])
 
     # One thread ------------------------------------------------------------------------------------------------------------
 
@@ -130,7 +136,9 @@ class Newton:
     def judge(self, iterations, indefinite, sizes, last):
         """Whether the iteration has come to its end; the text of `judgement`, on the device."""
         status = RUNNING
-        if sizes[0] <= sizes[1]:
+        if indefinite == 1:
+            status = GAVE_UP
+        elif sizes[0] <= sizes[1]:
             status = SOLVED
         elif iterations > 1 and sizes[0] < last:
             rate = ti.sqrt(sizes[0] / last)
@@ -138,7 +146,7 @@ class Newton:
                 status = SOLVED
         if status == RUNNING and iterations > 3 and sizes[0] > 0.25 * last and sizes[0] <= AT_ROUND_OFF * sizes[1]:
             status = SOLVED
-        if status == RUNNING and (iterations >= MOST_ITERATIONS or indefinite == 1 or not sizes[0] < ti.math.inf):
+        if status == RUNNING and (iterations >= MOST_ITERATIONS or not sizes[0] < ti.math.inf):
             status = GAVE_UP
         return status
 
@@ -186,6 +194,7 @@ class Newton:
                 newton_iterations=int(counts["newton_count"].sum()),
                 linear_iterations=int(counts["linear_count"].sum()),
                 cut_steps=int(counts["cut_steps"].sum()),
+                gaining_pieces=int(counts["gaining_pieces"].sum()),
                 most_newton_iterations=int(counts["newton_most"].max()),
                 unsolved=int(state.unsolved.to_numpy().sum()),
             )
@@ -224,6 +233,8 @@ class Newton:
 def judgement(iterations: int, indefinite: bool, sizes: tuple[float, float], last: float) -> int:
     """Whether the iteration has come to its end: |δ|² and what it may be, and |δ|² of the iteration before."""
     size, allowed = sizes
+    if indefinite:
+        return GAVE_UP
     if size <= allowed:
         return SOLVED
     if iterations > 1 and size < last:
@@ -232,4 +243,4 @@ def judgement(iterations: int, indefinite: bool, sizes: tuple[float, float], las
             return SOLVED
     if iterations > 3 and size > 0.25 * last and size <= AT_ROUND_OFF * allowed:
         return SOLVED
-    return GAVE_UP if iterations >= MOST_ITERATIONS or indefinite or not size < float("inf") else RUNNING
+    return GAVE_UP if iterations >= MOST_ITERATIONS or not size < float("inf") else RUNNING

@@ -15,7 +15,7 @@ class NewtonMatrix:
 
     A central spring has the block S = β n nᵀ + α (1 − n nᵀ), so a half-spring keeps n, α and β: the product with a vector is a
     gather over the half-springs of a particle. Where springs are compressed α may be negative and A indefinite; `projected`
-    puts 0 for a negative α, which makes A positive definite and changes nothing but the way to the solution.
+    puts 0 for what is negative, which makes A positive definite and changes nothing but the way to the solution.
     """
 
     def __init__(self, total_force, dimensions: int, half_spring_count: int):
@@ -65,6 +65,7 @@ class NewtonMatrix:
                     stiffness_along, stiffness_across = bond.stiffness(state, i, j, h, length)
                     damping_along, damping_across = bond.damping_rates(state, h)
                     if projected == 1:
+                        stiffness_along = ti.max(stiffness_along, 0.0)
                         stiffness_across = ti.max(stiffness_across, 0.0)
                     along += b * stiffness_along + g * damping_along
                     across += b * stiffness_across + g * damping_across

@@ -10,6 +10,7 @@ class SolverReport:
     steps, newton_iterations, linear_iterations   solved steps, and what they took together
     most_newton_iterations                        in one step, or piece of it
     cut_steps                                     that were done in pieces, because in one they were not solved
+    gaining_pieces                                the smallest ones, that gained energy all the same
     unsolved                                      replicas that stand still because a step of theirs was not solved
     fewest_steps                                  solved by the replica that solved fewest, since the last report
     """
@@ -19,6 +20,7 @@ class SolverReport:
     linear_iterations: int = 0
     most_newton_iterations: int = 0
     cut_steps: int = 0
+    gaining_pieces: int = 0
     unsolved: int = 0
     fewest_steps: int = 0
 
@@ -29,4 +31,5 @@ class SolverReport:
         self.linear_iterations += other.linear_iterations
         self.most_newton_iterations = max(self.most_newton_iterations, other.most_newton_iterations)
         self.cut_steps += other.cut_steps
+        self.gaining_pieces += other.gaining_pieces
         self.unsolved += other.unsolved

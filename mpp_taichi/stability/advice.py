@@ -26,6 +26,8 @@ STEPS_OF_ENDLESS_RUN = 10_000
 class Method(Protocol):
     """What is asked of an integrator."""
 
+    implicit: bool  # then stable for springs and drag of any strength
+
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """Matrix of one step on an oscillator."""
 
@@ -33,9 +35,9 @@ class Method(Protocol):
 class StepAdvice:
     """What a step `dt` of an integrator means for a network; found out only as far as it is asked."""
 
-    def __init__(self, network: Network, method: Method, integrator: str, dt: float) -> None:
-        """Keep what it is about."""
-        self.network, self.method, self.integrator, self.dt = network, method, integrator, dt
+    def __init__(self, network: Network, method: Method, integrator: str, dt: float, begins: float = 0.0) -> None:
+        """Keep what it is about; `begins` is the time from which on the network is so [time]."""
+        self.network, self.method, self.integrator, self.dt, self.begins = network, method, integrator, dt, begins
 
     @cached_property
     def safe_limit(self) -> float:
@@ -131,7 +133,7 @@ class StepAdvice:
         elif self.dt > WARNING_SHARE * self.limit:
             log.warning(
                 "%s: %s is %.3g of the largest stable step %.6g, set by %s; it holds while the springs stay as they are",
-                self.network.spec.integrator.location,
+                self.place,
                 f"{self.dt_key} = {self.dt:.6g}",
                 self.dt / self.limit,
                 self.limit,
@@ -144,7 +146,7 @@ class StepAdvice:
             return
         per_oscillation = 100.0 * (self.growth_per_oscillation() - 1.0)
         text = (
-            f"{self.network.spec.integrator.location}: {self.dt_key} = {self.dt:.6g}: {self.integrator} makes the oscillation "
+            f"{self.place}: {self.dt_key} = {self.dt:.6g}: {self.integrator} makes the oscillation "
             f"of {self.culprit} grow by {per_oscillation:.3g} % each time, and no step keeps an undamped one"
         )
         if growth > ABSURD_GROWTH:
@@ -155,7 +157,7 @@ class StepAdvice:
     def _beyond(self) -> str:
         safe = "" if self.limit == self.safe_limit else f", {self.safe_limit:.6g} is safe in any arrangement"
         return (
-            f"{self.network.spec.integrator.location}: {self.dt_key} = {self.dt:.6g} is beyond the largest stable step "
+            f"{self.place}: {self.dt_key} = {self.dt:.6g} is beyond the largest stable step "
             f"{self.limit:.6g} ({self.decided_by}{safe}), which is set by {self.culprit}"
         )
 
@@ -163,6 +165,12 @@ class StepAdvice:
         if not force:
             raise StabilityError(f"{text}; --force, or Simulation(…, force=True), runs it all the same")
         log.warning("%s; it is run because that was asked for", text)
+
+    @property
+    def place(self) -> str:
+        """`scene.yaml:9:3`, with the time from which on it is about."""
+        begins = f": from t = {self.begins:.6g} on" if self.begins > 0.0 else ""
+        return f"{self.network.spec.integrator.location}{begins}"
 
     @property
     def dt_key(self) -> str:
@@ -176,7 +184,7 @@ class StepAdvice:
             "dt_limit_placed": _finite(self.placed_limit),
             "dt_limit_any_arrangement": _finite(self.safe_limit),
             "dt_limit_decided_by": self.decided_by,
-            "dt_limit_set_by": self.culprit,
+            "dt_limit_set_by": None if self.is_unlimited else self.culprit,
             "largest_frequency": self.network.frequency,
             "largest_frequency_bound": self.network.frequency_bound,
             "largest_damping_rate_bound": self.network.damping_bound,
@@ -196,7 +204,7 @@ class StepAdvice:
         )
 
 
-def advise(spec: SceneSpec, snapshot: Snapshot, method: Method, dt: float) -> StepAdvice | None:
+def advise(spec: SceneSpec, snapshot: Snapshot, method: Method, dt: float, *, begins: float = 0.0) -> StepAdvice | None:
     """What is to be said about `dt` of this integrator for this scene at this state; None where nothing limits it.
 
     `snapshot` holds the springs and masses as they are now, and `spec` says the dimensions, the kind of damping and the drag.
@@ -204,24 +212,33 @@ def advise(spec: SceneSpec, snapshot: Snapshot, method: Method, dt: float) -> St
     network = Network(spec, snapshot)
     if network.is_still:
         return None
-    return StepAdvice(network, method, spec.integrator.name, dt)
+    return StepAdvice(network, method, spec.integrator.name, dt, begins)
 
 
 def check_step(
-    spec: SceneSpec, snapshot: Snapshot, method: Method, dt: float, *, steps: int | None = None, force: bool = False
+    spec: SceneSpec,
+    snapshot: Snapshot,
+    method: Method,
+    dt: float,
+    *,
+    steps: int | None = None,
+    force: bool = False,
+    begins: float = 0.0,
 ) -> StepAdvice | None:
     """`advise`, then warn or refuse; to be called again whenever masses, springs, drag, damping or the step have changed.
 
     Raises:
         StabilityError: the step is beyond what the integrator can take, and `force` is not set.
     """
-    advice = advise(spec, snapshot, method, dt)
+    advice = advise(spec, snapshot, method, dt, begins=begins)
     if advice is not None:
         advice.enforce(steps=steps, force=force)
     return advice
 
 
 def _limit(method: Method, rates: list[Rates]) -> float:
+    if method.implicit:
+        return math.inf
     return min((largest_stable_step(method.amplification, each.frequency, each.damping) for each in rates), default=math.inf)
 
 

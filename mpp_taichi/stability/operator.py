@@ -1,9 +1,10 @@
 """The network as a linear operator: mass-weighted stiffness or damping of its springs, as a product with a vector."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mpp_taichi.modes.linear_network import LinearNetwork, linearise
 from mpp_taichi.snapshot import Snapshot
 
 
@@ -56,15 +57,14 @@ class Bonds:
 
 
 def stiffness_bonds(snapshot: Snapshot, dimensions: int) -> Bonds:
-    """The springs where they are: K_h = D [n nᵀ + (1 − L/l)(I − n nᵀ)], the exact second derivative of ½ D (l − L)².
+    """The springs where they are: K_h = D n nᵀ + (T/l)(I − n nᵀ), see `LinearNetwork`.
 
-    A compressed spring (l < L) pushes sideways and lowers frequencies. Where the ends coincide there is no direction and D I
+    A compressed spring (T < 0) pushes sideways and lowers frequencies. Where the ends coincide there is no direction and D I
     is taken: the most that a spring of any direction can do.
     """
-    springs = snapshot.springs
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(_lengths(snapshot, dimensions) > 0.0, springs.rest_length / _lengths(snapshot, dimensions), 0.0)
-    return _bonds(snapshot, dimensions, isotropic=springs.stiffness * (1.0 - ratio), axial=springs.stiffness * ratio)
+    network, stiffness = linearise(snapshot, dimensions=dimensions), snapshot.springs.stiffness
+    lateral = np.where(network.length > 0.0, network.lateral, stiffness)
+    return _bonds(network, snapshot, isotropic=lateral, axial=stiffness - lateral)
 
 
 def damping_bonds(snapshot: Snapshot, dimensions: int, *, mode: str, drag: float) -> Bonds:
@@ -72,8 +72,8 @@ def damping_bonds(snapshot: Snapshot, dimensions: int, *, mode: str, drag: float
     damping = snapshot.springs.damping
     nothing = np.zeros_like(damping)
     isotropic, axial = (damping, nothing) if mode == "full" else (nothing, damping)
-    bonds = _bonds(snapshot, dimensions, isotropic=isotropic, axial=axial)
-    return Bonds(**{**vars(bonds), "diagonal": drag * bonds.weight**2}) if drag else bonds
+    bonds = _bonds(linearise(snapshot, dimensions=dimensions), snapshot, isotropic=isotropic, axial=axial)
+    return replace(bonds, diagonal=drag * bonds.weight**2) if drag else bonds
 
 
 def row_sum_bound(snapshot: Snapshot, dimensions: int, coefficient: np.ndarray, drag: float = 0.0) -> float:
@@ -95,16 +95,13 @@ def row_sum_bound(snapshot: Snapshot, dimensions: int, coefficient: np.ndarray, 
     return float(min(symmetric.max(), plain.max()))
 
 
-def _lengths(snapshot: Snapshot, dimensions: int) -> np.ndarray:
-    ends = snapshot.position[snapshot.springs.between][:, :, :dimensions]
-    return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+def _bonds(network: LinearNetwork, snapshot: Snapshot, *, isotropic: np.ndarray, axial: np.ndarray) -> Bonds:
+    """The same springs with one axis after the other in memory, and masses in the weights: products are what the iteration is.
 
-
-def _bonds(snapshot: Snapshot, dimensions: int, *, isotropic: np.ndarray, axial: np.ndarray) -> Bonds:
-    first, second = snapshot.springs.between.T.astype(np.intp)
-    place = snapshot.position[:, :dimensions].T
-    separation = place[:, second] - place[:, first]
-    length = _lengths(snapshot, dimensions)
-    moves = snapshot.free[:, :dimensions].T & (snapshot.mass > 0.0)
+    Unlike the freedoms of the network, axes of particles without a spring count: drag acts on them.
+    """
+    first, second = network.between.T
+    moves = snapshot.free[:, : network.free.shape[1]].T & (snapshot.mass > 0.0)
     weight = np.where(moves, 1.0 / np.sqrt(np.where(snapshot.mass > 0.0, snapshot.mass, 1.0)), 0.0)
-    return Bonds(first, second, separation / np.where(length > 0.0, length, 1.0), isotropic, axial, weight)
+    first, second, direction = (np.ascontiguousarray(array) for array in (first, second, network.direction.T))
+    return Bonds(first, second, direction, isotropic, axial, weight)

@@ -1,0 +1,74 @@
+"""What a coordinate does between two looks: the cubic through both values and both rates (Hermite)."""
+
+import math
+
+from mpp_taichi.component import Particle
+from mpp_taichi.snapshot import Snapshot
+
+AXES = ("x", "y", "z")
+LOOK_ANGLE = 0.1  # radians of an oscillation between two looks: the cubic is then good to 0.1⁴/384 = 3e-7 of the amplitude
+
+
+def coordinate(snapshot: Snapshot, of: Particle, axis: str) -> tuple[float, float]:
+    """Value and rate of one coordinate of one particle."""
+    column = AXES.index(axis)
+    return float(snapshot.position[of, column]), float(snapshot.velocity[of, column])
+
+
+class Track:
+    """The last two looks at a coordinate, and how soon the next must come.
+
+    The angular frequency of an oscillation is the largest speed over the largest distance from the middle, and the largest
+    change of speed over the largest speed. Early on the larger of the two is the inverse of the time since the start.
+    """
+
+    def __init__(self, middle: float) -> None:
+        """Nothing was seen yet; distances are from `middle`."""
+        self.looks: list[tuple[float, float, float]] = []  # time, value, rate
+        self._middle = middle
+        self._farthest = self._fastest = self._steepest = 0.0
+
+    def add(self, time: float, value: float, rate: float) -> None:
+        """Keep a look."""
+        self.looks = [*self.looks[-1:], (time, value, rate)]
+        self._farthest = max(self._farthest, abs(value - self._middle))
+        self._fastest = max(self._fastest, abs(rate))
+        if len(self.looks) == 2 and time > self.looks[0][0]:
+            self._steepest = max(self._steepest, abs(rate - self.looks[0][2]) / (time - self.looks[0][0]))
+
+    @property
+    def interval(self) -> float:
+        """A small part of an oscillation; what does not move is looked at with the table."""
+        if len(self.looks) < 2:
+            return 0.0
+        by_distance = self._fastest / self._farthest if self._farthest > 0.0 else 0.0
+        by_speed = self._steepest / self._fastest if self._fastest > 0.0 else 0.0
+        return LOOK_ANGLE / max(by_distance, by_speed) if max(by_distance, by_speed) > 0.0 else math.inf
+
+    def value(self, s: float) -> float:
+        """The cubic at the part s in 0…1 of the time between the two looks."""
+        (begin, x0, v0), (end, x1, v1) = self.looks
+        rise, h = s * s * (3.0 - 2.0 * s), end - begin
+        return (1.0 - rise) * x0 + rise * x1 + h * s * (1.0 - s) * ((1.0 - s) * v0 - s * v1)
+
+    def first_crossing(self, level: float) -> float:
+        """Time between the looks at which the value passes a level that lies between theirs; by bisection, to the last bit."""
+        (begin, x0, _), (end, _, _) = self.looks
+        low, high = 0.0, 1.0
+        while high - low > 1e-15:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if (self.value(middle) < level) == (x0 < level) else (low, middle)
+        return begin + high * (end - begin)
+
+    def lowest(self) -> float:
+        """Smallest value between the looks."""
+        (begin, x0, v0), (end, x1, v1) = self.looks
+        h = end - begin
+        # The derivative of the cubic is a + b s + c s².
+        a, b, c = h * v0, 6.0 * (x1 - x0) - h * (4.0 * v0 + 2.0 * v1), 6.0 * (x0 - x1) + 3.0 * h * (v0 + v1)
+        root = b * b - 4.0 * a * c
+        candidates = [0.0, 1.0]
+        if root >= 0.0:
+            q = -0.5 * (b + math.copysign(math.sqrt(root), b))
+            candidates += [q / c if c else 0.0, a / q if q else 0.0]
+        return min(self.value(s) for s in candidates if 0.0 <= s <= 1.0)

@@ -1,0 +1,48 @@
+"""A force that swings with time."""
+
+import taichi as ti
+
+from mpp_taichi.component import Particles, Vector, component, param
+from mpp_taichi.forces._base import ExternalForce
+from mpp_taichi.types import Template
+
+
+@component
+class HarmonicDrive(ExternalForce):
+    """Driving force F(t) = F₀ sin(ω t + φ), the same on every particle or only on those of `of`.
+
+    Depends on time alone, so it has no potential: its work Σ F·v enters the energy balance. In f32 the phase is rounded to
+    ω t 2⁻²⁴. Source: Landau & Lifshitz, Mechanics (1976), §22 and §26.
+    """
+
+    force: Vector = param(unit="force", help="F₀, on each particle driven")
+    angular_frequency: float = param(minimum=0.0, unit="time⁻¹", help="ω")
+    phase: float = param(0.0, unit="radian", help="φ; pi/2 makes a cosine")
+    of: Particles = param(None, optional=True, help="the particle or group driven; absent: every particle")
+    needs = frozenset({"mass"})
+    conserves_energy = False
+
+    @property
+    def drives_some(self) -> bool:
+        """Whether there are particles that are not driven."""
+        return self.of is not None
+
+    @ti.func
+    def accelerate(self, state: Template, i, time):
+        """F₀ sin(ω t + φ) / m where particle i is driven."""
+        result = ti.Vector.zero(float, state.dimensions)
+        driven = 1
+        if ti.static(self.drives_some):
+            own = i
+            if ti.static(state.replica_count > 1):
+                own = i % state.particle_count
+            driven = self.of[0] <= own and own < self.of[0] + self.of[1]
+        if driven:
+            amplitude = ti.Vector([self.force[k] for k in range(state.dimensions)], float)
+            result = (ti.sin(self.angular_frequency * time + self.phase) / state.mass[i]) * amplitude
+        return result
+
+    @ti.func
+    def potential(self, state: Template, i, time):
+        """None."""
+        return ti.cast(0.0, state.wide)

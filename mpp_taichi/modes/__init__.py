@@ -1,0 +1,1 @@
+"""Modes: how a spring network swings when it is disturbed a little; NumPy on the host, no Taichi."""

@@ -1,0 +1,108 @@
+"""Phases: the scenes that a run goes through, and each of them compiled to one step. Without a timeline there is one."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from mpp_taichi import backends, component, plans
+from mpp_taichi.assemble import assemble
+from mpp_taichi.backends import Device
+from mpp_taichi.errors import BackendError, CapacityError
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.snapshot import Snapshot
+
+
+@dataclass(frozen=True, eq=False)
+class Phase:
+    """A scene that holds from a time on.
+
+    particles   placed as at the start, with the masses, charges, colours, held axes and springs of this phase
+    changes     what the timeline sets at its beginning, path → value; empty for the first phase
+    """
+
+    at: float
+    spec: SceneSpec
+    particles: Snapshot
+    changes: dict[str, Any]
+
+    @property
+    def effects(self) -> list[str]:
+        """The effects that its step is compiled from, as scenes call them."""
+        return [entry.name for entry in self.spec.forces] + (["spring"] if len(self.particles.springs) else [])
+
+
+def phases_of(spec: SceneSpec) -> tuple[Phase, ...]:
+    """Every phase of a scene, with its particles made and checked before the first begins."""
+    phases = [Phase(-math.inf, spec, assemble(spec), {})]
+    for event in spec.timeline:
+        start = phases[0].particles
+        made = assemble(event.scene, placed_as=spec)
+        particles = replace(made, position=start.position, velocity=start.velocity * made.free)
+        phases.append(Phase(event.at, event.scene, particles, event.changes))
+    return tuple(phases)
+
+
+def phase_at(phases: Sequence[Phase], time: float) -> int:
+    """Number of the phase that a time is in; at the very time of an event that is the new one."""
+    return sum(phase.at <= time for phase in phases) - 1
+
+
+class CompiledPhase:
+    """The step of a phase on a device: fields, forces and integrator under one plan; kernels are compiled when first run.
+
+    BackendError when the plan asked for does not fit, CapacityError when the device cannot run one step.
+    """
+
+    def __init__(self, phase: Phase, device: Device, *, plan: str, replica_starts: tuple[Snapshot, ...]) -> None:
+        """Import what the phase names, allocate and fill its fields."""
+        # Only now may Taichi code be imported, and only what the scene names.
+        from mpp_taichi.energy import EnergyMeter
+        from mpp_taichi.state import State
+        from mpp_taichi.stepper import Stepper
+        from mpp_taichi.total_force import TotalForce, compose
+
+        spec, start = phase.spec, phase.particles
+        self.work = plans.step_work(spec, start.particle_count, len(start.springs))
+        self.integrator = component.build("integrators", spec.integrator.name, spec.integrator.parameters)
+        self.dt = float(spec.integrator.parameters["dt"])
+        self.total_force = TotalForce(compose(spec, start), start.particle_count, spec.dimensions)
+        replica_count = max(1, len(replica_starts))
+        self.plan = plan if plan != "auto" else plans.choose(self.work, on_cpu=device.on_cpu, replica_count=replica_count)
+        if self.plan not in plans.PLANS or (replica_count > 1) != (self.plan == "replicas"):
+            raise BackendError(
+                f"plan {plan!r} does not fit; there are auto, serial and parallel for one copy, replicas for several"
+            )
+        work_fields = self.integrator.work_fields(self.total_force, start, plan=self.plan, on_cpu=device.on_cpu)
+        self.state = State(
+            start,
+            dimensions=spec.dimensions,
+            needs=self.total_force.needs,
+            scratch_count=self.integrator.scratch_count(self.total_force.depends_on_velocity),
+            streaming=self.total_force.has_pairs,
+            replica_count=replica_count,
+            wide=backends.widest_float(device),
+            work=work_fields,
+        )
+        self.stepper = Stepper(self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=device.on_cpu)
+        self.energy_meter = EnergyMeter(self.state, self.total_force)
+        self.launch_limit = self._steps_per_launch(device)
+
+    def _steps_per_launch(self, device: Device) -> int:
+        """Most steps one launch may hold: software Vulkan stops a thread's loops in silence."""
+        limit = device.probes.loop_limit
+        if limit is None:
+            return 2**31 - 1
+        if self.plan == "parallel":
+            longest = self.state.particle_count if self.total_force.has_pairs else 0
+            allowed = 2**31 - 1
+        else:
+            longest = self.stepper.loop_iterations_per_step()
+            allowed = limit // longest
+        if longest > limit:
+            raise CapacityError(
+                f"this device ({device.name}) stops a kernel thread after {limit:,} loop iterations, and one step of "
+                f"{self.state.particle_count:,} particles under the {self.plan} plan needs {longest:,}; "
+                "use --backend cpu or another plan"
+            )
+        return allowed

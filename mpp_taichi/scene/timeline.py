@@ -1,0 +1,193 @@
+"""Timeline: what a scene changes at a time, as phases that are scenes of their own, each checked before the first begins."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from mpp_taichi import component
+from mpp_taichi.errors import SceneError
+from mpp_taichi.scene import overrides
+from mpp_taichi.scene.document import Node
+from mpp_taichi.scene.expressions import Formula
+from mpp_taichi.scene.faults import Faults, choices, shown
+from mpp_taichi.scene.messages import key_text
+from mpp_taichi.scene.spec import ComponentSpec, Event, SceneSpec
+
+EVENTS_ALLOWED = 50  # every phase is checked, compiled and kept
+CHANGEABLE = ("constants", "particles", "springs", "spring_types", "spring_damping", "forces", "integrator")
+CHANGEABLE_OF_PARTICLES = frozenset({"mass", "charge", "radius", "color", "free", "fixed"})
+UNCOUNTABLE = 10**300  # steps, where their number is beyond a float
+SAME_TIME = 1e-9  # of a step: what rounding may do to a time
+
+
+def with_phases(
+    spec: SceneSpec, times: Sequence[float], tree: Node, faults: Faults, check: Callable[[Node], SceneSpec]
+) -> SceneSpec:
+    """The scene with every event of its timeline; `times` are those of the events, `check` makes a scene of a tree.
+
+    An event changes what the one before left. SceneError, with all faults of the first event that has any.
+    """
+    node = tree.get("timeline")
+    if node is None or not times:
+        return spec
+    _check_times(spec, times, node, faults)
+    faults.raise_if_any()
+    now = replace(tree, value={key: child for key, child in tree.value.items() if key != "timeline"})
+    events: list[Event] = []
+    for number, (at, entry) in enumerate(zip(times, node.value, strict=True)):
+        key = f"timeline[{number}].set"
+        changes = entry.value["set"]
+        now = _changed(now, changes, key, faults)
+        faults.raise_if_any()
+        scene = _checked(now, number, check)
+        _check_placement(spec, scene, changes, key, faults)
+        faults.raise_if_any()
+        events.append(Event(at, changes.plain(), replace(scene, forces=_acting(scene.forces)), entry.location))
+    whole = replace(spec, forces=_acting(spec.forces), timeline=tuple(events))
+    _check_steps(whole, node, faults)
+    faults.raise_if_any()
+    return whole
+
+
+def _check_times(spec: SceneSpec, times: Sequence[float], node: Node, faults: Faults) -> None:
+    if len(times) > EVENTS_ALLOWED:
+        faults.add(node.location, "timeline", f"{len(times)} events are too many, allowed: {EVENTS_ALLOWED}")
+    for number, (at, entry) in enumerate(zip(times, node.value, strict=True)):
+        place, key = entry.value["at"].location, f"timeline[{number}].at"
+        if number and at <= times[number - 1]:
+            faults.add(place, key, f"{shown(at)} is not after timeline[{number - 1}].at = {shown(times[number - 1])}")
+        elif spec.run.duration is not None and at >= spec.run.duration:
+            faults.add(place, key, f"{shown(at)} is never reached, must be below run.duration = {shown(spec.run.duration)}")
+
+
+def _check_steps(spec: SceneSpec, node: Node, faults: Faults) -> None:
+    """Refuse what a run of so many steps never reaches."""
+    for number, event in enumerate(spec.timeline):
+        taken = step_count(spec, event.at)
+        if spec.run.steps is not None and taken >= spec.run.steps:
+            place = node.value[number].value["at"].location
+            reached = f"{taken} steps lead to it, run.steps = {spec.run.steps}"
+            faults.add(place, f"timeline[{number}].at", f"{shown(event.at)} is never reached, must be earlier: {reached}")
+
+
+def _changed(tree: Node, changes: Node, key: str, faults: Faults) -> Node:
+    """The tree with the values of one event in it."""
+    for text, value in changes.value.items():
+        path = overrides.steps(text.removeprefix("+").strip())
+        if not path:
+            example = "allowed: names with dots and [index], as in forces.linear_drag.coefficient"
+            faults.add(value.place, f"{key}.{text}", f"{shown(text)} is no path, {example}")
+        elif path[0] not in CHANGEABLE:
+            faults.add(value.place, f"{key}.{text}", f"{shown(path[0])} stays as it is{choices(str(path[0]), CHANGEABLE)}")
+        else:
+            tree = overrides.put(tree, text, value, faults)
+    return tree
+
+
+def _checked(tree: Node, number: int, check: Callable[[Node], SceneSpec]) -> SceneSpec:
+    """The scene of a phase; its faults name the event, for a constant may spoil a line that was right before."""
+    try:
+        return check(tree)
+    except SceneError as error:
+        raise SceneError(
+            *(f"{fault} (from timeline[{number}] on)" for fault in error.faults), excerpts=error.excerpts
+        ) from None
+
+
+def _check_placement(first: SceneSpec, scene: SceneSpec, changes: Node, key: str, faults: Faults) -> None:
+    """Refuse a phase that would place its particles elsewhere, or others: they are where the phase before left them."""
+    if len(scene.particles) != len(first.particles):
+        _report(changes, ("particles",), key, "adds or removes particles, their number stays as it is", faults)
+        return
+    for number, (before, after) in enumerate(zip(first.particles, scene.particles, strict=True)):
+        path = ("particles", number)
+        if after.name != before.name:
+            _report(changes, path, key, f"makes of particles[{number}] another kind of entry, it stays {before.name}", faults)
+            continue
+        for name, value in after.parameters.items():
+            if name not in CHANGEABLE_OF_PARTICLES and not _same(value, before.parameters[name]):
+                changed = key_text((*path, after.name, name))
+                may = ", ".join(sorted(CHANGEABLE_OF_PARTICLES & after.parameters.keys()))
+                message = f"changes {changed}, but particles stay where the motion has brought them, allowed to change: {may}"
+                _report(changes, path, key, message, faults)
+
+
+def _report(changes: Node, path: tuple[Any, ...], key: str, message: str, faults: Faults) -> None:
+    """Place a fault at the change that goes along `path`, else at all of them, for a constant may be behind it."""
+    for text, value in changes.value.items():
+        steps = tuple(int(step) if str(step).isdigit() else step for step in overrides.steps(text.removeprefix("+")))
+        if steps[: len(path)] == path[: len(steps)]:
+            faults.add(value.place, f"{key}.{text}", message)
+            return
+    faults.add(changes.place, key, message)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two values of a parameter are; formulas are by their text and the constants in it."""
+    if isinstance(one, Formula) and isinstance(other, Formula):
+        return one.expression.text == other.expression.text and one.constants == other.constants
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    return bool(one == other)
+
+
+def _acting(forces: tuple[ComponentSpec, ...]) -> tuple[ComponentSpec, ...]:
+    """The forces without those that have no strength: setting it to zero is how a timeline takes an effect away."""
+    return tuple(entry for entry in forces if not _is_nothing(entry))
+
+
+def _is_nothing(entry: ComponentSpec) -> bool:
+    strengths = [each.name for each in component.declaration("forces", entry.name).parameters if each.strength]
+    return any(_is_zero(entry.parameters[name]) for name in strengths)
+
+
+def _is_zero(value: Any) -> bool:
+    return not any(value) if isinstance(value, tuple) else value == 0.0
+
+
+# --- steps across phases ------------------------------------------------------------------------------------------------
+
+
+def whole_steps(span: float, dt: float) -> tuple[int, float]:
+    """Whole steps of dt in a span of time, and the length of a last, shorter one that reaches its end exactly; 0 without."""
+    whole = math.floor(span / dt * (1.0 + 4e-16) + SAME_TIME)
+    rest = span - whole * dt
+    return whole, (rest if rest > SAME_TIME * dt else 0.0)
+
+
+def step_count(spec: SceneSpec, until: float) -> int:
+    """Steps that a run from time 0 takes until a time; a step that ends a phase early counts as one."""
+    total = 0
+    for began, ended, dt in _legs(spec):
+        if until <= began:
+            break
+        span = min(until, ended) - began
+        if not math.isfinite(span / dt):
+            return UNCOUNTABLE
+        whole, rest = whole_steps(span, dt)
+        total += whole + (rest > 0.0)
+    return total
+
+
+def time_after(spec: SceneSpec, steps: int, time: float = 0.0) -> float:
+    """The time that `steps` steps from `time` lead to."""
+    for began, ended, dt in _legs(spec):
+        if time >= ended:
+            continue
+        began = max(began, time)
+        if not math.isfinite(ended):
+            return began + steps * dt
+        whole, rest = whole_steps(ended - began, dt)
+        if steps < whole + (rest > 0.0):
+            return began + steps * dt
+        steps -= whole + (rest > 0.0)
+        time = ended
+    return time
+
+
+def _legs(spec: SceneSpec) -> list[tuple[float, float, float]]:
+    """Beginning, end and dt of every phase."""
+    times = [0.0, *(event.at for event in spec.timeline), math.inf]
+    steps = [float(scene.integrator.parameters["dt"]) for scene in (spec, *(event.scene for event in spec.timeline))]
+    return list(zip(times, times[1:], steps))

@@ -1,0 +1,69 @@
+"""Periods, turning points and ends of a coordinate, from looks at known motions."""
+
+import math
+
+import numpy as np
+import pytest
+from compiled import snapshot_of
+
+from mpp_taichi import component
+from mpp_taichi.diagnostics._base import NoResultError
+
+STEP = 1e-3
+
+
+def watched(name, motion, duration, *, step=STEP, **parameters):
+    """The result for x(t), v(t) on the second particle's z, looked at as seldom as the diagnostic allows; and the looks."""
+    diagnostic = component.build("diagnostics", name, {"of": 1, "axis": "z", **parameters})
+    time, looks, last = 0.0, 0, -1.0
+    while last < duration:
+        value, rate = motion(time)
+        position, velocity = np.full((2, 3), 7.0), np.full((2, 3), 7.0)
+        position[1, 2], velocity[1, 2] = value, rate
+        diagnostic.observe(time, snapshot_of(position, velocity=velocity))
+        looks, last = looks + 1, time
+        time = min(duration, time + max(step, math.floor(min(diagnostic.interval, 1e3) / step) * step))
+    return diagnostic.result(), looks
+
+
+def swing(omega, level=0.0, amplitude=1.0, phase=0.0):
+    return lambda t: (
+        level + amplitude * math.cos(omega * t + phase),
+        -amplitude * omega * math.sin(omega * t + phase),
+    )
+
+
+@pytest.mark.parametrize("omega, level, phase", [(1.0, 0.0, 0.0), (3.7, 0.0, 1.0), (20.0, 2.5, -0.4)])
+def test_the_period_of_a_swing_is_found_with_few_looks(omega, level, phase):
+    period, looks = watched("oscillation_period", swing(omega, level, 0.3, phase), 40.0 / omega, step=STEP / omega, about=level)
+    # The cubic errs by (ω h)⁴/384 of the amplitude, ω h ≤ 0.1, at each end of some five periods.
+    assert period == pytest.approx(2.0 * math.pi / omega, rel=1e-7)
+    assert looks < 600, "some 63 looks a period"
+
+
+def test_a_motion_that_does_not_rise_twice_has_no_period():
+    with pytest.raises(NoResultError, match="z of particle 1 rose through 0 1 time"):
+        watched("oscillation_period", swing(1.0), 8.0)
+    with pytest.raises(NoResultError, match="0 time"):
+        watched("oscillation_period", swing(1.0, level=5.0), 30.0)
+
+
+def test_the_lowest_turning_point_lies_between_looks():
+    lowest, looks = watched("lowest_position", swing(2.0, 0.4, 0.3, 0.1), 10.0)
+    assert lowest == pytest.approx(0.1, abs=1e-6) and looks < 400
+    # A second swing goes deeper than the first: both are seen.
+    sunk, _ = watched("lowest_position", lambda t: (math.cos(t) - 0.05 * t, -math.sin(t) - 0.05), 10.0)
+    turn = 2.0 * math.pi + math.pi + math.asin(0.05)
+    assert sunk == pytest.approx(math.cos(turn) - 0.05 * turn, abs=1e-6)
+    # Without a turning point the lowest is where it ends, or began.
+    assert watched("lowest_position", lambda t: (3.0 - t, -1.0), 1.0)[0] == pytest.approx(2.0, abs=1e-12)
+    assert watched("lowest_position", lambda t: (3.0 + t, 1.0), 1.0)[0] == 3.0
+
+
+def test_the_end_is_the_last_look():
+    diagnostic = component.build("diagnostics", "end_position", {"of": 0, "axis": "y"})
+    with pytest.raises(NoResultError):
+        diagnostic.result()
+    for time in (0.0, 1.0, 2.0):
+        diagnostic.observe(time, snapshot_of([[0.0, 5.0 - time, 0.0]]))
+    assert diagnostic.result() == 3.0
