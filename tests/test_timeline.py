@@ -496,6 +496,23 @@ def test_a_step_too_large_for_a_later_phase_is_told_before_the_first(tmp_path, m
     assert 0.5 <= crash.time < 6.0 and np.isfinite(crash.position).all() and (crash.springs.stiffness == 2e6).all()
 
 
+def test_a_run_goes_on_from_a_state_in_a_later_phase(tmp_path, monkeypatch, capsys):
+    """The mass of the second phase is the state's, so the state fits that phase and not the first."""
+    monkeypatch.chdir(tmp_path)
+    changes = {"springs[0].link.stiffness": 5.0, "particles[1].body.mass": 1.5}
+    events = ({"at": 1.0, "set": changes}, {"at": 3.0, "set": {"springs[0].link.stiffness": 2.0}})
+    Path("s.yaml").write_text(yaml.safe_dump(oscillator(*events, dt=0.01)), encoding="utf-8")
+    assert main(["s.yaml", "--headless", "-q", "--until", "2", "--snapshot", "half.npz"]) == 0
+    assert main(["s.yaml", "--headless", "-q", "--snapshot", "whole.npz"]) == 0
+    capsys.readouterr()
+    assert main(["s.yaml", "--headless", "-q", "--rewind", "half.npz", "--snapshot", "joined.npz", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [phase["at"] for phase in found["phases"]] == [3.0] and found["steps"] == 600 and found["time"] == 6.0
+    joined, whole = Snapshot.load("joined.npz"), Snapshot.load("whole.npz")
+    # Leapfrog keeps no history; the clock of the joined run counts from 2 instead of 1, which forces here do not ask for.
+    assert np.array_equal(joined.position, whole.position) and np.array_equal(joined.velocity, whole.velocity)
+
+
 # --- membrane: gravity and friction, then release ----------------------------------------------------------------------------
 
 
