@@ -45,6 +45,12 @@ class StabilityError(MppError):
     particle: int | None = None
 
 
+class StateError(MppError):
+    """A saved state does not belong to the scene that is to go on from it."""
+
+    exit_code = 2
+
+
 class OutputError(MppError):
     """A file could not be read or written, or the video encoder failed."""
 

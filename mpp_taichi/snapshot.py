@@ -2,12 +2,13 @@
 
 import json
 import os
+import zipfile
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from mpp_taichi.errors import OutputError
+from mpp_taichi.errors import OutputError, StateError
 
 FORMAT_VERSION = 1
 _ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color", "free")
@@ -56,6 +57,7 @@ class Snapshot:
     springs: Springs = field(default_factory=Springs)
     time: float = 0.0
     step: int = 0
+    dt: float | None = None  # of the run that led here, where it is known [time]
 
     @property
     def particle_count(self) -> int:
@@ -66,12 +68,28 @@ class Snapshot:
         """The same particles elsewhere, at another time."""
         return replace(self, position=position, velocity=velocity, time=time, step=step)
 
+    def continuing(self, start: "Snapshot") -> "Snapshot":
+        """The particles of `start` where they are here, at this time and step.
+
+        Raises:
+            StateError: these are other particles, or other springs link them.
+        """
+        if self.particle_count != start.particle_count:
+            raise StateError(f"the state has {self.particle_count:,} particles, the scene {start.particle_count:,}")
+        if not np.array_equal(self.springs.between, start.springs.between):
+            raise StateError(f"the {len(self.springs):,} springs of the state are not the {len(start.springs):,} of the scene")
+        if not np.array_equal(self.mass, start.mass):
+            raise StateError("the masses of the state are not those of the scene")
+        if not (np.isfinite(self.position).all() and np.isfinite(self.velocity).all()):
+            raise StateError("the state holds numbers that are not finite")
+        return start.moved(position=self.position, velocity=self.velocity * start.free, time=self.time, step=self.step)
+
     def save(self, path: str | Path) -> None:
         """Write `.npz` (no pickles) by way of a temporary file, so that a crash leaves the old file whole."""
         path = Path(path)
         arrays = {key: getattr(self, key) for key in _ARRAYS}
         arrays |= {f"spring_{key}": getattr(self.springs, key) for key in _SPRING_ARRAYS}
-        meta = {"format": FORMAT_VERSION, "time": self.time, "step": self.step}
+        meta = {"format": FORMAT_VERSION, "time": self.time, "step": self.step, "dt": self.dt}
         temporary = path.with_name(path.name + ".part")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -93,6 +111,6 @@ class Snapshot:
                 springs = Springs(**{key: data[f"spring_{key}"] for key in _SPRING_ARRAYS})
                 arrays = {key: data[key] for key in _ARRAYS}
                 names = tuple(str(entry) for entry in data["name"])
-        except (OSError, ValueError, KeyError) as error:
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
             raise OutputError(f"{path}: not a snapshot of this program: {error}") from error
-        return Snapshot(**arrays, name=names, springs=springs, time=meta["time"], step=meta["step"])
+        return Snapshot(**arrays, name=names, springs=springs, time=meta["time"], step=meta["step"], dt=meta.get("dt"))

@@ -66,8 +66,9 @@ def effect_names(simulation: "Simulation") -> list[str]:
 def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopwatch, *, plan_asked: str) -> dict[str, Any]:
     """The facts of a run; `status`, `files` and `expect` are added by who knows them."""
     spec, device = simulation.spec, simulation.device
-    phases = simulation.phases[: simulation.phase_number + 1]
-    timed_steps = simulation.step_count - len(phases)  # the first launch of each is one step, and its time the compiler's
+    phases = simulation.phases[simulation.first_phase : simulation.phase_number + 1]
+    # The first launch of each phase is one step, and its time the compiler's.
+    timed_steps = simulation.step_count - simulation.start.step - len(phases)
     rate = timed_steps / simulation.advance_seconds if simulation.advance_seconds > 0.0 else None
     count = simulation.state.particle_count
     pairs = count * (count - 1) * max(1, simulation.integrator.evaluations) if simulation.total_force.has_pairs else 0
@@ -119,7 +120,7 @@ def _solver(simulation: "Simulation") -> dict[str, Any]:
 
 def phase_facts(simulation: "Simulation") -> list[dict[str, Any]]:
     """What the timeline has changed so far: time, keys and values, the effects since, and the energy put in by the change."""
-    begun = simulation.phases[1 : simulation.phase_number + 1]
+    begun = simulation.phases[simulation.first_phase + 1 : simulation.phase_number + 1]
     return [
         {
             "at": phase.at,
@@ -149,12 +150,13 @@ def damping_of_method(simulation: "Simulation", table: "TableRecorder") -> dict[
 
 def launches_per_step(simulation: "Simulation") -> float | None:
     """Kernel launches a step took, on average so far: a serial launch holds many steps, a parallel step several loops."""
-    if simulation.step_count == 0:
+    done = simulation.step_count - simulation.start.step
+    if done <= 0:
         return None
     if simulation.plan == "parallel":
         launches = simulation.stepper.launches_per_step()
         return None if launches is None else float(launches)
-    return simulation.kernel_calls / simulation.step_count
+    return simulation.kernel_calls / done
 
 
 def plan_reason(simulation: "Simulation", plan_asked: str) -> str:
@@ -175,6 +177,7 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         ("scene", f"{found['title'] or found['scene']}: {found['particle_count']:,} particles{springs}"),
         ("effects", ", ".join(found["effects"]) or "none: every particle moves on a straight line"),
         ("method", f"{found['integrator']}, dt {found['dt']:.6g}, {found['precision']}"),
+        ("rewound", found.get("rewound", "")),
         ("device", f"{found['backend']}: {found['device']}{threads}"),
         ("plan", f"{found['plan']}: {found['plan_reason']}"),
         ("reached", f"t = {found['time']:.9g} in {found['steps']:,} steps{_rate(found)}"),

@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -505,3 +506,13 @@ def test_a_step_beyond_the_limit_does_not_oscillate():
     found = predicted_damping(leapfrog, 1.0, 1.9)
     assert found.frequency_error == pytest.approx(math.acos(1 - 1.9**2 / 2) / 1.9 - 1.0, rel=1e-12)
     assert found.energy_loss == 0.0
+
+
+def test_the_highest_frequency_of_a_network_too_large_to_solve_is_the_one_that_is_given():
+    spec = load_scene(Path(__file__).parents[1] / "scenes" / "chain.yaml")
+    amplification = component.build("integrators", "leapfrog", {"dt": 0.01}).amplification
+    told = network_facts(spec, assemble(spec), amplification, 0.01, most_freedoms=0, highest=3.0)
+    assert told["highest_angular_frequency"] == 3.0
+    # Leapfrog turns by 2 asin(ω dt/2) a step.
+    (row,) = [each for each in told["predicted_damping"] if each["at"] == "highest"]
+    assert row["relative_frequency_error"] == pytest.approx(math.asin(0.015) / 0.015 - 1.0, rel=1e-6)

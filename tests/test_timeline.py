@@ -483,11 +483,34 @@ def test_a_step_too_large_for_a_later_phase_is_told_before_the_first(tmp_path, m
     # ω dt = √(2e6/2) · 0.03 = 30 from t = 0.5 on: leapfrog multiplies the error by 900 a step, past 1e308 near t = 3.6.
     scene = oscillator({"at": 0.5, "set": {"springs[0].link.stiffness": 2e6}}, dt=0.03)
     Path("s.yaml").write_text(yaml.safe_dump(scene), encoding="utf-8")
-    assert main(["s.yaml", "--headless"]) == 4
+    for options in (["--headless"], ["--dry-run"]):
+        assert main(["s.yaml", *options]) == 4
+        assert "from t = 0.5 on: integrator.leapfrog.dt = 0.03 is beyond" in capsys.readouterr().err
+    assert not Path("out").exists()
+    assert main(["s.yaml", "--headless", "--until", "0.5"]) == 0, "a phase that is not reached does not matter"
+    capsys.readouterr()
+    assert main(["s.yaml", "--headless", "--force"]) == 4
     told = capsys.readouterr().err
-    assert told.index("from t = 0.5 on, dt = 0.03 is") < told.index("error:")
+    assert told.index("from t = 0.5 on: integrator.leapfrog.dt = 0.03 is") < told.index("error: step")
     crash = Snapshot.load("out/s.crash.npz")
-    assert 0.5 < crash.time < 6.0 and np.isfinite(crash.position).all() and (crash.springs.stiffness == 2e6).all()
+    assert 0.5 <= crash.time < 6.0 and np.isfinite(crash.position).all() and (crash.springs.stiffness == 2e6).all()
+
+
+def test_a_run_goes_on_from_a_state_in_a_later_phase(tmp_path, monkeypatch, capsys):
+    """The mass of the second phase is the state's, so the state fits that phase and not the first."""
+    monkeypatch.chdir(tmp_path)
+    changes = {"springs[0].link.stiffness": 5.0, "particles[1].body.mass": 1.5}
+    events = ({"at": 1.0, "set": changes}, {"at": 3.0, "set": {"springs[0].link.stiffness": 2.0}})
+    Path("s.yaml").write_text(yaml.safe_dump(oscillator(*events, dt=0.01)), encoding="utf-8")
+    assert main(["s.yaml", "--headless", "-q", "--until", "2", "--snapshot", "half.npz"]) == 0
+    assert main(["s.yaml", "--headless", "-q", "--snapshot", "whole.npz"]) == 0
+    capsys.readouterr()
+    assert main(["s.yaml", "--headless", "-q", "--rewind", "half.npz", "--snapshot", "joined.npz", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [phase["at"] for phase in found["phases"]] == [3.0] and found["steps"] == 600 and found["time"] == 6.0
+    joined, whole = Snapshot.load("joined.npz"), Snapshot.load("whole.npz")
+    # Leapfrog keeps no history; the clock of the joined run counts from 2 instead of 1, which forces here do not ask for.
+    assert np.array_equal(joined.position, whole.position) and np.array_equal(joined.velocity, whole.velocity)
 
 
 # --- membrane: gravity and friction, then release ----------------------------------------------------------------------------

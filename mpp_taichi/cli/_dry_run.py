@@ -1,18 +1,20 @@
 """What a run would be, said without starting a device."""
 
 import argparse
+from typing import Any
 
 from mpp_taichi import plans
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._phases import described, phase_line
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
-from mpp_taichi.cli._terminal import put, put_json
+from mpp_taichi.cli._terminal import explain_error, output_reserved, put, put_json
+from mpp_taichi.errors import StabilityError
 from mpp_taichi.scene.estimate import Estimate, check_capacity, estimate
 from mpp_taichi.scene.spec import SceneSpec
 
 
 def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
-    """Print what is known beforehand; the code is that of a scene that could be run.
+    """Print what is known beforehand; the code is that of a scene that could be run, 4 where its step cannot hold.
 
     Raises:
         CapacityError: it could not, for its size.
@@ -44,13 +46,47 @@ def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
         "exit_code": 0,
     }
     check_capacity(needed)
+    refused = _check_step(spec, arguments, goal, found)
+    if refused is not None:
+        found |= {"status": "failed", "error": str(refused), "exit_code": refused.exit_code}
     if arguments.json:
         put_json(found)
     else:
-        hidden = ("resolved", "status", "exit_code")
+        hidden = ("resolved", "status", "exit_code", "error")
         found["timeline"] = [phase_line(phase) for phase in described(spec)]
         put("\n".join(_line(name, value) for name, value in found.items() if name not in hidden))
+    if refused is not None:
+        explain_error(refused)
+        return refused.exit_code
     return 0
+
+
+def _check_step(spec: SceneSpec, arguments: argparse.Namespace, goal: Goal, found: dict[str, Any]) -> StabilityError | None:
+    """Add what limits the first step, and return what a run would be refused with, in whichever of its phases.
+
+    Only a scene with springs or drag is placed for it, and only then is Taichi imported, without starting a device: how a
+    method treats an oscillator is written in its own file, beside its step, and is not written a second time.
+    """
+    scenes = (spec, *(event.scene for event in spec.timeline))
+    if not any(scene.springs or any(force.name == "linear_drag" for force in scene.forces) for scene in scenes):
+        return None
+    from mpp_taichi.backends import import_taichi
+    from mpp_taichi.cli._step_check import advice_of, spans, steps_in
+    from mpp_taichi.phases import phases_of
+
+    with output_reserved(arguments.json):
+        import_taichi()
+        reached = [(advice_of(phase), span) for phase, span in spans(phases_of(spec), goal)]
+    for number, (advice, span) in enumerate(reached):
+        if advice is None:
+            continue
+        if number == 0:
+            found |= advice.facts()
+        try:
+            advice.enforce(steps=steps_in(span, advice.dt), force=arguments.force)
+        except StabilityError as error:
+            return error
+    return None
 
 
 def _line(name: str, value: object) -> str:

@@ -33,6 +33,11 @@ def add_device(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--threads", type=positive_integer, metavar="N", help="CPU threads")
 
 
+def add_force(parser: argparse.ArgumentParser) -> None:
+    """--force."""
+    parser.add_argument("--force", action="store_true", help="run a step that is beyond what the springs allow")
+
+
 def add_length(parser: argparse.ArgumentParser) -> None:
     """--until, --steps."""
     group = parser.add_argument_group("how long").add_mutually_exclusive_group()

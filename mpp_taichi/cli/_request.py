@@ -19,6 +19,7 @@ from mpp_taichi.scene.estimate import MOST_STEPS
 from mpp_taichi.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
+    from mpp_taichi.cli._rewind import Rewind
     from mpp_taichi.simulation import Simulation
 
 OUTPUT_FOLDER = Path("out")
@@ -49,6 +50,8 @@ class Request:
     allow_inaccurate: bool = False
     energy_balance: bool = False
     window: bool = False
+    force: bool = False
+    rewind: "Rewind | None" = None
 
     @property
     def films(self) -> bool:
@@ -81,6 +84,7 @@ class Goal:
     until: float | None
     steps: int | None
     whole: bool  # the scene's own full duration, of which its expectations speak
+    begin: float = 0.0  # time at which the run starts
 
     @staticmethod
     def of(spec: SceneSpec, request: Request) -> "Goal":
@@ -97,13 +101,14 @@ class Goal:
         return self.until is None and self.steps is None
 
     def span(self, spec: SceneSpec) -> float:
-        """Simulated time of the run, which starts at 0 [time]."""
-        return self.until if self.until is not None else timeline.time_after(spec, self.steps or 0)
+        """Simulated time of the run [time]."""
+        end = self.until if self.until is not None else timeline.time_after(spec, self.steps or 0, self.begin)
+        return end - self.begin
 
     def step_count(self, spec: SceneSpec) -> int | None:
         """Steps of the run, or None without an end."""
         if self.until is not None:
-            return max(1, timeline.step_count(spec, self.until))
+            return max(1, timeline.step_count(spec, self.until) - timeline.step_count(spec, self.begin))
         return self.steps
 
     def is_reached(self, simulation: "Simulation") -> bool:

@@ -1,21 +1,22 @@
 """Session: one scene run from the command line, with its recorders, its limits and what it leaves behind."""
 
-import logging
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli._options import output_stem
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
+from mpp_taichi.cli._step_check import check_steps
 from mpp_taichi.cli._terminal import say
-from mpp_taichi.errors import MppError, OutputError, StabilityError
+from mpp_taichi.errors import MppError, OutputError, StabilityError, StateError
 from mpp_taichi.expectations import Verdict, Watcher
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
 from mpp_taichi.recorders._lock import OutputLock
+from mpp_taichi.recorders.blow_up import BlowUpWatch
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.recorders.frames import FrameRecorder
 from mpp_taichi.recorders.modes import ModeRecorder
@@ -26,14 +27,10 @@ from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
 from mpp_taichi.scene.expectations import BALANCE_QUANTITIES
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.snapshot import Snapshot
-from mpp_taichi.stability import spring_step_limit
 from mpp_taichi.summary import Stopwatch, Timed, lines, summarize
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(eq=False)
@@ -49,7 +46,9 @@ class Outcome:
     def as_json(self) -> dict[str, Any]:
         """The one object of `--json`."""
         expected = [{**vars(verdict), "label": verdict.label} for verdict in self.verdicts]
-        trouble = {"error": str(self.error)} if self.error else {}
+        trouble: dict[str, Any] = {"error": str(self.error)} if self.error else {}
+        if isinstance(self.error, StabilityError):
+            trouble["broke_at"] = {key: getattr(self.error, key) for key in ("step", "time", "particle")}
         return {**self.summary, "expect": expected, "files": self.files, **trouble, "exit_code": self.exit_code}
 
     def lines(self) -> list[str]:
@@ -73,9 +72,12 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
         sinks = _open_sinks(spec, request, stack)
         trajectory = stack.enter_context(TrajectoryRecorder(request.trajectory)) if request.trajectory else None
         simulation = stack.enter_context(_start(spec, request))
-        _warn_of_large_steps(simulation)
-        simulation.when_phase_begins.append(_check_phase)
-        return _Run(spec, request, goal, simulation, stopwatch).go(interruption, sinks, trajectory)
+        rewound = request.rewind.choose_step(simulation) if request.rewind is not None else ""
+        if request.rewind is not None:
+            goal = request.rewind.goal(goal, simulation)
+        steps = check_steps(simulation, goal, force=request.force)
+        total = goal.step_count(spec) if request.rewind is None else steps
+        return _Run(spec, request, goal, simulation, stopwatch, total, rewound).go(interruption, sinks, trajectory)
 
 
 def _lock_outputs(request: Request, stack: ExitStack) -> None:
@@ -99,42 +101,35 @@ def _open_sinks(spec: SceneSpec, request: Request, stack: ExitStack) -> list[Any
 def _start(spec: SceneSpec, request: Request) -> "Simulation":
     from mpp_taichi.simulation import Simulation  # the first import of Taichi: the scene is known to be sound
 
-    return Simulation(spec, backend=request.backend, precision=request.precision, plan=request.plan, threads=request.threads)
-
-
-def _warn_of_large_steps(simulation: "Simulation") -> None:
-    """Look at every phase now, before the first step."""
-    for phase in simulation.phases:
-        _warn_of_large_step(phase.particles, float(phase.spec.integrator.parameters["dt"]), phase.at)
-
-
-def _warn_of_large_step(particles: Snapshot, dt: float, begins: float) -> None:
-    limit = spring_step_limit(particles)
-    if limit is not None and dt > limit:
-        log.warning(
-            "%sdt = %.4g is %.2g times what the springs allow an explicit method; the run may fail, %.4g is safe",
-            f"from t = {begins:.6g} on, " if begins > 0.0 else "",
-            dt,
-            dt / limit,
-            limit,
-        )
-
-
-def _check_phase(simulation: "Simulation") -> None:
-    """Look again at a phase that begins, as it really is."""
-    phase = simulation.phases[simulation.phase_number]
-    _warn_of_large_step(simulation.snapshot(), simulation.dt, phase.at)
+    options = {name: getattr(request, name) for name in ("backend", "precision", "plan", "threads", "force")}
+    if request.rewind is None:
+        return Simulation(spec, **options)
+    try:
+        return Simulation(spec, **options, start=request.rewind.state)
+    except StateError as error:
+        raise StateError(f"--rewind {request.rewind.file}: it is of another scene: {error}") from None
 
 
 class _Run:
     """The middle part of a session, when everything stands: step, look, and close in good order."""
 
-    def __init__(self, spec: SceneSpec, request: Request, goal: Goal, simulation: "Simulation", stopwatch: Stopwatch) -> None:
+    def __init__(
+        self,
+        spec: SceneSpec,
+        request: Request,
+        goal: Goal,
+        simulation: "Simulation",
+        stopwatch: Stopwatch,
+        total_steps: int | None,
+        rewound: str,
+    ) -> None:
         self.spec, self.request, self.goal, self.simulation, self.stopwatch = spec, request, goal, simulation, stopwatch
-        self.total_steps = goal.step_count(spec)
+        self.total_steps, self.rewound = total_steps, rewound
         sparse = simulation.total_force.has_pairs and simulation.plan == "parallel"
         self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps, sparse=sparse)
         self.table = TableRecorder(self.every)
+        self.blow_up = BlowUpWatch(self.table)
+        simulation.when_phase_begins.append(lambda _: self.blow_up.restart())  # a change may add energy
         self.watchdog = EnergyWatchdog(self.table)
         self.watcher = Watcher(spec.expect if goal.whole else (), self.every)
         self.network = network_facts(
@@ -158,10 +153,18 @@ class _Run:
         if not self.request.quiet and (said := note(self.network)):
             say(f"note: {said}")
         modes = [self.modes] if self.modes else []
-        looks: list[Any] = [self.table, self.watchdog, self.watcher, *modes, *([trajectory] if trajectory else [])]
+        looks: list[Any] = [
+            self.table,
+            self.blow_up,
+            self.watchdog,
+            self.watcher,
+            *modes,
+            *([trajectory] if trajectory else []),
+        ]
         timed = [Timed(look, self.stopwatch, "diagnostics") for look in looks]
         bar = sys.stderr is not None and sys.stderr.isatty()
-        progress = ProgressRecorder(self.total_steps, self._energy_error, bar=bar)
+        total = None if self.total_steps is None else self.simulation.step_count + self.total_steps
+        progress = ProgressRecorder(total, self._energy_error, bar=bar)
         wants_progress = not (self.request.quiet or self.request.window)
         recorders = [*timed, *self.films, interruption, *([progress] if wants_progress else [])]
         try:
@@ -170,7 +173,10 @@ class _Run:
         except Interrupted as signal:
             self.interrupted = signal
             self._finish([self.table, self.watchdog, *modes, *([trajectory] if trajectory else [])])
-        except (StabilityError, OutputError) as error:
+        except StabilityError as error:
+            self.error = self.blow_up.explain(error, self.simulation)
+            say(f"error: {self.error}")
+        except OutputError as error:
             self.error = error
             say(f"error: {error}")
         with self.stopwatch("encode"):
@@ -216,7 +222,7 @@ class _Run:
     def _finish(self, recorders: Sequence[Any]) -> None:
         """The last looks, at the state the run ended in."""
         for recorder in recorders:
-            if isinstance(recorder, EnergyWatchdog):
+            if isinstance(recorder, (BlowUpWatch, EnergyWatchdog)):
                 recorder.record(self.simulation)
             else:
                 recorder.finish(self.simulation)
@@ -236,7 +242,7 @@ class _Run:
         if self.modes is not None and request.modes is not None and self.modes.times:
             jobs.append((request.modes, lambda: self.modes.save(request.modes)))
         if state is not None:
-            jobs.append((state, lambda: simulation.snapshot().save(state)))
+            jobs.append((state, lambda: replace(simulation.snapshot(), dt=simulation.dt).save(state)))
         for path, job in jobs:
             try:
                 job()
@@ -275,6 +281,8 @@ class _Run:
         else:
             status = "ok"
         summary["status"] = status
+        if self.rewound:
+            summary["rewound"] = self.rewound
         return Outcome(summary, code, self.error, verdicts, self.files)
 
     def _reached_the_end(self) -> bool:

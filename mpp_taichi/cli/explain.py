@@ -50,10 +50,9 @@ def execute(arguments: argparse.Namespace) -> int:
 def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
     from mpp_taichi import plans
     from mpp_taichi.modes.network_report import network_facts
-    from mpp_taichi.stability import spring_step_limit
     from mpp_taichi.summary import effect_names, plan_reason
 
-    fields = simulation.state.field_sizes()
+    fields, advice = simulation.state.field_sizes(), simulation.step_advice
     return {
         "scene": simulation.spec.source,
         "backend": simulation.device.backend,
@@ -72,9 +71,16 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "fields": fields,
         "field_bytes": sum(fields.values()),
         "dt": simulation.dt,
-        "dt_limit": spring_step_limit(simulation.start),
+        **(advice.facts() if advice is not None else {"dt_limit": None}),
+        "dt_said": advice.line() if advice is not None else "nothing in this scene limits it",
         "conserves_energy": simulation.conserves_energy,
-        **network_facts(simulation.spec, simulation.start, simulation.integrator.amplification, simulation.dt),
+        **network_facts(
+            simulation.spec,
+            simulation.start,
+            simulation.integrator.amplification,
+            simulation.dt,
+            highest=advice.network.frequency if advice is not None else None,
+        ),
     }
 
 
@@ -103,7 +109,6 @@ def _lines(found: dict[str, Any]) -> list[str]:
     evaluations = f"{found['force_evaluations_per_step']} force evaluations per step"
     if found["force_evaluations_per_step"] is None:
         evaluations = "a force evaluation per iteration"
-    limit = found["dt_limit"]
     rows = [
         f"{found['scene']}: {found['particle_count']:,} particles, {found['spring_count']:,} springs",
         f"compiled   {', '.join(found['effects']) or 'no effect'}; {found['integrator']}, {evaluations}",
@@ -116,7 +121,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
         "absent     what each would add to a step",
         *(f"           {row['effect']:20s}{_share(row)}" for row in found["absent"]),
         *(f"{'timeline' if not n else '':11s}{phase_line(phase)}" for n, phase in enumerate(found["timeline"])),
-        f"dt         {found['dt']:.6g}" + (f"; the springs allow {limit:.6g} to leapfrog" if limit else ""),
+        f"dt         {found['dt']:.6g}; {found['dt_said']}",
         *(f"{head:10s} {text}" for head, text in network_lines(found)),
         *([f"           {said}"] if (said := note(found)) else []),
         *([f"springs    modes are counted for up to {MOST_FREEDOMS:,} freedoms"] if _is_too_large(found) else []),

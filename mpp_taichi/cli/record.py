@@ -25,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _options.add_device(parser)
     _options.add_tables(parser)
     parser.add_argument("--allow-inaccurate", action="store_true", help="end with code 0 even when energy was lost")
+    _options.add_force(parser)
     _options.add_report(parser)
 
 
@@ -55,7 +56,8 @@ def execute(arguments: argparse.Namespace) -> int:
         "trajectory",
         "snapshot",
     )
-    given = {name: getattr(arguments, name) for name in (*names, "diagnostics", "modes", "every", "quiet", "allow_inaccurate")}
+    more = ("diagnostics", "modes", "every", "quiet", "allow_inaccurate", "force")
+    given = {name: getattr(arguments, name) for name in (*names, *more)}
     with output_reserved(arguments.json):
         outcome = run_scene(spec, Request(**given, film_seconds=arguments.duration))
     if not arguments.quiet:

@@ -31,6 +31,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--energy-balance", action="store_true", help="account for dissipated energy, work and what the method loses by itself"
     )
+    _options.add_force(parser)
+    parser.add_argument(
+        "--rewind",
+        nargs="?",
+        const="",
+        metavar="F.npz",
+        help="go on from the state that a run left that blew up or was interrupted, with a step that holds; "
+        "the newest of out/SCENE.crash.npz and out/SCENE.interrupted.npz when no file is named",
+    )
     _options.add_report(parser)
 
 
@@ -60,8 +69,12 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
     from mpp_taichi.cli._request import OUTPUT_FOLDER, Request
 
     names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "trajectory", "snapshot")
-    names = (*names, "diagnostics", "modes", "every", "quiet", "allow_inaccurate", "energy_balance")
-    given = {name: getattr(arguments, name) for name in names}
+    more = ("diagnostics", "modes", "every", "quiet", "allow_inaccurate", "energy_balance", "force")
+    given = {name: getattr(arguments, name) for name in (*names, *more)}
+    if arguments.rewind is not None:
+        from mpp_taichi.cli._rewind import Rewind
+
+        given["rewind"] = Rewind.of(spec, arguments.rewind, arguments.overrides)
     if arguments.headless or arguments.video is not None:
         return Request(**given)
     problem = no_window()

@@ -28,8 +28,9 @@ class Implicit(Integrator):
         x = x* + P,  v = v* + (g/b) P,  P = b a(x, v, t + node·dt),  b = beta·dt², g = gamma·dt.
 
     A method says beta, gamma and node, sets the bases x*, v* from the start of the step (`begin`) and the end of the step from
-    P (`finish`). Positions are kept as a start and a shift from there, so that a step rounds them once. All of them are stable
-    for springs of any stiffness; what they make of oscillations that a step cannot resolve is their difference (`amplification`).
+    P (`finish`). Positions are kept as a start and a shift from there, so that a step rounds them once. All
+    of them are stable for springs of any stiffness; what they make of oscillations that a step cannot resolve is their
+    difference: see `amplification`.
 
     A step whose equations Newton's method does not solve is done again in two pieces, in four, and so on; and so is one of a
     method that never gains energy (`never_gains_energy`) if it does: that happens where springs are pushed through themselves.

@@ -21,12 +21,19 @@ Amplification = Callable[[float], np.ndarray]
 
 
 def network_facts(
-    spec: SceneSpec, start: Snapshot, amplification: Amplification, dt: float, *, most_freedoms: int = MOST_FREEDOMS
+    spec: SceneSpec,
+    start: Snapshot,
+    amplification: Amplification,
+    dt: float,
+    *,
+    most_freedoms: int = MOST_FREEDOMS,
+    highest: float | None = None,
 ) -> dict[str, Any]:
     """Counts of modes, their lowest and highest frequencies and the numerical damping there, as far as that is cheap to know.
 
     `most_freedoms` is how large a network may be for its spectrum to be solved; of a larger one without tension, Maxwell's rule
-    tells how many zero-frequency modes there are at least. What is not known is left out.
+    tells how many zero-frequency modes there are at least, and its highest frequency is the given one, where it is given. What
+    is not known is left out.
     """
     if not len(start.springs) or len(start.springs) > max(QUICK_SPRINGS, 3 * most_freedoms):
         return {}
@@ -39,8 +46,11 @@ def network_facts(
         found = _counts(modes)
         if len(modes.angular_frequency):
             frequencies = {"lowest": float(modes.angular_frequency[0]), "highest": float(modes.angular_frequency[-1])}
-    elif (least := _maxwell(network)) > 0:
-        found = {"zero_frequency_modes_least": least}
+    else:
+        if (least := _maxwell(network)) > 0:
+            found = {"zero_frequency_modes_least": least}
+        if highest:
+            found["highest_angular_frequency"] = frequencies["highest"] = highest
     excited = _excited(network, start)
     if excited > 0.0:
         frequencies["excited"] = excited

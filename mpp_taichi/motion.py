@@ -1,0 +1,202 @@
+"""Motion: the particles of a phase and their clock, stepped, watched for numbers that are not finite, and taken back."""
+
+import time as clock
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi import backends, postmortem
+from mpp_taichi.backends import Device
+from mpp_taichi.errors import MppError
+from mpp_taichi.phases import CompiledPhase, Phase
+from mpp_taichi.postmortem import Mark
+from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.solvers.report import SolverReport
+
+if TYPE_CHECKING:
+    from mpp_taichi.energy_balance import EnergyBalance
+
+LAUNCH_SECONDS = 0.1  # aim for one launch: short enough to interrupt, long enough not to matter
+
+
+class Motion:
+    """What moves: the state of a compiled phase, at a time, after so many steps.
+
+    `_adopt` gives it a phase, `_set_clock` a time; then `_advance` steps, and `mark`, `try_steps` and `return_to` let others
+    look for the step at which something went wrong.
+    """
+
+    def __init__(self, device: Device) -> None:
+        """Nothing stands yet but the device."""
+        self.device = device
+        backends.retain(device)
+        self._closed = False
+        self.compile_seconds = 0.0
+        self.advance_seconds = 0.0
+        self.kernel_calls = 0  # of the stepper; under the serial plan each is one launch
+        self.solver_report = SolverReport()
+        self.energy_balance: EnergyBalance | None = None
+
+    def _adopt(self, phase: Phase, compiled: CompiledPhase) -> None:
+        """Go on with the step of this phase."""
+        self.spec, self._particles = phase.spec, phase.particles
+        self.integrator, self.dt = compiled.integrator, compiled.dt
+        self.total_force, self.plan, self.step_work = compiled.total_force, compiled.plan, compiled.work
+        self.state, self.stepper, self.energy_meter = compiled.state, compiled.stepper, compiled.energy_meter
+        self.launch_limit = compiled.launch_limit
+        self._launch_steps = 1
+
+    def _start_afresh(self) -> None:
+        """After positions and velocities were set: neither forces kept nor a method's history hold any more."""
+        self._prepared = False
+        if self.integrator.implicit:
+            self.stepper.solver_report()  # what was counted before does not belong to what comes
+
+    # --- time -----------------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Simulated time: step count × dt, so that it does not gather rounding errors."""
+        return self._origin_time + self._steps_since_origin * self.dt
+
+    @property
+    def step_count(self) -> int:
+        """Steps taken since the start."""
+        return self._origin_step + self._steps_since_origin
+
+    def _set_clock(self, time: float, step: int) -> None:
+        self._origin_time, self._origin_step, self._steps_since_origin = time, step, 0
+
+    def _move_clock(self, steps: int, dt: float) -> None:
+        if dt == self.dt:
+            self._steps_since_origin += steps
+        else:
+            self._set_clock(self.time + steps * dt, self.step_count + steps)
+
+    # --- steps ----------------------------------------------------------------------------------------------------------
+
+    def _advance(self, steps: int, dt: float) -> None:
+        """One launch, timed, and looked over for numbers that are not finite."""
+        saved = self.state.save()
+        prepared = self._prepared
+        began = clock.perf_counter()
+        self._launch(steps, dt, self.energy_balance)
+        particle = self.stepper.first_bad_particle()  # waits for the device
+        seconds = clock.perf_counter() - began
+        if self.integrator.implicit:
+            report = self.stepper.solver_report()
+            if report.unsolved:
+                self._give_up(saved, report, dt)
+            self.solver_report.add(report)
+        if particle >= 0:
+            self._fail(saved, steps, dt)
+        if prepared:
+            self.advance_seconds += seconds
+            if steps == self._launch_steps:
+                self._launch_steps = max(1, min(self._launch_steps * 8, int(steps * LAUNCH_SECONDS / max(seconds, 1e-6))))
+        else:
+            self.compile_seconds += seconds
+        self._move_clock(steps, dt)
+        if self.energy_balance is not None:
+            self.energy_balance.follow(self, steps, dt)
+
+    def _longest_launch(self) -> int:
+        """Most steps the next launch should hold."""
+        balance = self.energy_balance
+        most = self.launch_limit if balance is None else min(self.launch_limit, balance.meter.longest_launch)
+        return min(self._launch_steps, most)
+
+    def _launch(self, steps: int, dt: float, balance: "EnergyBalance | None" = None) -> None:
+        if not self._prepared:
+            self.stepper.prepare(self.time)
+            self._prepared = True
+        self.stepper.advance(self.time, dt, steps, None if balance is None else balance.meter)
+        self.kernel_calls += 1
+
+    def _give_up(self, saved: Any, report: SolverReport, dt: float) -> None:
+        """Go back to the last step whose equations were solved, and say which were not."""
+        particle = self.stepper.least_solved_particle() % self.state.particle_count
+        self.state.restore(saved)
+        self._prepared = False
+        if report.fewest_steps:
+            self._launch(report.fewest_steps, dt)
+            self.stepper.solver_report()
+        self._move_clock(report.fewest_steps, dt)
+        self.solver_report.add(report)
+        raise postmortem.unsolved(self.snapshot(), particle, step=self.step_count + 1, time=self.time + dt)
+
+    def _fail(self, saved: Any, steps: int, dt: float) -> None:
+        """Find the step, the particle and the pair that a NaN began with; leave the last good state standing."""
+        stored = [saved]
+
+        def advance(count: int) -> bool:
+            self._launch(count, dt)
+            return self.stepper.first_bad_particle() < 0
+
+        def keep() -> None:
+            stored[0] = self.state.save()
+
+        def rewind() -> None:
+            self.state.restore(stored[0])
+            self._prepared = False
+
+        bad_step = postmortem.first_bad_step(steps, advance, keep, rewind)
+        self._move_clock(bad_step - 1, dt)
+        before = self.snapshot()
+        self._launch(1, dt)
+        particle = self.stepper.first_bad_particle() % self.state.particle_count
+        rewind()
+        singular = any(force.softening == 0.0 for force in self.total_force.pair_forces)
+        raise postmortem.diagnose(before, particle, step=self.step_count + 1, time=self.time + dt, pairs_singular=singular)
+
+    # --- back and forth -------------------------------------------------------------------------------------------------
+
+    def mark(self) -> Mark:
+        """The state and its time, to `return_to`; good within the phase."""
+        return Mark(self.state.save(), self._origin_time, self._origin_step, self._steps_since_origin)
+
+    def return_to(self, mark: Mark) -> None:
+        """Go back; what a method of several steps remembers is forgotten, as after `restart`."""
+        self.state.restore(mark.saved)
+        self._origin_time, self._origin_step, self._steps_since_origin = mark.origin_time, mark.origin_step, mark.steps
+        self._start_afresh()
+
+    def try_steps(self, steps: int) -> bool:
+        """Advance without recorders and accounts; False, and no error, where a number is not finite or a step not solved."""
+        while steps > 0:
+            count = min(steps, self.launch_limit)
+            self._launch(count, self.dt)
+            self._move_clock(count, self.dt)
+            steps -= count
+        solved = not (self.integrator.implicit and self.stepper.solver_report().unsolved)
+        return solved and self.stepper.first_bad_particle() < 0
+
+    # --- looking --------------------------------------------------------------------------------------------------------
+
+    def snapshot(self, replica: int = 0) -> Snapshot:
+        """Host copy of all particles now, float64 whatever the precision."""
+        self._require_life()
+        position, velocity = self.state.read(replica)
+        return self._particles.moved(position=position, velocity=velocity, time=self.time, step=self.step_count)
+
+    def mechanics(self) -> dict[str, Any]:
+        """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`."""
+        from mpp_taichi.energy import mechanics
+
+        self._require_life()
+        return mechanics(self.snapshot(), self.energy_meter.potential_energy(self.time))
+
+    @property
+    def conserves_energy(self) -> bool:
+        """Whether every force has a potential, so that energy may be asked to stay."""
+        return all(force.conserves_energy for force in self.total_force.forces)
+
+    @property
+    def gains_no_energy(self) -> bool:
+        """Whether every force has a potential or brakes, so that energy may be asked not to grow.
+
+        What has no potential and depends on velocity is taken for a brake; what has none and does not, for a drive.
+        """
+        return all(force.conserves_energy or force.depends_on_velocity for force in self.total_force.forces)
+
+    def _require_life(self) -> None:
+        if self._closed or not backends.is_alive(self.device):
+            raise MppError("this simulation has ended: it was closed, or another one started a different backend or precision")
