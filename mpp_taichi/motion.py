@@ -75,8 +75,7 @@ class Motion:
 
     def _advance(self, steps: int, dt: float) -> None:
         """One launch, timed, and looked over for numbers that are not finite."""
-        saved = self.state.save()
-        prepared = self._prepared
+        saved, prepared = self._saved(), self._prepared
         began = clock.perf_counter()
         self._launch(steps, dt, self.energy_balance)
         particle = self.stepper.first_bad_particle()  # waits for the device
@@ -114,8 +113,7 @@ class Motion:
     def _give_up(self, saved: Any, report: SolverReport, dt: float) -> None:
         """Go back to the last step whose equations were solved, and say which were not."""
         particle = self.stepper.least_solved_particle() % self.state.particle_count
-        self.state.restore(saved)
-        self._prepared = False
+        self._restore(saved)
         if report.fewest_steps:
             self._launch(report.fewest_steps, dt)
             self.stepper.solver_report()
@@ -132,11 +130,10 @@ class Motion:
             return self.stepper.first_bad_particle() < 0
 
         def keep() -> None:
-            stored[0] = self.state.save()
+            stored[0] = self._saved()
 
         def rewind() -> None:
-            self.state.restore(stored[0])
-            self._prepared = False
+            self._restore(stored[0])
 
         bad_step = postmortem.first_bad_step(steps, advance, keep, rewind)
         self._move_clock(bad_step - 1, dt)
@@ -147,17 +144,28 @@ class Motion:
         singular = any(force.softening == 0.0 for force in self.total_force.pair_forces)
         raise postmortem.diagnose(before, particle, step=self.step_count + 1, time=self.time + dt, pairs_singular=singular)
 
+    def _saved(self) -> tuple[tuple, bool]:
+        """The state, and whether a step finds in it what it wants to find."""
+        return self.state.save(), self._prepared
+
+    def _restore(self, saved: tuple[tuple, bool]) -> None:
+        """Go back to it. What an implicit method remembers was saved; the force that others begin with is computed anew."""
+        self.state.restore(saved[0])
+        self._start_afresh()
+        if self.integrator.implicit:
+            self.state.unsolved.fill(0)
+            self._prepared = saved[1]
+
     # --- back and forth -------------------------------------------------------------------------------------------------
 
     def mark(self) -> Mark:
         """The state and its time, to `return_to`; good within the phase."""
-        return Mark(self.state.save(), self._origin_time, self._origin_step, self._steps_since_origin)
+        return Mark(self._saved(), self._origin_time, self._origin_step, self._steps_since_origin)
 
     def return_to(self, mark: Mark) -> None:
-        """Go back; what a method of several steps remembers is forgotten, as after `restart`."""
-        self.state.restore(mark.saved)
+        """Go back, bit for bit, what a method of several steps remembers as well."""
         self._origin_time, self._origin_step, self._steps_since_origin = mark.origin_time, mark.origin_step, mark.steps
-        self._start_afresh()
+        self._restore(mark.saved)
 
     def try_steps(self, steps: int) -> bool:
         """Advance without recorders and accounts; False, and no error, where a number is not finite or a step not solved."""

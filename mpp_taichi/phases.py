@@ -83,6 +83,7 @@ class CompiledPhase:
             replica_count=replica_count,
             wide=backends.widest_float(device),
             work=work_fields,
+            memory=self.integrator.memory,
         )
         self.stepper = Stepper(self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=device.on_cpu)
         self.energy_meter = EnergyMeter(self.state, self.total_force)

@@ -59,9 +59,11 @@ class State:
         replica_count: int = 1,
         wide: Any = ti.f64,
         work: Mapping[str, tuple[str, int]] = MappingProxyType({}),
+        memory: tuple[str, ...] = (),
     ):
         """Allocate for the needs, and fill with the snapshot in every replica."""
         self.dimensions = dimensions
+        self.memory = memory  # names of what a step hands on to the next, beside position and velocity
         self.wide = wide  # of energies: f64 where the device has it
         self.particle_count = snapshot.particle_count
         self.replica_count = replica_count
@@ -164,14 +166,14 @@ class State:
             results.append(values)
         return results[0], results[1]
 
-    def save(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities of all replicas, bit for bit."""
-        return self.position.to_numpy(), self.velocity.to_numpy()
+    def save(self) -> tuple[np.ndarray, ...]:
+        """Positions and velocities of all replicas, and what the integrator remembers, bit for bit."""
+        return tuple(getattr(self, name).to_numpy() for name in ("position", "velocity", *self.memory))
 
-    def restore(self, saved: tuple[np.ndarray, np.ndarray]) -> None:
+    def restore(self, saved: tuple[np.ndarray, ...]) -> None:
         """Put back what `save` gave."""
-        self.position.from_numpy(saved[0])
-        self.velocity.from_numpy(saved[1])
+        for name, values in zip(("position", "velocity", *self.memory), saved, strict=True):
+            getattr(self, name).from_numpy(values)
 
     def field_sizes(self) -> dict[str, int]:
         """Bytes of every field."""

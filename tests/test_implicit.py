@@ -229,6 +229,20 @@ def test_steps_that_newton_does_not_solve_are_cut_and_counted():
         assert np.isfinite(simulation.snapshot().position).all()
 
 
+@pytest.mark.parametrize("name", IMPLICIT)
+def test_going_back_to_a_mark_repeats_every_bit(name):
+    """What a method hands on from step to step, BDF2's earlier state say, belongs to what is marked."""
+    with Simulation(double_pendulum(name, 1e5, 1e-2), backend="cpu") as simulation:
+        simulation.run(steps=7)
+        mark = simulation.mark()
+        there = simulation.run(steps=5).snapshot()
+        simulation.return_to(mark)
+        assert simulation.step_count == 7
+        again = simulation.run(steps=5).snapshot()
+    np.testing.assert_array_equal(again.position, there.position)
+    np.testing.assert_array_equal(again.velocity, there.velocity)
+
+
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 def test_a_step_that_cannot_be_solved_ends_the_run_at_the_last_good_state(plan, monkeypatch):
     monkeypatch.setattr(newton, "MOST_ITERATIONS", 1)

@@ -75,6 +75,7 @@ class Implicit(Integrator):
         forces = total_force.forces
         only_damped = all(force.conserves_energy or force.depends_on_velocity for force in forces)
         self.guards_energy = self.never_gains_energy and only_damped and bool(total_force.bonds) and not total_force.has_pairs
+        self.memory = (*self.extra_vectors, "history_dt")
         self.guard_room = GUARD_ROOM[ti.lang.impl.current_cfg().default_fp]
         return {**self.newton.fields(), **vectors, **sums, "history_dt": ("scalar", 1)}
 
