@@ -15,8 +15,8 @@ from mpp_taichi.solvers.newton_matrix import NewtonMatrix
 from mpp_taichi.solvers.ordering import bandwidth, narrow_order
 from mpp_taichi.types import Template
 
-# Half-bandwidth, in particles, up to which factors in one thread beat conjugate gradients on a CPU: they cost some 27 (w + 1)² ns
-# a particle, and an iteration 40, of which stiff networks need fifty and more.
+# Half-bandwidth, in particles, up to which factors in one thread beat conjugate gradients on a CPU: they cost some
+# 27 (w + 1)² ns a particle, and an iteration 40, of which stiff networks need fifty and more.
 WIDEST_BAND = 8
 MOST_PIECES = 1024  # of a step that cannot be done in one
 GUARD_ROOM = {ti.f32: 1e-5, ti.f64: 1e-12}  # of the energy: its own rounding
