@@ -92,9 +92,17 @@ class State:
         for name in SPRING_QUANTITIES:
             if name in needs:
                 self._scalar(name, ti.i32 if host[name].dtype == np.int32 else float, max(len(host[name]), 1))
-        for name, (kind, count) in work.items():
-            self._work(name, kind, count * replica_count, layout)
-        self._tree = self._builder.finalize()
+        wide_names = [name for name, (kind, _) in work.items() if kind == "wide_pair"]
+        for name in work:
+            if name not in wide_names:
+                self._work(name, *work[name], layout)
+        self._trees = [self._builder.finalize()]
+        if wide_names:
+            # In one tree with 4-byte numbers, 8-byte ones may come to lie across their alignment, which Vulkan reads as others.
+            self._builder = ti.FieldsBuilder()
+            for name in wide_names:
+                self._work(name, *work[name], layout)
+            self._trees.append(self._builder.finalize())
         self._fill(snapshot, needs, host)
 
     def _vector(self, layout: Any) -> Any:
@@ -113,7 +121,8 @@ class State:
         self.quantities.append(name)
 
     def _work(self, name: str, kind: str, count: int, layout: Any) -> None:
-        """A field of an integrator: a vector, matrix, scalar or index, or two sums side by side."""
+        """A field of an integrator, `count` for each replica: a vector, matrix, scalar or index, or two sums side by side."""
+        count *= self.replica_count
         if kind == "vector" and count == self.total_count:
             setattr(self, name, self._vector(layout))
         else:
@@ -187,4 +196,5 @@ class State:
 
     def destroy(self) -> None:
         """Give the memory back."""
-        self._tree.destroy()
+        for tree in self._trees:
+            tree.destroy()
