@@ -89,3 +89,12 @@ def test_a_band_beyond_memory_or_index_is_refused_before_it_is_allocated(monkeyp
     direct = oscillator(stiffness=1.0) | {"integrator": {"implicit_midpoint": {"dt": 0.01, "solver": "direct"}}}
     with pytest.raises(CapacityError, match="work fields need"):
         Simulation(direct, backend="cpu")
+
+
+def test_modes_and_damping_are_told_of_the_time_before_a_change():
+    """The method of the second phase is another, so its predictions are not those that were made at the start."""
+    change = {"at": 0.5, "set": {"integrator": {"implicit_midpoint": {"dt": 0.01}}}}
+    spec = load_scene(oscillator(stiffness=1.0) | {"timeline": [change]})
+    lines = run_scene(spec, Request(backend="cpu", quiet=True)).lines()
+    assert [line for line in lines if "predicted at" in line and "as the run began" not in line] == []
+    assert any("as the run began: predicted at the highest" in line for line in lines)
