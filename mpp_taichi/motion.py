@@ -198,6 +198,14 @@ class Motion:
         return all(force.conserves_energy for force in self.total_force.forces)
 
     @property
+    def conserves_momentum(self) -> bool:
+        """Whether particles act on each other alone, along the line between them: momentum and angular momentum are to stay.
+
+        An external force changes both, and so does what holds a particle on an axis.
+        """
+        return not self.total_force.external and not self.state.has_fixed_axes
+
+    @property
     def gains_no_energy(self) -> bool:
         """Whether every force has a potential or brakes, so that energy may be asked not to grow.
 

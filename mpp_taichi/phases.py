@@ -9,6 +9,7 @@ from mpp_taichi import backends, component, plans
 from mpp_taichi.assemble import assemble
 from mpp_taichi.backends import Device
 from mpp_taichi.errors import BackendError, CapacityError
+from mpp_taichi.scene.estimate import LARGEST_COUNT, available_bytes
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
@@ -74,6 +75,7 @@ class CompiledPhase:
                 f"plan {plan!r} does not fit; there are auto, serial and parallel for one copy, replicas for several"
             )
         work_fields = self.integrator.work_fields(self.total_force, start, plan=self.plan, on_cpu=device.on_cpu)
+        check_room(work_fields, dimensions=spec.dimensions, replica_count=replica_count, on_cpu=device.on_cpu)
         self.state = State(
             start,
             dimensions=spec.dimensions,
@@ -107,3 +109,23 @@ class CompiledPhase:
                 "use --backend cpu or another plan"
             )
         return allowed
+
+
+def check_room(fields: dict[str, tuple[str, int]], *, dimensions: int, replica_count: int, on_cpu: bool) -> None:
+    """CapacityError when the work fields of an integrator are more than an index can reach, or than the memory that is left.
+
+    The band of `solver: direct` is what grows faster than the scene: n w numbers for n unknowns of half-bandwidth w. Numbers
+    are counted as those of f64.
+    """
+    numbers = {"scalar": 1, "vector": dimensions, "matrix": dimensions**2, "index": 0.5, "wide_pair": 2}
+    needed = {name: count * replica_count * numbers[kind] for name, (kind, count) in fields.items()}
+    largest = max(needed, key=lambda name: needed[name], default="")
+    hint = "; solver: conjugate_gradients needs none of it" if largest == "band" else ""
+    if largest and needed[largest] > LARGEST_COUNT:
+        raise CapacityError(f"the work field {largest} has {needed[largest]:,.0f} numbers, allowed: {LARGEST_COUNT:,}{hint}")
+    free, total = available_bytes(), 8 * sum(needed.values())
+    if on_cpu and free is not None and total > free:
+        raise CapacityError(
+            f"the integrator's work fields need {total / 2**30:.3g} GiB, most of it for {largest}; "
+            f"this machine has {free / 2**30:.3g} GiB available{hint}"
+        )

@@ -1,8 +1,10 @@
 """Snapshot: the one form in which particles cross between host and device, file and memory, Taichi and OpenCL."""
 
 import json
+import math
 import os
 import zipfile
+import zlib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from mpp_taichi.errors import OutputError, StateError
 
 FORMAT_VERSION = 1
 _ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color", "free")
+_COLUMNS = {"position": (3,), "velocity": (3,), "color": (3,), "free": (3,), "between": (2,)}
 _SPRING_ARRAYS = ("between", "stiffness", "damping", "rest_length", "color")
 
 
@@ -104,13 +107,35 @@ class Snapshot:
 
     @staticmethod
     def load(path: str | Path) -> "Snapshot":
-        """Read what `save` wrote."""
+        """Read what `save` wrote.
+
+        Raises:
+            OutputError: it is no such file, or one of another version, or what it holds does not fit together.
+        """
         try:
             with np.load(path, allow_pickle=False) as data:
                 meta = json.loads(str(data["meta"]))
                 springs = Springs(**{key: data[f"spring_{key}"] for key in _SPRING_ARRAYS})
                 arrays = {key: data[key] for key in _ARRAYS}
                 names = tuple(str(entry) for entry in data["name"])
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+            made = Snapshot(**arrays, name=names, springs=springs, time=meta["time"], step=meta["step"], dt=meta.get("dt"))
+            made._check(meta["format"])
+        except (OSError, EOFError, TypeError, ValueError, KeyError, zipfile.BadZipFile, zlib.error) as error:
             raise OutputError(f"{path}: not a snapshot of this program: {error}") from error
-        return Snapshot(**arrays, name=names, springs=springs, time=meta["time"], step=meta["step"], dt=meta.get("dt"))
+        return made
+
+    def _check(self, version: object) -> None:
+        """ValueError where arrays, read from a file, are not what the fields of this class say, or the version is another."""
+        if version != FORMAT_VERSION:
+            raise ValueError(f"its format is version {version}, this program reads version {FORMAT_VERSION}")
+        count, links = np.size(self.mass), np.size(self.springs.stiffness)
+        for owner, keys, rows in ((self, _ARRAYS, count), (self.springs, _SPRING_ARRAYS, links)):
+            for key in keys:
+                array, shape = getattr(owner, key), (rows, *_COLUMNS.get(key, ()))
+                if array.shape != shape or array.dtype.kind not in "fiub":
+                    raise ValueError(f"{key} is {array.dtype} of shape {array.shape}, must be numbers of shape {shape}")
+        if len(self.name) != count:
+            raise ValueError(f"it has {len(self.name)} names for {count} particles")
+        sound = math.isfinite(self.time) and self.step >= 0 and (self.dt is None or 0.0 < self.dt < math.inf)
+        if not sound:
+            raise ValueError(f"time {self.time}, step {self.step} and dt {self.dt} cannot be")

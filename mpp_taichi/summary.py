@@ -98,6 +98,7 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "launches_per_step": launches_per_step(simulation),
         **(_solver(simulation) if simulation.integrator.implicit else {}),
         "conserves_energy": simulation.conserves_energy and all(row["conserves_energy"] for row in table.rows),
+        "conserves_momentum": simulation.conserves_momentum and all(row["conserves_momentum"] for row in table.rows),
         "phases": phase_facts(simulation),
         **(table.summary() if table.rows else {}),
         **damping_of_method(simulation, table),
@@ -234,6 +235,8 @@ def _errors(found: Mapping[str, Any]) -> str:
         energy += " (a force does work here)"
         if "conserved_energy_error_max" in found:
             energy += f", {found['conserved_energy_error_max']:.2g} where none does"
+    if not found["conserves_momentum"]:
+        return f"{energy}; momentum is not conserved: external forces or held particles change it"
     return f"{energy}, momentum {found['momentum_error_max']:.2g}, angular momentum {found['angular_momentum_error_max']:.2g}"
 
 

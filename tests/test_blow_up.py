@@ -248,6 +248,28 @@ def test_what_cannot_be_rewound_is_said_in_one_line(pendulum, capsys):
     assert "not a snapshot" in capsys.readouterr().err
     with Simulation(pendulum, backend="cpu", overrides=small[1:]) as simulation:
         start = simulation.start
+    start.save("sound.npz")
+    with np.load("sound.npz") as data:
+        arrays = dict(data)
+    assert Snapshot.load("sound.npz").particle_count == 3
+    Path("spoilt.npz").write_bytes(b"")
+    assert main(["run", pendulum, "--headless", "--rewind", "spoilt.npz"]) == 5
+    capsys.readouterr()
+    meta = json.loads(str(arrays["meta"]))
+    for spoilt in (
+        {"position": arrays["position"][:1]},
+        {"position": np.array(["a"])},
+        {"mass": arrays["mass"][:, None]},
+        {"name": arrays["name"][:1]},
+        {"meta": np.array(json.dumps({**meta, "format": 99}))},
+        {"meta": np.array(json.dumps({**meta, "time": math.nan}))},
+        {"meta": np.array(json.dumps({**meta, "step": None}))},
+        {"meta": np.array(json.dumps({**meta, "dt": -1.0}))},
+        {"meta": np.array("5")},
+    ):
+        np.savez("spoilt.npz", **{**arrays, **spoilt})
+        assert main(["run", pendulum, "--headless", "--rewind", "spoilt.npz", *small]) == 5, spoilt
+        assert "not a snapshot" in (said := capsys.readouterr().err) and said.count("\n") == 1
     replace(start, time=5.0, step=5000).save("ended.npz")
     assert main(["run", pendulum, "--headless", "--rewind", "ended.npz", *small]) == 2
     assert "not before the end" in capsys.readouterr().err

@@ -92,7 +92,7 @@ def _check_step(spec: SceneSpec, arguments: argparse.Namespace, goal: Goal, foun
 def _line(name: str, value: object) -> str:
     if isinstance(value, list):
         value = ", ".join(map(str, value)) or "none"
-    return f"  {name.replace('_', ' '):28s}{'not said' if value is None else value}"
+    return f"  {name.replace('_', ' '):34s}{'not said' if value is None else value}"
 
 
 def _plan(spec: SceneSpec, asked: str, needed: Estimate) -> str:

@@ -117,7 +117,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
         f"memory     {_bytes(found['field_bytes'])} in fields",
         *(f"           {name:20s}{_bytes(size)}" for name, size in found["fields"].items()),
         f"step       {_seconds(found['seconds_per_step'])} (half of the timings within {_seconds(found['spread'])})",
-        *(f"           {row['effect']:20s}{_share(row)} of it" for row in found["shares"]),
+        *(f"           {row['effect']:20s}{_share(row, ' of it')}" for row in found["shares"]),
         "absent     what each would add to a step",
         *(f"           {row['effect']:20s}{_share(row)}" for row in found["absent"]),
         *(f"{'timeline' if not n else '':11s}{phase_line(phase)}" for n, phase in enumerate(found["timeline"])),
@@ -133,10 +133,11 @@ def _is_too_large(found: dict[str, Any]) -> bool:
     return bool(found["spring_count"]) and "zero_frequency_modes" not in found
 
 
-def _share(row: dict[str, Any]) -> str:
-    if abs(row["share"]) <= row["noise"]:
+def _share(row: dict[str, Any], of_what: str = "") -> str:
+    """What an effect takes; less than nothing is noise, however sure of it the timings look."""
+    if row["share"] <= row["noise"]:
         return f"not measurable (timings differ by {100 * row['noise']:.0f} %)"
-    return f"{100 * row['share']:.0f} % ± {100 * row['noise']:.0f} %, {_seconds(row['seconds'])}"
+    return f"{100 * row['share']:.0f} % ± {100 * row['noise']:.0f} %, {_seconds(row['seconds'])}{of_what}"
 
 
 def _seconds(value: float) -> str:

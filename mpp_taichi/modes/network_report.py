@@ -120,7 +120,8 @@ def note(found: Mapping[str, Any]) -> str:
 
 
 def network_lines(found: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Heads and texts of the lines of a summary."""
+    """Heads and texts of the lines of a summary; once a timeline has changed the scene, they are of the time before."""
+    before = "as the run began: " if found.get("phases") else ""
     damping = found.get("predicted_damping", ())
     rows = [("" if number else "damping", _damping_text(row)) for number, row in enumerate(damping)]
     if "zero_frequency_modes" in found:
@@ -129,7 +130,7 @@ def network_lines(found: Mapping[str, Any]) -> list[tuple[str, str]]:
         rows.append(("springs", f"{_count(vibrating, 'mode')} of vibration{span}; {_zeros(found)}"))
     if least := found.get("zero_frequency_modes_least"):
         rows.append(("springs", f"at least {_count(least, 'mode')} of zero frequency: so many more freedoms than springs"))
-    return rows
+    return [(head, before + text) for head, text in rows]
 
 
 def _zeros(found: Mapping[str, Any]) -> str:

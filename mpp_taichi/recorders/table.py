@@ -35,6 +35,8 @@ class TableRecorder:
     center_of_mass_error    distance of the centre of mass from uniform motion, over the radius of the system at the start,
                             or over its own largest way where the system is a point
 
+    Where an external force acts or a particle is held (`conserves_momentum` is False), the last three are changes, not errors.
+
     With an energy balance also energy_balance_error, |E + D − W − E₀| over the largest kinetic energy, dissipated energy D or
     |work| W of the whole run, or over its largest kinetic + |potential| where that is all rounding.
     """
@@ -76,7 +78,8 @@ class TableRecorder:
                 self._remember_start(simulation)
             if not self.rows or simulation.phase_number != self._phase_number:
                 self._remember_energy(simulation, row)
-            self.rows.append({**row, **self._errors(row), "conserves_energy": simulation.conserves_energy})
+            kept = {"conserves_energy": simulation.conserves_energy, "conserves_momentum": simulation.conserves_momentum}
+            self.rows.append({**row, **self._errors(row), **kept})
 
     def finish(self, simulation: "Simulation") -> None:
         """Take the last sample, unless that was just done."""

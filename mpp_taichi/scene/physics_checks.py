@@ -12,6 +12,8 @@ from mpp_taichi.snapshot import Snapshot
 
 LARGEST_COORDINATE = 1e100
 """Positions, velocities: their squares and cubes must stay finite."""
+LARGEST_RATE = 1e60
+"""Stiffness and damping over mass: their fourth powers, in the matrix of a step of fourth order, must stay finite."""
 _PROPORTIONAL_TO_MASS = {"newtonian_gravity", "uniform_gravity"}
 _NEEDS_NO_MASS_WITHOUT_CHARGE = {"coulomb"}
 Fault = tuple[Location, str]
@@ -20,7 +22,7 @@ Fault = tuple[Location, str]
 def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *, moved: bool = False) -> None:
     """Raise SceneError with every arrangement that cannot be run; nothing that depends on the places when they have `moved`."""
     found: list[Fault] = []
-    for check in (_numbers, _masses) if moved else (_numbers, _masses, _coincidences, _center_of_mass):
+    for check in (_numbers, _masses, _rates) if moved else (_numbers, _masses, _rates, _coincidences, _center_of_mass):
         found += check(spec, snapshot, layout)
     lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]
     if len(found) > len(lines):
@@ -69,6 +71,23 @@ def _masses(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iter
     others = sorted(forces - _PROPORTIONAL_TO_MASS - _NEEDS_NO_MASS_WITHOUT_CHARGE)
     for index in _first_of_each_entry(layout, massless & bool(others)):
         yield _at(layout, index, f"has no mass, must have one above 0 where {', '.join(others)} acts")
+
+
+def _rates(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    """Particles too light for their springs or their drag: no step resolves their motion, and its rate overflows."""
+    drag = sum(entry.parameters["coefficient"] for entry in spec.forces if entry.name == "linear_drag")
+    moves = np.any(snapshot.free, axis=1) & (snapshot.mass > 0.0)
+    for what, each, coefficient in (
+        ("a spring of the stiffness", snapshot.springs.between, snapshot.springs.stiffness),
+        ("a spring of the damping", snapshot.springs.between, snapshot.springs.damping),
+        ("a drag of the coefficient", np.arange(snapshot.particle_count)[:, None], np.full(snapshot.particle_count, drag)),
+    ):
+        largest = np.zeros(snapshot.particle_count)
+        np.maximum.at(largest, each.astype(np.int64), coefficient[:, None])
+        too_light = moves & ~(largest / LARGEST_RATE <= snapshot.mass)
+        for index in _first_of_each_entry(layout, too_light):
+            masses = f"has the mass {snapshot.mass[index]:g} under {what} {largest[index]:g}"
+            yield _at(layout, index, f"{masses}, their ratio must be at most {LARGEST_RATE:g}")
 
 
 def _coincidences(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:

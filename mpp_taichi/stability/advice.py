@@ -62,6 +62,10 @@ class StepAdvice:
     @property
     def decided_by(self) -> str:
         """Where the limit comes from."""
+        if self.is_unlimited:
+            return "the method, which takes every step"
+        if not self.network.swings:
+            return "the damping alone"
         if not self.network.converged:
             return "a bound of the frequency: its iteration did not converge"
         if self.limit == self.safe_limit:

@@ -31,7 +31,7 @@ class Network:
         """Keep what is asked; everything is computed when it is wanted."""
         self.spec, self.snapshot = spec, snapshot
         self.drag = sum(float(force.parameters["coefficient"]) for force in spec.forces if force.name == "linear_drag")
-        self._swings = bool(snapshot.springs.stiffness.any())
+        self.swings = bool(snapshot.springs.stiffness.any())
         self._decays = bool(snapshot.springs.damping.any()) or self.drag > 0.0
 
     @cached_property
@@ -48,17 +48,17 @@ class Network:
     @property
     def is_still(self) -> bool:
         """Whether there is nothing that could limit a step."""
-        return not (self._swings or self._decays)
+        return not (self.swings or self._decays)
 
     @property
     def converged(self) -> bool:
         """Whether the iterations gave an answer; otherwise the bounds stand in for it."""
-        return (not self._swings or self.stiffness.converged) and (not self._decays or self.damping.converged)
+        return (not self.swings or self.stiffness.converged) and (not self._decays or self.damping.converged)
 
     @cached_property
     def frequency(self) -> float:
         """Largest angular frequency as placed, with the error of the iteration added; the bound where it failed [1/time]."""
-        if not self._swings:
+        if not self.swings:
             return 0.0
         found = math.sqrt(max(self.stiffness.upper, 0.0))
         return min(found, self.frequency_bound) if self.stiffness.converged else self.frequency_bound
@@ -67,7 +67,7 @@ class Network:
     def frequency_bound(self) -> float:
         """What the largest frequency cannot exceed in any arrangement of the same particles and springs [1/time]."""
         springs = self.snapshot.springs
-        return math.sqrt(row_sum_bound(self.snapshot, self.spec.dimensions, springs.stiffness)) if self._swings else 0.0
+        return math.sqrt(row_sum_bound(self.snapshot, self.spec.dimensions, springs.stiffness)) if self.swings else 0.0
 
     @cached_property
     def damping_bound(self) -> float:
@@ -85,11 +85,11 @@ class Network:
         if not self.converged:
             return self.anywhere
         rates = []
-        if self._swings:
+        if self.swings:
             damping = self._quotient(self.damping, self.stiffness) if self._decays else 0.0
             rates.append(Rates(self.frequency, max(damping, 0.0)))
         if self._decays:
-            square = self._quotient(self.stiffness, self.damping) if self._swings else 0.0
+            square = self._quotient(self.stiffness, self.damping) if self.swings else 0.0
             rates.append(Rates(math.sqrt(max(square, 0.0)), min(self.damping.upper, self.damping_bound)))
         return rates
 
@@ -102,7 +102,7 @@ class Network:
 
     def stiffest_spring(self) -> int | None:
         """The spring that holds most of the energy of the fastest mode; None without springs that swing."""
-        if not self._swings:
+        if not self.swings:
             return None
         if self.stiffness.converged:
             weights = self.stiffness.bonds.shares(self.stiffness.vector)
