@@ -7,12 +7,12 @@ from mpp_taichi.scene.spec import Expectation
 
 # What every run measures anyway, without a diagnostic of that name.
 SUMMARY_QUANTITIES = {
-    "relative_energy_error_max": "largest |E − E₀| / |E₀| of the run, work of dissipative forces left out of no account",
+    "relative_energy_error_max": "largest change of the total energy, relative to that at the start; friction and drives count",
     "conserved_energy_error_max": "the same, of those phases of a timeline in which every force has a potential",
-    "momentum_error_max": "largest change of the total momentum, relative to Σ m |v|",
-    "angular_momentum_error_max": "largest change of the total angular momentum, relative to Σ m |r × v|",
+    "momentum_error_max": "largest change of the total momentum, relative to Σ of the sizes of m v",
+    "angular_momentum_error_max": "largest change of the total angular momentum, relative to Σ of the sizes of r × m v",
     "center_of_mass_error_max": "largest distance of the centre of mass from uniform motion, relative to the system's size",
-    "energy_balance_error_max": "largest |E + dissipated − work − E₀|, relative to the energy turned over",
+    "energy_balance_error_max": "largest change of energy + dissipated − work, relative to the energy turned over",
     "dissipated_energy": "energy that drag and the damping of springs took out",
     "work": "work of driving forces",
     "steps": "steps done",
