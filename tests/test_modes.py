@@ -20,7 +20,7 @@ from mpp_taichi.modes.lattice_theory import NoTheoryError, lattice_theory
 from mpp_taichi.modes.linear_network import linearise
 from mpp_taichi.modes.mode_set import find_modes
 from mpp_taichi.modes.network_report import network_facts, note
-from mpp_taichi.modes.numerical_damping import predicted_damping
+from mpp_taichi.modes.predicted_damping import predicted_damping
 from mpp_taichi.modes.spectrum import spectrum
 from mpp_taichi.recorders import _mode_plot
 from mpp_taichi.recorders.modes import ModeRecorder

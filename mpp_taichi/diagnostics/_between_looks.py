@@ -3,6 +3,7 @@
 import math
 
 from mpp_taichi.component import Particle
+from mpp_taichi.hermite import crossing, cubic
 from mpp_taichi.snapshot import Snapshot
 
 AXES = ("x", "y", "z")
@@ -47,18 +48,13 @@ class Track:
 
     def value(self, s: float) -> float:
         """The cubic at the part s in 0…1 of the time between the two looks."""
-        (begin, x0, v0), (end, x1, v1) = self.looks
-        rise, h = s * s * (3.0 - 2.0 * s), end - begin
-        return (1.0 - rise) * x0 + rise * x1 + h * s * (1.0 - s) * ((1.0 - s) * v0 - s * v1)
+        (begin, *before), (end, *after) = self.looks
+        return cubic(s, end - begin, (before[0], before[1]), (after[0], after[1]))
 
     def first_crossing(self, level: float) -> float:
-        """Time between the looks at which the value passes a level that lies between theirs; by bisection, to the last bit."""
-        (begin, x0, _), (end, _, _) = self.looks
-        low, high = 0.0, 1.0
-        while high - low > 1e-15:
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if (self.value(middle) < level) == (x0 < level) else (low, middle)
-        return begin + high * (end - begin)
+        """Time between the looks at which the value passes a level that lies between theirs."""
+        (begin, *before), (end, *after) = self.looks
+        return crossing(begin, end, (before[0], before[1]), (after[0], after[1]), level=level)
 
     def lowest(self) -> float:
         """Smallest value between the looks."""

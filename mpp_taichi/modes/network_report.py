@@ -7,7 +7,7 @@ import numpy as np
 
 from mpp_taichi.modes.linear_network import LinearNetwork, linearise
 from mpp_taichi.modes.mode_set import placed_at_rest
-from mpp_taichi.modes.numerical_damping import predicted_damping
+from mpp_taichi.modes.predicted_damping import predicted_damping
 from mpp_taichi.modes.spectrum import MOST_FREEDOMS, Spectrum, spectrum
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
