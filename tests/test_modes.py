@@ -18,7 +18,7 @@ from mpp_taichi.expectations import Watcher
 from mpp_taichi.modes.frequency_meter import FrequencyMeter
 from mpp_taichi.modes.lattice_theory import NoTheoryError, lattice_theory
 from mpp_taichi.modes.linear_network import linearise
-from mpp_taichi.modes.mode_set import find_modes
+from mpp_taichi.modes.mode_set import ModeError, find_modes
 from mpp_taichi.modes.network_report import network_facts, note
 from mpp_taichi.modes.predicted_damping import predicted_damping
 from mpp_taichi.modes.spectrum import spectrum
@@ -29,6 +29,8 @@ from mpp_taichi.scene.spec import ModesSpec
 from mpp_taichi.snapshot import Snapshot, Springs
 
 EPS = np.finfo(float).eps
+
+SCENES = Path(__file__).parents[1] / "scenes"
 
 
 def network_of(position, links, *, held=(), mass=None, stiffness=10.0, rest=None, dimensions=3):
@@ -516,3 +518,13 @@ def test_the_highest_frequency_of_a_network_too_large_to_solve_is_the_one_that_i
     # Leapfrog turns by 2 asin(ω dt/2) a step.
     (row,) = [each for each in told["predicted_damping"] if each["at"] == "highest"]
     assert row["relative_frequency_error"] == pytest.approx(math.asin(0.015) / 0.015 - 1.0, rel=1e-6)
+
+
+def test_pairs_of_numbers_without_a_lattice_mean_the_only_one():
+    spec = load_scene(SCENES / "membrane.yaml")
+    named = find_modes(spec, assemble(spec), of="sheet", show=[(1, 1, 1), (2, 1, 1), (1, 2, 1)])
+    unnamed = find_modes(spec, assemble(spec), show=[(1, 1, 1), (2, 1, 1), (1, 2, 1)])
+    assert [mode.label for mode in unnamed.modes] == [mode.label for mode in named.modes]
+    pendulum = load_scene(SCENES / "double_pendulum.yaml")
+    with pytest.raises(ModeError, match="of: must name one"):
+        find_modes(pendulum, assemble(pendulum), show=[(1, 2, 1)])

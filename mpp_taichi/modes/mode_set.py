@@ -107,9 +107,12 @@ def find_modes(
         raise ModeError("modes: the scene has no springs")
     placed = placed_at_rest(spec, start)
     lattices = layout_of(spec).lattices
-    if of is None and not show and len(lattices) == 1:
+    pairs = [list(numbers) for numbers in show if max(numbers[1:]) > 1]  # these count along the axes of a lattice
+    if of is None and (pairs or not show) and len(lattices) == 1:
         (only,) = lattices  # its modes go without saying
         of = only if along or _across(lattices[only], spec.dimensions) is not None else None
+    if of is None and pairs:
+        raise ModeError(f"modes: {pairs[0]} counts along the axes of a lattice, so of: must name one")
     if of is None:
         return _by_number(linearise(placed, dimensions=spec.dimensions), show)
     direction = "xyz".index(along) if along else _across(lattices[of], spec.dimensions)

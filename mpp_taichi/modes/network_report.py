@@ -13,6 +13,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 QUICK_FREEDOMS = 200
+SLOWEST = 1e-7  # of the other frequencies: below, a motion of mechanisms and the rounding of their stiffness
 """A start may look at the whole spectrum of so many freedoms: some 10 ms."""
 QUICK_SPRINGS = 20_000
 """A start may linearise so many springs: 20 ms."""
@@ -52,7 +53,7 @@ def network_facts(
         if highest:
             found["highest_angular_frequency"] = frequencies["highest"] = highest
     excited = _excited(network, start)
-    if excited > 0.0:
+    if excited > SLOWEST * max(frequencies.values(), default=0.0):
         frequencies["excited"] = excited
     order = [name for name in ("lowest", "excited", "highest") if name in frequencies]
     return found | {"predicted_damping": [_damping(name, frequencies[name], amplification, dt) for name in order]}
