@@ -55,9 +55,10 @@ def _keys() -> Iterator[str]:
 def _specs() -> Iterator[str]:
     definitions = scene_schema()["$defs"]
     for key, name in SPECS.items():
-        yield f"\n### `{key}:`\n\n{_first_line(definitions[name]['description'])}\n\n| key | default |\n|---|---|"
+        yield f"\n### `{key}:`\n\n{_first_line(definitions[name]['description'])}\n\n| key | default | meaning |\n|---|---|---|"
         for entry, described in definitions[name]["properties"].items():
-            yield f"| `{entry}` | {_shown(described.get('default'))} |"
+            default = "**required**" if entry in definitions[name].get("required", ()) else _shown(described.get("default"))
+            yield f"| `{entry}` | {default} | {described.get('description', '')} |"
 
 
 def _components() -> Iterator[str]:

@@ -34,7 +34,9 @@ class CameraSpec:
     look_at: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="middle of the picture")] = None
     up: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="direction that is up")] = None
     field_of_view: Annotated[float, Number(minimum=1.0, maximum=170.0), Field(description="vertical, degrees")] = 45.0
-    projection: Annotated[str, Text(("perspective", "orthographic"))] = "perspective"
+    projection: Annotated[str, Text(("perspective", "orthographic")), Field(description="perspective or orthographic")] = (
+        "perspective"
+    )
     height: Annotated[float | None, Number(above=0.0), Field(description="of an orthographic picture [length]")] = None
 
 
@@ -44,7 +46,7 @@ class ViewSpec:
 
     __pydantic_config__ = _CLOSED
     camera: Annotated[CameraSpec, Field(description="where the picture is taken from")] = field(default_factory=CameraSpec)
-    background: Annotated[tuple[float, float, float], _COLOR] = (0.02, 0.02, 0.05)
+    background: Annotated[tuple[float, float, float], _COLOR, Field(description="red, green, blue in 0…1")] = (0.02, 0.02, 0.05)
     radius_scale: Annotated[float, Number(above=0.0), Field(description="of the spheres, display only")] = 1.0
     minimum_pixels: Annotated[float, Number(minimum=0.0), Field(description="smallest radius of a sphere")] = 1.5
     spring_width: Annotated[float, Number(above=0.0, maximum=100.0), Field(description="pixels")] = 2.0
