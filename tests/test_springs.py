@@ -149,10 +149,10 @@ def test_springs_between_the_same_particles_add():
 def test_coincident_ends_exert_nothing_on_one_another_until_something_parts_them(caplog):
     """Alone, they fly on together for ever, to the last bit, with their spring fully compressed."""
     pair = [{"body": {"mass": m, "position": [1, 2, 3], "velocity": [0.25, 0, -0.5]}} for m in (1.0, 5.0)]
-    springs = [{"link": {"between": [0, 1], "stiffness": 1e6, "rest_length": 1.0, "damping": 0.5}}]
+    springs = [{"link": {"between": [0, 1], "stiffness": 1e2, "rest_length": 1.0, "damping": 0.5}}]
     scene = hard_networks.with_integrator({"particles": pair, "springs": springs}, "leapfrog", 1 / 64)
     with caplog.at_level(logging.WARNING), Simulation(scene, backend="cpu", precision="f64") as simulation:
-        assert simulation.diagnostics()["potential_energy"] == 5e5
+        assert simulation.diagnostics()["potential_energy"] == 50.0
         end = simulation.run(steps=64_000).snapshot()
     assert [("same place" in record.getMessage()) for record in caplog.records] == [True]
     assert end.position.tolist() == [[251, 2, -497], [251, 2, -497]]
