@@ -196,7 +196,7 @@ class Motion:
     @property
     def conserves_energy(self) -> bool:
         """Whether every force has a potential, so that energy may be asked to stay."""
-        return all(force.conserves_energy for force in self.total_force.forces)
+        return self.total_force.conserves_energy
 
     @property
     def conserves_momentum(self) -> bool:
@@ -208,11 +208,8 @@ class Motion:
 
     @property
     def gains_no_energy(self) -> bool:
-        """Whether every force has a potential or brakes, so that energy may be asked not to grow.
-
-        What has no potential and depends on velocity is taken for a brake; what has none and does not, for a drive.
-        """
-        return all(force.conserves_energy or force.depends_on_velocity for force in self.total_force.forces)
+        """Whether energy may be asked not to grow."""
+        return self.total_force.gains_no_energy
 
     def _require_life(self) -> None:
         if self._closed or not backends.is_alive(self.device):

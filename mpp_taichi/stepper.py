@@ -51,24 +51,17 @@ class Stepper:
     def prepare(self, time: float) -> None:
         """Compute the force that the first step expects to find, after the state was set from outside."""
         if self.integrator.implicit:
-            self._prepare_implicit(time)
-        elif self.integrator.keeps_force:
-            if self.plan == "parallel":
-                self.launch_force(self.total_force, time)
-            else:
-                self._prepare_replicas(self.total_force, time)
-
-    def _prepare_implicit(self, time: float) -> None:
-        self.integrator.fill(self.state)
-        for field in (self.state.history_dt, self.state.unsolved):
-            field.fill(0)
+            self.integrator.fill(self.state)
+            for field in (self.state.history_dt, self.state.unsolved):
+                field.fill(0)
         if self.integrator.keeps_force:
             force = self.integrator.starting_force(self.total_force)
             if self.plan == "parallel":
                 self.launch_force(force, time)
             else:
                 self._prepare_replicas(force, time)
-            self._start_implicit(force, time)
+            if self.integrator.implicit:
+                self._start_implicit(force, time)
 
     def advance(self, time: float, dt: float, steps: int, meter: Any = None) -> None:
         """Advance by `steps` steps of `dt` from `time`; a `meter` of powers looks on after each of them."""

@@ -53,6 +53,19 @@ class TotalForce:
         self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
 
     @property
+    def conserves_energy(self) -> bool:
+        """Whether every force has a potential, so that energy may be asked to stay."""
+        return all(force.conserves_energy for force in self.forces)
+
+    @property
+    def gains_no_energy(self) -> bool:
+        """Whether every force has a potential or brakes, so that energy may be asked not to grow.
+
+        What has no potential and depends on velocity is taken for a brake; what has none and does not, for a drive.
+        """
+        return all(force.conserves_energy or force.depends_on_velocity for force in self.forces)
+
+    @property
     def needs(self) -> frozenset:
         """Union of what the forces need."""
         return frozenset().union(*(force.needs for force in self.forces))

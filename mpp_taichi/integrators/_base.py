@@ -45,6 +45,10 @@ class Integrator:
         """Fields beyond those, by name: kind and count for each replica (see State)."""
         return {}
 
+    def starting_force(self, total_force: Any) -> Any:
+        """The forces that a step with `keeps_force` expects to find, after the state was set from outside."""
+        return total_force
+
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """Matrix of one step for the oscillator x" = −ω² x − γ x′, in x and dt·v; frequency = ω dt, damping = γ dt.
 

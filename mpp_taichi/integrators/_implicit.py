@@ -60,10 +60,6 @@ class Implicit(Integrator):
         """The forces of the equation that is solved: all of them."""
         return total_force
 
-    def starting_force(self, total_force: Any) -> Any:
-        """The forces that `start` wants to know."""
-        return total_force
-
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
         """Choose the linear solver; say which fields it all needs."""
         part = self.implicit_part(total_force)
@@ -72,9 +68,8 @@ class Implicit(Integrator):
         own = ("position", "velocity", *self.extra_vectors)
         vectors = {name: ("vector", start.particle_count) for name in (*self.extra_vectors, *(f"start_{name}" for name in own))}
         sums = sum_fields(start.particle_count) if plan == "parallel" else {}
-        forces = total_force.forces
-        only_damped = all(force.conserves_energy or force.depends_on_velocity for force in forces)
-        self.guards_energy = self.never_gains_energy and only_damped and bool(total_force.bonds) and not total_force.has_pairs
+        watched = total_force.gains_no_energy and bool(total_force.bonds) and not total_force.has_pairs
+        self.guards_energy = self.never_gains_energy and watched
         self.memory = (*self.extra_vectors, "history_dt")
         self.guard_room = GUARD_ROOM[ti.lang.impl.current_cfg().default_fp]
         return {**self.newton.fields(), **vectors, **sums, "history_dt": ("scalar", 1)}

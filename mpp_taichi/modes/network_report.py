@@ -13,8 +13,8 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 QUICK_FREEDOMS = 200
-SLOWEST = 1e-7  # of the other frequencies: below, a motion of mechanisms and the rounding of their stiffness
 """A start may look at the whole spectrum of so many freedoms: some 10 ms."""
+SLOWEST = 1e-7  # of the other frequencies: below, a motion of mechanisms and the rounding of their stiffness
 QUICK_SPRINGS = 20_000
 """A start may linearise so many springs: 20 ms."""
 SHOWN_FREQUENCIES = 4
