@@ -1,5 +1,6 @@
 """State: the device fields of a simulation, allocated only for what some effect of the scene needs."""
 
+import copy
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
@@ -104,6 +105,13 @@ class State:
                 self._work(name, *work[name], layout)
             self._trees.append(self._builder.finalize())
         self._fill(snapshot, needs, host)
+        self.moving_as_scratch = tuple(self._moving_as(field) for field in self.scratch)
+
+    def _moving_as(self, velocity: Any) -> "State":
+        """The same fields, but another for the velocities: what forces are to see on the way through a step."""
+        result = copy.copy(self)
+        result.velocity = velocity
+        return result
 
     def _vector(self, layout: Any) -> Any:
         result = ti.Vector.field(self.dimensions, float)

@@ -85,6 +85,10 @@ class Stepper:
         elif self.launches_stages:
             for s in range(steps):
                 self._launch_stages(time + s * dt, dt)
+        elif self.integrator.joins_steps(self.total_force):
+            self._open(time, dt)
+            for s in range(steps):
+                self._step_on(time + s * dt, dt, int(s + 1 < steps))
         else:
             for s in range(steps):
                 self._advance_parallel(time + s * dt, dt)
@@ -98,10 +102,11 @@ class Stepper:
             return 0
         if self.integrator.implicit:
             return None
-        damped = self.total_force.depends_on_velocity
         force = 1 + (1 + self.state.has_fixed_axes if self.total_force.has_pairs else 0)
-        return self.integrator.evaluations * force + sum(
-            self.integrator.loops(k, damped) for k in range(self.integrator.evaluations + 1)
+        sums = self.integrator.evaluations if self.integrator.wants_sum(self.total_force) else 0
+        opening = 1 if self.integrator.joins_steps(self.total_force) else 0
+        return sums * force + sum(
+            self.integrator.loops(k, self.total_force) for k in range(opening, self.integrator.evaluations + 1)
         )
 
     def loop_iterations_per_step(self) -> int:
@@ -127,6 +132,14 @@ class Stepper:
     @ti.kernel
     def _advance_parallel(self, time: float, dt: float):
         self.integrator.step(self.state, self.total_force, 0, time, dt, "parallel")
+
+    @ti.kernel
+    def _open(self, time: float, dt: float):
+        self.integrator.stage(self.state, self.total_force, 0, time, dt, 0)
+
+    @ti.kernel
+    def _step_on(self, time: float, dt: float, opens: ti.i32):
+        self.integrator.step_on(self.state, self.total_force, 0, time, dt, "parallel", True, opens)
 
     @ti.kernel
     def _advance_replicas(self, time: float, dt: float, steps: ti.i32):

@@ -51,6 +51,7 @@ class TotalForce:
         others = [force for force in forces if not isinstance(force, PairForce) and not force.depends_on_velocity]
         self.sets_pairs = self.has_pairs and not others and self.pairs.sets_directly
         self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
+        self.has_velocity_independent = any(not force.depends_on_velocity for force in forces)
 
     @property
     def conserves_energy(self) -> bool:
@@ -79,16 +80,45 @@ class TotalForce:
         result = ti.Vector.zero(float, state.dimensions)
         for force in ti.static(self.external):
             if ti.static(force.depends_on_velocity == velocity_dependent):
-                result += force.accelerate(state, i, time)
+                result += force.accelerate(state, i, state.velocity[i], time)
         for bond in ti.static(self.bonds):
             if ti.static(bond.depends_on_velocity == velocity_dependent):
-                result += self.row_sum(state, first, i, bond) * (1.0 / state.mass[i])
+                result += self.row_sum(state, first, i, bond, False) * (1.0 / state.mass[i])
         if ti.static(state.has_fixed_axes):
             result = ti.select(state.free[i] != 0.0, result, 0.0)  # a product would make NaN of a held particle's F/0
         return result
 
     @ti.func
-    def row_sum(self, state: Template, first, i, bond: Template):
+    def acceleration_gained(self, state: Template, slopes: Template, h, first, i, time):
+        """How the acceleration of particle i changes when all velocities change by h times those of the state `slopes`.
+
+        Springs are asked for their friction alone, which is linear in velocity: they need neither stiffness nor length.
+        """
+        result = ti.Vector.zero(float, state.dimensions)
+        for force in ti.static(self.external):
+            if ti.static(force.depends_on_velocity):
+                before = state.velocity[i]
+                after = before + h * slopes.velocity[i]
+                result += force.accelerate(state, i, after, time) - force.accelerate(state, i, before, time)
+        for bond in ti.static(self.bonds):
+            if ti.static(bond.depends_on_velocity):
+                result += self.row_sum(slopes, first, i, bond, True) * (h / state.mass[i])
+        if ti.static(state.has_fixed_axes):
+            result = ti.select(state.free[i] != 0.0, result, 0.0)
+        return result
+
+    @ti.func
+    def half_spring(self, state: Template, i, j, h, bond: Template, friction: Template):
+        """Its force on particle i, or the friction alone."""
+        result = ti.Vector.zero(float, state.dimensions)
+        if ti.static(friction):
+            result += bond.friction(state, i, j, h)
+        else:
+            result += bond.force(state, i, j, h)
+        return result
+
+    @ti.func
+    def row_sum(self, state: Template, first, i, bond: Template, friction: Template):
         """Force on particle i from its half-springs: four at a time, each lane with a sum of its own, then the rest.
 
         LLVM makes vector instructions of the four, square roots and divisions above all. The order depends on the row alone.
@@ -100,13 +130,14 @@ class TotalForce:
         for block in range(blocks):
             h = begin + block * ROW_LANES
             forces = [
-                bond.force(state, i, first + state.spring_neighbor[h + lane], h + lane) for lane in ti.static(range(ROW_LANES))
+                self.half_spring(state, i, first + state.spring_neighbor[h + lane], h + lane, bond, friction)
+                for lane in ti.static(range(ROW_LANES))
             ]
             for axis in ti.static(range(state.dimensions)):
                 lanes[axis] += ti.Vector([forces[lane][axis] for lane in ti.static(range(ROW_LANES))])
         total = ti.Vector([lanes[axis].sum() for axis in ti.static(range(state.dimensions))])
         for h in range(begin + blocks * ROW_LANES, end):
-            total += bond.force(state, i, first + state.spring_neighbor[h], h)
+            total += self.half_spring(state, i, first + state.spring_neighbor[h], h, bond, friction)
         return total
 
     @ti.func
@@ -148,7 +179,7 @@ class TotalForce:
             if ti.static(not force.conserves_energy):
                 # A particle without mass may be here only if it is held, and then no force works on it.
                 if state.mass[i] > 0.0:
-                    acceleration = force.accelerate(state, i, time)
+                    acceleration = force.accelerate(state, i, state.velocity[i], time)
                     power = ti.cast(0.0, state.wide)
                     for k in ti.static(range(state.dimensions)):
                         power += ti.cast(acceleration[k], state.wide) * ti.cast(state.velocity[i][k], state.wide)

@@ -9,10 +9,11 @@ import pytest
 
 from mpp_taichi import Simulation, component
 from mpp_taichi.snapshot import Snapshot
-from scenes import cluster, everything, kepler
+from scenes import cluster, everything, irregular_network, kepler
 
 PRECISIONS = {"f32": 2.0**-24, "f64": 2.0**-53}
 INTEGRATORS = component.names("integrators")
+SPLITTINGS = [name for name in INTEGRATORS if component.declaration("integrators", name).base == "Splitting"]
 
 
 def end_of(scene, *, steps=200, **options):
@@ -55,6 +56,24 @@ def test_vulkan_agrees_with_the_cpu_to_round_off(software_vulkan, precision, pla
         there = end_of(scene, backend="vulkan", precision=precision, plan=plan, steps=50)
         assert 0 < np.abs(here.position - Simulation(scene, backend="cpu").start.position).max()
         assert difference(here, there) <= growth(scene, 50, precision)
+
+
+@pytest.mark.parametrize("integrator", SPLITTINGS)
+@pytest.mark.parametrize("damping", [0.0, 0.3])
+def test_steps_of_one_launch_that_share_a_loop_give_the_bits_of_single_ones(integrator, damping):
+    scene = irregular_network(60, 150, damping=damping, integrator=integrator)
+    with Simulation(scene, backend="cpu", plan="parallel") as simulation:
+        simulation.run(steps=1)
+        start = simulation.mark()
+        simulation.stepper.advance(simulation.time, simulation.dt, 20)
+        together = simulation.snapshot()
+        simulation.return_to(start)
+        simulation.stepper.prepare(simulation.time)
+        for _ in range(20):
+            simulation.stepper.advance(simulation.time, simulation.dt, 1)
+        assert np.array_equal(simulation.snapshot().position, together.position)
+        assert np.array_equal(simulation.snapshot().velocity, together.velocity)
+        assert difference(simulation.start, together) > 0
 
 
 @pytest.mark.parametrize("dimensions", [2, 3])

@@ -22,8 +22,8 @@ class ExternalForce(Force):
     """A force that acts on each particle by itself."""
 
     @ti.func
-    def accelerate(self, state: Template, i, time):
-        """Acceleration of particle i at `time` [length / time²]."""
+    def accelerate(self, state: Template, i, velocity, time):
+        """Acceleration of particle i, should it have this velocity, at `time` [length / time²]."""
 
     @ti.func
     def damping_rate(self, state: Template, i, time):
@@ -62,11 +62,18 @@ class PairForce(Force):
 
 
 class BondForce(Force):
-    """A force along the springs of a scene; `h` counts half-springs, one for each end."""
+    """A force along the springs of a scene; `h` counts half-springs, one for each end.
+
+    What of it depends on velocity is linear in the velocity of j relative to i: `friction`.
+    """
 
     @ti.func
     def force(self, state: Template, i, j, h):
         """Force on particle i from the half-spring h that leads to j."""
+
+    @ti.func
+    def friction(self, state: Template, i, j, h):
+        """What of `force` depends on velocity. Asked for only where the force does."""
 
     @ti.func
     def stiffness(self, state: Template, i, j, h, length):

@@ -28,7 +28,7 @@ class HarmonicDrive(ExternalForce):
         return self.of is not None
 
     @ti.func
-    def accelerate(self, state: Template, i, time):
+    def accelerate(self, state: Template, i, velocity, time):
         """F₀ sin(ω t + φ) / m where particle i is driven."""
         result = ti.Vector.zero(float, state.dimensions)
         driven = 1

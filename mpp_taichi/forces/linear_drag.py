@@ -17,9 +17,9 @@ class LinearDrag(ExternalForce):
     depends_on_velocity = True
 
     @ti.func
-    def accelerate(self, state: Template, i, time):
+    def accelerate(self, state: Template, i, velocity, time):
         """−c v / m."""
-        return -(ti.cast(self.coefficient, float) / state.mass[i]) * state.velocity[i]
+        return -(ti.cast(self.coefficient, float) / state.mass[i]) * velocity
 
     @ti.func
     def damping_rate(self, state: Template, i, time):

@@ -55,6 +55,18 @@ class Spring(BondForce):
         return result
 
     @ti.func
+    def friction(self, state: Template, i, j, h):
+        """c (v_j − v_i)·n n, or c (v_j − v_i) where damping is full."""
+        approach = state.velocity[j] - state.velocity[i]
+        result = state.spring_damping[h] * approach
+        if ti.static(self.damping == "axial"):
+            separation = state.position[j] - state.position[i]
+            squared = separation.dot(separation)
+            along = state.spring_damping[h] * approach.dot(separation) / squared
+            result = ti.select(squared > 0.0, along, 0.0) * separation
+        return result
+
+    @ti.func
     def stiffness(self, state: Template, i, j, h, length):
         """D along, D (1 − L/|d|) across: less than nothing where the spring is compressed. Without a direction, D all round."""
         along = state.spring_stiffness[h]

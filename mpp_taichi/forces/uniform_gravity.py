@@ -15,7 +15,7 @@ class UniformGravity(ExternalForce):
     needs = frozenset({"mass"})
 
     @ti.func
-    def accelerate(self, state: Template, i, time):
+    def accelerate(self, state: Template, i, velocity, time):
         """Return g."""
         return ti.Vector([self.acceleration[k] for k in range(state.dimensions)], float)
 

@@ -57,9 +57,17 @@ class Integrator:
         """
         raise TypeError(f"{type(self).__name__} does not say how it treats an oscillator")
 
-    def loops(self, k: int, velocity_dependent: bool) -> int:
+    def loops(self, k: int, total_force: Any) -> int:
         """How many loops over particles stage k runs."""
         raise TypeError(f"{type(self).__name__} does not say how many loops it runs")
+
+    def wants_sum(self, total_force: Any) -> bool:
+        """Whether a stage finds the sum of the forces without velocity in state.acceleration; else it sums them itself."""
+        return total_force.has_velocity_independent
+
+    def joins_steps(self, total_force: Any) -> bool:
+        """Whether the last stage of a step and the opening one of the next can share a loop (`stage_and_opening`)."""
+        return False
 
     @ti.func
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
@@ -67,6 +75,10 @@ class Integrator:
 
         Works on the particles first … first + particle_count − 1. Never reads what another particle's entry is given here.
         """
+
+    @ti.func
+    def stage_and_opening(self, state: Template, total_force: Template, first, time: Template, dt: Template, opens):
+        """The last stage and, where it `opens` the next step, the opening one, to the same bits as one after the other."""
 
     @ti.func
     def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
@@ -79,6 +91,21 @@ class Integrator:
     def step(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
         """Advance from `time` to `time + dt`."""
         self.stage(state, total_force, first, time, dt, 0)
+        self.step_on(state, total_force, first, time, dt, shape, False, False)
+
+    @ti.func
+    def step_on(
+        self,
+        state: Template,
+        total_force: Template,
+        first,
+        time: Template,
+        dt: Template,
+        shape: Template,
+        joins: Template,
+        opens,
+    ):
+        """What comes after the opening stage; where steps are joined it also `opens` the next."""
         if ti.static(shape == "serial" and self.evaluations > 1):
             # The force is by far the most there is to compile, so the kernel holds it once and loops over the stages.
             for k in range(self.evaluations):
@@ -86,9 +113,14 @@ class Integrator:
                 for c in ti.static(range(self.evaluations)):
                     if k == c:
                         node = self.nodes[c]
-                total_force.accumulate(state, first, time + node * dt, shape)
+                if ti.static(self.wants_sum(total_force)):
+                    total_force.accumulate(state, first, time + node * dt, shape)
                 self.stage_after_force(state, total_force, first, time, dt, k + 1)
         else:
             for k in ti.static(range(self.evaluations)):
-                total_force.accumulate(state, first, time + self.nodes[k] * dt, shape)
-                self.stage(state, total_force, first, time, dt, k + 1)
+                if ti.static(self.wants_sum(total_force)):
+                    total_force.accumulate(state, first, time + self.nodes[k] * dt, shape)
+                if ti.static(joins and k == self.evaluations - 1):
+                    self.stage_and_opening(state, total_force, first, time, dt, opens)
+                else:
+                    self.stage(state, total_force, first, time, dt, k + 1)

@@ -52,7 +52,7 @@ class Implicit(Integrator):
         """None: its fields are work fields."""
         return 0
 
-    def loops(self, k: int, velocity_dependent: bool) -> int:
+    def loops(self, k: int, total_force: Any) -> int:
         """Unknown beforehand: it iterates."""
         return 0
 

@@ -1,5 +1,7 @@
 """Explicit Runge–Kutta methods: a tableau, and one step for all of them."""
 
+from typing import Any
+
 import numpy as np
 import taichi as ti
 
@@ -53,7 +55,7 @@ class RungeKutta(Integrator):
             slopes.append(oscillator @ stage)
         return stage
 
-    def loops(self, k: int, velocity_dependent: bool) -> int:
+    def loops(self, k: int, total_force: Any) -> int:
         """Remember the start; or take a slope, then move."""
         return 1 if k == 0 else 2
 
@@ -67,7 +69,9 @@ class RungeKutta(Integrator):
                 state.scratch_1[i] = state.velocity[i]
         else:
             for i in range(first, first + total_force.particle_count):
-                slope = state.acceleration[i]
+                slope = ti.Vector.zero(float, state.dimensions)
+                if ti.static(total_force.has_velocity_independent):
+                    slope += state.acceleration[i]
                 if ti.static(total_force.depends_on_velocity):
                     slope += total_force.local_acceleration(state, first, i, time + rows[k - 1][0] * dt, True)
                 state.scratch[1 + k][i] = slope

@@ -1,6 +1,7 @@
 """Splitting methods: a table of drifts and kicks, and one step for all of them."""
 
 import math
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -54,14 +55,14 @@ class Splitting(Integrator):
         return tuple(node for node, _kick, _drift in self.entries[1:])
 
     @property
-    def kick_rows(self) -> tuple:
-        """Weights of the slopes that give each velocity on the way through a damped kick, and last the one at its end."""
+    def kick_method(self) -> tuple:
+        """(way, end) of a damped kick: each velocity on its way is v + way × h × the slope before; `end` weighs all slopes."""
         a, b = KICK_METHODS[self.order]
-        return (*a, b)
+        return tuple(row[-1] for row in a[1:]), b
 
     def scratch_count(self, velocity_dependent: bool) -> int:
-        """Start velocities and slopes of the kick's own method."""
-        return 1 + len(KICK_METHODS[self.order][1]) if velocity_dependent else 0
+        """Slopes of the kick's own method; the last is used where it is found."""
+        return max(1, len(self.kick_method[1]) - 1) if velocity_dependent else 0
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """Product of the drifts and kicks; a kick multiplies v by the polynomial of its own method."""
@@ -75,27 +76,59 @@ class Splitting(Integrator):
             step = np.array([[1.0, drift], [0.0, 1.0]]) @ step
         return step
 
-    def loops(self, k: int, velocity_dependent: bool) -> int:
-        """One, or two for each stage of a kick that forces change on the way."""
+    def wants_sum(self, total_force: Any) -> bool:
+        """Only of pairs: a kick sums all other forces itself, and no field carries them from loop to loop."""
+        return total_force.has_pairs
+
+    def sums(self, k: int, total_force: Any) -> bool:
+        """Whether stage k sums the forces; the opening kick has those that the step before ended with."""
+        return k > 0 and not self.wants_sum(total_force)
+
+    def joins_steps(self, total_force: Any) -> bool:
+        """The last drift of a step and the first of the next are one loop, where a step begins and ends with one."""
+        return not (self.begins_with_kick or total_force.has_pairs) and self.drifts[0] != 0.0 and self.drifts[-1] != 0.0
+
+    def loops(self, k: int, total_force: Any) -> int:
+        """One for kick and drift, or for each slope of a damped kick; one more to drift after the others were looked at."""
         _node, kick, drift = self.entries[k]
-        if velocity_dependent and kick != 0.0:
-            return 2 * len(KICK_METHODS[self.order][1])
-        return 1 if kick != 0.0 or drift != 0.0 else 0
+        if kick == 0.0:
+            return 1 if drift != 0.0 else 0
+        if total_force.depends_on_velocity:
+            slopes = len(self.kick_method[1])
+            return slopes + (slopes == 1) + (drift != 0.0)
+        return 2 if drift != 0.0 and self.sums(k, total_force) else 1
 
     @ti.func
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
         """A kick and the drift after it; a coefficient of zero costs nothing."""
         node, kick, drift = ti.static(self.entries[k])
-        self.kick_and_drift(state, total_force, first, time + node * dt, dt, kick, drift, kick != 0.0, drift != 0.0)
+        sums = ti.static(self.sums(k, total_force))
+        if ti.static(kick != 0.0):
+            self.kick_and_drift(state, total_force, first, time + node * dt, kick * dt, drift * dt, sums, drift != 0.0)
+        elif ti.static(drift != 0.0):
+            self.drift(state, total_force, first, drift * dt)
 
     @ti.func
     def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
-        """The same with coefficients looked up while running: one copy of the code serves all stages."""
+        """A stage with coefficients looked up while running: one copy of the code serves all stages."""
         node, kick, drift = 0.0, 0.0, 0.0
         for c in ti.static(range(1, self.evaluations + 1)):
             if k == c:
                 node, kick, drift = self.entries[c]
-        self.kick_and_drift(state, total_force, first, time + node * dt, dt, kick, drift, True, True)
+        sums = ti.static(self.sums(1, total_force))
+        self.kick_and_drift(state, total_force, first, time + node * dt, kick * dt, drift * dt, sums, True)
+
+    @ti.func
+    def stage_and_opening(self, state: Template, total_force: Template, first, time: Template, dt: Template, opens):
+        """The last stage, and in the loop of its drift the one that opens the next step."""
+        node, kick, drift = ti.static(self.entries[-1])
+        self.kick_and_drift(state, total_force, first, time + node * dt, kick * dt, 0.0, True, False)
+        for i in range(first, first + total_force.particle_count):
+            velocity = state.velocity[i]
+            position = state.position[i] + drift * dt * velocity
+            if opens:
+                position += self.drifts[0] * dt * velocity
+            state.position[i] = position
 
     @ti.func
     def kick_and_drift(
@@ -104,47 +137,64 @@ class Splitting(Integrator):
         total_force: Template,
         first,
         time,
-        dt: Template,
-        kick: Template,
-        drift: Template,
-        has_kick: Template,
-        has_drift: Template,
+        kick_time: Template,
+        drift_time: Template,
+        sums: Template,
+        drifts: Template,
     ):
-        """v += kick·dt·a, then x += drift·dt·v, in one loop."""
-        if ti.static(total_force.depends_on_velocity and has_kick):
-            self.damped_kick(state, total_force, first, time, kick * dt, drift * dt, has_drift)
+        """v += kick time × a, then x += drift time × v; a is summed here, or found in state.acceleration."""
+        if ti.static(total_force.depends_on_velocity):
+            self.damped_kick(state, total_force, first, time, kick_time, sums)
+        elif ti.static(sums):
+            for i in range(first, first + total_force.particle_count):
+                acceleration = total_force.local_acceleration(state, first, i, time, False)
+                if ti.static(self.keeps_force):
+                    state.acceleration[i] = acceleration
+                state.velocity[i] = state.velocity[i] + kick_time * acceleration
         else:
             for i in range(first, first + total_force.particle_count):
-                if ti.static(has_kick):
-                    state.velocity[i] = state.velocity[i] + kick * dt * state.acceleration[i]
-                if ti.static(has_drift):
-                    state.position[i] = state.position[i] + drift * dt * state.velocity[i]
+                state.velocity[i] = state.velocity[i] + kick_time * state.acceleration[i]
+                if ti.static(drifts):
+                    state.position[i] = state.position[i] + drift_time * state.velocity[i]
+        # Positions that others look at during the kick move in a loop of their own.
+        if ti.static(drifts and (sums or total_force.depends_on_velocity)):
+            self.drift(state, total_force, first, drift_time)
 
     @ti.func
-    def damped_kick(
-        self,
-        state: Template,
-        total_force: Template,
-        first,
-        time: Template,
-        h: Template,
-        drift: Template,
-        has_drift: Template,
-    ):
-        """Solve v' = acceleration + f(v) over h at fixed positions, then drift; two loops for each slope."""
-        rows = ti.static(self.kick_rows)
-        for s in ti.static(range(len(rows) - 1)):
-            weights = ti.static(rows[s + 1])
+    def drift(self, state: Template, total_force: Template, first, drift_time: Template):
+        """x += drift time × v."""
+        for i in range(first, first + total_force.particle_count):
+            state.position[i] = state.position[i] + drift_time * state.velocity[i]
+
+    @ti.func
+    def damped_kick(self, state: Template, total_force: Template, first, time: Template, h: Template, sums: Template):
+        """Solve v' = a + f(v) over h at fixed positions, a loop for each slope; a does not depend on velocity.
+
+        The forces are summed once, for the first slope; the others differ from it by the friction of what v has gained.
+        """
+        way, end = ti.static(self.kick_method)
+        for s in ti.static(range(len(end))):
             for i in range(first, first + total_force.particle_count):
-                slope = total_force.local_acceleration(state, first, i, time, True)
-                state.scratch[1 + s][i] = state.acceleration[i] + slope
-            for i in range(first, first + total_force.particle_count):
+                slope = ti.Vector.zero(float, state.dimensions)
                 if ti.static(s == 0):
-                    state.scratch_0[i] = state.velocity[i]
-                velocity = state.scratch_0[i]
-                for k in ti.static(range(s + 1)):
-                    if ti.static(weights[k] != 0.0):
-                        velocity += h * weights[k] * state.scratch[1 + k][i]
-                state.velocity[i] = velocity
-                if ti.static(has_drift and s == len(rows) - 2):
-                    state.position[i] = state.position[i] + drift * velocity
+                    slope = total_force.local_acceleration(state, first, i, time, True)
+                    if ti.static(total_force.has_velocity_independent):
+                        if ti.static(sums):
+                            state.acceleration[i] = total_force.local_acceleration(state, first, i, time, False)
+                        slope = state.acceleration[i] + slope
+                else:
+                    gained = h * way[s - 1]
+                    slope = state.scratch[0][i] + total_force.acceleration_gained(
+                        state, state.moving_as_scratch[s - 1], gained, first, i, time
+                    )
+                if ti.static(s == len(end) - 1 and s > 0):
+                    velocity = state.velocity[i]
+                    for k in ti.static(range(s)):
+                        if ti.static(end[k] != 0.0):
+                            velocity += h * end[k] * state.scratch[k][i]
+                    state.velocity[i] = velocity + h * end[s] * slope
+                else:
+                    state.scratch[s][i] = slope  # its velocity stays, for others to see
+        if ti.static(len(end) == 1):
+            for i in range(first, first + total_force.particle_count):
+                state.velocity[i] = state.velocity[i] + h * state.scratch[0][i]
