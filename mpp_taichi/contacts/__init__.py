@@ -1,0 +1,1 @@
+"""Contacts of hard spheres, one solver per file."""

@@ -1,0 +1,1 @@
+"""Walls: what encloses the particles, one kind per file."""
