@@ -8,6 +8,8 @@ from typing import Any
 from mpp_taichi import backends, component, plans
 from mpp_taichi.assemble import assemble
 from mpp_taichi.backends import Device
+from mpp_taichi.contact_setup import contact_setup
+from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.errors import BackendError, CapacityError
 from mpp_taichi.scene.estimate import LARGEST_COUNT, available_bytes
 from mpp_taichi.scene.spec import SceneSpec
@@ -30,7 +32,7 @@ class Phase:
     @property
     def effects(self) -> list[str]:
         """The effects that its step is compiled from, as scenes call them."""
-        return [entry.name for entry in self.spec.forces] + (["spring"] if len(self.particles.springs) else [])
+        return self.spec.effects(len(self.particles.springs))
 
 
 def phases_of(spec: SceneSpec) -> tuple[Phase, ...]:
@@ -87,9 +89,22 @@ class CompiledPhase:
             work=work_fields,
             memory=self.integrator.memory,
         )
-        self.stepper = Stepper(self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=device.on_cpu)
+        self.contacts = self._contacts(phase, device) if spec.contacts is not None else None
+        self.stepper = Stepper(
+            self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=device.on_cpu, contacts=self.contacts
+        )
         self.energy_meter = EnergyMeter(self.state, self.total_force)
         self.launch_limit = self._steps_per_launch(device)
+
+    def _contacts(self, phase: Phase, device: Device) -> ContactSolver:
+        """The scene's contact solver, bound to the spheres as this phase has them."""
+        spec = phase.spec
+        if self.plan == "replicas":
+            raise BackendError("the plan replicas has no contacts; run one copy of the scene")
+        assert spec.contacts is not None
+        solver = component.build("contacts", spec.contacts.solver.name, spec.contacts.solver.parameters)
+        solver.bind(contact_setup(spec, phase.particles), self.state, on_cpu=device.on_cpu)
+        return solver
 
     def _steps_per_launch(self, device: Device) -> int:
         """Most steps one launch may hold: software Vulkan stops a thread's loops in silence."""

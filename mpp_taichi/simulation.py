@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from mpp_taichi import backends, plans
+from mpp_taichi.contacts._base import ContactReport
 from mpp_taichi.errors import MppError
 from mpp_taichi.motion import Motion
 from mpp_taichi.phases import CompiledPhase, phase_at, phases_of
@@ -116,7 +117,7 @@ class Simulation(Motion):
         else:
             self.state.write(self._start.position, self._start.velocity * self._start.free)
         self._start_afresh()
-        self.solver_report = SolverReport()
+        self.solver_report, self.contact_report = SolverReport(), ContactReport()
         if self.energy_balance is not None:
             self.energy_balance.restart()
 
@@ -279,7 +280,7 @@ class Simulation(Motion):
         from mpp_taichi.energy import PowerMeter
 
         # A serial launch whose loops a device limits has no room for more of them.
-        in_kernel = self.plan == "serial" and self.device.probes.loop_limit is None
+        in_kernel = self.plan == "serial" and self.contacts is None and self.device.probes.loop_limit is None
         return PowerMeter(self.state, self.total_force, in_kernel=in_kernel)
 
     @contextmanager

@@ -26,7 +26,7 @@ def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
         "scene": spec.source,
         "title": spec.title,
         "dimensions": spec.dimensions,
-        "effects": [force.name for force in spec.forces] + (["spring"] if needed.spring_count else []),
+        "effects": spec.effects(needed.spring_count),
         "integrator": spec.integrator.name,
         "dt": dt,
         "timeline": described(spec),

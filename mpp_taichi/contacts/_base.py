@@ -1,38 +1,11 @@
 """What every contact solver is given, and what it tells. Host side; no Taichi."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
+from mpp_taichi.contact_setup import ContactSetup
 
-from mpp_taichi.walls._base import Enclosure
-
-
-@dataclass(frozen=True, eq=False)
-class ContactSetup:
-    """The spheres of a scene as a contact solver wants them.
-
-    radius         (n,) [length]
-    inverse_mass   (n, 3) [1 / mass]; 0 along an axis that is held, so a held sphere is infinitely heavy
-    material       (n,) int32, index into `restitution`
-    restitution    (m, m), symmetric: e of a contact between two materials, 0 … 1
-    contact_time   t_c of the TC model [time]: a contact within it after the last one of either sphere is elastic; 0: off.
-                   Source: Luding & McNamara, Granular Matter 1 (1998) 113.
-    gravity        uniform acceleration (3,) that a free flight has [length / time²]; solvers that step ignore it
-    """
-
-    dimensions: int
-    radius: np.ndarray
-    inverse_mass: np.ndarray
-    material: np.ndarray
-    restitution: np.ndarray
-    contact_time: float = 0.0
-    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    enclosure: Enclosure = field(default_factory=Enclosure)
-
-    @property
-    def particle_count(self) -> int:
-        """Number of spheres."""
-        return len(self.radius)
+__all__ = ["ContactReport", "ContactSetup"]
 
 
 @dataclass(frozen=True)
@@ -71,3 +44,54 @@ class ContactReport:
             largest_overlap=max(self.largest_overlap, other.largest_overlap),
             unresolved=self.unresolved + other.unresolved,
         )
+
+
+class ContactSolver:
+    """What every contact solver offers; it is bound to the spheres of a scene and to their fields.
+
+    drifts   moves the spheres itself, along straight ways, and resolves contacts on the way: `drift`
+    flies    moves the spheres itself for any time, without steps: `fly`
+    Neither  corrects positions and velocities after a step: `correct`
+    """
+
+    drifts = False
+    flies = False
+    setup: ContactSetup
+
+    def bind(self, setup: ContactSetup, state: Any, *, on_cpu: bool) -> None:
+        """Take the spheres, and the State whose position and velocity are to be changed; allocate what is needed."""
+        raise NotImplementedError
+
+    def prepare(self, time: float) -> None:
+        """Positions and velocities were set from outside: forget what was known of them."""
+
+    def drift(self, time: float, h: float) -> None:
+        """Move every sphere by h along its velocity from `time` on, contacts resolved in the order of time."""
+        raise NotImplementedError
+
+    def fly(self, until: float) -> None:
+        """Go on to the time `until`."""
+        raise NotImplementedError
+
+    def correct(self, time: float) -> None:
+        """Resolve the contacts that there are at `time`."""
+        raise NotImplementedError
+
+    def collect(self) -> ContactReport:
+        """What was counted since the last call."""
+        raise NotImplementedError
+
+    def failure(self, count: int) -> str:
+        """What to say of contacts that were given up on, and what would help."""
+        return f"{count} contacts could not be resolved; try a smaller dt, or a contact_time that makes quick bounces elastic"
+
+    @property
+    def conserves_energy(self) -> bool:
+        """Whether contacts keep the kinetic energy: nothing is inelastic, and no wall moves."""
+        elastic = bool((self.setup.restitution == 1.0).all())
+        return elastic and self.gains_no_energy and all(wall.restitution == 1.0 for wall in self.setup.enclosure.surfaces)
+
+    @property
+    def gains_no_energy(self) -> bool:
+        """Whether contacts cannot add energy: no wall moves."""
+        return not any(any(wall.velocity) for wall in self.setup.enclosure.surfaces)
