@@ -29,20 +29,21 @@ def gap(surface: Template, x, radius, time):
 @ti.func
 def normal(surface: Template, x, time):
     """Unit vector into the free side at the point of the surface next to x; zero on the axis or at the centre."""
-    result = _direction(surface, x)
-    if ti.static(surface.kind != "plane"):
+    result = ti.Vector.zero(float, x.n)
+    if ti.static(surface.kind == "plane"):
+        result = _direction(surface, x)
+    else:
         q = _from_surface(surface, x, time)
         length = q.norm()
-        result = ti.Vector.zero(float, x.n)
         if length > 0:
-            result = (-q if ti.static(surface.inside) else q) / length
+            result = q * (ti.static(-1.0 if surface.inside else 1.0) / length)
     return result
 
 
 @ti.func
 def surface_velocity(surface: Template, x):
     """Its velocity, with as many components as x."""
-    return ti.Vector([surface.velocity[k] for k in ti.static(range(x.n))])
+    return ti.Vector([surface.velocity[k] for k in ti.static(range(x.n))], float)
 
 
 @ti.func
@@ -83,13 +84,13 @@ def _reach(surface: Template, radius):
 
 @ti.func
 def _direction(surface: Template, x):
-    return ti.Vector([surface.direction[k] for k in ti.static(range(x.n))])
+    return ti.Vector([surface.direction[k] for k in ti.static(range(x.n))], float)
 
 
 @ti.func
 def _from_surface(surface: Template, x, time):
     """From the surface's point, axis or centre, where it is at that time, to x."""
-    point = ti.Vector([surface.point[k] for k in ti.static(range(x.n))])
+    point = ti.Vector([surface.point[k] for k in ti.static(range(x.n))], float)
     return _across(surface, (x - point) - surface_velocity(surface, x) * time)
 
 
