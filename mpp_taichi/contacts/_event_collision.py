@@ -77,17 +77,16 @@ class Collision:
         speed = n.dot(self.spheres.velocity[i] - self.spheres.velocity[j])
         softness = (n * n).dot(self.spheres.inverse_mass[i] + self.spheres.inverse_mass[j])
         e = self._restitution(self.table[self.spheres.material[i], self.spheres.material[j]], i, j, time)
-        impulse = -(1 + e) * speed / softness
+        self.impulse[None] = 0.0
         self._note_overlap(self.spheres.radius[i] + self.spheres.radius[j] - distance, ti.min(self.spheres.radius[i], self.spheres.radius[j]))
         if speed < 0 and softness > 0:
+            impulse = -(1 + e) * speed / softness
             self.spheres.velocity[i] += self.spheres.inverse_mass[i] * n * impulse
             self.spheres.velocity[j] -= self.spheres.inverse_mass[j] * n * impulse
             self.pair_count[None] += 1
             self.virial[None] += ti.cast(impulse * distance, self.spheres.wide)
             self.dissipated[None] += ti.cast((1 - e * e) * speed * speed / softness / 2, self.spheres.wide)
             self.impulse[None] = impulse
-        else:
-            self.impulse[None] = 0.0
         goes_on = self._note_contact(i, j, e, time)
         return self._note_contact(j, i, e, time) and goes_on
 
@@ -95,26 +94,26 @@ class Collision:
     def wall(self, i, w, time):
         """A sphere bounces off surface w. Returns whether time still goes on."""
         self._bring_to(i, time)
-        goes_on = True
-        for k in ti.static(range(len(self.surfaces))):
+        x, now = self.spheres.position[i], ti.cast(time, float)
+        n, velocity = ti.Vector.zero(float, self.spheres.dimensions), ti.Vector.zero(float, self.spheres.dimensions)
+        e, depth = 1.0, 0.0
+        for k, surface in ti.static(enumerate(self.surfaces)):
             if w == k:
-                x, now = self.spheres.position[i], ti.cast(time, float)
-                n = normal(ti.static(self.surfaces[k]), x, now)
-                speed = n.dot(self.spheres.velocity[i] - surface_velocity(ti.static(self.surfaces[k]), x))
-                softness = (n * n).dot(self.spheres.inverse_mass[i])
-                e = self._restitution(ti.cast(ti.static(self.surfaces[k].restitution), float), i, i, time)
-                impulse = -(1 + e) * speed / softness
-                self._note_overlap(-gap(ti.static(self.surfaces[k]), x, self.spheres.radius[i], now), self.spheres.radius[i])
-                if speed < 0 and softness > 0:
-                    self.spheres.velocity[i] += self.spheres.inverse_mass[i] * n * impulse
-                    self.wall_count[None] += 1
-                    self.wall_impulse[k] += ti.cast(impulse, self.spheres.wide)
-                    self.dissipated[None] += ti.cast((1 - e * e) * speed * speed / softness / 2, self.spheres.wide)
-                    self.impulse[None] = impulse
-                else:
-                    self.impulse[None] = 0.0
-                goes_on = self._note_contact(i, -1 - k, e, time)
-        return goes_on
+                n, velocity = normal(surface, x, now), surface_velocity(surface, x)
+                e, depth = ti.cast(surface.restitution, float), -gap(surface, x, self.spheres.radius[i], now)
+        e = self._restitution(e, i, i, time)
+        speed = n.dot(self.spheres.velocity[i] - velocity)
+        softness = (n * n).dot(self.spheres.inverse_mass[i])
+        self._note_overlap(depth, self.spheres.radius[i])
+        self.impulse[None] = 0.0
+        if speed < 0 and softness > 0:
+            impulse = -(1 + e) * speed / softness
+            self.spheres.velocity[i] += self.spheres.inverse_mass[i] * n * impulse
+            self.wall_count[None] += 1
+            self.wall_impulse[w] += ti.cast(impulse, self.spheres.wide)
+            self.dissipated[None] += ti.cast((1 - e * e) * speed * speed / softness / 2, self.spheres.wide)
+            self.impulse[None] = impulse
+        return self._note_contact(i, -1 - w, e, time)
 
     @ti.func
     def _restitution(self, e, i, j, time):

@@ -5,6 +5,7 @@ import taichi as ti
 from mpp_taichi.contacts._event_cells import EventCells
 from mpp_taichi.contacts._event_queue import EventQueue
 from mpp_taichi.contacts._event_spheres import Spheres
+from mpp_taichi.types import Template
 from mpp_taichi.walls._base import Surface
 from mpp_taichi.walls._geometry import time_of_contact, time_of_contact_falling
 from mpp_taichi.walls._roots import first_contact_curved, first_contact_falling
@@ -27,8 +28,8 @@ class Prediction:
         soonest, side = self.cells.crossing(x, v, a, i)
         partner = self.count + 1 + side
         stamp = 0
-        for w in ti.static(range(len(self.surfaces))):
-            s = self._until_wall(ti.static(w), i, x, v, a, time, soonest)
+        for w, surface in ti.static(enumerate(self.surfaces)):
+            s = self._until_wall(surface, w, i, x, v, a, time, soonest)
             if s < soonest:
                 soonest, partner = s, -1 - w
         cell = ti.Vector([0, 0, 0])
@@ -81,15 +82,15 @@ class Prediction:
         return result
 
     @ti.func
-    def _until_wall(self, w: ti.template(), i, x, v, a, time, horizon):
+    def _until_wall(self, surface: Template, w: Template, i, x, v, a, time, horizon):
         """Time until contact of sphere i with a surface."""
         now = ti.cast(time, float)
         radius = self.spheres.radius[i]
         result = ti.math.inf
         if ti.static(self.spheres.has_gravity):
-            result = time_of_contact_falling(ti.static(self.surfaces[w]), x, v, a, radius, now, horizon)
+            result = time_of_contact_falling(surface, x, v, a, radius, now, horizon)
         else:
-            result = time_of_contact(ti.static(self.surfaces[w]), x, v, radius, now, horizon)
+            result = time_of_contact(surface, x, v, radius, now, horizon)
             if result == 0 and self.spheres.last_partner[i] == -1 - w:
                 result = ti.math.inf
         if ti.static(self.spheres.has_held):

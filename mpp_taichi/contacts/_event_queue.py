@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import numpy as np
 import taichi as ti
 
 # Events of a window that are dealt with before the width of its buckets is chosen again, in buckets.
@@ -43,33 +42,65 @@ class EventQueue:
         builder.place(self.heap_size, self.bucket, self.taken)
         builder.place(self.start, self.width)
 
-    def clear(self) -> None:
-        """No events."""
-        self.time.fill(np.inf)
+    def clear(self, time: float, partner: int) -> None:
+        """The same event for every sphere, now."""
+        self.time.fill(time)
+        self.partner.fill(partner)
         self.place.fill(ABSENT)
         self.width[None] = 0.0
+        self.heap_size[None] = 0
+        self.bucket[None] = self.bucket_count
 
     @ti.func
     def earliest(self):
         """The sphere whose event is next, or −1 if there is none; it stays in the queue."""
+        attempts = 2
         if self.taken[None] > EVENTS_PER_BUCKET * self.bucket_count:
-            self.sort_anew()
-        self._fill_heap()
-        if self.heap_size[None] == 0:
-            self.sort_anew()
+            self.bucket[None] = self.bucket_count
+            self.heap_size[None] = 0
+        while attempts > 0:
+            attempts -= 1
             self._fill_heap()
+            if self.heap_size[None] > 0:
+                attempts = 0
+            elif attempts > 0:
+                self._sort_anew()
         return self.heap[0] if self.heap_size[None] > 0 else -1
 
     @ti.func
     def change(self, i, time, partner, stamp):
         """Give sphere i another event."""
-        self._take_out(i)
         self.taken[None] += 1
+        place = self.place[i]
+        if place == IN_BUCKET:
+            after, before = self.next[i], self.previous[i]
+            if after >= 0:
+                self.previous[after] = before
+            if before >= 0:
+                self.next[before] = after
+            else:
+                self.first[-1 - before] = after
         self.time[i], self.partner[i], self.stamp[i] = time, partner, stamp
-        self._put_in(i)
+        self.place[i] = ABSENT
+        # In the heap one sphere is to be settled at most: i itself, or the last one where i was.
+        b = self._bucket_of(time)
+        mover, hole = i, place
+        if b <= self.bucket[None]:
+            if place < 0:
+                hole = self.heap_size[None]
+                self.heap_size[None] += 1
+        else:
+            if place >= 0:
+                self.heap_size[None] -= 1
+                mover = self.heap[self.heap_size[None]]
+                if mover == i:
+                    hole = -1
+            self._link(i, b)
+        if hole >= 0:
+            self._settle(mover, hole)
 
     @ti.func
-    def sort_anew(self):
+    def _sort_anew(self):
         """Begin a window at the earliest event, with about one event to a bucket if the rate stays as it was."""
         begin = ti.cast(ti.math.inf, self.wide)
         last = ti.cast(-ti.math.inf, self.wide)
@@ -83,23 +114,21 @@ class EventQueue:
         for b in range(self.bucket_count):
             self.first[b] = -1
         if total > 0:
-            elapsed = begin - self.start[None]
-            width = elapsed / ti.max(self.taken[None], 1)
+            width = (last - begin) / total
             if self.width[None] > 0:
+                width = (begin - self.start[None]) / ti.max(self.taken[None], 1)
                 width = ti.math.clamp(width, self.width[None] / LARGEST_CHANGE, self.width[None] * LARGEST_CHANGE)
-            else:
-                width = (last - begin) / total
             # A bucket shorter than the time's own spacing would tell nothing apart.
-            self.width[None] = ti.max(width, self.smallest_width(begin))
+            self.width[None] = ti.max(width, self._smallest_width(begin)) if last > begin else ti.cast(0, self.wide)
             self.start[None] = begin
         self.bucket[None] = -1
         self.heap_size[None] = 0
         self.taken[None] = 0
         for i in range(self.count):
-            self._put_in(i)
+            self._link(i, self._bucket_of(self.time[i]))
 
     @ti.func
-    def smallest_width(self, time):
+    def _smallest_width(self, time):
         """A few steps of the float that a time is."""
         return ti.max(ti.abs(time) * ti.static(4e-7 if self.wide == ti.f32 else 1e-15), 1e-30)
 
@@ -112,47 +141,33 @@ class EventQueue:
             self.first[self.bucket[None]] = -1
             while i >= 0:
                 after = self.next[i]
-                self._push(i)
+                self.heap_size[None] += 1
+                self._settle(i, self.heap_size[None] - 1)
                 i = after
 
     @ti.func
-    def _put_in(self, i):
-        b = (self.time[i] - self.start[None]) / self.width[None]
-        if b < self.bucket_count:
-            if ti.cast(ti.max(b, 0), ti.i32) <= self.bucket[None]:
-                self._push(i)
-            else:
-                bucket = ti.cast(b, ti.i32)
-                head = self.first[bucket]
-                self.first[bucket] = i
-                self.next[i] = head
-                self.previous[i] = -1 - bucket
-                if head >= 0:
-                    self.previous[head] = i
-                self.place[i] = IN_BUCKET
+    def _bucket_of(self, time):
+        """The bucket of a time, or their number if it is behind the window."""
+        result = self.bucket_count
+        if time <= self.start[None]:
+            result = 0
+        elif self.width[None] > 0:
+            b = (time - self.start[None]) / self.width[None]
+            if b < self.bucket_count:
+                result = ti.cast(b, ti.i32)
+        return result
 
     @ti.func
-    def _take_out(self, i):
-        place = self.place[i]
-        if place == IN_BUCKET:
-            after, before = self.next[i], self.previous[i]
-            if after >= 0:
-                self.previous[after] = before
-            if before >= 0:
-                self.next[before] = after
-            else:
-                self.first[-1 - before] = after
-        elif place >= 0:
-            self.heap_size[None] -= 1
-            last = self.heap[self.heap_size[None]]
-            if last != i:
-                self._settle(last, place)
-        self.place[i] = ABSENT
-
-    @ti.func
-    def _push(self, i):
-        self.heap_size[None] += 1
-        self._settle(i, self.heap_size[None] - 1)
+    def _link(self, i, bucket):
+        """Hang sphere i into a bucket's list, if it is not behind the window."""
+        if bucket < self.bucket_count:
+            head = self.first[bucket]
+            self.first[bucket] = i
+            self.next[i] = head
+            self.previous[i] = -1 - bucket
+            if head >= 0:
+                self.previous[head] = i
+            self.place[i] = IN_BUCKET
 
     @ti.func
     def _settle(self, i, place):

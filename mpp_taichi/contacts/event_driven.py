@@ -71,9 +71,8 @@ class EventDriven:
         inside = position - turns * np.array(self.cells.grid.period)
         self.spheres.write(inside, velocity, time)
         self.cells.write(cell[self._order], turns[self._order])
-        self.queue.clear()
+        self.queue.clear(time, self.count)
         self.event_time[None] = time
-        self._predict_all(time)
 
     def advance(self, time: float, span: float) -> None:
         """Deal with all events up to time + span, and put that moment into the state.
@@ -110,18 +109,6 @@ class EventDriven:
         return f"sphere {k}" if k >= 0 else self.setup.enclosure.surfaces[-1 - k].label
 
     @ti.kernel
-    def _predict_all(self, time: ti.f64):
-        ti.loop_config(serialize=True)
-        for k in range(1):
-            self.queue.sort_anew()
-        ti.loop_config(serialize=True)
-        for i in range(self.count):
-            self.prediction.predict(i, ti.cast(time, self.wide))
-        ti.loop_config(serialize=True)
-        for k in range(1):
-            self.queue.sort_anew()
-
-    @ti.kernel
     def _run(self, end: ti.f64, limit: ti.i32) -> ti.i32:
         status = RUNNING
         ti.loop_config(serialize=True)
@@ -146,12 +133,13 @@ class EventDriven:
         time, partner = self.queue.time[i], self.queue.partner[i]
         goes_on = True
         other = -1
+        # Nothing but a new prediction is due at the start, and where the partner has met another one since.
         if partner > self.count:
             self.cells.cross(i, partner - self.count - 1)
         elif partner < 0:
             goes_on = self.collision.wall(i, -1 - partner, time)
             self._note(time, i, partner)
-        elif self.queue.stamp[i] == self.spheres.contacts[partner]:
+        elif partner < self.count and self.queue.stamp[i] == self.spheres.contacts[partner]:
             goes_on = self.collision.pair(i, partner, time)
             self._note(time, i, partner)
             other = partner
