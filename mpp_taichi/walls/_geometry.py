@@ -1,0 +1,104 @@
+"""Formulas of a surface that is known when kernels are compiled: gap, normal, time of contact.
+
+Positions and velocities have two or three components; in two dimensions a sphere, or a cylinder along z, is a circle.
+A contact is the first time at which gap ≤ 0 and the gap shrinks: a sphere that already overlaps the surface is in
+contact now if it approaches and has none while it recedes. Round-off then cannot make it fall through.
+Source: Bannerman, Strobl, Formella, Pöschel, Comput. Particle Mech. 1 (2014) 191 (arXiv:1211.6718).
+"""
+
+import taichi as ti
+
+from mpp_taichi.types import Template
+from mpp_taichi.walls._roots import first_contact, first_contact_curved, first_contact_falling
+
+
+@ti.func
+def gap(surface: Template, x, radius, time):
+    """Distance [length] from a sphere at x to the surface; negative where they overlap."""
+    result = radius * 0
+    q = _from_surface(surface, x, time)
+    if ti.static(surface.kind == "plane"):
+        result = q.dot(_direction(surface, x)) - radius
+    elif ti.static(surface.inside):
+        result = surface.radius - radius - q.norm()
+    else:
+        result = q.norm() - surface.radius - radius
+    return result
+
+
+@ti.func
+def normal(surface: Template, x, time):
+    """Unit vector into the free side at the point of the surface next to x; zero on the axis or at the centre."""
+    result = ti.Vector.zero(float, x.n)
+    if ti.static(surface.kind == "plane"):
+        result = _direction(surface, x)
+    else:
+        q = _from_surface(surface, x, time)
+        length = q.norm()
+        if length > 0:
+            result = q * (ti.static(-1.0 if surface.inside else 1.0) / length)
+    return result
+
+
+@ti.func
+def surface_velocity(surface: Template, x):
+    """Its velocity, with as many components as x."""
+    return ti.Vector([surface.velocity[k] for k in ti.static(range(x.n))], float)
+
+
+@ti.func
+def time_of_contact(surface: Template, x, v, radius, time, horizon):
+    """Earliest s in 0 … horizon at which a sphere in straight flight meets the surface; infinity if there is none."""
+    result = ti.math.inf
+    if ti.static(surface.kind == "plane"):
+        n = _direction(surface, x)
+        result = first_contact(gap(surface, x, radius, time), n.dot(v - surface_velocity(surface, x)), 0.0, horizon)
+    else:
+        q = _from_surface(surface, x, time)
+        u = _across(surface, v - surface_velocity(surface, x))
+        result = first_contact_curved(q, u, _reach(surface, radius), surface.inside, horizon)
+    return result
+
+
+@ti.func
+def time_of_contact_falling(surface: Template, x, v, acceleration, radius, time, horizon):
+    """The same in a flight x + v s + acceleration s² / 2, which makes the distance to a curved surface a quartic."""
+    result = ti.math.inf
+    if ti.static(surface.kind == "plane"):
+        n = _direction(surface, x)
+        speed = n.dot(v - surface_velocity(surface, x))
+        result = first_contact(gap(surface, x, radius, time), speed, n.dot(acceleration), horizon)
+    else:
+        q = _from_surface(surface, x, time)
+        u = _across(surface, v - surface_velocity(surface, x))
+        a = _across(surface, acceleration)
+        result = first_contact_falling(q, u, a, _reach(surface, radius), surface.inside, horizon)
+    return result
+
+
+@ti.func
+def _reach(surface: Template, radius):
+    """Distance of a touching sphere's centre from the axis or centre."""
+    return surface.radius - radius if ti.static(surface.inside) else surface.radius + radius
+
+
+@ti.func
+def _direction(surface: Template, x):
+    return ti.Vector([surface.direction[k] for k in ti.static(range(x.n))], float)
+
+
+@ti.func
+def _from_surface(surface: Template, x, time):
+    """From the surface's point, axis or centre, where it is at that time, to x."""
+    point = ti.Vector([surface.point[k] for k in ti.static(range(x.n))], float)
+    return _across(surface, (x - point) - surface_velocity(surface, x) * time)
+
+
+@ti.func
+def _across(surface: Template, vector):
+    """The part of a vector across a cylinder's axis; all of it for other kinds."""
+    result = vector
+    if ti.static(surface.kind == "cylinder"):
+        axis = _direction(surface, vector)
+        result = vector - axis * axis.dot(vector)
+    return result
