@@ -103,7 +103,7 @@ class CompiledPhase:
             raise BackendError("the plan replicas has no contacts; run one copy of the scene")
         assert spec.contacts is not None
         solver = component.build("contacts", spec.contacts.solver.name, spec.contacts.solver.parameters)
-        solver.bind(contact_setup(spec, phase.particles), self.state, on_cpu=device.on_cpu)
+        solver.bind(contact_setup(spec, phase.particles), self.state)
         return solver
 
     def _steps_per_launch(self, device: Device) -> int:

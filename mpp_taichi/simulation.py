@@ -301,6 +301,8 @@ class Simulation(Motion):
         """Give the device memory back."""
         if not self._closed and backends.is_alive(self.device):
             for compiled in self._compiled.values():
+                if compiled.contacts is not None:
+                    compiled.contacts.destroy()
                 compiled.state.destroy()
             backends.release(self.device)
         self._closed = True

@@ -89,7 +89,7 @@ class Stepper:
                 self._advance(time + s * dt, dt, 1, None)
                 meter.keep(s, time + (s + 1) * dt)
         elif self.contacts is not None and self.contacts.flies:
-            self.contacts.fly(time + steps * dt)
+            self.contacts.advance(time, steps * dt)
         elif self.contacts is not None:
             for s in range(steps):
                 self._step_with_contacts(self.contacts, time + s * dt, dt)
@@ -140,7 +140,7 @@ class Stepper:
         """One step in which contacts are resolved: on the way of each drift, or after all of it."""
         if not contacts.drifts:
             self._advance_without(time, dt)
-            contacts.correct(time + dt)
+            contacts.correct(self.state, time + dt)
             return
         for k, (node, kick, drift) in enumerate(self.integrator.entries):
             if kick != 0.0 and self.total_force.forces:
@@ -148,7 +148,7 @@ class Stepper:
                     self.launch_force(self.total_force, time + node * dt)
                 self._kick(time, dt, k, "launched" if self.launches_stages else self.plan)
             if drift != 0.0:
-                contacts.drift(time + node * dt, drift * dt)
+                contacts.drift(self.state, time + node * dt, drift * dt)
 
     def _advance_without(self, time: float, dt: float) -> None:
         """One step that knows nothing of contacts."""

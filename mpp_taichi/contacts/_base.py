@@ -50,7 +50,7 @@ class ContactSolver:
     """What every contact solver offers; it is bound to the spheres of a scene and to their fields.
 
     drifts   moves the spheres itself, along straight ways, and resolves contacts on the way: `drift`
-    flies    moves the spheres itself for any time, without steps: `fly`
+    flies    moves the spheres itself for any time, without steps: `advance`
     Neither  corrects positions and velocities after a step: `correct`
     """
 
@@ -58,27 +58,31 @@ class ContactSolver:
     flies = False
     setup: ContactSetup
 
-    def bind(self, setup: ContactSetup, state: Any, *, on_cpu: bool) -> None:
+    def bind(self, setup: ContactSetup, state: Any) -> None:
         """Take the spheres, and the State whose position and velocity are to be changed; allocate what is needed."""
         raise NotImplementedError
 
     def prepare(self, time: float) -> None:
         """Positions and velocities were set from outside: forget what was known of them."""
 
-    def drift(self, time: float, h: float) -> None:
+    def drift(self, state: Any, time: float, h: float) -> None:
         """Move every sphere by h along its velocity from `time` on, contacts resolved in the order of time."""
         raise NotImplementedError
 
-    def fly(self, until: float) -> None:
-        """Go on to the time `until`."""
+    def advance(self, time: float, span: float) -> None:
+        """Go on from `time` to time + span."""
         raise NotImplementedError
 
-    def correct(self, time: float) -> None:
+    def correct(self, state: Any, time: float) -> None:
         """Resolve the contacts that there are at `time`."""
         raise NotImplementedError
 
     def collect(self) -> ContactReport:
         """What was counted since the last call."""
+        raise NotImplementedError
+
+    def destroy(self) -> None:
+        """Give the memory back."""
         raise NotImplementedError
 
     def failure(self, count: int) -> str:

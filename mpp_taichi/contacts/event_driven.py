@@ -6,7 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.component import component, param
-from mpp_taichi.contacts._base import ContactReport, ContactSetup
+from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts._event_cells import EventCells, Grid
 from mpp_taichi.contacts._event_collision import Collision
 from mpp_taichi.contacts._event_log import EventLog
@@ -22,7 +22,7 @@ RUNNING, ARRIVED, FULL, COLLAPSED = range(4)
 
 @component
 @ti.data_oriented
-class EventDriven:
+class EventDriven(ContactSolver):
     """Spheres fly freely, fall together under uniform gravity, and bounce at the exact time of contact, one event after another.
 
     Exact to round-off, whatever the density and speed; contacts of more than two spheres at once are taken pair by pair in
@@ -37,6 +37,8 @@ class EventDriven:
         0.0, minimum=0.0, unit="time", help="a contact so soon after the last one of either sphere is elastic; 0: never"
     )
     log_capacity: int = param(0, minimum=0, help="contacts kept on the device for the event log at a time; 0: no log")
+
+    flies = True
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Work on a state's `position` and `velocity`: vector fields of n entries. Raises ValueError for an impossible box."""

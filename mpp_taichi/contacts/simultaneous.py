@@ -6,7 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.component import component, param
-from mpp_taichi.contacts._base import ContactReport, ContactSetup
+from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts._contact_group import ContactGroup
 from mpp_taichi.contacts._reflections import Reflections
 from mpp_taichi.types import Template
@@ -19,7 +19,7 @@ EVENTS = 10_000_000  # instants of contact in one drift, after which it is given
 
 @ti.data_oriented
 @component
-class Simultaneous:
+class Simultaneous(ContactSolver):
     """Spheres fly straight from one instant of contact to the next, and what touches then is resolved as a group.
 
     Groups are resolved by generalized reflections (`_reflections.py`): independent of numbering, symmetric where the scene is,
@@ -30,10 +30,15 @@ class Simultaneous:
     """
 
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
-    contact_time: float = param(0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off")
+    contact_time: float = param(
+        0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off"
+    )
+
+    drifts = True
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
+        self.setup = setup
         n = setup.particle_count
         self.dimensions = setup.dimensions
         self.particle_count = n
