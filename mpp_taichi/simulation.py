@@ -153,6 +153,11 @@ class Simulation(Motion):
             self._check_leg(span, left)
             self._notify(recorders)
 
+    def look_at_multiples_of(self, interval: float) -> None:
+        """Where contacts fly and a step is a mere look: let looks fall on multiples of `interval`, no rarer than so far."""
+        if self.contacts is not None and self.contacts.flies:
+            self.dt = interval / math.ceil(interval / self.dt)
+
     def _leg(self, span: float, left: float) -> tuple[float, float, bool]:
         """Whole steps to the end of the phase or the run, the length of a last, shorter one, and whether `left` comes first."""
         leg = min(span, self.time_to_next_phase)

@@ -200,11 +200,14 @@ class _Run:
         request, record = self.request, self.spec.record
         size, fps, seconds = request.size or record.size, request.fps or record.fps, request.film_seconds or record.seconds
         view = open_offscreen(self.spec.view, size, dimensions=self.spec.dimensions)
+        count, span = round(fps * seconds), self.goal.span(self.spec)
+        if count > 1 and self.goal.steps is None:
+            self.simulation.look_at_multiples_of(span / (count - 1))
         return FilmRecorder(
             view,
             sinks,
-            round(fps * seconds),
-            self.goal.span(self.spec),
+            count,
+            span,
             title=self.spec.title,
             caption=self._caption,
             stopwatch=self.stopwatch,
