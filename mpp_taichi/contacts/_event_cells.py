@@ -37,7 +37,9 @@ class Grid:
         diameter = 2 * float(np.max(setup.radius))
         for k, p in enumerate(period):
             if 0 < p < diameter:
-                raise ValueError(f"periodic box: its edge {p:g} along {'xyz'[k]} is less than a sphere's diameter, {diameter:g}")
+                raise ValueError(
+                    f"periodic box: its edge {p:g} along {'xyz'[k]} is less than a sphere's diameter, {diameter:g}"
+                )
         low = np.where(np.array(period) > 0, setup.enclosure.origin[:d], position.min(axis=0))
         extent = np.where(np.array(period) > 0, period, np.ptp(position, axis=0))
         smallest = diameter * (1 + MARGIN)

@@ -78,7 +78,9 @@ class Collision:
         softness = (n * n).dot(self.spheres.inverse_mass[i] + self.spheres.inverse_mass[j])
         e = self._restitution(self.table[self.spheres.material[i], self.spheres.material[j]], i, j, time)
         self.impulse[None] = 0.0
-        self._note_overlap(self.spheres.radius[i] + self.spheres.radius[j] - distance, ti.min(self.spheres.radius[i], self.spheres.radius[j]))
+        self._note_overlap(
+            self.spheres.radius[i] + self.spheres.radius[j] - distance, ti.min(self.spheres.radius[i], self.spheres.radius[j])
+        )
         if speed < 0 and softness > 0:
             impulse = -(1 + e) * speed / softness
             self.spheres.velocity[i] += self.spheres.inverse_mass[i] * n * impulse
