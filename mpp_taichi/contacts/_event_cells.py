@@ -84,8 +84,6 @@ class EventCells:
         self.last_step = tuple(0 if m == 1 and not c else 1 for c, m in zip(self.crossed, self.cells))
         self.head = ti.field(ti.i32)
         builder.dense(ti.i, int(np.prod(grid.cells))).place(self.head)
-        self.next = ti.field(ti.i32)
-        builder.dense(ti.i, self.count).place(self.next)
         self.cell = ti.Vector.field(self.dimensions, ti.i32)
         self.turns = ti.Vector.field(self.dimensions, ti.i32)
         builder.dense(ti.i, self.count).place(self.cell, self.turns)
@@ -177,16 +175,16 @@ class EventCells:
     @ti.func
     def _enter(self, i):
         c = self.index(self.cell[i])
-        self.next[i] = self.head[c]
+        self.spheres.next[i] = self.head[c]
         self.head[c] = i
 
     @ti.func
     def _leave(self, i):
         c = self.index(self.cell[i])
         if self.head[c] == i:
-            self.head[c] = self.next[i]
+            self.head[c] = self.spheres.next[i]
         else:
             before = self.head[c]
-            while self.next[before] != i:
-                before = self.next[before]
-            self.next[before] = self.next[i]
+            while self.spheres.next[before] != i:
+                before = self.spheres.next[before]
+            self.spheres.next[before] = self.spheres.next[i]

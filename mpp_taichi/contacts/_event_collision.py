@@ -79,7 +79,7 @@ class Collision:
         e = self._restitution(self.table[self.spheres.material[i], self.spheres.material[j]], i, j, time)
         self.impulse[None] = 0.0
         self._note_overlap(
-            self.spheres.radius[i] + self.spheres.radius[j] - distance, ti.min(self.spheres.radius[i], self.spheres.radius[j])
+            self.spheres.radius(i) + self.spheres.radius(j) - distance, ti.min(self.spheres.radius(i), self.spheres.radius(j))
         )
         if speed < 0 and softness > 0:
             impulse = -(1 + e) * speed / softness
@@ -102,11 +102,11 @@ class Collision:
         for k, surface in ti.static(enumerate(self.surfaces)):
             if w == k:
                 n, velocity = normal(surface, x, now), surface_velocity(surface, x)
-                e, depth = ti.cast(surface.restitution, float), -gap(surface, x, self.spheres.radius[i], now)
+                e, depth = ti.cast(surface.restitution, float), -gap(surface, x, self.spheres.radius(i), now)
         e = self._restitution(e, i, i, time)
         speed = n.dot(self.spheres.velocity[i] - velocity)
         softness = (n * n).dot(self.spheres.inverse_mass[i])
-        self._note_overlap(depth, self.spheres.radius[i])
+        self._note_overlap(depth, self.spheres.radius(i))
         self.impulse[None] = 0.0
         if speed < 0 and softness > 0:
             impulse = -(1 + e) * speed / softness

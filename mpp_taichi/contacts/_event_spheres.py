@@ -30,18 +30,23 @@ class Spheres:
         self.position = ti.Vector.field(self.dimensions, float)
         self.velocity = ti.Vector.field(self.dimensions, float)
         self.clock = ti.field(wide)
-        self.radius = ti.field(float)
-        builder.dense(ti.i, self.count).place(self.position, self.velocity, self.clock, self.radius)
+        self.next = ti.field(ti.i32)
+        self.contacts = ti.field(ti.i32)
+        near = [self.position, self.velocity, self.clock, self.next, self.contacts]
+        radius = np.asarray(setup.radius, dtype=float)
+        self.common_radius = float(radius[0]) if (radius == radius[0]).all() else None
+        self.has_common_radius = self.common_radius is not None
+        if not self.has_common_radius:
+            self.own_radius = ti.field(float)
+            near.append(self.own_radius)
+        builder.dense(ti.i, self.count).place(*near)
         self.inverse_mass = ti.Vector.field(self.dimensions, float)
         self.last_contact = ti.field(wide)
         self.last_partner = ti.field(ti.i32)
         self.material = ti.field(ti.i32)
         builder.dense(ti.i, self.count).place(self.inverse_mass, self.last_contact, self.last_partner, self.material)
-        self.contacts = ti.field(ti.i32)
-        self.stalled = ti.field(ti.i32)
-        builder.dense(ti.i, self.count).place(self.contacts, self.stalled)
-        self.order = ti.field(ti.i32)
-        builder.dense(ti.i, self.count).place(self.order)
+        self.stalled, self.order = ti.field(ti.i32), ti.field(ti.i32)
+        builder.dense(ti.i, self.count).place(self.stalled, self.order)
         self._setup, self._order = setup, order
 
     def write(self, position: np.ndarray, velocity: np.ndarray, time: float) -> None:
@@ -50,7 +55,8 @@ class Spheres:
         order, d = self._order, self.dimensions
         self.position.from_numpy(np.ascontiguousarray(position[order], dtype=real))
         self.velocity.from_numpy(np.ascontiguousarray(velocity[order], dtype=real))
-        self.radius.from_numpy(np.asarray(self._setup.radius)[order].astype(real))
+        if not self.has_common_radius:
+            self.own_radius.from_numpy(np.asarray(self._setup.radius)[order].astype(real))
         self.inverse_mass.from_numpy(np.ascontiguousarray(np.asarray(self._setup.inverse_mass)[order, :d], dtype=real))
         self.material.from_numpy(np.asarray(self._setup.material)[order].astype(np.int32))
         self.order.from_numpy(order.astype(np.int32))
@@ -59,6 +65,16 @@ class Spheres:
         self.last_partner.fill(self.count)
         self.contacts.fill(0)
         self.stalled.fill(0)
+
+    @ti.func
+    def radius(self, i):
+        """Of sphere i; a constant of the kernel if all are alike."""
+        result = 0.0
+        if ti.static(self.has_common_radius):
+            result = self.common_radius
+        else:
+            result = self.own_radius[i]
+        return result
 
     @ti.func
     def acceleration(self, i):
