@@ -42,8 +42,12 @@ class Sweep:
         self.state = state
         self.event_limit = event_limit
         self.all_pairs = n <= ALL_PAIRS_UP_TO if all_pairs is None else all_pairs
+        self.local_position, self.local_velocity = (ti.Vector.field(self.dimensions, float) for _ in range(2))
+        self.clock, self.excursion = ti.field(float), ti.field(float)
+        self.best_partner, self.best_stamp, self.stamp, self.near = (ti.field(ti.i32) for _ in range(4))
+        local = (self.local_position, self.local_velocity, self.clock, self.excursion)
+        self.islands = Islands(n, (*local, self.best_partner, self.best_stamp, self.stamp, self.near))
         self.bounce = Bounce(setup)
-        self.islands = Islands(n)
         self.tally = Tally(n, len(self.bounce.surfaces), getattr(state, "wide", ti.f64))
         self.flight = Flight(setup, state)
         self.grid = None if self.all_pairs else CellGrid(n, self.dimensions, setup.enclosure.period, setup.enclosure.origin)
@@ -51,14 +55,13 @@ class Sweep:
         self.contact_time = float(setup.contact_time)
         self.shortest_period = self.flight.shortest_period
         self.looks_again = self.all_pairs and self.shortest_period < math.inf
-        self.local_position, self.local_velocity = (ti.Vector.field(self.dimensions, float) for _ in range(2))
-        self.clock, self.excursion, self.local_last_contact, self.last_contact = (ti.field(float) for _ in range(4))
-        self.best_partner, self.best_stamp, self.stamp, self.touched, self.near = (ti.field(ti.i32) for _ in range(5))
+        self.local_last_contact, self.last_contact = ti.field(float), ti.field(float)
+        self.touched = ti.field(ti.i32)
         self.violations = ti.field(ti.i32)
+        self.sorted_velocity = ti.Vector.field(self.dimensions, float)
+        self.sorted_radius = ti.field(float)
         builder = ti.FieldsBuilder()
-        for field in (self.local_position, self.local_velocity, self.clock, self.excursion):
-            builder.dense(ti.i, n).place(field)
-        for field in (self.best_partner, self.best_stamp, self.stamp, self.touched, self.near):
+        for field in (self.touched, self.sorted_velocity, self.sorted_radius):
             builder.dense(ti.i, n).place(field)
         for field in (self.last_contact, self.local_last_contact):
             builder.dense(ti.i, n if self.keeps_last_contact else 1).place(field)
@@ -161,14 +164,28 @@ class Sweep:
             self.islands.count[self.islands.PENDING] = 0
             self.violations[0] = 0
         for slot in range(self.particle_count):
+            self.sorted_velocity[slot] = self.state.velocity[self.grid.order[slot]]
+            self.sorted_radius[slot] = self.bounce.radius[self.grid.order[slot]]
+        for slot in range(self.particle_count):
             self.grid.visit_later(slot, self._see_pair, time, h)
             i = self.grid.order[slot]
             if self._time_of_first_wall(i, time, h)[0] <= h:
                 self.islands.link(i, i, ti.math.inf)
 
     @ti.func
-    def _see_pair(self, slot, other, separation, time, h):
-        i, j = self.grid.order[slot], self.grid.order[other]
+    def _see_pair(self, slot, other, time, h):
+        # Most candidates recede or are too far; in the order of the slots that is found out without leaving the cache.
+        d = self.grid.separation(slot, other)
+        u = self.sorted_velocity[other] - self.sorted_velocity[slot]
+        near = self.sorted_radius[slot] + self.sorted_radius[other] + self.flight.rounding[0]
+        closing = near + u.norm() * h
+        square = d.dot(d)
+        if square <= near * near or (d.dot(u) < 0.0 and square <= closing * closing):
+            self._see_close_pair(self.grid.order[slot], self.grid.order[other], h)
+
+    @ti.func
+    def _see_close_pair(self, i, j, h):
+        separation = self.bounce.separation(self.state.position[i], self.state.position[j])
         self._see_overlap(i, j, separation)
         t = self.bounce.time_of_contact(i, j, separation, self.state.velocity[i], self.state.velocity[j], h)
         if t <= h:
@@ -211,10 +228,11 @@ class Sweep:
         return ti.Vector([self.islands.count[self.islands.LINKS], self.violations[0]])
 
     @ti.func
-    def _see_other_island(self, i, slot, separation, h, _):
+    def _see_other_island(self, i, slot, h, _):
         """Join two islands where spheres may have met: neither left a ball around its start, and the balls meet."""
         j = self.grid.order[slot]
         if self.islands.island[j] >= 0 and self.islands.island[j] != self.islands.island[i]:
+            separation = self.bounce.separation(self.state.position[i], self.state.position[j])
             reach = self.bounce.radius[i] + self.bounce.radius[j] + self.excursion[i] + self.excursion[j]
             if separation.dot(separation) <= reach * reach:
                 self.islands.link(i, j, ti.math.inf)
@@ -376,7 +394,7 @@ class Sweep:
         self.islands.replay(root, i)
 
     @ti.func
-    def _consider_slot(self, i, slot, separation, now, h):
+    def _consider_slot(self, i, slot, now, h):
         j = self.grid.order[slot]
         if self.islands.island[j] == self.islands.island[i]:
             if j != i:
