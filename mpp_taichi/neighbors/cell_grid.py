@@ -267,12 +267,9 @@ class CellGrid:
         self._visit(self.sorted_position[slot], self.sorted_reach[slot], slot, task, slot, first, second)
 
     @ti.func
-    def visit(self, i, position: Template, reach: Template, task: Template, first, second):
-        """task(i, slot, first, second) for each candidate partner of sphere i, and for i itself.
-
-        `position` and `reach` must be as they were at the build.
-        """
-        self._visit(self._inside(position[i]), reach[i], -1, task, i, first, second)
+    def visit(self, slot, task: Template, first, second):
+        """The same for every candidate partner, and for the slot itself."""
+        self._visit(self.sorted_position[slot], self.sorted_reach[slot], -1, task, slot, first, second)
 
     @ti.func
     def _visit(self, x, reach, after, task: Template, subject, first, second):
