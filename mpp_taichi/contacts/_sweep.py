@@ -486,7 +486,7 @@ class Sweep:
         for q in range(CHUNKS * SMALLEST_BLOCK):
             if q % SMALLEST_BLOCK == 0:
                 chunk = q // SMALLEST_BLOCK
-                for k in range(self.flight.begin(chunk), self.flight.begin(chunk + 1)):
+                for k in range(self.tally.begin_of(chunk), self.tally.begin_of(chunk + 1)):
                     if self.islands.island[k] >= 0:
                         self._keep(chunk, k, h)
                     else:

@@ -6,6 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.contacts._base import ContactReport
+from mpp_taichi.types import Template
 
 CHUNKS = 64  # of the spheres; fixed, so that sums do not depend on the threads
 SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
@@ -47,6 +48,11 @@ class Tally:
             tree.destroy()
 
     @ti.func
+    def begin_of(self, chunk):
+        """First sphere of a chunk; 64 bits, because the product may not fit 32."""
+        return ti.cast(ti.cast(chunk, ti.i64) * self.particle_count // CHUNKS, ti.i32)
+
+    @ti.func
     def begin(self, i):
         """Nothing counted yet for sphere i in this try."""
         self.counted[i] = ti.Vector.zero(ti.i32, 3)
@@ -61,7 +67,7 @@ class Tally:
         self.summed[i] = self.summed[i] + ti.Vector([impulse * distance, lost])
 
     @ti.func
-    def add_wall(self, i, s, impulse, lost, elastic):
+    def add_wall(self, i, s: Template, impulse, lost, elastic):
         """A contact with surface s."""
         self.counted[i] = self.counted[i] + ti.Vector([0, 1, elastic])
         self.summed[i] = self.summed[i] + ti.Vector([0.0, lost])
