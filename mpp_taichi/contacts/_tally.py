@@ -6,6 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.contacts._base import ContactReport
+from mpp_taichi.types import Template
 
 CHUNKS = 64  # of the spheres; fixed, so that sums do not depend on the threads
 SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
@@ -31,8 +32,7 @@ class Tally:
         self.unresolved = ti.field(ti.i32)
         self.overlap = ti.field(float)
         builder = ti.FieldsBuilder()
-        for field in (self.counted, self.summed):
-            builder.dense(ti.i, particle_count).place(field)
+        builder.dense(ti.i, particle_count).place(self.counted, self.summed)
         builder.dense(ti.i, particle_count if surface_count else 1).place(self.pushed)
         builder.dense(ti.i, CHUNKS).place(self.total_count)
         for field in (self.unresolved, self.overlap):
@@ -46,6 +46,11 @@ class Tally:
         """Give the memory back."""
         for tree in self._trees:
             tree.destroy()
+
+    @ti.func
+    def begin_of(self, chunk):
+        """First sphere of a chunk; 64 bits, because the product may not fit 32."""
+        return ti.cast(ti.cast(chunk, ti.i64) * self.particle_count // CHUNKS, ti.i32)
 
     @ti.func
     def begin(self, i):
@@ -62,7 +67,7 @@ class Tally:
         self.summed[i] = self.summed[i] + ti.Vector([impulse * distance, lost])
 
     @ti.func
-    def add_wall(self, i, s, impulse, lost, elastic):
+    def add_wall(self, i, s: Template, impulse, lost, elastic):
         """A contact with surface s."""
         self.counted[i] = self.counted[i] + ti.Vector([0, 1, elastic])
         self.summed[i] = self.summed[i] + ti.Vector([0.0, lost])
