@@ -1,0 +1,123 @@
+"""What happens at one contact: time of contact of two spheres, impulse on two spheres or off a surface."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.neighbors.periodic import nearest_image
+from mpp_taichi.types import Template
+from mpp_taichi.walls import _geometry
+from mpp_taichi.walls._roots import first_contact_curved
+
+ROUNDINGS = 4.0  # of the velocities from which an approach is computed
+
+
+@ti.data_oriented
+class Bounce:
+    """The spheres of a setup on the device, and the formulas of their contacts.
+
+    Between spheres, with n from i to j and u = v_j − v_i, the impulse along n is
+    J = (1 + e) (−u·n) / Σ_k n_k² (w_ik + w_jk), w the inverse masses along the axes; for free axes this is Eq. 9 of the MPPhys
+    paper. It acts as −J w_i n on v_i and +J w_j n on v_j, and takes the energy (1 − e²) (u·n)² / (2 Σ …).
+    Two spheres that are both infinitely heavy pass through each other.
+    """
+
+    def __init__(self, setup: ContactSetup) -> None:
+        """Allocate and fill; needs a started Taichi."""
+        self.dimensions = setup.dimensions
+        self.surfaces = setup.enclosure.surfaces
+        self.period = tuple(float(edge) for edge in setup.enclosure.period)
+        self.contact_time = float(setup.contact_time)
+        inverse_mass = np.asarray(setup.inverse_mass)[:, : self.dimensions]
+        self.has_held = bool((inverse_mass.max(axis=1) == 0.0).any())
+        restitutions = [*np.unique(setup.restitution), *(surface.restitution for surface in self.surfaces)]
+        self.is_elastic = all(e == 1.0 for e in restitutions)
+        real = np.float32 if ti.lang.impl.current_cfg().default_fp == ti.f32 else np.float64
+        self.slowest = ROUNDINGS * float(np.finfo(real).eps)
+        self.radius = ti.field(float)
+        self.material = ti.field(ti.i32)
+        self.inverse_mass = ti.Vector.field(self.dimensions, float)
+        self.restitution = ti.field(float)
+        builder = ti.FieldsBuilder()
+        for field in (self.radius, self.material, self.inverse_mass):
+            builder.dense(ti.i, setup.particle_count).place(field)
+        builder.dense(ti.ij, setup.restitution.shape).place(self.restitution)
+        self._tree = builder.finalize()
+        self.radius.from_numpy(np.ascontiguousarray(setup.radius, dtype=real))
+        self.material.from_numpy(np.ascontiguousarray(setup.material, dtype=np.int32))
+        self.inverse_mass.from_numpy(np.ascontiguousarray(inverse_mass, dtype=real))
+        self.restitution.from_numpy(np.ascontiguousarray(setup.restitution, dtype=real))
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self._tree.destroy()
+
+    @ti.func
+    def separation(self, first, second):
+        """From a place to the nearest image of another."""
+        return nearest_image(second - first, self.period)
+
+    @ti.func
+    def time_of_contact(self, i, j, separation, v_i, v_j, horizon):
+        """When i and j meet in straight flight, 0 … horizon from now; infinity if they do not."""
+        u = v_j - v_i
+        reach = self.radius[i] + self.radius[j]
+        result = first_contact_curved(separation, u, reach, False, horizon)
+        if ti.static(self.has_held):
+            if (self.inverse_mass[i] + self.inverse_mass[j]).max() == 0.0:
+                result = ti.math.inf
+        if ti.static(not self.is_elastic):
+            # An approach that touching spheres cannot be told to make is none: inelastic groups come to rest.
+            if result == 0.0 and -separation.dot(u) <= self.slowest * separation.norm() * (v_i.norm() + v_j.norm()):
+                result = ti.math.inf
+        return result
+
+    @ti.func
+    def time_of_wall(self, s: Template, i, x, v, time, horizon):
+        """When i meets surface s, 0 … horizon from `time`; infinity if it does not."""
+        result = _geometry.time_of_contact(self.surfaces[s], x, v, self.radius[i], time, horizon)
+        if ti.static(self.has_held):
+            if self.inverse_mass[i].max() == 0.0:
+                result = ti.math.inf
+        if ti.static(not self.is_elastic):
+            w = _geometry.surface_velocity(self.surfaces[s], x)
+            n = _geometry.normal(self.surfaces[s], x, time)
+            if result == 0.0 and -n.dot(v - w) <= self.slowest * (v.norm() + w.norm()):
+                result = ti.math.inf
+        return result
+
+    @ti.func
+    def restitution_of(self, i, j):
+        """E of a contact of two spheres, by their materials."""
+        return self.restitution[self.material[i], self.material[j]]
+
+    @ti.func
+    def collide(self, velocity: Template, i, j, separation, e):
+        """Change both velocities; returns the impulse and the kinetic energy it took. No effect where nothing can move."""
+        n = separation / separation.norm()
+        approach = -n.dot(velocity[j] - velocity[i])
+        yielding = (n * n).dot(self.inverse_mass[i] + self.inverse_mass[j])
+        impulse = 0.0
+        lost = 0.0
+        if yielding > 0.0:
+            impulse = (1.0 + e) * approach / yielding
+            lost = (1.0 - e) * (1.0 + e) * approach * approach / (2.0 * yielding)
+            velocity[i] = velocity[i] - impulse * (self.inverse_mass[i] * n)
+            velocity[j] = velocity[j] + impulse * (self.inverse_mass[j] * n)
+        return ti.Vector([impulse, lost])
+
+    @ti.func
+    def reflect(self, velocity: Template, s: Template, i, x, e, time):
+        """The same off surface s, which nothing moves."""
+        n = _geometry.normal(self.surfaces[s], x, time)
+        approach = -n.dot(velocity[i] - _geometry.surface_velocity(self.surfaces[s], x))
+        yielding = (n * n).dot(self.inverse_mass[i])
+        impulse = 0.0
+        lost = 0.0
+        if yielding > 0.0:
+            impulse = (1.0 + e) * approach / yielding
+            lost = (1.0 - e) * (1.0 + e) * approach * approach / (2.0 * yielding)
+            velocity[i] = velocity[i] + impulse * (self.inverse_mass[i] * n)
+        return ti.Vector([impulse, lost])

@@ -1,0 +1,172 @@
+"""How far spheres fly: into which pieces a drift is cut, and how far around a sphere partners are looked for."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.contacts._tally import CHUNKS, SMALLEST_BLOCK
+
+SLACK = 1.25  # margin over the way that a sphere of the same speed makes: contacts make some faster
+TRAVEL_PER_GAP = 0.15  # root mean square way in a piece, over the mean gap between spheres: a contact for one in four
+TRAVEL_PER_RADIUS = 0.02  # the same where they nearly touch
+OUTLIER = 6.0  # root mean square speeds; margins of all spheres allow for that, faster ones have their own
+ROUNDINGS = 16  # of a coordinate, by which a pair must not be missed
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A piece of a drift.
+
+    h        its length [time]
+    common   margin that every sphere has at least [length]
+    largest  that some sphere may have
+    lower, upper  bounding box of all positions
+    bounds   what the cell grid wants to know: the box, least and largest reach
+    """
+
+    h: float
+    common: float
+    largest: float
+    lower: np.ndarray
+    upper: np.ndarray
+    least_radius: float
+    largest_radius: float
+    speed: float
+    reference: float
+    tries: int = 0
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray, float, float]:
+        """What the cell grid wants to know: the box, and between which two all reaches are."""
+        return self.lower, self.upper, self.least_radius + self.common, self.largest_radius + self.largest
+
+
+@ti.data_oriented
+class Flight:
+    """Margins of the spheres of a state: reach = radius + margin.
+
+    A sphere's margin covers its own way with some slack, and that of ordinarily fast partners that may hit it. One that left
+    its margin is remembered with twice its way, and the piece is done again.
+    """
+
+    def __init__(self, setup: ContactSetup, state: Any) -> None:
+        """Allocate; needs a started Taichi."""
+        self.particle_count = setup.particle_count
+        self.dimensions = setup.dimensions
+        self.state = state
+        self.period = tuple(float(edge) for edge in setup.enclosure.period[: setup.dimensions])
+        self.shortest_period = min((edge for edge in self.period if edge > 0.0), default=math.inf)
+        radius = np.asarray(setup.radius, float)
+        self.mean_radius, self.least_radius, self.largest_radius = float(radius.mean()), float(radius.min()), float(radius.max())
+        largest_two = float(np.sort(radius)[-2:].sum())
+        self.room = 0.5 * (self.shortest_period / 2.0 - largest_two)  # for a margin; beyond, another image may be nearer
+        if not self.room > 0.0:
+            raise ValueError(
+                f"a period of {self.shortest_period:g} is too short for spheres of radius {self.largest_radius:g}: "
+                f"two of them must fit into half of it"
+            )
+        config = ti.lang.impl.current_cfg()
+        self.epsilon = float(np.finfo(np.float32 if config.default_fp == ti.f32 else np.float64).eps)
+        self.radius, self.reach, self.remembered = (ti.field(float) for _ in range(3))
+        self.measured = ti.Vector.field(2 * self.dimensions + 2, float)
+        builder = ti.FieldsBuilder()
+        for field in (self.radius, self.reach, self.remembered):
+            builder.dense(ti.i, self.particle_count).place(field)
+        builder.dense(ti.i, CHUNKS).place(self.measured)
+        self.farthest = ti.field(float)
+        builder.dense(ti.i, 1).place(self.farthest)
+        self._tree = builder.finalize()
+        self.radius.from_numpy(radius.astype(self.radius.to_numpy().dtype))
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self._tree.destroy()
+
+    def plan(self, rest: float) -> Piece:
+        """The next piece of a drift of which `rest` is left; margins are set."""
+        self._measure()
+        found = self.measured.to_numpy().astype(float)
+        d = self.dimensions
+        lower, upper = found[:, :d].min(0), found[:, d : 2 * d].max(0)
+        mean_square, speed = found[:, 2 * d].sum() / self.particle_count, found[:, 2 * d + 1].max()
+        rms = math.sqrt(mean_square)
+        extent = np.where(np.array(self.period) > 0.0, self.period, np.maximum(upper - lower, 2.0 * self.mean_radius))
+        spacing = float(np.prod(extent) / self.particle_count) ** (1.0 / d)
+        travel = max(TRAVEL_PER_GAP * (spacing - 2.0 * self.mean_radius), TRAVEL_PER_RADIUS * self.mean_radius)
+        count = max(1.0, math.ceil(rms * rest / travel)) if travel > 0.0 else 1.0
+        if SLACK * speed * rest / count > 0.9 * self.room:
+            count = math.ceil(SLACK * speed * rest / (0.9 * self.room))
+        h = rest / count
+        is_ordinary = SLACK * speed * h <= 0.5 * max(spacing, self.mean_radius)
+        reference = speed if is_ordinary else min(speed, OUTLIER * rms)
+        size = max(np.abs(lower).max(), np.abs(upper).max())
+        piece = Piece(
+            h, 0.0, 0.0, lower, upper, self.least_radius, self.largest_radius, speed, reference
+        )
+        return self._with_margins(piece, ROUNDINGS * self.epsilon * size)
+
+    def _with_margins(self, piece: Piece, rounding: float) -> Piece:
+        common = SLACK * piece.reference * piece.h + rounding
+        largest = max(SLACK * piece.speed * piece.h + rounding, self.farthest[0])
+        self._set_margins(common, SLACK * piece.h, rounding)
+        return replace(piece, common=common, largest=largest)
+
+    def shorten(self, piece: Piece) -> Piece:
+        """Half of it, with everything forgotten that was remembered."""
+        self.remembered.fill(0.0)
+        self.farthest.fill(0.0)
+        size = max(np.abs(piece.lower).max(), np.abs(piece.upper).max())
+        return self._with_margins(replace(piece, h=piece.h / 2.0, tries=0), ROUNDINGS * self.epsilon * size)
+
+    def widen(self, piece: Piece) -> Piece:
+        """The same with margins for what is remembered, or half of it where that does not help."""
+        if piece.tries >= 6 or self.farthest[0] > 0.9 * self.room:
+            return self.shorten(piece)
+        size = max(np.abs(piece.lower).max(), np.abs(piece.upper).max())
+        return self._with_margins(replace(piece, tries=piece.tries + 1), ROUNDINGS * self.epsilon * size)
+
+    @ti.func
+    def begin(self, chunk):
+        """First sphere of a chunk."""
+        return ti.cast(ti.cast(chunk, ti.i64) * self.particle_count // CHUNKS, ti.i32)
+
+    @ti.func
+    def margin(self, i):
+        """How far sphere i may get from its start."""
+        return self.reach[i] - self.radius[i]
+
+    @ti.func
+    def remember(self, i, way):
+        """Give sphere i a wider margin when the piece is done again."""
+        self.remembered[i] = 2.0 * way
+        ti.atomic_max(self.farthest[0], 2.0 * way)
+
+    @ti.kernel
+    def _set_margins(self, common: float, time: float, rounding: float):
+        for i in range(self.particle_count):
+            own = time * self.state.velocity[i].norm() + rounding
+            self.reach[i] = self.radius[i] + ti.max(common, own, self.remembered[i])
+
+    @ti.kernel
+    def _measure(self):
+        for q in range(CHUNKS * SMALLEST_BLOCK):
+            if q % SMALLEST_BLOCK == 0:
+                chunk = q // SMALLEST_BLOCK
+                lower = ti.Vector([ti.math.inf] * self.dimensions, float)
+                upper = -lower
+                total, largest = 0.0, 0.0
+                for i in range(self.begin(chunk), self.begin(chunk + 1)):
+                    x, v = self.state.position[i], self.state.velocity[i]
+                    lower = ti.min(lower, x)
+                    upper = ti.max(upper, x)
+                    total += v.norm_sqr()
+                    largest = ti.max(largest, v.norm_sqr())
+                for axis in ti.static(range(self.dimensions)):
+                    self.measured[chunk][axis] = lower[axis]
+                    self.measured[chunk][self.dimensions + axis] = upper[axis]
+                self.measured[chunk][2 * self.dimensions] = total
+                self.measured[chunk][2 * self.dimensions + 1] = ti.sqrt(largest)

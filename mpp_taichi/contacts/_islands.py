@@ -1,0 +1,182 @@
+"""Islands: spheres whose contacts within a drift may depend on each other, and the order of events in an island."""
+
+import taichi as ti
+
+LINKS_PER_SPHERE = 8  # a contact graph of spheres has fewer than 7.5 edges for each: half the mean kissing number, below 14.96
+
+
+@ti.data_oriented
+class Islands:
+    """Sets of linked spheres, each known by its smallest index, so that the order of the links does not matter.
+
+    island          (n,) its root, or -1: the sphere flies freely
+    first_time      (n,) its first contact if nothing else happens [time], with first_partner
+    members         spheres of an island one after the other by index, from `begin[root]`, `size[root]` of them
+    pending         roots of islands that are to be played through, `count[PENDING]` of them
+    involved        all spheres in islands, `count[INVOLVED]`
+    links           pairs that were linked since the islands were last formed, `count[LINKS]`; a sphere with itself is alone
+    """
+
+    LINKS, INVOLVED, PENDING = 0, 1, 2
+
+    def __init__(self, particle_count: int) -> None:
+        """Allocate; needs a started Taichi."""
+        self.particle_count = particle_count
+        self.capacity = LINKS_PER_SPHERE * particle_count + 64
+        indices = [ti.field(ti.i32) for _ in range(11)]
+        self.parent, self.island, self.first_partner, self.members, self.begin, self.size = indices[:6]
+        self.filled, self.changed, self.pending, self.involved, self.tree = indices[6:]
+        self.first_time, self.link_time = ti.field(float), ti.field(float)
+        self.best_time = ti.field(float)
+        self.place = ti.field(ti.i32)
+        self.links = ti.Vector.field(2, ti.i32)
+        self.count = ti.field(ti.i32)
+        builder = ti.FieldsBuilder()
+        for field in (*indices, self.first_time, self.best_time, self.place):
+            builder.dense(ti.i, particle_count).place(field)
+        for field in (self.links, self.link_time):
+            builder.dense(ti.i, self.capacity).place(field)
+        builder.dense(ti.i, 3).place(self.count)
+        self._tree = builder.finalize()
+        self.parent.fill(-1)
+        self.island.fill(-1)
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self._tree.destroy()
+
+    # Which spheres belong together -------------------------------------------------------------------------------------
+
+    @ti.func
+    def link(self, i, j, time):
+        """Note that i and j belong together; `time` of their first contact from the start of the drift, or infinity."""
+        k = ti.atomic_add(self.count[self.LINKS], 1)
+        if k < self.capacity:
+            self.links[k] = ti.Vector([i, j])
+            self.link_time[k] = time
+
+    @ti.func
+    def form(self):
+        """Join what was linked, and list as pending all islands that changed; inside a serialized loop."""
+        for k in range(self.count[self.PENDING]):
+            self.size[self.pending[k]] = 0
+            self.filled[self.pending[k]] = 0
+            self.changed[self.pending[k]] = 0
+        link_count = ti.min(self.count[self.LINKS], self.capacity)
+        for k in range(link_count):
+            i, j = self.links[k][0], self.links[k][1]
+            self._enter(i)
+            self._enter(j)
+            self._offer(i, j, self.link_time[k])
+            self._offer(j, i, self.link_time[k])
+            one, other = self._root(i), self._root(j)
+            self.parent[ti.max(one, other)] = ti.min(one, other)
+        for k in range(link_count):
+            self.changed[self._root(self.links[k][0])] = 1
+        self.count[self.LINKS] = 0
+        self._gather()
+
+    @ti.func
+    def _enter(self, i):
+        if self.parent[i] < 0:
+            self.parent[i] = i
+            self.first_time[i] = ti.math.inf
+            self.first_partner[i] = -1
+            self.size[i] = 0
+            self.filled[i] = 0
+            self.changed[i] = 0
+
+    @ti.func
+    def _offer(self, i, j, time):
+        if time < self.first_time[i] or (time == self.first_time[i] and j < self.first_partner[i]):
+            self.first_time[i] = time
+            self.first_partner[i] = j
+
+    @ti.func
+    def _root(self, i):
+        node = i
+        while self.parent[node] != node:
+            self.parent[node] = self.parent[self.parent[node]]
+            node = self.parent[node]
+        return node
+
+    @ti.func
+    def _gather(self):
+        involved = 0
+        pending = 0
+        for i in range(self.particle_count):
+            if self.parent[i] >= 0:
+                self.involved[involved] = i
+                involved += 1
+                root = self._root(i)
+                self.island[i] = root
+                if self.changed[root] == 1:
+                    if self.size[root] == 0:
+                        self.pending[pending] = root
+                        pending += 1
+                    self.size[root] = self.size[root] + 1
+        begin = 0
+        for k in range(pending):
+            self.begin[self.pending[k]] = begin
+            begin += self.size[self.pending[k]]
+        for k in range(involved):
+            i = self.involved[k]
+            root = self.island[i]
+            if self.changed[root] == 1:
+                p = self.filled[root]
+                self.members[self.begin[root] + p] = i
+                self.place[i] = p
+                self.filled[root] = p + 1
+        self.count[self.INVOLVED] = involved
+        self.count[self.PENDING] = pending
+
+    @ti.func
+    def everything(self):
+        """One island of all spheres, with root 0; inside a serialized loop."""
+        for i in range(self.particle_count):
+            self.island[i] = 0
+            self.members[i] = i
+            self.place[i] = i
+        self.begin[0] = 0
+        self.size[0] = self.particle_count
+
+    # What happens first: a tournament over the members, whose inner nodes 1 … size − 1 keep the winners' places --------
+
+    @ti.func
+    def start_tournament(self, root):
+        """After `best_time` of all members was set."""
+        size = self.size[root]
+        for back in range(1, size):
+            self._play(self.begin[root], size, size - back)
+
+    @ti.func
+    def replay(self, root, i):
+        """After `best_time[i]` was changed."""
+        size = self.size[root]
+        node = (self.place[i] + size) // 2
+        while node >= 1:
+            self._play(self.begin[root], size, node)
+            node //= 2
+
+    @ti.func
+    def next(self, root):
+        """The member with the earliest event; of equal ones that with the smallest index."""
+        p = 0
+        if self.size[root] > 1:
+            p = self.tree[self.begin[root] + 1]
+        return self.members[self.begin[root] + p]
+
+    @ti.func
+    def _play(self, begin, size, node):
+        left = self._winner(begin, size, 2 * node)
+        right = self._winner(begin, size, 2 * node + 1)
+        early = self.best_time[self.members[begin + left]]
+        late = self.best_time[self.members[begin + right]]
+        self.tree[begin + node] = left if early < late or (early == late and left < right) else right
+
+    @ti.func
+    def _winner(self, begin, size, node):
+        result = node - size
+        if node < size:
+            result = self.tree[begin + node]
+        return result

@@ -1,0 +1,344 @@
+"""Cell grid: which spheres may touch, by cells that spheres are sorted into.
+
+Two spheres are candidates where |x_j − x_i| ≤ reach_i + reach_j. Spheres are grouped in levels of reach, a factor of two wide
+(`_levels.py`), each with cells as wide as its largest sphere: a few huge spheres among many small ones cost each small
+one a look at the huge ones' cells, and nobody else anything. No pair is missed at any ratio of reaches.
+"""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.neighbors._levels import BINS, BINS_PER_OCTAVE, MAXIMUM_LEVELS, Level, choose_levels
+from mpp_taichi.neighbors.periodic import nearest_image
+from mpp_taichi.types import Template
+
+SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
+CHUNKS = 64  # of a reduction; fixed, so that sums do not depend on the threads
+BUCKETS_PER_SPHERE = 4
+ROUNDINGS = 8  # of a coordinate on its way to a cell, as a generous count
+
+
+@ti.data_oriented
+class CellGrid:
+    """Spheres in the order of their cells, and of their index within a cell, whatever the number of threads.
+
+    order             (n,) which sphere is in a slot
+    sorted_position   (n,) positions by slot [length]
+    sorted_reach      (n,) reaches by slot [length]
+
+    The domain is the bounding box of the moment, or the box that repeats; in that separations are the nearest images, which
+    is right while reach_i + reach_j stays below half a period.
+    """
+
+    def __init__(self, particle_count: int, dimensions: int, period: Any = (0.0, 0.0, 0.0), origin: Any = (0.0, 0.0, 0.0)):
+        """Allocate; needs a started Taichi, whose precision and thread count it takes."""
+        config = ti.lang.impl.current_cfg()
+        self.particle_count = particle_count
+        self.dimensions = dimensions
+        self.period = tuple(float(edge) for edge in period)
+        self.origin = np.array(origin, float)[:dimensions]
+        self.repeats = tuple(edge > 0.0 for edge in self.period)
+        self.epsilon = float(np.finfo(np.float32 if config.default_fp == ti.f32 else np.float64).eps)
+        self.sorter_count = min(config.cpu_max_num_threads, 8)
+        self.scan_count = 8 * config.cpu_max_num_threads
+        buckets = BUCKETS_PER_SPHERE * particle_count + 4 * MAXIMUM_LEVELS
+        self.order, self.key, self.start, self.tally, self.scan = (ti.field(ti.i32) for _ in range(5))
+        self.sorted_position = ti.Vector.field(dimensions, float)
+        self.sorted_reach = ti.field(float)
+        self.bounds = ti.Vector.field(2 * dimensions + 2, float)
+        self.bin_count, self.level_of_bin = ti.field(ti.i32), ti.field(ti.i32)
+        self.level_count, self.level_offset, self.level_mask, self.level_buckets = (ti.field(ti.i32) for _ in range(4))
+        self.level_reach = ti.field(float)
+        self.level_inverse = ti.Vector.field(dimensions, float)
+        self.level_cells = ti.Vector.field(dimensions, ti.i32)
+        self.level_strides = ti.Vector.field(2, ti.u32)
+        self.corner = ti.Vector.field(dimensions, float)
+        self.slack = ti.field(float)
+        builder = ti.FieldsBuilder()
+        for count, fields in (
+            (particle_count, (self.order, self.key, self.sorted_position, self.sorted_reach)),
+            (buckets + 1, (self.start,)),
+            (self.sorter_count * buckets, (self.tally,)),
+            (self.scan_count + 1, (self.scan,)),
+            (CHUNKS, (self.bounds,)),
+            (BINS, (self.bin_count, self.level_of_bin)),
+            (MAXIMUM_LEVELS, (self.level_offset, self.level_mask, self.level_buckets, self.level_reach)),
+            (MAXIMUM_LEVELS, (self.level_inverse, self.level_cells, self.level_strides)),
+            (1, (self.level_count, self.corner, self.slack)),
+        ):
+            for field in fields:
+                builder.dense(ti.i, count).place(field)
+        self._tree = builder.finalize()
+        self._table: list[Level] = []
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self._tree.destroy()
+
+    # Building ----------------------------------------------------------------------------------------------------------
+
+    def build(self, position: Any, reach: Any, bounds: Any = None) -> None:
+        """Sort the spheres. `bounds`: (lower, upper, least reach, largest reach), if known; else they are measured."""
+        lower, upper, least, largest = bounds or self.measure(position, reach)
+        extent = np.where(self.repeats[: self.dimensions], self.period[: self.dimensions], upper - lower)
+        corner = np.where(self.repeats[: self.dimensions], self.origin, lower)
+        if 2.0 * least >= largest:
+            reaches, counts = [largest], [self.particle_count]
+        else:
+            self._count_bins(reach, largest)
+            reaches, counts, level_of_bin = choose_levels(self.bin_count.to_numpy(), largest)
+            self.level_of_bin.from_numpy(level_of_bin)
+        size = max(np.abs(corner).max(), np.abs(corner + extent).max(), np.abs(lower).max(), np.abs(upper).max())
+        self._set_levels(reaches, counts, extent, corner, ROUNDINGS * self.epsilon * size)
+        self._sort(position, reach, largest, sum(level.buckets for level in self._table))
+
+    def measure(self, position: Any, reach: Any) -> tuple[np.ndarray, np.ndarray, float, float]:
+        """Bounding box, least and largest reach."""
+        self._measure(position, reach)
+        found = self.bounds.to_numpy().astype(float)
+        d = self.dimensions
+        return found[:, :d].min(0), found[:, d : 2 * d].max(0), float(found[:, 2 * d].min()), float(found[:, 2 * d + 1].max())
+
+    def _set_levels(self, reaches: list, counts: list, extent: np.ndarray, corner: np.ndarray, slack: float) -> None:
+        self._table = []
+        offset = 0
+        for reach, count in zip(reaches, counts, strict=True):
+            level = Level.fitted(reach + slack, count, extent, self.repeats, BUCKETS_PER_SPHERE, offset)
+            offset += level.buckets
+            self._table.append(level)
+        names = ("offset", "mask", "buckets", "reach", "inverse", "cells", "strides")
+        rows = np.zeros((MAXIMUM_LEVELS, 4 + 2 * self.dimensions + 2))
+        for k, level in enumerate(self._table):
+            rows[k] = [level.offset, level.mask, level.buckets, level.reach, *level.inverse, *level.cells, *level.strides]
+        del names
+        self._store_levels(rows, len(self._table), np.asarray(corner, float), slack)
+
+    @ti.kernel
+    def _store_levels(self, rows: ti.types.ndarray(), levels: ti.i32, corner: ti.types.ndarray(), slack: float):
+        ti.loop_config(serialize=True)
+        for k in range(levels):
+            self.level_offset[k] = ti.cast(rows[k, 0], ti.i32)
+            self.level_mask[k] = ti.cast(rows[k, 1], ti.i32)
+            self.level_buckets[k] = ti.cast(rows[k, 2], ti.i32)
+            self.level_reach[k] = ti.cast(rows[k, 3], float)
+            for axis in ti.static(range(self.dimensions)):
+                self.level_inverse[k][axis] = ti.cast(rows[k, 4 + axis], float)
+                self.level_cells[k][axis] = ti.cast(rows[k, 4 + self.dimensions + axis], ti.i32)
+                self.corner[0][axis] = ti.cast(corner[axis], float)
+            for axis in ti.static(range(2)):
+                self.level_strides[k][axis] = ti.cast(rows[k, 4 + 2 * self.dimensions + axis], ti.u32)
+            self.level_count[0] = levels
+            self.slack[0] = slack
+
+    @ti.kernel
+    def _measure(self, position: Template, reach: Template):
+        for q in range(CHUNKS * SMALLEST_BLOCK):
+            if q % SMALLEST_BLOCK == 0:
+                chunk = q // SMALLEST_BLOCK
+                lower = ti.Vector([ti.math.inf] * self.dimensions, float)
+                upper = -lower
+                least, largest = ti.math.inf, 0.0
+                for i in range(self._begin(chunk, CHUNKS), self._begin(chunk + 1, CHUNKS)):
+                    lower = ti.min(lower, position[i])
+                    upper = ti.max(upper, position[i])
+                    least = ti.min(least, reach[i])
+                    largest = ti.max(largest, reach[i])
+                for axis in ti.static(range(self.dimensions)):
+                    self.bounds[chunk][axis] = lower[axis]
+                    self.bounds[chunk][self.dimensions + axis] = upper[axis]
+                self.bounds[chunk][2 * self.dimensions] = least
+                self.bounds[chunk][2 * self.dimensions + 1] = largest
+
+    @ti.func
+    def _begin(self, part, parts):
+        """First of the spheres of a part; 64 bits, because the product may not fit 32."""
+        return ti.cast(ti.cast(part, ti.i64) * self.particle_count // parts, ti.i32)
+
+    @ti.kernel
+    def _count_bins(self, reach: Template, largest: float):
+        for b in self.bin_count:
+            self.bin_count[b] = 0
+        for i in range(self.particle_count):
+            ti.atomic_add(self.bin_count[self._bin(reach[i], largest)], 1)  # whole numbers: their sum has no order
+
+    @ti.func
+    def _bin(self, reach, largest):
+        """Eighths of an octave below the largest reach."""
+        below = BINS - 1.0
+        if reach > 0.0:
+            below = ti.min(below, BINS_PER_OCTAVE * (ti.log(largest / reach) / ti.log(2.0)))
+        return ti.cast(ti.max(below, 0.0), ti.i32)
+
+    @ti.kernel
+    def _sort(self, position: Template, reach: Template, largest: float, buckets: ti.i32):
+        for k in range(buckets * self.sorter_count):
+            self.tally[k] = 0
+        # Each sorter takes a run of spheres, so that within a bucket spheres stay in the order of their index.
+        for q in range(self.sorter_count * SMALLEST_BLOCK):
+            if q % SMALLEST_BLOCK == 0:
+                sorter = q // SMALLEST_BLOCK
+                for i in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
+                    level = 0
+                    if self.level_count[0] > 1:
+                        level = self.level_of_bin[self._bin(reach[i], largest)]
+                    bucket = self._bucket(self._cell(position[i], level), level)
+                    self.key[i] = bucket
+                    self.tally[sorter * buckets + bucket] = self.tally[sorter * buckets + bucket] + 1
+        for q in range(self.scan_count * SMALLEST_BLOCK):
+            if q % SMALLEST_BLOCK == 0:
+                part = q // SMALLEST_BLOCK
+                total = 0
+                for bucket in range(self._part(part, buckets), self._part(part + 1, buckets)):
+                    for sorter in range(self.sorter_count):
+                        total += self.tally[sorter * buckets + bucket]
+                self.scan[part + 1] = total
+        ti.loop_config(serialize=True)
+        for part in range(self.scan_count):
+            if part == 0:
+                self.scan[0] = 0
+            self.scan[part + 1] = self.scan[part + 1] + self.scan[part]
+        for q in range(self.scan_count * SMALLEST_BLOCK):
+            if q % SMALLEST_BLOCK == 0:
+                part = q // SMALLEST_BLOCK
+                slot = self.scan[part]
+                for bucket in range(self._part(part, buckets), self._part(part + 1, buckets)):
+                    self.start[bucket] = slot
+                    for sorter in range(self.sorter_count):
+                        k = sorter * buckets + bucket
+                        here = self.tally[k]
+                        self.tally[k] = slot
+                        slot += here
+                if part == self.scan_count - 1:
+                    self.start[buckets] = slot
+        for q in range(self.sorter_count * SMALLEST_BLOCK):
+            if q % SMALLEST_BLOCK == 0:
+                sorter = q // SMALLEST_BLOCK
+                for i in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
+                    k = sorter * buckets + self.key[i]
+                    slot = self.tally[k]
+                    self.tally[k] = slot + 1
+                    self.order[slot] = i
+        for slot in range(self.particle_count):
+            i = self.order[slot]
+            self.sorted_position[slot] = position[i]
+            self.sorted_reach[slot] = reach[i]
+
+    @ti.func
+    def _part(self, part, buckets):
+        return ti.cast(ti.cast(part, ti.i64) * buckets // self.scan_count, ti.i32)
+
+    @ti.func
+    def _coordinate(self, x, level):
+        """Place in units of cells; along an axis that repeats within 0 … cells."""
+        result = (x - self.corner[0]) * self.level_inverse[level]
+        for axis in ti.static(range(self.dimensions)):
+            if ti.static(self.repeats[axis]):
+                cells = ti.cast(self.level_cells[level][axis], float)
+                result[axis] -= cells * ti.floor(result[axis] / cells)
+        return result
+
+    @ti.func
+    def _cell(self, x, level):
+        place = self._coordinate(x, level)
+        cell = ti.Vector.zero(ti.i32, 3)
+        for axis in ti.static(range(self.dimensions)):
+            last = self.level_cells[level][axis] - 1
+            cell[axis] = ti.max(0, ti.min(ti.cast(ti.floor(place[axis]), ti.i32), last))
+        return cell
+
+    @ti.func
+    def _bucket(self, cell, level):
+        """Of cells in a row along x the buckets follow each other, but at the end of a folded table."""
+        strides = self.level_strides[level]
+        folded = ti.cast(cell[0], ti.u32) + ti.cast(cell[1], ti.u32) * strides[0] + ti.cast(cell[2], ti.u32) * strides[1]
+        return self.level_offset[level] + ti.cast(folded & ti.cast(self.level_mask[level], ti.u32), ti.i32)
+
+    # Looking -----------------------------------------------------------------------------------------------------------
+
+    @ti.func
+    def visit_later(self, slot, task: Template, first, second):
+        """task(slot, other slot, separation, first, second) for each candidate partner of a slot that comes after it.
+
+        Levels follow each other in the slots, small reaches first, so that all slots together see each pair once.
+        """
+        self._visit(self.sorted_position[slot], self.sorted_reach[slot], slot, task, slot, first, second)
+
+    @ti.func
+    def visit(self, i, position: Template, reach: Template, task: Template, first, second):
+        """task(i, slot, separation, first, second) for each candidate partner of sphere i, and for i itself.
+
+        `position` and `reach` must be as they were at the build.
+        """
+        self._visit(position[i], reach[i], -1, task, i, first, second)
+
+    @ti.func
+    def _visit(self, x, reach, after, task: Template, subject, first, second):
+        for level in range(self.level_count[0]):
+            level_end = self.start[self.level_offset[level] + self.level_buckets[level]]
+            if level_end > after + 1:
+                self._visit_level(level, x, reach, after, task, subject, first, second)
+
+    @ti.func
+    def _visit_level(self, level, x, reach, after, task: Template, subject, first, second):
+        lowest, highest = self._cells_within(level, x, reach + self.level_reach[level] + self.slack[0])
+        spans = highest - lowest + 1
+        begin = self.start[self.level_offset[level]]
+        end = self.start[self.level_offset[level] + self.level_buckets[level]]
+        inside = ti.cast(spans[0], float) * ti.cast(spans[1], float) * ti.cast(spans[2], float)
+        everything = inside > end - begin
+        folded = self.level_mask[level] >= 0 and not everything
+        cells_x = self.level_cells[level][0]
+        in_one_run = everything or (not folded and lowest[0] >= 0 and highest[0] < cells_x)
+        rows = 1 if everything else spans[1] * spans[2]
+        parts = 1 if in_one_run else spans[0]
+        for row in range(rows):
+            cell = ti.Vector([lowest[0], lowest[1] + row % spans[1], lowest[2] + row // spans[1]])
+            cell = self._wrapped(cell, level)
+            for part in range(parts):
+                if not everything:
+                    if not in_one_run:
+                        cell[0] = lowest[0] + part
+                        cell = self._wrapped(cell, level)
+                    bucket = self._bucket(cell, level)
+                    begin = self.start[bucket]
+                    end = self.start[bucket + (spans[0] if in_one_run else 1)]
+                for slot in range(ti.max(begin, after + 1), end):
+                    separation = nearest_image(self.sorted_position[slot] - x, self.period)
+                    together = reach + self.sorted_reach[slot]
+                    if separation.dot(separation) <= together * together:
+                        # Cells far apart share a bucket of a folded table; without this a pair would be seen twice.
+                        if not folded or (self._cell(self.sorted_position[slot], level) == cell).all():
+                            task(subject, slot, separation, first, second)
+
+    @ti.func
+    def _cells_within(self, level, x, distance):
+        """First and last cell along each axis; before 0 or beyond the last only where the axis repeats, and none twice."""
+        place = self._coordinate(x, level)
+        lowest = ti.Vector.zero(ti.i32, 3)
+        highest = ti.Vector.zero(ti.i32, 3)
+        for axis in ti.static(range(self.dimensions)):
+            cells = ti.cast(self.level_cells[level][axis], float)
+            around = distance * self.level_inverse[level][axis]
+            low, high = ti.floor(place[axis] - around), ti.floor(place[axis] + around)
+            if ti.static(self.repeats[axis]):
+                if not high - low + 1.0 < cells:
+                    low, high = 0.0, cells - 1.0
+            else:
+                low, high = ti.max(0.0, ti.min(low, cells - 1.0)), ti.max(0.0, ti.min(high, cells - 1.0))
+            lowest[axis] = ti.cast(low, ti.i32)
+            highest[axis] = ti.cast(high, ti.i32)
+        return lowest, highest
+
+    @ti.func
+    def _wrapped(self, cell, level):
+        result = cell
+        for axis in ti.static(range(self.dimensions)):
+            if ti.static(self.repeats[axis]):
+                cells = self.level_cells[level][axis]
+                if result[axis] < 0:
+                    result[axis] += cells
+                elif result[axis] >= cells:
+                    result[axis] -= cells
+        return result
