@@ -6,6 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.neighbors.periodic import nearest_image
 from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 from mpp_taichi.walls._roots import first_contact_curved
@@ -98,11 +99,7 @@ class ContactRows:
     @ti.func
     def separation(self, state: Template, i, j):
         """From i to the nearest image of j."""
-        r = state.position[j] - state.position[i]
-        for k in ti.static(range(self.dimensions)):
-            if ti.static(self.period[k] > 0.0):
-                r[k] = r[k] - self.period[k] * ti.round(r[k] / self.period[k])
-        return r
+        return nearest_image(state.position[j] - state.position[i], self.period)
 
     @ti.func
     def add_sphere(self, i, j, separation, margin, filling):
@@ -115,12 +112,12 @@ class ContactRows:
             self.filled[i] = self.filled[i] + 1
 
     @ti.func
-    def add_surfaces(self, state: Template, i, margin, time, h, filling):
-        """Count or fill in the surfaces within the margin and their own way."""
+    def add_surfaces(self, state: Template, i, bound, time, h, filling):
+        """Count or fill in the surfaces that a sphere of at most the speed `bound` can reach within h."""
         for s in ti.static(range(len(self.surfaces))):
             gap = _geometry.gap(self.surfaces[s], state.position[i], self.radius[i], time)
-            way = h * _geometry.surface_velocity(self.surfaces[s], state.position[i]).norm()
-            if gap <= margin + way and self.inverse_mass[i].max() > 0.0:
+            speed = bound + _geometry.surface_velocity(self.surfaces[s], state.position[i]).norm()
+            if gap <= h * speed and self.inverse_mass[i].max() > 0.0:
                 if filling > 0:
                     n = _geometry.normal(self.surfaces[s], state.position[i], time)
                     self._set(self.start[i] + self.filled[i], i, -1 - s, n, gap, filling)

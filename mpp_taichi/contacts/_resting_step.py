@@ -67,13 +67,13 @@ class RestingStep:
             self.rows.filled[i] = 0
 
     @ti.func
-    def add_all_pairs(self, state: Template, margin, time, h, filling):
+    def add_all_pairs(self, state: Template, bound, time, h, filling):
         """Count, or fill in, what is near each sphere, by looking at all others."""
         for i in range(self.particle_count):
             for j in range(self.particle_count):
                 separation = self.rows.separation(state, i, j)
-                self.rows.add_sphere(i, j, separation, margin, filling)
-            self.rows.add_surfaces(state, i, margin / 2.0, time, h, filling)
+                self.rows.add_sphere(i, j, separation, 2.0 * h * bound, filling)
+            self.rows.add_surfaces(state, i, bound, time, h, filling)
 
     @ti.func
     def find_impacts(self, state: Template, time, h, resting_speed):

@@ -1,20 +1,18 @@
 """Time-stepped hard spheres that may rest on each other: piles and columns."""
 
-import numpy as np
 from typing import Any
 
+import numpy as np
 import taichi as ti
 
 from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
-from mpp_taichi.contacts._resting_step import LOST, PAIRS, PUSHED, ROOM, VIRIAL, WALLS, RestingStep
-from mpp_taichi.types import Template
+from mpp_taichi.contacts._resting_plans import ParallelPlan, SerialPlan
+from mpp_taichi.contacts._resting_step import LOST, PAIRS, PUSHED, VIRIAL, WALLS, RestingStep
 
 SERIAL_COUNT = 512  # up to here one thread does a drift in one launch; more spheres are worth a launch for each loop
-TRIES = 12  # rows that were too narrow are built again, twice as wide
 
 
-@ti.data_oriented
 @component
 class Resting:
     """Impacts with restitution, and then no approach beyond a contact's gap: velocity-level complementarity, for piles.
@@ -44,29 +42,30 @@ class Resting:
     )
     tolerance: float = param(1e-10, above=0.0, help="allowed overlap, or opening under load, relative to the smaller radius")
 
-    def bind(self, setup: ContactSetup, state: Any) -> None:
+    def bind(self, setup: ContactSetup, state: Any, *, parallel: bool | None = None) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
         self.particle_count = setup.particle_count
         self.gravity = float(np.linalg.norm(setup.gravity))
         single = ti.lang.impl.current_cfg().default_fp == ti.f32
         # In f32 a radius itself is known to 1e-7, and a coordinate of a hundred radii to 1e-5 of one.
         self.step = RestingStep(setup, max(self.tolerance, 1e-5) if single else self.tolerance, state.wide)
-        self.largest_iterations = 0
+        parallel = setup.particle_count > SERIAL_COUNT if parallel is None else parallel
+        self.plan: Any = ParallelPlan(self.step, setup) if parallel else SerialPlan(self.step)
         self.iterations = 0
         self._unresolved = 0
         self._kicked = False
 
     def destroy(self) -> None:
         """Give the memory back."""
+        self.plan.destroy()
         self.step.destroy()
 
     def drift(self, state: Any, time: float, h: float) -> None:
         """Move all spheres by h [time], with impacts and resting contacts."""
         resting_speed = 4.0 * self.gravity * h if self.resting_speed is None else self.resting_speed
-        kicked, iterations, unresolved = self._drift_serial(state, time, h, resting_speed, int(self._kicked))
-        self._kicked = kicked == 1
-        self._unresolved += int(unresolved)
-        self.iterations += int(iterations)
+        self._kicked, iterations, unresolved = self.plan.drift(state, time, h, resting_speed, self._kicked)
+        self._unresolved += unresolved
+        self.iterations += iterations
 
     def collect(self) -> ContactReport:
         """What was counted since it was last asked."""
@@ -84,55 +83,3 @@ class Resting:
             largest_overlap=overlap,
             unresolved=unresolved,
         )
-
-    @ti.kernel
-    def _drift_serial(self, state: Template, time: float, h: float, resting_speed: float, kicked: int) -> ti.types.vector(3, int):
-        result = ti.Vector([0, 0, 0])
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            if kicked == 1:
-                self.step.rows.remember()
-            self.step.measure(state.velocity)
-            bound = ROOM * ti.cast(self.step.solver.total[0][0], float)
-            result[0] = 1 if self.step.solver.total[0][1] > 0.0 else 0
-            tries = 0
-            while tries < TRIES:
-                tries += 1
-                self.step.begin_rows()
-                self.step.add_all_pairs(state, 2.0 * h * bound, time, h, 0)
-                self.step.rows.number()
-                if self.step.rows.start[self.particle_count] > self.step.rows.capacity:
-                    result[2] += self.step.rows.start[self.particle_count]
-                    self.step.rows.clear()
-                self.step.begin_rows()
-                self.step.add_all_pairs(state, 2.0 * h * bound, time, h, 1 + result[0])
-                self.step.find_impacts(state, time, h, resting_speed)
-                hit = self.step.solver.total[0][0] > 0.0
-                phase = 0 if hit else 1
-                while phase < 2:
-                    if phase == 0:
-                        self.step.begin_impacts(state)
-                        if ti.static(self.step.mixed):
-                            spreading = 1
-                            while spreading == 1:
-                                self.step.spread_restitution()
-                                spreading = 1 if self.step.solver.total[0][0] > 0.0 else 0
-                    else:
-                        self.step.begin_rest(state, h, ti.cast(hit, ti.i32))
-                    self.step.solver.prepare(1 - phase)
-                    outcome = self.step.solver.solve_serial(h)
-                    result[1] += outcome[0]
-                    result[2] += outcome[1]
-                    if phase == 0:
-                        self.step.end_impacts()
-                    phase += 1
-                self.step.measure(self.step.solver.velocity)
-                fastest = ti.cast(self.step.solver.total[0][0], float)
-                if fastest <= bound:
-                    tries = TRIES + 1
-                else:
-                    bound = 2.0 * fastest
-            if tries == TRIES:
-                result[2] += 1
-            self.step.move(state, h)
-        return result
