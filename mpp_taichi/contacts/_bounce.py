@@ -60,10 +60,9 @@ class Bounce:
         return nearest_image(second - first, self.period)
 
     @ti.func
-    def time_of_contact(self, i, j, separation, v_i, v_j, horizon):
-        """When i and j meet in straight flight, 0 … horizon from now; infinity if they do not."""
+    def time_of_contact(self, i, j, reach, separation, v_i, v_j, horizon):
+        """When i and j, which touch at distance `reach`, meet in straight flight: 0 … horizon from now, or infinity."""
         u = v_j - v_i
-        reach = self.radius[i] + self.radius[j]
         result = first_contact_curved(separation, u, reach, False, horizon)
         if ti.static(self.has_held):
             if (self.inverse_mass[i] + self.inverse_mass[j]).max() == 0.0:
@@ -75,9 +74,9 @@ class Bounce:
         return result
 
     @ti.func
-    def time_of_wall(self, s: Template, i, x, v, time, horizon):
+    def time_of_wall(self, s: Template, i, radius, x, v, time, horizon):
         """When i meets surface s, 0 … horizon from `time`; infinity if it does not."""
-        result = _geometry.time_of_contact(self.surfaces[s], x, v, self.radius[i], time, horizon)
+        result = _geometry.time_of_contact(self.surfaces[s], x, v, radius, time, horizon)
         if ti.static(self.has_held):
             if self.inverse_mass[i].max() == 0.0:
                 result = ti.math.inf
@@ -94,30 +93,20 @@ class Bounce:
         return self.restitution[self.material[i], self.material[j]]
 
     @ti.func
-    def collide(self, velocity: Template, i, j, separation, e):
-        """Change both velocities; returns the impulse and the kinetic energy it took. No effect where nothing can move."""
-        n = separation / separation.norm()
-        approach = -n.dot(velocity[j] - velocity[i])
+    def pair_impulse(self, i, j, n, u, e):
+        """Impulse along n and the kinetic energy that it takes, with u = v_j − v_i; none where nothing can move."""
         yielding = (n * n).dot(self.inverse_mass[i] + self.inverse_mass[j])
-        impulse = 0.0
-        lost = 0.0
-        if yielding > 0.0:
-            impulse = (1.0 + e) * approach / yielding
-            lost = (1.0 - e) * (1.0 + e) * approach * approach / (2.0 * yielding)
-            velocity[i] = velocity[i] - impulse * (self.inverse_mass[i] * n)
-            velocity[j] = velocity[j] + impulse * (self.inverse_mass[j] * n)
-        return ti.Vector([impulse, lost])
+        return self._impulse(yielding, n.dot(u), e)
 
     @ti.func
-    def reflect(self, velocity: Template, s: Template, i, x, e, time):
-        """The same off surface s, which nothing moves."""
-        n = _geometry.normal(self.surfaces[s], x, time)
-        approach = -n.dot(velocity[i] - _geometry.surface_velocity(self.surfaces[s], x))
-        yielding = (n * n).dot(self.inverse_mass[i])
-        impulse = 0.0
-        lost = 0.0
+    def wall_impulse(self, i, n, u, e):
+        """The same off a surface with the normal n, with u the velocity of i relative to it."""
+        return self._impulse((n * n).dot(self.inverse_mass[i]), n.dot(u), e)
+
+    @ti.func
+    def _impulse(self, yielding, separating, e):
+        result = ti.Vector.zero(float, 2)
         if yielding > 0.0:
-            impulse = (1.0 + e) * approach / yielding
-            lost = (1.0 - e) * (1.0 + e) * approach * approach / (2.0 * yielding)
-            velocity[i] = velocity[i] + impulse * (self.inverse_mass[i] * n)
-        return ti.Vector([impulse, lost])
+            result[0] = -(1.0 + e) * separating / yielding
+            result[1] = (1.0 - e) * (1.0 + e) * separating * separating / (2.0 * yielding)
+        return result

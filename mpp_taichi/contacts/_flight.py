@@ -77,8 +77,9 @@ class Flight:
         for field in (self.radius, self.reach, self.remembered):
             builder.dense(ti.i, self.particle_count).place(field)
         builder.dense(ti.i, CHUNKS).place(self.measured)
-        self.farthest = ti.field(float)
-        builder.dense(ti.i, 1).place(self.farthest)
+        self.farthest, self.rounding = ti.field(float), ti.field(float)
+        for field in (self.farthest, self.rounding):
+            builder.dense(ti.i, 1).place(field)
         self._tree = builder.finalize()
         self.radius.from_numpy(radius.astype(self.radius.to_numpy().dtype))
 
@@ -147,6 +148,7 @@ class Flight:
 
     @ti.kernel
     def _set_margins(self, common: float, time: float, rounding: float):
+        self.rounding[0] = rounding
         for i in range(self.particle_count):
             own = time * self.state.velocity[i].norm() + rounding
             self.reach[i] = self.radius[i] + ti.max(common, own, self.remembered[i])

@@ -1,5 +1,8 @@
 """Islands: spheres whose contacts within a drift may depend on each other, and the order of events in an island."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import taichi as ti
 
 LINKS_PER_SPHERE = 8  # a contact graph of spheres has fewer than 7.5 edges for each: half the mean kissing number, below 14.96
@@ -19,20 +22,24 @@ class Islands:
 
     LINKS, INVOLVED, PENDING = 0, 1, 2
 
-    def __init__(self, particle_count: int) -> None:
-        """Allocate; needs a started Taichi."""
+    def __init__(self, particle_count: int, beside: Sequence[Any]) -> None:
+        """Allocate, and place the fields `beside` beside those that an event touches; needs a started Taichi.
+
+        Spheres of islands are far apart in memory, and each line of it that is fetched costs more than the formulas.
+        """
         self.particle_count = particle_count
         self.capacity = LINKS_PER_SPHERE * particle_count + 64
-        indices = [ti.field(ti.i32) for _ in range(11)]
-        self.parent, self.island, self.first_partner, self.members, self.begin, self.size = indices[:6]
-        self.filled, self.changed, self.pending, self.involved, self.tree = indices[6:]
-        self.first_time, self.link_time = ti.field(float), ti.field(float)
-        self.best_time = ti.field(float)
-        self.place = ti.field(ti.i32)
+        indices = [ti.field(ti.i32) for _ in range(9)]
+        self.parent, self.island, self.members, self.begin, self.size = indices[:5]
+        self.filled, self.changed, self.pending, self.involved = indices[5:]
+        self.tree = ti.field(ti.i32)
+        self.place, self.first_partner = ti.field(ti.i32), ti.field(ti.i32)
+        self.first_time, self.best_time, self.link_time = (ti.field(float) for _ in range(3))
         self.links = ti.Vector.field(2, ti.i32)
         self.count = ti.field(ti.i32)
         builder = ti.FieldsBuilder()
-        for field in (*indices, self.first_time, self.best_time, self.place):
+        builder.dense(ti.i, particle_count).place(*beside, self.first_time, self.best_time, self.place, self.first_partner)
+        for field in (*indices, self.tree):
             builder.dense(ti.i, particle_count).place(field)
         for field in (self.links, self.link_time):
             builder.dense(ti.i, self.capacity).place(field)

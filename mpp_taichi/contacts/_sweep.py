@@ -30,8 +30,9 @@ TRIES = 64  # with wider margins, then with shorter pieces
 class Sweep:
     """The spheres of a state, moved along their velocities from contact to contact.
 
-    Another rule for what happens at a contact overrides `resolve`. While an island is played, sphere i is at
-    `local_position[i]` at its own `clock[i]`, with `local_velocity[i]`; times count from the start of the piece.
+    Another rule for what happens at a contact overrides `resolve`. Spheres are numbered by slots of the cell grid, which are near
+    in memory where they are near in space; `index(k)` is the sphere in slot k. While an island is played it is at
+    `local_position[k]` at its own `clock[k]`, with `local_velocity[k]`; times count from the start of the piece.
     """
 
     def __init__(self, setup: ContactSetup, state: Any, *, event_limit: int, all_pairs: bool | None = None) -> None:
@@ -42,8 +43,12 @@ class Sweep:
         self.state = state
         self.event_limit = event_limit
         self.all_pairs = n <= ALL_PAIRS_UP_TO if all_pairs is None else all_pairs
+        self.local_position, self.local_velocity = (ti.Vector.field(self.dimensions, float) for _ in range(2))
+        self.clock, self.excursion = ti.field(float), ti.field(float)
+        self.best_partner, self.best_stamp, self.stamp, self.near = (ti.field(ti.i32) for _ in range(4))
+        local = (self.local_position, self.local_velocity, self.clock, self.excursion)
+        self.islands = Islands(n, (*local, self.best_partner, self.best_stamp, self.stamp, self.near))
         self.bounce = Bounce(setup)
-        self.islands = Islands(n)
         self.tally = Tally(n, len(self.bounce.surfaces), getattr(state, "wide", ti.f64))
         self.flight = Flight(setup, state)
         self.grid = None if self.all_pairs else CellGrid(n, self.dimensions, setup.enclosure.period, setup.enclosure.origin)
@@ -51,15 +56,15 @@ class Sweep:
         self.contact_time = float(setup.contact_time)
         self.shortest_period = self.flight.shortest_period
         self.looks_again = self.all_pairs and self.shortest_period < math.inf
-        self.local_position, self.local_velocity = (ti.Vector.field(self.dimensions, float) for _ in range(2))
-        self.clock, self.excursion, self.local_last_contact, self.last_contact = (ti.field(float) for _ in range(4))
-        self.best_partner, self.best_stamp, self.stamp, self.touched, self.near = (ti.field(ti.i32) for _ in range(5))
+        self.local_last_contact, self.last_contact = ti.field(float), ti.field(float)
+        self.touched = ti.field(ti.i32)
         self.violations = ti.field(ti.i32)
+        self.start_position, self.start_velocity = (ti.Vector.field(self.dimensions, float) for _ in range(2))
+        self.start_radius = ti.field(float)
         builder = ti.FieldsBuilder()
-        for field in (self.local_position, self.local_velocity, self.clock, self.excursion):
-            builder.dense(ti.i, n).place(field)
-        for field in (self.best_partner, self.best_stamp, self.stamp, self.touched, self.near):
-            builder.dense(ti.i, n).place(field)
+        builder.dense(ti.i, n).place(self.touched)
+        sorted_count = 1 if self.all_pairs else n
+        builder.dense(ti.i, sorted_count).place(self.start_position, self.start_velocity, self.start_radius)
         for field in (self.last_contact, self.local_last_contact):
             builder.dense(ti.i, n if self.keeps_last_contact else 1).place(field)
         builder.dense(ti.i, 1).place(self.violations)
@@ -109,10 +114,11 @@ class Sweep:
 
     @ti.func
     def _offer_first(self, i, j, h):
-        separation = self.bounce.separation(self.state.position[i], self.state.position[j])
+        """Note the first contact of a pair from the state at the start."""
+        separation = self.bounce.separation(self.start_of(i), self.start_of(j))
         self._see_overlap(i, j, separation)
         if ti.static(not self.looks_again):
-            t = self.bounce.time_of_contact(i, j, separation, self.state.velocity[i], self.state.velocity[j], h)
+            t = self._time_of_contact(i, j, separation, self.start_velocity_of(i), self.start_velocity_of(j), h)
             if t < self.islands.first_time[i]:
                 self.islands.first_time[i] = t
                 self.islands.first_partner[i] = j
@@ -148,49 +154,82 @@ class Sweep:
     def _give_up(self):
         self.tally.give_up(ti.max(self.violations[0], 1))
 
+    # Slots -------------------------------------------------------------------------------------------------------------
+
+    @ti.func
+    def index(self, k):
+        """Which sphere is in slot k."""
+        result = k
+        if ti.static(not self.all_pairs):
+            result = self.grid.order[k]
+        return result
+
+    @ti.func
+    def radius_of(self, k):
+        """Radius of the sphere in slot k; of the following too."""
+        return self.bounce.radius[k] if ti.static(self.all_pairs) else self.start_radius[k]
+
+    @ti.func
+    def start_of(self, k):
+        """Position at the start of the piece."""
+        return self.state.position[k] if ti.static(self.all_pairs) else self.start_position[k]
+
+    @ti.func
+    def start_velocity_of(self, k):
+        """Velocity at the start of the piece."""
+        return self.state.velocity[k] if ti.static(self.all_pairs) else self.start_velocity[k]
+
+    @ti.func
+    def _time_of_contact(self, k, l, separation, v_k, v_l, horizon):
+        reach = self.radius_of(k) + self.radius_of(l)
+        return self.bounce.time_of_contact(self.index(k), self.index(l), reach, separation, v_k, v_l, horizon)
+
     # Looking for first contacts ----------------------------------------------------------------------------------------
 
     @ti.kernel
     def _search(self, time: float, h: float):
-        for i in range(self.particle_count):
-            self.islands.parent[i] = -1
-            self.islands.island[i] = -1
         ti.loop_config(serialize=True)
         for k in range(1):
             self.islands.count[self.islands.LINKS] = 0
             self.islands.count[self.islands.PENDING] = 0
             self.violations[0] = 0
-        for slot in range(self.particle_count):
-            self.grid.visit_later(slot, self._see_pair, time, h)
-            i = self.grid.order[slot]
-            if self._time_of_first_wall(i, time, h)[0] <= h:
-                self.islands.link(i, i, ti.math.inf)
+        for k in range(self.particle_count):
+            i = self.grid.order[k]
+            self.start_position[k] = self.state.position[i]
+            self.start_velocity[k] = self.state.velocity[i]
+            self.start_radius[k] = self.bounce.radius[i]
+            self.islands.parent[k] = -1
+            self.islands.island[k] = -1
+        for k in range(self.particle_count):
+            self.grid.visit_later(k, self._see_pair, time, h)
+            if self._time_of_first_wall(k, time, h)[0] <= h:
+                self.islands.link(k, k, ti.math.inf)
 
     @ti.func
-    def _see_pair(self, slot, other, separation, time, h):
-        i, j = self.grid.order[slot], self.grid.order[other]
-        self._see_overlap(i, j, separation)
-        t = self.bounce.time_of_contact(i, j, separation, self.state.velocity[i], self.state.velocity[j], h)
+    def _see_pair(self, k, l, time, h):
+        separation = self.bounce.separation(self.start_position[k], self.start_position[l])
+        self._see_overlap(k, l, separation)
+        t = self._time_of_contact(k, l, separation, self.start_velocity[k], self.start_velocity[l], h)
         if t <= h:
-            self.islands.link(i, j, t)
+            self.islands.link(k, l, t)
 
     @ti.func
-    def _see_overlap(self, i, j, separation):
-        reach = self.bounce.radius[i] + self.bounce.radius[j]
+    def _see_overlap(self, k, l, separation):
+        reach = self.radius_of(k) + self.radius_of(l)
         square = separation.dot(separation)
         if square < reach * reach:
-            self.tally.see_overlap((reach - ti.sqrt(square)) / ti.min(self.bounce.radius[i], self.bounce.radius[j]))
+            self.tally.see_overlap((reach - ti.sqrt(square)) / ti.min(self.radius_of(k), self.radius_of(l)))
 
     @ti.func
-    def _time_of_first_wall(self, i, time, h):
+    def _time_of_first_wall(self, k, time, h):
         """Time of contact with a surface from the state at the start, and -2 - its number; overlaps are noted."""
         result = ti.Vector([ti.math.inf, -1.0])
         for s in ti.static(range(len(self.bounce.surfaces))):
-            x = self.state.position[i]
-            t = self.bounce.time_of_wall(s, i, x, self.state.velocity[i], time, h)
-            gap = _geometry.gap(self.bounce.surfaces[s], x, self.bounce.radius[i], time)
-            if gap < 0.0 and self.bounce.radius[i] > 0.0:
-                self.tally.see_overlap(-gap / self.bounce.radius[i])
+            x = self.start_of(k)
+            t = self.bounce.time_of_wall(s, self.index(k), self.radius_of(k), x, self.start_velocity_of(k), time, h)
+            gap = _geometry.gap(self.bounce.surfaces[s], x, self.radius_of(k), time)
+            if gap < 0.0 and self.radius_of(k) > 0.0:
+                self.tally.see_overlap(-gap / self.radius_of(k))
             if t < result[0]:
                 result = ti.Vector([t, -2.0 - s])
         return result
@@ -207,17 +246,17 @@ class Sweep:
         for k in range(self.islands.count[self.islands.INVOLVED]):
             i = self.islands.involved[k]
             if self.near[i] == 1:
-                self.grid.visit(i, self.state.position, self.flight.reach, self._see_other_island, h, h)
+                self.grid.visit(i, self._see_other_island, h, h)
         return ti.Vector([self.islands.count[self.islands.LINKS], self.violations[0]])
 
     @ti.func
-    def _see_other_island(self, i, slot, separation, h, _):
+    def _see_other_island(self, k, l, h, _):
         """Join two islands where spheres may have met: neither left a ball around its start, and the balls meet."""
-        j = self.grid.order[slot]
-        if self.islands.island[j] >= 0 and self.islands.island[j] != self.islands.island[i]:
-            reach = self.bounce.radius[i] + self.bounce.radius[j] + self.excursion[i] + self.excursion[j]
+        if self.islands.island[l] >= 0 and self.islands.island[l] != self.islands.island[k]:
+            separation = self.bounce.separation(self.start_position[k], self.start_position[l])
+            reach = self.radius_of(k) + self.radius_of(l) + self.excursion[k] + self.excursion[l]
             if separation.dot(separation) <= reach * reach:
-                self.islands.link(i, j, ti.math.inf)
+                self.islands.link(k, l, ti.math.inf)
 
     @ti.func
     def _play(self, root, time, h):
@@ -260,8 +299,8 @@ class Sweep:
 
     @ti.func
     def _start(self, i, time, h):
-        self.local_position[i] = self.state.position[i]
-        self.local_velocity[i] = self.state.velocity[i]
+        self.local_position[i] = self.start_of(i)
+        self.local_velocity[i] = self.start_velocity_of(i)
         self.clock[i] = 0.0
         self.excursion[i] = 0.0
         self.stamp[i] = 0
@@ -274,7 +313,7 @@ class Sweep:
             self.islands.best_time[i] = wall[0]
             self.best_partner[i] = ti.cast(wall[1], ti.i32)
         if ti.static(self.keeps_last_contact):
-            self.local_last_contact[i] = self.last_contact[i]
+            self.local_last_contact[i] = self.last_contact[self.index(i)]
         self.tally.begin(i)
 
     @ti.func
@@ -291,7 +330,7 @@ class Sweep:
         """Fly sphere i straight on to time t of the piece."""
         self.local_position[i] = self.local_position[i] + self.local_velocity[i] * (t - self.clock[i])
         self.clock[i] = t
-        self.excursion[i] = ti.max(self.excursion[i], (self.local_position[i] - self.state.position[i]).norm())
+        self.excursion[i] = ti.max(self.excursion[i], (self.local_position[i] - self.start_of(i)).norm())
 
     @ti.func
     def place_at(self, i, t):
@@ -323,9 +362,14 @@ class Sweep:
     def bounce_pair(self, i, j, t):
         """Collide two spheres that are at time t, and count it."""
         separation = self.bounce.separation(self.local_position[i], self.local_position[j])
-        e, elastic = self._restitution(self.bounce.restitution_of(i, j), i, j, t)
-        result = self.bounce.collide(self.local_velocity, i, j, separation, e)
-        self.tally.add_pair(i, result[0], separation.norm(), result[1], elastic)
+        distance = separation.norm()
+        n = separation / distance
+        a, b = self.index(i), self.index(j)
+        e, elastic = self._restitution(self.bounce.restitution_of(a, b), i, j, t)
+        result = self.bounce.pair_impulse(a, b, n, self.local_velocity[j] - self.local_velocity[i], e)
+        self.local_velocity[i] = self.local_velocity[i] - result[0] * (self.bounce.inverse_mass[a] * n)
+        self.local_velocity[j] = self.local_velocity[j] + result[0] * (self.bounce.inverse_mass[b] * n)
+        self.tally.add_pair(i, result[0], distance, result[1], elastic)
         if not result[0] > 0.0:
             self.tally.give_up(1)
 
@@ -335,7 +379,10 @@ class Sweep:
         for s in ti.static(range(len(self.bounce.surfaces))):
             if s == surface:
                 e, elastic = self._restitution(ti.static(self.bounce.surfaces[s].restitution), i, i, t)
-                result = self.bounce.reflect(self.local_velocity, s, i, self.local_position[i], e, time + t)
+                n = _geometry.normal(self.bounce.surfaces[s], self.local_position[i], time + t)
+                u = self.local_velocity[i] - _geometry.surface_velocity(self.bounce.surfaces[s], n)
+                result = self.bounce.wall_impulse(self.index(i), n, u, e)
+                self.local_velocity[i] = self.local_velocity[i] + result[0] * (self.bounce.inverse_mass[self.index(i)] * n)
                 self.tally.add_wall(i, s, result[0], result[1], elastic)
                 if not result[0] > 0.0:
                     self.tally.give_up(1)
@@ -366,27 +413,26 @@ class Sweep:
                 if j != i:
                     self._consider(i, j, now, h)
         else:
-            self.grid.visit(i, self.state.position, self.flight.reach, self._consider_slot, now, h)
+            self.grid.visit(i, self._consider_slot, now, h)
         x = self.place_at(i, now)
         for s in ti.static(range(len(self.bounce.surfaces))):
-            t = now + self.bounce.time_of_wall(s, i, x, self.local_velocity[i], time + now, h - now)
+            t = now + self.bounce.time_of_wall(s, self.index(i), self.radius_of(i), x, self.local_velocity[i], time + now, h - now)
             if t < self.islands.best_time[i]:
                 self.islands.best_time[i] = t
                 self.best_partner[i] = -2 - s
         self.islands.replay(root, i)
 
     @ti.func
-    def _consider_slot(self, i, slot, separation, now, h):
-        j = self.grid.order[slot]
+    def _consider_slot(self, i, j, now, h):
         if self.islands.island[j] == self.islands.island[i]:
             if j != i:
                 self._consider(i, j, now, h)
         elif self.islands.island[j] >= 0:
             self.near[i] = 1
         else:
-            x = self.state.position[j] + self.state.velocity[j] * now
-            d = self.bounce.separation(self.place_at(i, now), x)
-            if self.bounce.time_of_contact(i, j, d, self.local_velocity[i], self.state.velocity[j], h - now) <= h - now:
+            v = self.start_velocity[j]
+            d = self.bounce.separation(self.place_at(i, now), self.start_position[j] + v * now)
+            if self._time_of_contact(i, j, d, self.local_velocity[i], v, h - now) <= h - now:
                 self.islands.link(i, j, ti.math.inf)
 
     @ti.func
@@ -397,7 +443,7 @@ class Sweep:
         horizon = h - now
         if ti.static(self.looks_again):
             horizon = ti.min(horizon, self._sight(i, j, (v_j - v_i).norm()))
-        t = now + self.bounce.time_of_contact(i, j, d, v_i, v_j, horizon)
+        t = now + self._time_of_contact(i, j, d, v_i, v_j, horizon)
         stamp_i, stamp_j = self.stamp[i], self.stamp[j]
         if ti.static(self.looks_again):
             if t > h and horizon < h - now:
@@ -416,33 +462,35 @@ class Sweep:
     @ti.func
     def _sight(self, i, j, speed):
         """How long no other image of j can reach i than the nearest of now; all pairs of a periodic box look again then."""
-        return (self.shortest_period / 2.0 - self.bounce.radius[i] - self.bounce.radius[j]) / speed
+        return (self.shortest_period / 2.0 - self.radius_of(i) - self.radius_of(j)) / speed
 
     # Making it so ------------------------------------------------------------------------------------------------------
 
     @ti.func
-    def _check_margin(self, i):
-        if self.excursion[i] > self.flight.margin(i):
-            self.flight.remember(i, self.excursion[i])
+    def _check_margin(self, k):
+        if self.excursion[k] > self.grid.sorted_reach[k] - self.start_radius[k]:
+            self.flight.remember(self.index(k), self.excursion[k])
             ti.atomic_add(self.violations[0], 1)
 
     @ti.func
-    def _keep(self, chunk, i, h):
-        self.state.position[i] = self.local_position[i]
-        self.state.velocity[i] = self.local_velocity[i]
-        self.tally.keep(chunk, i)
+    def _keep(self, chunk, k, h):
+        i = self.index(k)
+        self.state.position[i] = self.local_position[k]
+        self.state.velocity[i] = self.local_velocity[k]
+        self.tally.keep(chunk, k)
         if ti.static(self.keeps_last_contact):
-            self.last_contact[i] = self.local_last_contact[i] - h
+            self.last_contact[i] = self.local_last_contact[k] - h
 
     @ti.kernel
     def _commit(self, h: float):
         for q in range(CHUNKS * SMALLEST_BLOCK):
             if q % SMALLEST_BLOCK == 0:
                 chunk = q // SMALLEST_BLOCK
-                for i in range(self.flight.begin(chunk), self.flight.begin(chunk + 1)):
-                    if self.islands.island[i] >= 0:
-                        self._keep(chunk, i, h)
+                for k in range(self.flight.begin(chunk), self.flight.begin(chunk + 1)):
+                    if self.islands.island[k] >= 0:
+                        self._keep(chunk, k, h)
                     else:
-                        self.state.position[i] = self.state.position[i] + self.state.velocity[i] * h
+                        i = self.index(k)
+                        self.state.position[i] = self.start_position[k] + self.start_velocity[k] * h
                         if ti.static(self.keeps_last_contact):
                             self.last_contact[i] = self.last_contact[i] - h

@@ -31,8 +31,7 @@ class Tally:
         self.unresolved = ti.field(ti.i32)
         self.overlap = ti.field(float)
         builder = ti.FieldsBuilder()
-        for field in (self.counted, self.summed):
-            builder.dense(ti.i, particle_count).place(field)
+        builder.dense(ti.i, particle_count).place(self.counted, self.summed)
         builder.dense(ti.i, particle_count if surface_count else 1).place(self.pushed)
         builder.dense(ti.i, CHUNKS).place(self.total_count)
         for field in (self.unresolved, self.overlap):

@@ -25,7 +25,7 @@ class CellGrid:
     """Spheres in the order of their cells, and of their index within a cell, whatever the number of threads.
 
     order             (n,) which sphere is in a slot
-    sorted_position   (n,) positions by slot [length]
+    sorted_position   (n,) positions by slot, inside the box that repeats [length]
     sorted_reach      (n,) reaches by slot [length]
 
     The domain is the bounding box of the moment, or the box that repeats; in that separations are the nearest images, which
@@ -57,8 +57,9 @@ class CellGrid:
         self.corner = ti.Vector.field(dimensions, float)
         self.slack = ti.field(float)
         builder = ti.FieldsBuilder()
+        builder.dense(ti.i, particle_count).place(self.sorted_position, self.sorted_reach)  # read together
         for count, fields in (
-            (particle_count, (self.order, self.key, self.sorted_position, self.sorted_reach)),
+            (particle_count, (self.order, self.key)),
             (buckets + 1, (self.start,)),
             (self.sorter_count * buckets, (self.tally,)),
             (self.scan_count + 1, (self.scan,)),
@@ -222,7 +223,7 @@ class CellGrid:
                     self.order[slot] = i
         for slot in range(self.particle_count):
             i = self.order[slot]
-            self.sorted_position[slot] = position[i]
+            self.sorted_position[slot] = self._inside(position[i])
             self.sorted_reach[slot] = reach[i]
 
     @ti.func
@@ -259,19 +260,16 @@ class CellGrid:
 
     @ti.func
     def visit_later(self, slot, task: Template, first, second):
-        """task(slot, other slot, separation, first, second) for each candidate partner of a slot that comes after it.
+        """task(slot, other slot, first, second) for each candidate partner of a slot that comes after it.
 
         Levels follow each other in the slots, small reaches first, so that all slots together see each pair once.
         """
         self._visit(self.sorted_position[slot], self.sorted_reach[slot], slot, task, slot, first, second)
 
     @ti.func
-    def visit(self, i, position: Template, reach: Template, task: Template, first, second):
-        """task(i, slot, separation, first, second) for each candidate partner of sphere i, and for i itself.
-
-        `position` and `reach` must be as they were at the build.
-        """
-        self._visit(position[i], reach[i], -1, task, i, first, second)
+    def visit(self, slot, task: Template, first, second):
+        """The same for every candidate partner, and for the slot itself."""
+        self._visit(self.sorted_position[slot], self.sorted_reach[slot], -1, task, slot, first, second)
 
     @ti.func
     def _visit(self, x, reach, after, task: Template, subject, first, second):
@@ -283,34 +281,64 @@ class CellGrid:
     @ti.func
     def _visit_level(self, level, x, reach, after, task: Template, subject, first, second):
         lowest, highest = self._cells_within(level, x, reach + self.level_reach[level] + self.slack[0])
-        spans = highest - lowest + 1
         begin = self.start[self.level_offset[level]]
         end = self.start[self.level_offset[level] + self.level_buckets[level]]
-        inside = ti.cast(spans[0], float) * ti.cast(spans[1], float) * ti.cast(spans[2], float)
-        everything = inside > end - begin
+        spans = ti.cast(highest - lowest + 1, float)
+        everything = spans[0] * spans[1] * spans[2] > end - begin
         folded = self.level_mask[level] >= 0 and not everything
-        cells_x = self.level_cells[level][0]
-        in_one_run = everything or (not folded and lowest[0] >= 0 and highest[0] < cells_x)
-        rows = 1 if everything else spans[1] * spans[2]
-        parts = 1 if in_one_run else spans[0]
-        for row in range(rows):
-            cell = ti.Vector([lowest[0], lowest[1] + row % spans[1], lowest[2] + row // spans[1]])
-            cell = self._wrapped(cell, level)
-            for part in range(parts):
-                if not everything:
-                    if not in_one_run:
-                        cell[0] = lowest[0] + part
-                        cell = self._wrapped(cell, level)
-                    bucket = self._bucket(cell, level)
-                    begin = self.start[bucket]
-                    end = self.start[bucket + (spans[0] if in_one_run else 1)]
-                for slot in range(ti.max(begin, after + 1), end):
-                    separation = nearest_image(self.sorted_position[slot] - x, self.period)
-                    together = reach + self.sorted_reach[slot]
-                    if separation.dot(separation) <= together * together:
-                        # Cells far apart share a bucket of a folded table; without this a pair would be seen twice.
-                        if not folded or (self._cell(self.sorted_position[slot], level) == cell).all():
-                            task(subject, slot, separation, first, second)
+        in_one_run = everything or (not folded and lowest[0] >= 0 and highest[0] < self.level_cells[level][0])
+        if everything:
+            highest[1], highest[2] = lowest[1], lowest[2]
+        last_part = lowest[0] if in_one_run else highest[0]
+        run = highest[0] - lowest[0] + 1 if in_one_run else 1
+        own = ti.Vector([lowest[1], lowest[2]])
+        if after >= begin and not everything and self.level_mask[level] < 0 and lowest.min() >= 0:
+            own = self._own_row(x, level)  # rows before it hold earlier slots only
+        for z in range(own[1], highest[2] + 1):
+            for y in range(own[0] if z == own[1] else lowest[1], highest[1] + 1):
+                for part in range(lowest[0], last_part + 1):
+                    cell = self._wrapped(ti.Vector([part, y, z]), level)
+                    if not everything:
+                        bucket = self._bucket(cell, level)
+                        begin = self.start[bucket]
+                        end = self.start[bucket + run]
+                    for slot in range(ti.max(begin, after + 1), end):
+                        together = reach + self.sorted_reach[slot]
+                        if self._square_distance(x, self.sorted_position[slot]) <= together * together:
+                            # Cells far apart share a bucket of a folded table; without this a pair would be seen twice.
+                            if not folded or (self._cell(self.sorted_position[slot], level) == cell).all():
+                                task(subject, slot, first, second)
+
+    @ti.func
+    def _own_row(self, x, level):
+        cell = self._cell(x, level)
+        return ti.Vector([cell[1], cell[2]])
+
+    @ti.func
+    def separation(self, slot, other):
+        """From a slot to the nearest image of another, to round-off of the box."""
+        return nearest_image(self.sorted_position[other] - self.sorted_position[slot], self.period)
+
+    @ti.func
+    def _square_distance(self, x, y):
+        """Between nearest images of two places inside the box."""
+        separation = y - x
+        for axis in ti.static(range(self.dimensions)):
+            if ti.static(self.repeats[axis]):
+                # Less than a period apart: a fold, where a quotient would cost more than all the rest.
+                way = ti.abs(separation[axis])
+                separation[axis] = ti.min(way, self.period[axis] - way)
+        return separation.dot(separation)
+
+    @ti.func
+    def _inside(self, x):
+        """The image of a place inside the box."""
+        result = x
+        for axis in ti.static(range(self.dimensions)):
+            if ti.static(self.repeats[axis]):
+                edge = self.period[axis]
+                result[axis] -= edge * ti.floor((result[axis] - self.corner[0][axis]) / edge)
+        return result
 
     @ti.func
     def _cells_within(self, level, x, distance):
