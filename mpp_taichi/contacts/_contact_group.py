@@ -49,6 +49,19 @@ class ContactGroup:
         self._tree.destroy()
 
     @ti.func
+    def set_row(self, c, first, second, normal, surface_speed, restitution, made_elastic):
+        """A contact that was not hit yet."""
+        self.first[c] = first
+        self.second[c] = second
+        self.normal[c] = normal
+        self.surface_speed[c] = surface_speed
+        self.restitution[c] = restitution
+        self.made_elastic[c] = made_elastic
+        self.impulse[c] = 0.0
+        self.lost[c] = 0.0
+        self.hits[c] = 0
+
+    @ti.func
     def separating_speed(self, state: Template, c):
         """n·(v_first − v_second), negative where they approach [length / time]."""
         relative = state.velocity[self.first[c]]

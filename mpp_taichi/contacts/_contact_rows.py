@@ -1,0 +1,196 @@
+"""What is near each sphere in a drift: compressed sparse rows, each pair of spheres in both of its rows."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.neighbors.periodic import nearest_image
+from mpp_taichi.types import Template
+from mpp_taichi.walls import _geometry
+from mpp_taichi.walls._roots import first_contact_curved
+
+ENTRIES_EACH = 40  # of a row, on average: room for all within half a radius of each other in a dense packing
+
+
+@ti.data_oriented
+class ContactRows:
+    """Row i is entries start[i] … start[i + 1]: spheres and surfaces that i could touch by the end of the drift.
+
+    other     the other sphere j, or −1 − s for surface s
+    normal    unit vector towards i; of an impact at the instant of contact, else at the drift's start
+    gap       distance [length] along it
+    impact    1 where it is hit faster than what rests, within the drift
+    impulse   along the normal, on i [momentum]; the two entries of a pair carry the same bits
+    given     impulse of the impact [momentum]
+
+    Impulses of contacts that persist are where the next drift begins to look for them.
+    """
+
+    def __init__(self, setup: ContactSetup):
+        """Allocate and fill what does not change."""
+        n = setup.particle_count
+        self.dimensions = setup.dimensions
+        self.particle_count = n
+        self.surfaces = setup.enclosure.surfaces
+        self.period = setup.enclosure.period
+        self.capacity = (ENTRIES_EACH + len(self.surfaces)) * n
+        builder = ti.FieldsBuilder()
+        self.start, self.old_start, self.filled = (ti.field(ti.i32) for _ in range(3))
+        self.radius = ti.field(float)
+        self.material = ti.field(ti.i32)
+        self.inverse_mass = ti.Vector.field(self.dimensions, float)
+        for row in (self.start, self.old_start, self.filled, self.radius, self.material, self.inverse_mass):
+            builder.dense(ti.i, n + 1).place(row)
+        self.other, self.old_other, self.impact = (ti.field(ti.i32) for _ in range(3))
+        self.normal = ti.Vector.field(self.dimensions, float)
+        self.gap, self.impulse, self.old_impulse, self.given = (ti.field(float) for _ in range(4))
+        entries = (self.other, self.old_other, self.impact, self.normal, self.gap, self.impulse, self.old_impulse, self.given)
+        for row in entries:
+            builder.dense(ti.i, self.capacity).place(row)
+        self.restitution = ti.field(float)
+        builder.dense(ti.ij, setup.restitution.shape).place(self.restitution)
+        self._tree = builder.finalize()
+        self._fill(self.radius, setup.radius)
+        self._fill(self.material, setup.material)
+        self._fill(self.inverse_mass, setup.inverse_mass[:, : self.dimensions])
+        self.restitution.from_numpy(setup.restitution.astype(self.restitution.to_numpy().dtype))
+
+    @staticmethod
+    def _fill(target: Any, values: np.ndarray) -> None:
+        whole = target.to_numpy()
+        whole[: len(values)] = values
+        target.from_numpy(whole)
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self._tree.destroy()
+
+    # Building; each func is a loop for the top of a kernel, or for inside a serial one ---------------------------------------
+
+    @ti.func
+    def remember(self):
+        """Keep the impulses of these rows for the next."""
+        for i in range(self.particle_count):
+            self.old_start[i] = self.start[i]
+            self.old_start[i + 1] = self.start[i + 1]
+            for c in range(self.start[i], self.start[i + 1]):
+                self.old_other[c] = self.other[c]
+                self.old_impulse[c] = self.impulse[c]
+
+    @ti.func
+    def number(self):
+        """Turn the counts in `filled` into `start`; returns nothing, start[n] is the number of entries."""
+        for _ in range(1):
+            total = 0
+            for i in range(self.particle_count):
+                self.start[i] = total
+                total += self.filled[i]
+            self.start[self.particle_count] = total
+
+    @ti.func
+    def clear(self):
+        """Leave no entries, where there is no room for them."""
+        for i in range(self.particle_count):
+            self.start[i] = 0
+            self.start[i + 1] = 0
+
+    @ti.func
+    def separation(self, state: Template, i, j):
+        """From i to the nearest image of j."""
+        return nearest_image(state.position[j] - state.position[i], self.period)
+
+    @ti.func
+    def add_sphere(self, i, j, separation, margin, filling):
+        """Count or fill in sphere j, x_j − x_i away, if it is within the margin."""
+        distance = separation.norm()
+        gap = distance - (self.radius[i] + self.radius[j])
+        if i != j and gap <= margin and (self.inverse_mass[i] + self.inverse_mass[j]).max() > 0.0:
+            if filling > 0:
+                self._set(self.start[i] + self.filled[i], i, j, separation * (-1.0 / distance), gap, filling)
+            self.filled[i] = self.filled[i] + 1
+
+    @ti.func
+    def add_surfaces(self, state: Template, i, bound, time, h, filling):
+        """Count or fill in the surfaces that a sphere of at most the speed `bound` can reach within h."""
+        for s in ti.static(range(len(self.surfaces))):
+            gap = _geometry.gap(self.surfaces[s], state.position[i], self.radius[i], time)
+            speed = bound + _geometry.surface_velocity(self.surfaces[s], state.position[i]).norm()
+            if gap <= h * speed and self.inverse_mass[i].max() > 0.0:
+                if filling > 0:
+                    n = _geometry.normal(self.surfaces[s], state.position[i], time)
+                    self._set(self.start[i] + self.filled[i], i, -1 - s, n, gap, filling)
+                self.filled[i] = self.filled[i] + 1
+
+    @ti.func
+    def _set(self, c, i, other, normal, gap, filling):
+        """An entry; `filling` 2 looks up what its impulse was."""
+        impulse = ti.cast(0.0, float)
+        if filling == 2:
+            for old in range(self.old_start[i], self.old_start[i + 1]):
+                if self.old_other[old] == other:
+                    impulse = self.old_impulse[old]
+        self.other[c] = other
+        self.normal[c] = normal
+        self.gap[c] = gap
+        self.impulse[c] = impulse
+        self.given[c] = 0.0
+        self.impact[c] = 0
+
+    # What a contact is -----------------------------------------------------------------------------------------------------
+
+    @ti.func
+    def restitution_of(self, i, c):
+        """E of entry c of row i."""
+        e = ti.cast(1.0, float)
+        j = self.other[c]
+        if j >= 0:
+            e = self.restitution[self.material[i], self.material[j]]
+        for s in ti.static(range(len(self.surfaces))):
+            if j == -1 - s:
+                e = ti.cast(self.surfaces[s].restitution, float)
+        return e
+
+    @ti.func
+    def smaller_radius(self, i, c):
+        """Of its spheres [length]."""
+        result = self.radius[i]
+        if self.other[c] >= 0:
+            result = ti.min(result, self.radius[self.other[c]])
+        return result
+
+    @ti.func
+    def velocity_of_other(self, velocity: Template, c):
+        """Of the other sphere or the surface."""
+        j = self.other[c]
+        result = velocity[ti.max(j, 0)]
+        for s in ti.static(range(len(self.surfaces))):
+            if j == -1 - s:
+                result = _geometry.surface_velocity(self.surfaces[s], result)
+        return result
+
+    @ti.func
+    def find_impact(self, state: Template, separation, i, c, time, h, resting_speed):
+        """Mark entry c if it is hit within h faster than what rests, and turn its normal to the instant of contact."""
+        j = self.other[c]
+        x, v = state.position[i], state.velocity[i]
+        u = self.velocity_of_other(state.velocity, c) - v  # of the other, seen from i
+        limit = 0.0 if self.restitution_of(i, c) == 1.0 else resting_speed
+        when = ti.cast(ti.math.inf, float)
+        n = self.normal[c]
+        if j >= 0:
+            reach = self.radius[i] + self.radius[j]
+            when = first_contact_curved(separation, u, reach, False, h)
+            if when <= h:
+                place = separation + when * u
+                n = place * (-1.0 / place.norm())
+        for s in ti.static(range(len(self.surfaces))):
+            if j == -1 - s:
+                when = _geometry.time_of_contact(self.surfaces[s], x, v, self.radius[i], time, h)
+                if when <= h:
+                    n = _geometry.normal(self.surfaces[s], x + when * v, time + when)
+        if when <= h and n.dot(u) > limit:
+            self.impact[c] = 1
+            self.normal[c] = n
+            self.gap[c] = ti.max(self.gap[c], 0.0) if when == 0.0 else when * n.dot(u)

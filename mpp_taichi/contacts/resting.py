@@ -1,0 +1,88 @@
+"""Time-stepped hard spheres that may rest on each other: piles and columns."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.component import component, param
+from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
+from mpp_taichi.contacts._resting_plans import ParallelPlan, SerialPlan
+from mpp_taichi.contacts._resting_step import LOST, PAIRS, PUSHED, VIRIAL, WALLS, RestingStep
+
+SERIAL_COUNT = 512  # up to here one thread does a drift in one launch; more spheres are worth a launch for each loop
+
+
+@component
+class Resting(ContactSolver):
+    """Impacts with restitution, and then no approach beyond a contact's gap: velocity-level complementarity, for piles.
+
+    A drift by h first reflects what is hit faster than `resting_speed` within it, all such contacts together,
+    v' = v + (1 + e) M⁻¹ Nᵀ λ with the λ ≥ 0 that would just end their approach. Then it finds the velocities closest to
+    these, in the metric of the kinetic energy, with 0 ≤ λ ⟂ gap/h + n·(v_i − v_j) ≥ 0 for everything near, and moves with
+    them. Two spheres so never overlap by more than `tolerance` radii, what lies stays where it is, and no drift gains energy:
+    both are projections. In one group of impacts with unlike restitutions the least holds for all.
+
+    First order in h: an impact acts at the start of its drift, with the normal and the velocities it has at the instant of
+    contact, and a shock passes through touching spheres in one projection (for a cradle take `simultaneous`). Elastic contacts
+    never rest. Give the integrator steps in which spheres move by less than a radius. With drifts on both sides of a kick,
+    velocities at the end of a step are those after the contacts, 0 for what rests.
+    Sources: Moreau, in Nonsmooth Mechanics and Applications (1988) 1; Stewart & Trinkle, Int. J. Numer. Methods Eng. 39 (1996)
+    2673.
+    """
+
+    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
+    contact_time: float = param(0.0, minimum=0.0, unit="time", help="not needed here: nothing collapses in a drift")
+    resting_speed: float = param(
+        None,
+        optional=True,
+        minimum=0.0,
+        unit="length / time",
+        help="slower approaches do not rebound; absent: four times what gravity gives in a drift",
+    )
+    tolerance: float = param(1e-10, above=0.0, help="allowed overlap, or opening under load, relative to the smaller radius")
+
+    drifts = True
+
+    def bind(self, setup: ContactSetup, state: Any, *, parallel: bool | None = None) -> None:
+        """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
+        self.setup = setup
+        self.particle_count = setup.particle_count
+        self.gravity = float(np.linalg.norm(setup.gravity))
+        single = ti.lang.impl.current_cfg().default_fp == ti.f32
+        # In f32 a radius itself is known to 1e-7, and a coordinate of a hundred radii to 1e-5 of one.
+        self.step = RestingStep(setup, max(self.tolerance, 1e-5) if single else self.tolerance, state.wide)
+        parallel = setup.particle_count > SERIAL_COUNT if parallel is None else parallel
+        self.plan: Any = ParallelPlan(self.step, setup) if parallel else SerialPlan(self.step)
+        self.iterations = 0
+        self._unresolved = 0
+        self._kicked = False
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self.plan.destroy()
+        self.step.destroy()
+
+    def drift(self, state: Any, time: float, h: float) -> None:
+        """Move all spheres by h [time], with impacts and resting contacts."""
+        resting_speed = 4.0 * self.gravity * h if self.resting_speed is None else self.resting_speed
+        self._kicked, iterations, unresolved = self.plan.drift(state, time, h, resting_speed, self._kicked)
+        self._unresolved += unresolved
+        self.iterations += iterations
+
+    def collect(self) -> ContactReport:
+        """What was counted since it was last asked."""
+        sums = self.step.sums.to_numpy().sum(axis=0)
+        overlap = float(self.step.overlap.to_numpy().max())
+        self.step.sums.fill(0)
+        self.step.overlap.fill(0)
+        unresolved, self._unresolved = self._unresolved, 0
+        return ContactReport(
+            pair_count=round(sums[PAIRS]),
+            wall_count=round(sums[WALLS]),
+            virial=float(sums[VIRIAL]),
+            wall_impulse=tuple(float(x) for x in sums[PUSHED:]),
+            dissipated_energy=float(sums[LOST]),
+            largest_overlap=overlap,
+            unresolved=unresolved,
+        )
