@@ -142,7 +142,8 @@ def on_lattice(
         wanted += max(count - len(sites), wanted // 100 + 1)
     chosen = sites[np.sort(random.permutation(len(sites))[:count])]
     way = max(0.0, 0.5 * JITTER * (min(nearest, float(room.max())) - 2.0 * largest))
-    moved = np.clip(chosen + _within_ball(random, count, room > 0.0) * way, low, low + room)  # clipped, it is no farther off
+    moved = chosen + _within_ball(random, count, room > 0.0) * way
+    moved = np.clip(moved, low, low + room)  # which takes none farther from its place, as that is within
     for each in obstacles:
         moved = np.where(overlapping(moved, radius, each)[:, None], chosen, moved)
     return moved
@@ -163,8 +164,10 @@ def _widest_grid(room: np.ndarray, wanted: int) -> tuple[tuple[int, int, int], f
         nearest = np.where(both, np.minimum(nearest, np.hypot(spacing[:, a], spacing[:, b])), nearest)
     for axis in range(3):
         nearest = np.where(n[:, axis] > 2, np.minimum(nearest, 2.0 * spacing[:, axis]), nearest)
-    best = int(np.argmax(nearest)) if len(n) else 0
-    return (tuple(int(k) for k in n[best]), float(nearest[best])) if len(n) else ((1, 1, 1), 0.0)
+    if len(n) == 0:
+        return (1, 1, 1), 0.0
+    best = int(np.argmax(nearest))
+    return (int(n[best, 0]), int(n[best, 1]), int(n[best, 2])), float(nearest[best])
 
 
 def _number_density(room: np.ndarray, wanted: int) -> float:

@@ -9,7 +9,7 @@ from mpp_taichi.errors import PlacementError
 from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make_group
 from mpp_taichi.generators._crowd import Spheres, at_random, on_lattice
 
-RANDOM_PACKING = {2: 0.4, 3: 0.25}  # random addition jams for good at 0.547 and 0.38, and is slow long before
+RANDOM_PACKING = {2: 0.36, 3: 0.2}  # random addition jams for good at 0.547 and 0.38, and is slow long before
 CLOSEST_PACKING = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
 
 
