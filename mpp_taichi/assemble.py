@@ -65,7 +65,9 @@ def _place(spec: SceneSpec, layout: ParticleLayout) -> list[Group]:
 
     for number, entry in enumerate(spec.particles):
         random = np.random.default_rng([spec.seed, number])
-        context = GeneratorContext(random, gravity.get("strength", 0.0), gravity.get("softening", 0.0), find)
+        context = GeneratorContext(
+            random, gravity.get("strength", 0.0), gravity.get("softening", 0.0), find, spec.dimensions, tuple(groups)
+        )
         try:
             group = build("generators", entry).generate(context)
         except PlacementError as error:
