@@ -14,7 +14,8 @@ from mpp_taichi.scene.load import load_scene
 from mpp_taichi.walls._base import Enclosure
 
 SOLVERS = component.names("contacts")
-EXACT = [name for name in SOLVERS if name != "pairwise"]  # it meets at the end of a step, not at the contact
+EXACT = [name for name in SOLVERS if name not in ("pairwise", "resting")]  # these meet at the end or the start of a step
+ELASTIC = [name for name in SOLVERS if name != "resting"]  # which keeps what lies at rest, and gains no energy, but may lose some
 UNIT = {"f32": 2.0**-24, "f64": 2.0**-53}
 
 
@@ -132,7 +133,7 @@ def test_nothing_leaves_a_box_at_any_speed(solver, speed):
         assert np.linalg.norm(after.velocity) == pytest.approx(speed, rel=1e-12)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ELASTIC)
 def test_energy_of_a_gas_is_kept_and_the_summary_tells_of_its_contacts(solver, tmp_path, capsys):
     import json
 
