@@ -46,7 +46,7 @@ class ContactSolver:
         raise NotImplementedError
 
     def take_log(self) -> np.ndarray | None:
-        """Every contact since this was last asked, records of time, i, j (−1 − w: surface w) and impulse; None without a log."""
+        """Contacts since this was last asked, records of time, i, j (−1 − w: surface w) and impulse; None without a log."""
         return None
 
     def destroy(self) -> None:

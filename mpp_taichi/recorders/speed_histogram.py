@@ -113,7 +113,7 @@ class SpeedHistogram:
         return np.average(curves, axis=0, weights=counts)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """edge (BINS + 1,); density, its standard_error by √n of one look over √looks, and theory, mean over the bin (BINS,)."""
+        """edge (BINS + 1,); density, its standard_error, as if all looks were independent, and theory over the bin (BINS,)."""
         speeds = np.concatenate([np.zeros(0), *self._speeds])
         largest = float(speeds.max()) if len(speeds) else 0.0
         reach = max(1.0001 * largest, REACH * float(np.max(speed_scale(self.mass, self.temperature)))) or 1.0
