@@ -14,13 +14,12 @@ def contact_facts(simulation: "Simulation") -> dict[str, Any]:
         return {}
     report, elapsed = simulation.contact_report, simulation.time - simulation.start.time
     particles = simulation.start.particle_count
-    ends = 2 * report.pair_count + report.wall_count
     facts = {
         "solver": contacts.solver.name,
         "pair_count": report.pair_count,
         "wall_count": report.wall_count,
         "elastic_count": report.elastic_count,
-        "collisions_per_particle_and_time": ends / (particles * elapsed) if elapsed > 0.0 else None,
+        "collisions_per_particle_and_time": 2 * report.pair_count / (particles * elapsed) if elapsed > 0.0 else None,
         "dissipated_energy": report.dissipated_energy,
         "largest_overlap": report.largest_overlap,
         "unresolved": report.unresolved,
@@ -36,10 +35,10 @@ def contact_line(found: Mapping[str, Any]) -> str:
     facts = found.get("contacts")
     if facts is None:
         return ""
-    counted = f"{facts['pair_count']:,} collisions of spheres, {facts['wall_count']:,} with walls"
     rate = facts["collisions_per_particle_and_time"]
-    told = f", {rate:.4g} per particle and time" if rate else ""
+    told = f" ({rate:.4g} per particle and time)" if rate else ""
+    counted = f"{facts['pair_count']:,} collisions of spheres{told}, {facts['wall_count']:,} with walls"
     elastic = f", {facts['elastic_count']:,} made elastic" if facts["elastic_count"] else ""
     lost = f"; {facts['dissipated_energy']:.6g} of energy lost" if facts["dissipated_energy"] else ""
     overlap = f"; largest overlap {facts['largest_overlap']:.2g} radii"
-    return f"{facts['solver']}: {counted}{told}{elastic}{lost}{overlap}"
+    return f"{facts['solver']}: {counted}{elastic}{lost}{overlap}"

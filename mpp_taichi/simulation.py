@@ -22,6 +22,7 @@ from mpp_taichi.scene.timeline import whole_steps
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.stability import StepAdvice, StepGuard
+from mpp_taichi.walls._base import Surface
 
 if TYPE_CHECKING:
     from mpp_taichi.energy import PowerMeter
@@ -51,7 +52,7 @@ class Simulation(Motion):
     `scene` is a path, a mapping of the shape of the YAML, or a SceneSpec; `overrides` are those of `--set`. `replica_starts`
     holds the starting snapshots of independent copies of the scene that run side by side, one thread each. `start` is a state
     of the same particles to go on from instead of the scene's own, with its time and step count. `force` runs a step that is
-    beyond what the springs allow. Raises SceneError, BackendError or CapacityError before anything is allocated,
+    beyond what the springs allow, `event_log` lets event-driven contacts note every collision. Raises SceneError, BackendError or CapacityError before anything is allocated,
     StabilityError when it is run.
     """
 
@@ -67,6 +68,7 @@ class Simulation(Motion):
         threads: int | None = None,
         start: Snapshot | None = None,
         force: bool = False,
+        event_log: bool = False,
     ):
         """Read the scene, start the backend, allocate and fill the fields; kernels are compiled at the first step."""
         began = clock.perf_counter()
@@ -82,6 +84,7 @@ class Simulation(Motion):
         )
         super().__init__(backends.start(backend, precision, large=work >= GPU_WORTH_WORK, threads=threads))
         self._plan_asked, self.replica_starts, self._force = plan, tuple(replica_starts), force
+        self._event_log = event_log
         self._compiled: dict[int, CompiledPhase] = {}
         self.phase_number = -1
         self.phase_work: list[float] = []
@@ -94,7 +97,11 @@ class Simulation(Motion):
         if number not in self._compiled:
             starts = self.replica_starts
             self._compiled[number] = CompiledPhase(
-                self.phases[number], self.device, plan=self._plan_asked, replica_starts=starts
+                self.phases[number],
+                self.device,
+                plan=self._plan_asked,
+                replica_starts=starts,
+                event_log=self._event_log,
             )
         self.phase_number = number
         self._adopt(self.phases[number], self._compiled[number])
@@ -262,6 +269,11 @@ class Simulation(Motion):
     def start(self) -> Snapshot:
         """The state the simulation began with, before rounding to the run's precision."""
         return self._start
+
+    @property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """The walls' surfaces of the present phase, in the order of ContactReport.wall_impulse."""
+        return () if self.contacts is None else self.contacts.setup.enclosure.surfaces
 
     def diagnostics(self) -> dict[str, Any]:
         """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`.

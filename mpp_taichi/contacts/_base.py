@@ -16,10 +16,12 @@ class ContactSolver:
     drifts   moves the spheres itself, along straight ways, and resolves contacts on the way: `drift`
     flies    moves the spheres itself for any time, without steps: `advance`
     Neither  corrects positions and velocities after a step: `correct`
+    logs     notes every contact, to be taken by `take_log`; set before `bind`
     """
 
     drifts = False
     flies = False
+    logs = False
     setup: ContactSetup
 
     def bind(self, setup: ContactSetup, state: Any) -> None:

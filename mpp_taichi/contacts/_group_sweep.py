@@ -111,7 +111,10 @@ class GroupSweep(Sweep):
             self.grid.visit(i, self.state.position, self.flight.reach, self._see_touching_slot, root, t)
         x = self.local_position[i]
         for s in ti.static(range(len(self.bounce.surfaces))):
-            if _geometry.gap(self.bounce.surfaces[s], x, self.bounce.radius[i], time + t) <= self.touching * self.bounce.radius[i]:
+            if (
+                _geometry.gap(self.bounce.surfaces[s], x, self.bounce.radius[i], time + t)
+                <= self.touching * self.bounce.radius[i]
+            ):
                 n = _geometry.normal(self.bounce.surfaces[s], x, time + t)
                 speed = n.dot(_geometry.surface_velocity(self.bounce.surfaces[s], x))
                 self._add_row(i, -1 - s, n, speed, ti.cast(self.bounce.surfaces[s].restitution, float), t)

@@ -17,6 +17,7 @@ from mpp_taichi.errors import StabilityError
 
 # Events of one launch: a fraction of a second, after which Python may be interrupted.
 EVENTS_PER_LAUNCH = 200_000
+LOG_CAPACITY = 65_536  # contacts noted on the device before the host takes them
 RUNNING, ARRIVED, FULL, COLLAPSED = range(4)
 
 
@@ -56,7 +57,7 @@ class EventDriven(ContactSolver):
         self.queue = EventQueue(self.count, builder, self.wide)
         self.prediction = Prediction(self.spheres, self.cells, self.queue, setup.enclosure.surfaces)
         self.collision = Collision(setup, self.spheres, self.cells, builder)
-        self.log = EventLog(self.log_capacity, builder, self.wide)
+        self.log = EventLog(LOG_CAPACITY if self.logs else self.log_capacity, builder, self.wide)
         self.event_time = ti.field(self.wide)
         self.culprits = ti.field(ti.i32)
         builder.place(self.event_time)

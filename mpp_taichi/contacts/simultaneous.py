@@ -18,8 +18,12 @@ class Simultaneous(ContactSolver):
     """
 
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
-    contact_time: float = param(0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off")
-    event_limit: int = param(1_000_000, minimum=1, help="contacts of one connected group in a drift, beyond which it is given up")
+    contact_time: float = param(
+        0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off"
+    )
+    event_limit: int = param(
+        1_000_000, minimum=1, help="contacts of one connected group in a drift, beyond which it is given up"
+    )
 
     drifts = True
 
