@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts._resting_step import ROOM, RestingStep
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.types import Template
@@ -84,9 +85,10 @@ class SerialPlan:
 class ParallelPlan:
     """A launch for each loop; what is near comes from the cell grid."""
 
-    def __init__(self, step: RestingStep, setup: Any):
-        """Bind the step; allocate the grid."""
+    def __init__(self, step: RestingStep, setup: ContactSetup, state: Any):
+        """Bind the step and the state; allocate the grid."""
         self.step = step
+        self.state = state
         self.grid = CellGrid(setup.particle_count, setup.dimensions, setup.enclosure.period, setup.enclosure.origin)
         builder = ti.FieldsBuilder()
         self.reach = ti.field(float)
@@ -148,13 +150,15 @@ class ParallelPlan:
         return outcome
 
     @ti.func
-    def _see(self, i, slot, separation, margin, filling):
-        self.step.rows.add_sphere(i, self.grid.order[slot], separation, margin, filling)
+    def _see(self, slot, other, margin, filling):
+        i, j = self.grid.order[slot], self.grid.order[other]
+        self.step.rows.add_sphere(i, j, self.step.rows.separation(self.state, i, j), margin, filling)
 
     @ti.func
     def _look(self, state: Template, bound, time, h, filling):
-        for i in range(self.step.particle_count):
-            self.grid.visit(i, state.position, self.reach, self._see, 2.0 * h * bound, filling)
+        for slot in range(self.step.particle_count):
+            i = self.grid.order[slot]
+            self.grid.visit(slot, self._see, 2.0 * h * bound, filling)
             self.step.rows.add_surfaces(state, i, bound, time, h, filling)
 
     @ti.kernel

@@ -9,6 +9,7 @@ from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts._resting_plans import ParallelPlan, SerialPlan
 from mpp_taichi.contacts._resting_step import LOST, PAIRS, PUSHED, VIRIAL, WALLS, RestingStep
+from mpp_taichi.quick_compilation import quick_compilation
 
 SERIAL_COUNT = 512  # up to here one thread does a drift in one launch; more spheres are worth a launch for each loop
 
@@ -40,7 +41,7 @@ class Resting:
         unit="length / time",
         help="slower approaches do not rebound; absent: four times what gravity gives in a drift",
     )
-    tolerance: float = param(1e-10, above=0.0, help="allowed overlap, or opening under load, relative to the smaller radius")
+    tolerance: float = param(1e-12, above=0.0, help="allowed overlap, or opening under load, relative to the smaller radius")
 
     def bind(self, setup: ContactSetup, state: Any, *, parallel: bool | None = None) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
@@ -50,7 +51,7 @@ class Resting:
         # In f32 a radius itself is known to 1e-7, and a coordinate of a hundred radii to 1e-5 of one.
         self.step = RestingStep(setup, max(self.tolerance, 1e-5) if single else self.tolerance, state.wide)
         parallel = setup.particle_count > SERIAL_COUNT if parallel is None else parallel
-        self.plan: Any = ParallelPlan(self.step, setup) if parallel else SerialPlan(self.step)
+        self.plan: Any = ParallelPlan(self.step, setup, state) if parallel else SerialPlan(self.step)
         self.iterations = 0
         self._unresolved = 0
         self._kicked = False
@@ -63,7 +64,8 @@ class Resting:
     def drift(self, state: Any, time: float, h: float) -> None:
         """Move all spheres by h [time], with impacts and resting contacts."""
         resting_speed = 4.0 * self.gravity * h if self.resting_speed is None else self.resting_speed
-        self._kicked, iterations, unresolved = self.plan.drift(state, time, h, resting_speed, self._kicked)
+        with quick_compilation():
+            self._kicked, iterations, unresolved = self.plan.drift(state, time, h, resting_speed, self._kicked)
         self._unresolved += unresolved
         self.iterations += iterations
 
