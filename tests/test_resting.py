@@ -29,7 +29,7 @@ def taichi():
 
 
 @ti.kernel
-def kick(velocity: ti.template(), change: ti.types.vector(2, float)):
+def kick(velocity: ti.template(), change: ti.types.vector(2, ti.f64)):
     ti.loop_config(serialize=True)
     for i in velocity:
         velocity[i] = velocity[i] + change
@@ -98,19 +98,19 @@ def test_a_column_comes_to_rest_and_does_not_sink(corner):
 
 
 def test_elastic_balls_bounce_for_ever(corner):
-    """Gravity towards the elastic wall; drift–kick–drift keeps the energy of a parabola exactly, and so does a mirror."""
+    """Gravity towards the elastic wall; a bounce is up to half a step away from a moment at which the energy is defined."""
     height = 1.0 + 0.1 * np.arange(COUNT)
     corner.place(np.column_stack([RADIUS + height, 3.0 + 2 * np.arange(COUNT)]))
-    steps = 20_000
+    steps = 8_000
     corner.run(steps, gravity=(-GRAVITY, 0.0))
     position, velocity = corner.spheres.read()
     report = corner.solver.collect()
     bounces = np.sum(steps * STEP / (2 * np.sqrt(2 * height / GRAVITY)))
-    # A bounce acts at the start of its drift, so up to a half step early, in about 3 time units.
-    assert report.wall_count == pytest.approx(bounces, rel=0.01) and report.unresolved == 0
-    # two roundings in each step, of numbers up to the energy's own size
+    assert report.wall_count == pytest.approx(bounces, rel=0.02) and report.unresolved == 0
+    # Within a drift there is no gravity: the energy at its end is g v dt off at most, and as each drift keeps volumes it does
+    # not add up over the 20 to 28 bounces of a ball.
     energy = 0.5 * velocity[:, 0] ** 2 + GRAVITY * (position[:, 0] - RADIUS)
-    assert np.abs(energy / (GRAVITY * height) - 1).max() < 2 * steps * ROUND_OFF
+    assert np.abs(energy - GRAVITY * height).max() < 2 * GRAVITY * np.sqrt(2 * GRAVITY * height.max()) * STEP
 
 
 @pytest.mark.parametrize("masses", [(1.0, 1.0), (1e-3, 5.0)])
@@ -204,10 +204,11 @@ def test_serial_and_parallel_agree(corner):
     place += random.uniform(-0.02, 0.02, place.shape)
     other = Corner(parallel=True)
     for each in (corner, other):
-        each.place(place)
-        each.run(150)
+        each.place(place, [(0.0, -1.0 + 0.1 * k) for k in range(9)])
+        each.run(30)
     difference = np.abs(corner.spheres.read()[0] - other.spheres.read()[0])[:9].max()
-    assert difference < 1e3 * TOLERANCE  # the two stop after different numbers of iterations
+    # The two stop after different numbers of iterations; an impact or two of each sphere enlarge that by a hundred at most each.
+    assert difference < 1e4 * TOLERANCE
     first, second = corner.solver.collect(), other.solver.collect()
     assert (first.pair_count, first.wall_count) == (second.pair_count, second.wall_count) and second.pair_count > 0
     assert first.dissipated_energy == pytest.approx(second.dissipated_energy, rel=1e-6)

@@ -52,7 +52,8 @@ class SerialPlan:
                 self.step.find_impacts(state, time, h, resting_speed)
                 hit = self.step.solver.total[0][0] > 0.0
                 phase = 0 if hit else 1
-                while phase < 2:
+                last = 2 if hit else 1
+                while phase <= last:
                     if phase == 0:
                         self.step.begin_impacts(state)
                         if ti.static(self.step.mixed):
@@ -60,14 +61,18 @@ class SerialPlan:
                             while spreading == 1:
                                 self.step.spread_restitution()
                                 spreading = 1 if self.step.solver.total[0][0] > 0.0 else 0
-                    else:
+                    elif phase == 1:
                         self.step.begin_rest(state, h, ti.cast(hit, ti.i32))
-                    self.step.solver.prepare(1 - phase)
+                    else:
+                        self.step.begin_ways(state, h)
+                    self.step.solver.prepare(1 if phase == 0 else 0)
                     outcome = self.step.solver.solve_serial(h)
                     result[1] += outcome[0]
                     result[2] += outcome[1]
                     if phase == 0:
                         self.step.end_impacts()
+                    elif phase == 1:
+                        self.step.end_rest()
                     phase += 1
                 self.step.measure(self.step.solver.velocity)
                 fastest = ti.cast(self.step.solver.total[0][0], float)
@@ -124,6 +129,11 @@ class ParallelPlan:
             self._begin_rest(state, h, int(hit))
             done, failed = step.solver.solve_parallel(h)
             iterations, unresolved = iterations + done, unresolved + failed
+            self._end_rest()
+            if hit:
+                self._begin_ways(state, h)
+                done, failed = step.solver.solve_parallel(h)
+                iterations, unresolved = iterations + done, unresolved + failed
             self._measure(step.solver.velocity)
             fastest, _ = self._totals()
             if fastest <= bound:
@@ -210,6 +220,15 @@ class ParallelPlan:
     @ti.kernel
     def _begin_rest(self, state: Template, h: float, after_impacts: int):
         self.step.begin_rest(state, h, after_impacts)
+        self.step.solver.prepare(0)
+
+    @ti.kernel
+    def _end_rest(self):
+        self.step.end_rest()
+
+    @ti.kernel
+    def _begin_ways(self, state: Template, h: float):
+        self.step.begin_ways(state, h)
         self.step.solver.prepare(0)
 
     @ti.kernel

@@ -20,13 +20,14 @@ class Resting:
 
     A drift by h first reflects what is hit faster than `resting_speed` within it, all such contacts together,
     v' = v + (1 + e) M⁻¹ Nᵀ λ with the λ ≥ 0 that would just end their approach. Then it finds the velocities closest to
-    these, in the metric of the kinetic energy, with 0 ≤ λ ⟂ gap/h + n·(v_i − v_j) ≥ 0 for everything near, and moves with
-    them. Two spheres so never overlap by more than `tolerance` radii, what lies stays where it is, and no drift gains energy:
-    both are projections. In one group of impacts with unlike restitutions the least holds for all.
+    these, in the metric of the kinetic energy, with 0 ≤ λ ⟂ gap/h + n·(v_i − v_j) ≥ 0 for everything near: what lies stays where
+    it is. Both are projections, which never add kinetic energy. Spheres move by h times these velocities, or those with an impact
+    by the old ones until it and the new ones from then on, again corrected so that at the end of the drift no two spheres overlap
+    by more than `tolerance` of the smaller radius. In one group of impacts with unlike restitutions the least holds for all.
 
-    First order in h: an impact acts at the start of its drift, with the normal and the velocities it has at the instant of
-    contact, and a shock passes through touching spheres in one projection (for a cradle take `simultaneous`). Elastic contacts
-    never rest. Give the integrator steps in which spheres move by less than a radius. With drifts on both sides of a kick,
+    First order in h: a shock passes through touching spheres in one projection (for a cradle take `simultaneous`), and the
+    height of a bounce varies by about one step's fall. Elastic contacts never rest. Give the integrator steps in which spheres
+    move by less than a radius; a start that overlaps is pushed apart in one drift. With drifts on both sides of a kick (leapfrog),
     velocities at the end of a step are those after the contacts, 0 for what rests.
     Sources: Moreau, in Nonsmooth Mechanics and Applications (1988) 1; Stewart & Trinkle, Int. J. Numer. Methods Eng. 39 (1996)
     2673.
