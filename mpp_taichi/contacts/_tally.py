@@ -47,6 +47,11 @@ class Tally:
             tree.destroy()
 
     @ti.func
+    def begin_of(self, chunk):
+        """First sphere of a chunk; 64 bits, because the product may not fit 32."""
+        return ti.cast(ti.cast(chunk, ti.i64) * self.particle_count // CHUNKS, ti.i32)
+
+    @ti.func
     def begin(self, i):
         """Nothing counted yet for sphere i in this try."""
         self.counted[i] = ti.Vector.zero(ti.i32, 3)
@@ -61,11 +66,13 @@ class Tally:
         self.summed[i] = self.summed[i] + ti.Vector([impulse * distance, lost])
 
     @ti.func
-    def add_wall(self, i, s, impulse, lost, elastic):
-        """A contact with surface s."""
+    def add_wall(self, i, surface, impulse, lost, elastic):
+        """A contact with a surface."""
         self.counted[i] = self.counted[i] + ti.Vector([0, 1, elastic])
         self.summed[i] = self.summed[i] + ti.Vector([0.0, lost])
-        self.pushed[i][s] = self.pushed[i][s] + ti.abs(impulse)
+        for s in ti.static(range(self.surface_count)):
+            if s == surface:
+                self.pushed[i][s] = self.pushed[i][s] + ti.abs(impulse)
 
     @ti.func
     def keep(self, chunk, i):

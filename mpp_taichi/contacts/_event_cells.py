@@ -1,0 +1,253 @@
+"""Cells of an event-driven run: who may meet whom before one of them leaves its cell."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.contacts._event_spheres import Spheres
+from mpp_taichi.walls._roots import first_contact
+
+# Of a cell's edge, beyond the largest diameter: more than round-off, so that touching spheres are in touching cells.
+MARGIN = 1e-3
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A grid on a torus: cell c of an axis with m cells holds all that is between c and c + 1 edges, modulo m edges.
+
+    It has no end, so spheres may fly as far as they like; along a periodic axis the torus is the box.
+    """
+
+    low: tuple[float, ...]
+    edge: tuple[float, ...]
+    cells: tuple[int, ...]
+    period: tuple[float, ...]
+
+    @classmethod
+    def around(cls, setup: ContactSetup, position: np.ndarray) -> "Grid":
+        """Cells that two touching spheres never lie two apart in, about as many as spheres.
+
+        Raises ValueError for a periodic box smaller than a sphere.
+        """
+        d = setup.dimensions
+        period = tuple(float(p) for p in setup.enclosure.period[:d])
+        diameter = 2 * float(np.max(setup.radius))
+        for k, p in enumerate(period):
+            if 0 < p < diameter:
+                raise ValueError(
+                    f"periodic box: its edge {p:g} along {'xyz'[k]} is less than a sphere's diameter, {diameter:g}"
+                )
+        low = np.where(np.array(period) > 0, setup.enclosure.origin[:d], position.min(axis=0))
+        extent = np.where(np.array(period) > 0, period, np.ptp(position, axis=0))
+        smallest = diameter * (1 + MARGIN)
+        # A dilute gas has fewer contacts than crossings: a cell for each sphere is enough.
+        edge = max(smallest, _edge_for_count(extent, setup.particle_count))
+        if edge == 0:
+            edge = 1.0
+        cells = np.maximum(np.floor(extent / edge), 1).astype(int)
+        edges = np.where(np.array(period) > 0, extent / cells, np.maximum(extent / cells, edge))
+        return cls(tuple(map(float, low)), tuple(map(float, edges)), tuple(map(int, cells)), period)
+
+    def cell_of(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Cells of positions (n, dimensions), and how many turns around the torus they are away."""
+        steps = np.floor((position - np.array(self.low)) / np.array(self.edge)).astype(np.int64)
+        turns = np.floor_divide(steps, np.array(self.cells))
+        return (steps - turns * np.array(self.cells)).astype(np.int32), turns.astype(np.int32)
+
+    def order_of(self, cell: np.ndarray) -> np.ndarray:
+        """An order of cells (n, dimensions) in which neighbours in space are near: bits of the axes in turn (Morton's)."""
+        key = np.zeros(len(cell), np.int64)
+        for bit in range(20):
+            for k in range(cell.shape[1]):
+                key |= ((cell[:, k].astype(np.int64) >> bit) & 1) << (bit * cell.shape[1] + k)
+        return np.argsort(key, kind="stable")
+
+
+def _edge_for_count(extent: np.ndarray, count: int) -> float:
+    """Edge of cubes of which about `count` fill a box, whatever axes are thinner than the cubes."""
+    sizes = np.sort(extent[extent > 0])[::-1]
+    edge = 0.0
+    for used in range(1, len(sizes) + 1):
+        edge = float((np.prod(sizes[:used]) / count) ** (1 / used))
+        if used == len(sizes) or sizes[used] < edge:
+            break
+    return edge
+
+
+@ti.data_oriented
+class EventCells:
+    """Which cell of a grid each sphere is in, and when it leaves it."""
+
+    def __init__(self, grid: Grid, spheres: Spheres, builder: Any) -> None:
+        """Place the fields; `write` fills them."""
+        self.grid, self.spheres, self.count, self.dimensions = grid, spheres, spheres.count, spheres.dimensions
+        # A third axis of one cell in two dimensions; and along an axis whose cells all touch nobody needs to leave one.
+        self.cells = (*grid.cells, 1)[:3]
+        self.periodic = (*(p > 0 for p in grid.period), False)[:3]
+        self.crossed = tuple(p or m > 3 for p, m in zip(self.periodic, self.cells))
+        self.first_step = tuple(-1 if c or m == 3 else 0 for c, m in zip(self.crossed, self.cells))
+        self.last_step = tuple(0 if m == 1 and not c else 1 for c, m in zip(self.crossed, self.cells))
+        self.head = ti.field(ti.i32)
+        builder.dense(ti.i, int(np.prod(grid.cells))).place(self.head)
+        self.next = ti.field(ti.i32)
+        builder.dense(ti.i, self.count).place(self.next)
+        self.near, self.image = ti.field(ti.i32), ti.field(ti.i32)
+        builder.dense(ti.i, 27 * self.count).place(self.near, self.image)
+        self.touched = ti.field(spheres.wide)
+        builder.place(self.touched)
+        self.cell = ti.Vector.field(self.dimensions, ti.i32)
+        self.turns = ti.Vector.field(self.dimensions, ti.i32)
+        builder.dense(ti.i, self.count).place(self.cell, self.turns)
+
+    def write(self, cell: np.ndarray, turns: np.ndarray) -> None:
+        """Put every sphere into its cell; arrays (n, dimensions) in the spheres' own order."""
+        self.cell.from_numpy(np.ascontiguousarray(cell))
+        self.turns.from_numpy(np.ascontiguousarray(turns))
+        self._link()
+
+    @ti.kernel
+    def _link(self):
+        ti.loop_config(serialize=True)
+        for c in self.head:
+            self.head[c] = -1
+        ti.loop_config(serialize=True)
+        for k in range(self.count):
+            self._enter(self.count - 1 - k)
+
+    @ti.func
+    def index(self, cell):
+        """Of a cell within the grid."""
+        result = cell[0]
+        for k in ti.static(range(1, self.dimensions)):
+            result = result * self.cells[k] + cell[k]
+        return result
+
+    @ti.func
+    def gather(self, i, side):
+        """List in `near` who is in the cells around sphere i, in `image` on which side of a periodic box; returns how many.
+
+        After a crossing only the cells that are new. To read a word of each sphere here lets the processor fetch them all at
+        once; the list is then in its cache.
+        """
+        cell, first, last = ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0])
+        for k in ti.static(range(self.dimensions)):
+            cell[k], first[k], last[k] = self.cell[i][k], self.first_step[k], self.last_step[k]
+            if side // 2 == k:
+                first[k] = last[k] = 2 * (side % 2) - 1
+        count = 0
+        touched = ti.cast(0, self.spheres.wide)
+        for dx in range(first[0], last[0] + 1):
+            for dy in range(first[1], last[1] + 1):
+                for dz in range(first[2], last[2] + 1):
+                    index, image = 0, 0
+                    for k in ti.static(range(self.dimensions)):
+                        c = cell[k] + (dx if ti.static(k == 0) else (dy if ti.static(k == 1) else dz))
+                        if c < 0:
+                            c += self.cells[k]
+                            image += ti.static(1 if self.periodic[k] else 0) << (2 * k)
+                        elif c >= self.cells[k]:
+                            c -= self.cells[k]
+                            image += ti.static(2 if self.periodic[k] else 0) << (2 * k)
+                        index = index * self.cells[k] + c
+                    j = self.head[index]
+                    while j >= 0:
+                        self.near[count], self.image[count] = j, image
+                        touched += self.spheres.clock[j]
+                        count += 1
+                        j = self.next[j]
+        self.touched[None] = touched
+        return count
+
+    @ti.func
+    def moved(self, x, image):
+        """A place as seen from an image of the periodic box: a period up for 1, down for 2 in the two bits of each axis."""
+        result = x
+        for k in ti.static(range(self.dimensions)):
+            if ti.static(self.periodic[k]):
+                way = (image >> (2 * k)) & 3
+                if way == 1:
+                    result[k] += ti.static(self.grid.period[k])
+                elif way == 2:
+                    result[k] -= ti.static(self.grid.period[k])
+        return result
+
+    @ti.func
+    def crossing(self, x, v, a, i):
+        """When a sphere at x leaves its cell, and through which side: 2 × axis + (1 if upwards)."""
+        soonest = ti.math.inf
+        side = 0
+        for k in ti.static(range(self.dimensions)):
+            if ti.static(self.crossed[k]):
+                step = ti.cast(self.cell[i][k], float)
+                if ti.static(not self.periodic[k]):
+                    step += ti.cast(self.turns[i][k], float) * self.cells[k]
+                below = x[k] - (ti.static(self.grid.low[k]) + step * ti.static(self.grid.edge[k]))
+                above = (ti.static(self.grid.low[k]) + (step + 1) * ti.static(self.grid.edge[k])) - x[k]
+                if ti.static(self.spheres.has_gravity):
+                    down = first_contact(below, v[k], a[k], soonest)
+                    if down < soonest:
+                        soonest, side = down, 2 * k
+                    up = first_contact(above, -v[k], -a[k], soonest)
+                    if up < soonest:
+                        soonest, side = up, 2 * k + 1
+                elif v[k] != 0:
+                    out = ti.max((above if v[k] > 0 else below) / ti.abs(v[k]), 0)
+                    if out < soonest:
+                        soonest, side = out, 2 * k + ti.cast(v[k] > 0, ti.i32)
+        return soonest, side
+
+    @ti.func
+    def cross(self, i, side):
+        """Move sphere i into the next cell; along a periodic axis its position follows the torus."""
+        self._leave(i)
+        for k in ti.static(range(self.dimensions)):
+            if side // 2 == k:
+                cell = self.cell[i][k] + (1 if side % 2 == 1 else -1)
+                turn = 0
+                if cell < 0:
+                    turn = -1
+                elif cell >= self.cells[k]:
+                    turn = 1
+                self.cell[i][k] = cell - turn * self.cells[k]
+                self.turns[i][k] += turn
+                if ti.static(self.periodic[k]):
+                    self.spheres.position[i][k] -= turn * ti.static(self.grid.period[k])
+        self._enter(i)
+
+    @ti.func
+    def shown_position(self, i, time):
+        """Where it has got to, with the turns around a periodic box."""
+        result = self.spheres.position_at(i, time)
+        for k in ti.static(range(self.dimensions)):
+            if ti.static(self.periodic[k]):
+                result[k] += ti.cast(self.turns[i][k], float) * ti.static(self.grid.period[k])
+        return result
+
+    @ti.func
+    def nearest_image(self, separation):
+        """A separation, or that to the image in the periodic box that is nearest."""
+        result = separation
+        for k in ti.static(range(self.dimensions)):
+            if ti.static(self.periodic[k]):
+                result[k] -= ti.static(self.grid.period[k]) * ti.round(result[k] / ti.static(self.grid.period[k]))
+        return result
+
+    @ti.func
+    def _enter(self, i):
+        c = self.index(self.cell[i])
+        self.next[i] = self.head[c]
+        self.head[c] = i
+
+    @ti.func
+    def _leave(self, i):
+        c = self.index(self.cell[i])
+        if self.head[c] == i:
+            self.head[c] = self.next[i]
+        else:
+            before = self.head[c]
+            while self.next[before] != i:
+                before = self.next[before]
+            self.next[before] = self.next[i]

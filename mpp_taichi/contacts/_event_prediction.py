@@ -1,0 +1,88 @@
+"""What comes next for one sphere of an event-driven run: a contact, or the side of its cell."""
+
+import taichi as ti
+
+from mpp_taichi.contacts._event_cells import EventCells
+from mpp_taichi.contacts._event_queue import EventQueue
+from mpp_taichi.contacts._event_spheres import Spheres
+from mpp_taichi.types import Template
+from mpp_taichi.walls._base import Surface
+from mpp_taichi.walls._geometry import time_of_contact, time_of_contact_falling
+from mpp_taichi.walls._roots import first_contact_curved, first_contact_falling
+
+# By how much more than round-off, even of f32, the squared distance of a grazing pair is taken to be less.
+SLACK = 1e-5
+
+
+@ti.data_oriented
+class Prediction:
+    """Finds the earliest event of a sphere. Partners are numbered: sphere j: j; surface w: −1 − w; side s: count + 1 + s."""
+
+    def __init__(self, spheres: Spheres, cells: EventCells, queue: EventQueue, surfaces: tuple[Surface, ...]) -> None:
+        """Of these spheres, in these cells, between these surfaces."""
+        self.spheres, self.cells, self.queue, self.surfaces = spheres, cells, queue, surfaces
+        self.count = spheres.count
+
+    @ti.func
+    def predict(self, i, time):
+        """Look for the next event of sphere i after `time`, and put it into the queue."""
+        x, v = self.spheres.position_at(i, time), self.spheres.velocity_at(i, time)
+        a = self.spheres.acceleration(i)
+        soonest, side = self.cells.crossing(x, v, a, i)
+        partner = self.count + 1 + side
+        stamp = 0
+        for w, surface in ti.static(enumerate(self.surfaces)):
+            s = self._until_wall(surface, w, i, x, v, a, time, soonest)
+            if s < soonest:
+                soonest, partner = s, -1 - w
+        for m in range(self.cells.gather(i, -2)):
+            j = self.cells.near[m]
+            if j != i:
+                place = x
+                if self.cells.image[m] != 0:
+                    place = self.cells.moved(x, self.cells.image[m])
+                s = self._until_sphere(i, j, place, v, a, time, soonest)
+                if s < soonest:
+                    soonest, partner = s, j
+        if partner >= 0 and partner < self.count:
+            stamp = self.spheres.contacts[partner]
+        self.queue.change(i, time + ti.cast(soonest, self.spheres.wide), partner, stamp)
+
+    @ti.func
+    def _until_sphere(self, i, j, x, v, a, time, horizon):
+        """Time until contact of sphere i, at x with v now, with sphere j."""
+        q, u = x - self.spheres.position_at(j, time), v - self.spheres.velocity_at(j, time)
+        reach = self.spheres.radius(i) + self.spheres.radius(j)
+        result = ti.math.inf
+        if ti.static(self.spheres.falls_together):
+            # Most pairs part or pass; one branch for both, and a guess that errs on the side of contact, spare the exact test.
+            away, fast, near = q.dot(u), u.norm_sqr(), q.norm_sqr()
+            if (away < 0) & (away * away >= fast * (near * ti.static(1 - SLACK) - reach * reach)):
+                result = first_contact_curved(q, u, reach, False, horizon)
+        else:
+            result = first_contact_falling(q, u, a - self.spheres.acceleration(j), reach, False, horizon)
+        if ti.static(self.spheres.has_held):
+            if self.spheres.is_held(i) and self.spheres.is_held(j):
+                result = ti.math.inf
+        # After a bounce two spheres in straight flight part, whatever round-off says, until a third changes that.
+        if ti.static(self.spheres.falls_together):
+            if result == 0 and self.spheres.last_partner[i] == j and self.spheres.last_partner[j] == i:
+                result = ti.math.inf
+        return result
+
+    @ti.func
+    def _until_wall(self, surface: Template, w: Template, i, x, v, a, time, horizon):
+        """Time until contact of sphere i with a surface."""
+        now = ti.cast(time, float)
+        radius = self.spheres.radius(i)
+        result = ti.math.inf
+        if ti.static(self.spheres.has_gravity):
+            result = time_of_contact_falling(surface, x, v, a, radius, now, horizon)
+        else:
+            result = time_of_contact(surface, x, v, radius, now, horizon)
+            if result == 0 and self.spheres.last_partner[i] == -1 - w:
+                result = ti.math.inf
+        if ti.static(self.spheres.has_held):
+            if self.spheres.is_held(i):
+                result = ti.math.inf
+        return result

@@ -1,0 +1,205 @@
+"""The queue of an event-driven run: one event per sphere, the earliest first, O(1) per event."""
+
+from typing import Any
+
+import taichi as ti
+
+# Events of a window that are dealt with before the width of its buckets is chosen again, in buckets.
+EVENTS_PER_BUCKET = 8
+# Factor by which a window at most becomes longer or shorter than the one before.
+LARGEST_CHANGE = 16.0
+
+
+@ti.data_oriented
+class EventQueue:
+    """A bounded increasing queue: a window of time is cut into as many buckets as there are spheres.
+
+    A bucket is a linked list; only that of the present is a heap, of a few events. What lies behind the window waits until
+    the window moves on, and is then sorted in; the width of a bucket follows the rate of events. An event is named by its
+    sphere, so a new one replaces the old in O(1), and equal times come in the order of spheres, however the buckets lie.
+
+    time      of the next event of each sphere; infinity: none
+    partner   with whom: see `event_driven`
+    stamp     how many contacts the partner had had when this was predicted; if more by now, it no longer holds
+
+    Source: Paul, J. Comput. Phys. 221 (2007) 615 (physics/0606226).
+    """
+
+    def __init__(self, count: int, builder: Any, wide: Any) -> None:
+        """Place the fields for `count` spheres."""
+        self.count, self.bucket_count = count, max(count, 8)
+        self.wide = wide
+        self.time, self.partner, self.stamp = ti.field(wide), ti.field(ti.i32), ti.field(ti.i32)
+        builder.dense(ti.i, count).place(self.time, self.partner, self.stamp)
+        self.next, self.previous, self.place = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
+        builder.dense(ti.i, count).place(self.next, self.previous, self.place)
+        self.first = ti.field(ti.i32)
+        builder.dense(ti.i, self.bucket_count).place(self.first)
+        self.heap = ti.field(ti.i32)
+        builder.dense(ti.i, count).place(self.heap)
+        self.heap_size, self.bucket, self.taken = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
+        self.start, self.width = ti.field(wide), ti.field(wide)
+        builder.place(self.heap_size, self.bucket, self.taken)
+        builder.place(self.start, self.width)
+
+    def clear(self, time: float, partner: int) -> None:
+        """The same event for every sphere, now."""
+        self.time.fill(time)
+        self.partner.fill(partner)
+        self.place.fill(ABSENT)
+        self.width[None] = 0.0
+        self.heap_size[None] = 0
+        self.bucket[None] = self.bucket_count
+
+    @ti.func
+    def earliest(self):
+        """The sphere whose event is next, or −1 if there is none; it stays in the queue."""
+        attempts = 2
+        if self.taken[None] > EVENTS_PER_BUCKET * self.bucket_count:
+            self.bucket[None] = self.bucket_count
+            self.heap_size[None] = 0
+        while attempts > 0:
+            attempts -= 1
+            self._fill_heap()
+            if self.heap_size[None] > 0:
+                attempts = 0
+            elif attempts > 0:
+                self._sort_anew()
+        return self.heap[0] if self.heap_size[None] > 0 else -1
+
+    @ti.func
+    def change(self, i, time, partner, stamp):
+        """Give sphere i another event."""
+        self.taken[None] += 1
+        place = self.place[i]
+        if place == IN_BUCKET:
+            after, before = self.next[i], self.previous[i]
+            if after >= 0:
+                self.previous[after] = before
+            if before >= 0:
+                self.next[before] = after
+            else:
+                self.first[-1 - before] = after
+        self.time[i], self.partner[i], self.stamp[i] = time, partner, stamp
+        self.place[i] = ABSENT
+        # In the heap one sphere is to be settled at most: i itself, or the last one where i was.
+        b = self._bucket_of(time)
+        mover, hole = i, place
+        if b <= self.bucket[None]:
+            if place < 0:
+                hole = self.heap_size[None]
+                self.heap_size[None] += 1
+        else:
+            if place >= 0:
+                self.heap_size[None] -= 1
+                mover = self.heap[self.heap_size[None]]
+                if mover == i:
+                    hole = -1
+            self._link(i, b)
+        if hole >= 0:
+            self._settle(mover, hole)
+
+    @ti.func
+    def _sort_anew(self):
+        """Begin a window at the earliest event, with about one event to a bucket if the rate stays as it was."""
+        begin = ti.cast(ti.math.inf, self.wide)
+        last = ti.cast(-ti.math.inf, self.wide)
+        total = 0
+        for i in range(self.count):
+            self.place[i] = ABSENT
+            if self.time[i] < ti.math.inf:
+                begin = ti.min(begin, self.time[i])
+                last = ti.max(last, self.time[i])
+                total += 1
+        for b in range(self.bucket_count):
+            self.first[b] = -1
+        if total > 0:
+            width = (last - begin) / total
+            if self.width[None] > 0:
+                width = (begin - self.start[None]) / ti.max(self.taken[None], 1)
+                width = ti.math.clamp(width, self.width[None] / LARGEST_CHANGE, self.width[None] * LARGEST_CHANGE)
+            # A bucket shorter than the time's own spacing would tell nothing apart.
+            self.width[None] = ti.max(width, self._smallest_width(begin)) if last > begin else ti.cast(0, self.wide)
+            self.start[None] = begin
+        self.bucket[None] = -1
+        self.heap_size[None] = 0
+        self.taken[None] = 0
+        for i in range(self.count):
+            self._link(i, self._bucket_of(self.time[i]))
+
+    @ti.func
+    def _smallest_width(self, time):
+        """A few steps of the float that a time is."""
+        return ti.max(ti.abs(time) * ti.static(4e-7 if self.wide == ti.f32 else 1e-15), 1e-30)
+
+    @ti.func
+    def _fill_heap(self):
+        """Go on to the next bucket that holds an event."""
+        while self.heap_size[None] == 0 and self.bucket[None] < self.bucket_count - 1:
+            self.bucket[None] += 1
+            i = self.first[self.bucket[None]]
+            self.first[self.bucket[None]] = -1
+            while i >= 0:
+                after = self.next[i]
+                self.heap_size[None] += 1
+                self._settle(i, self.heap_size[None] - 1)
+                i = after
+
+    @ti.func
+    def _bucket_of(self, time):
+        """The bucket of a time, or their number if it is behind the window."""
+        result = self.bucket_count
+        if time <= self.start[None]:
+            result = 0
+        elif self.width[None] > 0:
+            b = (time - self.start[None]) / self.width[None]
+            if b < self.bucket_count:
+                result = ti.cast(b, ti.i32)
+        return result
+
+    @ti.func
+    def _link(self, i, bucket):
+        """Hang sphere i into a bucket's list, if it is not behind the window."""
+        if bucket < self.bucket_count:
+            head = self.first[bucket]
+            self.first[bucket] = i
+            self.next[i] = head
+            self.previous[i] = -1 - bucket
+            if head >= 0:
+                self.previous[head] = i
+            self.place[i] = IN_BUCKET
+
+    @ti.func
+    def _settle(self, i, place):
+        """Put i where the heap has a hole, up or down from there."""
+        hole = place
+        parent = (hole - 1) // 2
+        while hole > 0 and self._before(i, self.heap[parent]):
+            self._set(hole, self.heap[parent])
+            hole = parent
+            parent = (hole - 1) // 2
+        child = 2 * hole + 1
+        while child < self.heap_size[None]:
+            if child + 1 < self.heap_size[None] and self._before(self.heap[child + 1], self.heap[child]):
+                child += 1
+            if self._before(self.heap[child], i):
+                self._set(hole, self.heap[child])
+                hole = child
+                child = 2 * hole + 1
+            else:
+                child = self.heap_size[None]
+        self._set(hole, i)
+
+    @ti.func
+    def _set(self, hole, i):
+        self.heap[hole] = i
+        self.place[i] = hole
+
+    @ti.func
+    def _before(self, i, j):
+        return self.time[i] < self.time[j] or (self.time[i] == self.time[j] and i < j)
+
+
+# Where a sphere's event is, if it is not at a place in the heap.
+ABSENT = -1
+IN_BUCKET = -2

@@ -1,0 +1,108 @@
+"""The spheres of an event-driven run, each known at its own time."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.contacts._base import ContactSetup
+
+
+@ti.data_oriented
+class Spheres:
+    """Where each sphere was at its own clock; between contacts it is in free flight.
+
+    What a prediction reads of a neighbour lies in one line of the cache. Spheres are numbered anew, `order` says by whom
+    in the scene, so that neighbours in space are neighbours in memory. Times have `wide` floats: they grow while flights
+    stay short.
+    """
+
+    def __init__(self, setup: ContactSetup, order: np.ndarray, builder: Any, wide: Any) -> None:
+        """Place the fields; `write` fills them."""
+        self.dimensions, self.count = setup.dimensions, setup.particle_count
+        self.wide = wide
+        inverse_mass = np.asarray(setup.inverse_mass)[:, : self.dimensions]
+        self.gravity = tuple(float(g) for g in setup.gravity[: self.dimensions])
+        self.has_held = bool((inverse_mass == 0).any())
+        # Along the axes that gravity has; others do not change how spheres fall.
+        self.has_gravity = any(self.gravity)
+        self.falls_together = not any(g != 0 and (inverse_mass[:, k] == 0).any() for k, g in enumerate(self.gravity))
+        self.position = ti.Vector.field(self.dimensions, float)
+        self.velocity = ti.Vector.field(self.dimensions, float)
+        self.clock = ti.field(wide)
+        self.contacts = ti.field(ti.i32)
+        near = [self.position, self.velocity, self.clock, self.contacts]
+        radius = np.asarray(setup.radius, dtype=float)
+        self.common_radius = float(radius[0]) if (radius == radius[0]).all() else None
+        self.has_common_radius = self.common_radius is not None
+        if not self.has_common_radius:
+            self.own_radius = ti.field(float)
+            near.append(self.own_radius)
+        builder.dense(ti.i, self.count).place(*near)
+        self.inverse_mass = ti.Vector.field(self.dimensions, float)
+        self.last_contact = ti.field(wide)
+        self.last_partner = ti.field(ti.i32)
+        self.material = ti.field(ti.i32)
+        builder.dense(ti.i, self.count).place(self.inverse_mass, self.last_contact, self.last_partner, self.material)
+        self.stalled, self.order = ti.field(ti.i32), ti.field(ti.i32)
+        builder.dense(ti.i, self.count).place(self.stalled, self.order)
+        self._setup, self._order = setup, order
+
+    def write(self, position: np.ndarray, velocity: np.ndarray, time: float) -> None:
+        """Start all spheres from (n, dimensions) arrays in the scene's order, at one time."""
+        real = np.float32 if self.position.dtype == ti.f32 else np.float64
+        order, d = self._order, self.dimensions
+        self.position.from_numpy(np.ascontiguousarray(position[order], dtype=real))
+        self.velocity.from_numpy(np.ascontiguousarray(velocity[order], dtype=real))
+        if not self.has_common_radius:
+            self.own_radius.from_numpy(np.asarray(self._setup.radius)[order].astype(real))
+        self.inverse_mass.from_numpy(np.ascontiguousarray(np.asarray(self._setup.inverse_mass)[order, :d], dtype=real))
+        self.material.from_numpy(np.asarray(self._setup.material)[order].astype(np.int32))
+        self.order.from_numpy(order.astype(np.int32))
+        self.clock.fill(time)
+        self.last_contact.fill(-np.inf)
+        self.last_partner.fill(self.count)
+        self.contacts.fill(0)
+        self.stalled.fill(0)
+
+    @ti.func
+    def radius(self, i):
+        """Of sphere i; a constant of the kernel if all are alike."""
+        result = 0.0
+        if ti.static(self.has_common_radius):
+            result = self.common_radius
+        else:
+            result = self.own_radius[i]
+        return result
+
+    @ti.func
+    def acceleration(self, i):
+        """Of free flight: gravity along the axes that are not held."""
+        result = ti.Vector([g for g in ti.static(self.gravity)], float)
+        if ti.static(not self.falls_together):
+            for k in ti.static(range(self.dimensions)):
+                if self.inverse_mass[i][k] == 0:
+                    result[k] = 0.0
+        return result
+
+    @ti.func
+    def position_at(self, i, time):
+        """Where sphere i is, if nothing is in its way since its clock."""
+        s = ti.cast(time - self.clock[i], float)
+        result = self.position[i] + self.velocity[i] * s
+        if ti.static(self.has_gravity):
+            result += self.acceleration(i) * (s * s / 2)
+        return result
+
+    @ti.func
+    def velocity_at(self, i, time):
+        """Its velocity then."""
+        result = self.velocity[i]
+        if ti.static(self.has_gravity):
+            result += self.acceleration(i) * ti.cast(time - self.clock[i], float)
+        return result
+
+    @ti.func
+    def is_held(self, i):
+        """Whether nothing can push it."""
+        return self.inverse_mass[i].max() == 0

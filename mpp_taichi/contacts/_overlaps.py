@@ -1,0 +1,232 @@
+"""Move, find all pairs that overlap, let them bounce and push them apart, one after the other by number."""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.contacts._base import ContactReport, ContactSetup
+from mpp_taichi.contacts._bounce import Bounce
+from mpp_taichi.contacts._tally import CHUNKS, SMALLEST_BLOCK, Tally
+from mpp_taichi.neighbors.cell_grid import CellGrid
+from mpp_taichi.walls import _geometry
+
+ALL_PAIRS_UP_TO = 1000  # spheres; more are faster on the cell grid, see tools/benchmark_contacts.py
+PAIRS_PER_SPHERE = 8  # for which there is room: a contact graph of spheres has fewer than 7.5 edges for each
+LONG_AGO = -1e30  # when a sphere that never touched anything did so last
+
+
+@ti.data_oriented
+class Overlaps:
+    """A pair that overlaps by δ is moved apart by δ along n from i to j, each sphere by its share of the inverse mass:
+
+        Δx_i = −δ w_i n / Σ_k n_k² (w_ik + w_jk),   Δx_j = +δ w_j n / Σ_k n_k² (w_ik + w_jk)
+
+    and gets the impulse of `Bounce` if it approaches. Spheres that reach through a surface are put back onto it and reflected.
+    Pairs are found on the cell grid, or among all, listed by number and worked off in one thread: the result is the same.
+    """
+
+    def __init__(self, setup: ContactSetup, state: Any, *, all_pairs: bool | None = None) -> None:
+        """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
+        n = setup.particle_count
+        self.particle_count = n
+        self.state = state
+        self.all_pairs = n <= ALL_PAIRS_UP_TO if all_pairs is None else all_pairs
+        self.contact_time = float(setup.contact_time)
+        self.bounce = Bounce(setup)
+        self.tally = Tally(n, len(self.bounce.surfaces), getattr(state, "wide", ti.f64))
+        self.grid = None if self.all_pairs else CellGrid(n, setup.dimensions, setup.enclosure.period, setup.enclosure.origin)
+        self.capacity = PAIRS_PER_SPHERE * n + 64
+        self.found = ti.Vector.field(2, ti.i32)
+        self.partner, self.row, self.found_count = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
+        self.last_contact = ti.field(float)
+        builder = ti.FieldsBuilder()
+        for field in (self.found, self.partner):
+            builder.dense(ti.i, self.capacity).place(field)
+        builder.dense(ti.i, n + 2).place(self.row)
+        builder.dense(ti.i, n if self.contact_time > 0.0 else 1).place(self.last_contact)
+        builder.dense(ti.i, 1).place(self.found_count)
+        self._tree = builder.finalize()
+        self.last_contact.fill(LONG_AGO)
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        for part in (self.bounce, self.tally, self._tree, self.grid):
+            if part is not None:
+                part.destroy()
+
+    def collect(self) -> ContactReport:
+        """What was counted since it was last asked."""
+        return self.tally.collect()
+
+    def drift(self, time: float, h: float) -> None:
+        """Move all spheres by h along their velocities, then let those that overlap bounce."""
+        if self.all_pairs:
+            self._drift_serial(time, h)
+        else:
+            self._move(h)
+            self.grid.build(self.state.position, self.bounce.radius)
+            self._find()
+            self._bounce_pairs()
+            self._bounce_walls(time + h)
+
+    @ti.kernel
+    def _drift_serial(self, time: float, h: float):
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            self.drift_serial(time, h)
+
+    @ti.func
+    def drift_serial(self, time, h):
+        """The same inside a serialized loop of another kernel, where `all_pairs` is true."""
+        for i in range(self.particle_count):
+            self._fly(i, h)
+        count = 0
+        for i in range(self.particle_count):
+            self.row[i] = count
+            for j in range(i + 1, self.particle_count):
+                if self._overlap_together(i, j):
+                    if count < self.capacity:
+                        self.partner[count] = j
+                        count += 1
+                    else:
+                        self.tally.give_up(1)
+        self.row[self.particle_count] = count
+        self._work_off()
+        for i in range(self.particle_count):
+            self._bounce_off_walls(0, i, time + h)
+
+    @ti.func
+    def _fly(self, i, h):
+        self.state.position[i] = self.state.position[i] + self.state.velocity[i] * h
+        if ti.static(self.contact_time > 0.0):
+            self.last_contact[i] = self.last_contact[i] - h
+
+    @ti.kernel
+    def _move(self, h: float):
+        for i in range(self.particle_count):
+            self._fly(i, h)
+
+    @ti.kernel
+    def _find(self):
+        self.found_count[0] = 0
+        for i in range(self.particle_count + 2):
+            self.row[i] = 0
+        for slot in range(self.particle_count):
+            self.grid.visit_later(slot, self._note, 0.0, 0.0)
+
+    @ti.func
+    def _note(self, slot, other, _, __):
+        one, two = self.grid.order[slot], self.grid.order[other]
+        i, j = ti.min(one, two), ti.max(one, two)
+        if self._overlap_together(i, j):
+            k = ti.atomic_add(self.found_count[0], 1)  # in any order: rows are sorted below
+            if k < self.capacity:
+                self.found[k] = ti.Vector([i, j])
+                ti.atomic_add(self.row[i + 2], 1)
+
+    @ti.func
+    def _overlap_together(self, i, j):
+        separation = self.bounce.separation(self.state.position[i], self.state.position[j])
+        reach = self.bounce.radius[i] + self.bounce.radius[j]
+        return separation.dot(separation) < reach * reach
+
+    @ti.kernel
+    def _bounce_pairs(self):
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            for i in range(self.particle_count):
+                self.row[i + 2] = self.row[i + 2] + self.row[i + 1]
+            for k in range(ti.min(self.found_count[0], self.capacity)):
+                i = self.found[k][0]
+                self.partner[self.row[i + 1]] = self.found[k][1]
+                self.row[i + 1] = self.row[i + 1] + 1
+            self.tally.give_up(ti.max(self.found_count[0] - self.capacity, 0))
+            for i in range(self.particle_count):
+                self._sort_row(self.row[i], self.row[i + 1])
+            self._work_off()
+
+    @ti.func
+    def _sort_row(self, begin, end):
+        for k in range(begin + 1, end):
+            j = self.partner[k]
+            hole = k
+            while hole > begin and self.partner[ti.max(hole - 1, 0)] > j:
+                self.partner[hole] = self.partner[hole - 1]
+                hole -= 1
+            self.partner[hole] = j
+
+    @ti.func
+    def _work_off(self):
+        for i in range(self.particle_count):
+            for k in range(self.row[i], self.row[i + 1]):
+                self._bounce_pair(i, self.partner[k])
+
+    @ti.func
+    def _bounce_pair(self, i, j):
+        separation = self.bounce.separation(self.state.position[i], self.state.position[j])
+        distance = separation.norm()
+        reach = self.bounce.radius[i] + self.bounce.radius[j]
+        overlap = reach - distance
+        if overlap > 0.0:
+            self.tally.see_overlap(overlap / ti.min(self.bounce.radius[i], self.bounce.radius[j]))
+            n = ti.Vector.unit(self.bounce.dimensions, 0, float)  # centres at one place have no direction: take x
+            if distance > 0.0:
+                n = separation / distance
+            w_i, w_j = self.bounce.inverse_mass[i], self.bounce.inverse_mass[j]
+            u = self.state.velocity[j] - self.state.velocity[i]
+            if n.dot(u) < 0.0:
+                e, elastic = self._restitution(self.bounce.restitution_of(i, j), i, j)
+                result = self.bounce.pair_impulse(i, j, n, u, e)
+                self.state.velocity[i] = self.state.velocity[i] - result[0] * (w_i * n)
+                self.state.velocity[j] = self.state.velocity[j] + result[0] * (w_j * n)
+                self.tally.begin(i)
+                self.tally.add_pair(i, result[0], distance, result[1], elastic)
+                self.tally.keep(0, i)
+            yielding = (n * n).dot(w_i + w_j)
+            if yielding > 0.0:
+                self.state.position[i] = self.state.position[i] - (overlap / yielding) * (w_i * n)
+                self.state.position[j] = self.state.position[j] + (overlap / yielding) * (w_j * n)
+
+    @ti.kernel
+    def _bounce_walls(self, time: float):
+        if ti.static(len(self.bounce.surfaces) > 0):
+            for q in range(CHUNKS * SMALLEST_BLOCK):
+                if q % SMALLEST_BLOCK == 0:
+                    chunk = q // SMALLEST_BLOCK
+                    for i in range(self.tally.begin_of(chunk), self.tally.begin_of(chunk + 1)):
+                        self._bounce_off_walls(chunk, i, time)
+
+    @ti.func
+    def _bounce_off_walls(self, chunk, i, time):
+        for s in ti.static(range(len(self.bounce.surfaces))):
+            x = self.state.position[i]
+            gap = _geometry.gap(self.bounce.surfaces[s], x, self.bounce.radius[i], time)
+            if gap < 0.0:
+                if self.bounce.radius[i] > 0.0:
+                    self.tally.see_overlap(-gap / self.bounce.radius[i])
+                n = _geometry.normal(self.bounce.surfaces[s], x, time)
+                w = self.bounce.inverse_mass[i]
+                u = self.state.velocity[i] - _geometry.surface_velocity(self.bounce.surfaces[s], x)
+                yielding = (n * n).dot(w)
+                if n.dot(u) < 0.0 and yielding > 0.0:
+                    e, elastic = self._restitution(ti.static(self.bounce.surfaces[s].restitution), i, i)
+                    result = self.bounce.wall_impulse(i, n, u, e)
+                    self.state.velocity[i] = self.state.velocity[i] + result[0] * (w * n)
+                    self.tally.begin(i)
+                    self.tally.add_wall(i, s, result[0], result[1], elastic)
+                    self.tally.keep(chunk, i)
+                if yielding > 0.0:
+                    self.state.position[i] = self.state.position[i] - (gap / yielding) * (w * n)
+
+    @ti.func
+    def _restitution(self, nominal, i, j):
+        """E of a contact, 1 shortly after another (TC model), and whether that made it elastic."""
+        e = ti.cast(nominal, float)
+        elastic = 0
+        if ti.static(self.contact_time > 0.0):
+            if -ti.max(self.last_contact[i], self.last_contact[j]) < self.contact_time and e < 1.0:
+                e = 1.0
+                elastic = 1
+            self.last_contact[i] = 0.0
+            self.last_contact[j] = 0.0
+        return e, elastic

@@ -1,0 +1,168 @@
+"""Event-driven hard spheres: exact free flight from contact to contact."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.component import component, param
+from mpp_taichi.contacts._base import ContactReport, ContactSetup
+from mpp_taichi.contacts._event_cells import EventCells, Grid
+from mpp_taichi.contacts._event_collision import Collision
+from mpp_taichi.contacts._event_log import EventLog
+from mpp_taichi.contacts._event_prediction import Prediction
+from mpp_taichi.contacts._event_queue import EventQueue
+from mpp_taichi.contacts._event_spheres import Spheres
+from mpp_taichi.errors import StabilityError
+
+# Events of one launch: a fraction of a second, after which Python may be interrupted.
+EVENTS_PER_LAUNCH = 200_000
+RUNNING, ARRIVED, FULL, COLLAPSED = range(4)
+
+
+@component
+@ti.data_oriented
+class EventDriven:
+    """Spheres fly freely, fall together under uniform gravity, and bounce at the exact time of contact, one event after another.
+
+    Exact to round-off, whatever the density and speed; contacts of more than two spheres at once are taken pair by pair in
+    the order of their numbers. Serial. Where infinitely many contacts fall into a finite time (inelastic collapse) it stops
+    with an error unless `contact_time` ends the cascade.
+    Sources: Lubachevsky, J. Comput. Phys. 94 (1991) 255; Bannerman et al., Comput. Particle Mech. 1 (2014) 191; Luding and
+    McNamara, Granular Matter 1 (1998) 113.
+    """
+
+    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="share of the approach speed that a bounce gives back")
+    contact_time: float = param(
+        0.0, minimum=0.0, unit="time", help="a contact so soon after the last one of either sphere is elastic; 0: never"
+    )
+    log_capacity: int = param(0, minimum=0, help="contacts kept on the device for the event log at a time; 0: no log")
+
+    def bind(self, setup: ContactSetup, state: Any) -> None:
+        """Work on a state's `position` and `velocity`: vector fields of n entries. Raises ValueError for an impossible box."""
+        self.setup, self.state = setup, state
+        self.count, self.dimensions = setup.particle_count, setup.dimensions
+        self.wide = getattr(state, "wide", ti.f64)
+        position = state.position.to_numpy().astype(float)
+        grid = Grid.around(setup, position)
+        cell, _ = grid.cell_of(position)
+        order = grid.order_of(cell)
+        self._order = order
+        builder = ti.FieldsBuilder()
+        self.spheres = Spheres(setup, order, builder, self.wide)
+        self.cells = EventCells(grid, self.spheres, builder)
+        self.queue = EventQueue(self.count, builder, self.wide)
+        self.prediction = Prediction(self.spheres, self.cells, self.queue, setup.enclosure.surfaces)
+        self.collision = Collision(setup, self.spheres, self.cells, builder)
+        self.log = EventLog(self.log_capacity, builder, self.wide)
+        self.event_time = ti.field(self.wide)
+        self.culprits = ti.field(ti.i32)
+        builder.place(self.event_time)
+        builder.dense(ti.i, 2).place(self.culprits)
+        self._tree = builder.finalize()
+        self.collision.write()
+        self.event_count = 0
+
+    def prepare(self, time: float) -> None:
+        """Begin at `time` from what the state holds."""
+        position = self.state.position.to_numpy().astype(float)
+        velocity = self.state.velocity.to_numpy().astype(float)
+        cell, turns = self.cells.grid.cell_of(position)
+        inside = position - turns * np.array(self.cells.grid.period)
+        self.spheres.write(inside, velocity, time)
+        self.cells.write(cell[self._order], turns[self._order])
+        self.queue.clear(time, self.count)
+        self.event_time[None] = time
+
+    def advance(self, time: float, span: float) -> None:
+        """Deal with all events up to time + span, and put that moment into the state.
+
+        Raises StabilityError at an inelastic collapse. What comes after does not depend on when the state is looked at.
+        """
+        end = time + span
+        status = RUNNING
+        while status != ARRIVED:
+            status = self._run(end, EVENTS_PER_LAUNCH)
+            if status == FULL:
+                self.log.empty()
+            if status == COLLAPSED:
+                a, b = (self._name(self.culprits[k]) for k in range(2))
+                raise StabilityError(
+                    f"inelastic collapse at time {self.event_time[None]:.9g}: {a} and {b} meet again and again while the time "
+                    "no longer moves; give contacts a contact_time"
+                )
+        self._show(end)
+
+    def collect(self) -> ContactReport:
+        """What was counted since this was last asked."""
+        return self.collision.collect()
+
+    def take_log(self) -> np.ndarray:
+        """Every contact since this was last asked: records of time, i, j (−1 − w: surface w) and impulse."""
+        return self.log.take()
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self._tree.destroy()
+
+    def _name(self, k: int) -> str:
+        return f"sphere {k}" if k >= 0 else self.setup.enclosure.surfaces[-1 - k].label
+
+    @ti.kernel
+    def _run(self, end: ti.f64, limit: ti.i32) -> ti.i32:
+        status = RUNNING
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            left = limit
+            while left > 0 and status == RUNNING:
+                left -= 1
+                i = self.queue.earliest()
+                if i < 0:
+                    status = ARRIVED
+                elif self.queue.time[i] > end:
+                    status = ARRIVED
+                elif self.log.is_full():
+                    status = FULL
+                elif not self._next(i):
+                    status = COLLAPSED
+        return status
+
+    @ti.func
+    def _next(self, i):
+        """The event of sphere i happens, and those it changes get new ones. Returns whether time still goes on."""
+        time, partner = self.queue.time[i], self.queue.partner[i]
+        goes_on = True
+        other = -1
+        # Nothing but a new prediction is due at the start, and where the partner has met another one since.
+        if partner > self.count:
+            self.cells.cross(i, partner - self.count - 1)
+        elif partner < 0:
+            goes_on = self.collision.wall(i, -1 - partner, time)
+            self._note(time, i, partner)
+        elif partner < self.count and self.queue.stamp[i] == self.spheres.contacts[partner]:
+            goes_on = self.collision.pair(i, partner, time)
+            self._note(time, i, partner)
+            other = partner
+        if not goes_on:
+            self.collision.unresolved[None] += 1
+            self.culprits[0] = self.spheres.order[i]
+            self.culprits[1] = self.spheres.order[partner] if partner >= 0 else partner
+        self.event_time[None] = time
+        k = i
+        while k >= 0:
+            self.prediction.predict(k, time)
+            k = other
+            other = -1
+        return goes_on
+
+    @ti.func
+    def _note(self, time, i, partner):
+        if self.collision.impulse[None] != 0:
+            j = self.spheres.order[partner] if partner >= 0 else partner
+            self.log.note(time, self.spheres.order[i], j, self.collision.impulse[None])
+
+    @ti.kernel
+    def _show(self, time: ti.f64):
+        for i in range(self.count):
+            self.state.position[self.spheres.order[i]] = self.cells.shown_position(i, ti.cast(time, self.wide))
+            self.state.velocity[self.spheres.order[i]] = self.spheres.velocity_at(i, ti.cast(time, self.wide))
