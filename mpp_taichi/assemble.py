@@ -9,6 +9,7 @@ import numpy as np
 from mpp_taichi.errors import PlacementError, SceneError
 from mpp_taichi.generators._base import Center, GeneratorContext, Group
 from mpp_taichi.networks._base import NetworkContext
+from mpp_taichi.overlaps import start_of_contacts
 from mpp_taichi.scene.layout import ParticleLayout, build, layout_of
 from mpp_taichi.scene.network_warnings import warn_of_networks
 from mpp_taichi.scene.physics_checks import check_physics
@@ -36,6 +37,8 @@ def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot
     check_physics(spec, snapshot, layout, moved=placed_as is not None)
     if placed_as is None:
         warn_of_networks(spec, snapshot, layout)
+        if spec.contacts is not None:
+            snapshot = start_of_contacts(spec, snapshot, layout)
     return _centered(snapshot) if spec.move_to_center_of_mass else snapshot
 
 
@@ -62,7 +65,9 @@ def _place(spec: SceneSpec, layout: ParticleLayout) -> list[Group]:
 
     for number, entry in enumerate(spec.particles):
         random = np.random.default_rng([spec.seed, number])
-        context = GeneratorContext(random, gravity.get("strength", 0.0), gravity.get("softening", 0.0), find)
+        context = GeneratorContext(
+            random, gravity.get("strength", 0.0), gravity.get("softening", 0.0), find, spec.dimensions, tuple(groups)
+        )
         try:
             group = build("generators", entry).generate(context)
         except PlacementError as error:

@@ -15,7 +15,8 @@ from mpp_taichi.running_integral import RunningIntegral
 class EnergyBalance:
     """Kinetic + potential + dissipated energy − work = constant; what is left over is the method's own error.
 
-    dissipated_energy   D = ∫ −Σ F·v dt over the forces that depend on velocity: drag, damping of springs [energy]
+    dissipated_energy   D = ∫ −Σ F·v dt over the forces that depend on velocity: drag, damping of springs; and what restitution
+                        took in contacts [energy]
     work                W = ∫ Σ F·v dt over the other forces without a potential, and what `parameter_change` booked [energy]
     residual            E + D − W − E₀, of the order of the method; energy that the method loses is −residual
     turnover            largest kinetic energy, D or |W| so far: the scale of the residual, free of the zero of the potential
@@ -85,7 +86,8 @@ class EnergyBalance:
     def account(self, simulation: Any, total_energy: float) -> dict[str, float]:
         """The balance now, to be shown beside `total_energy`."""
         self.look(simulation)
-        dissipated, work = self.dissipated_energy, self.work
+        dissipated = self.dissipated_energy + simulation.contact_report.dissipated_energy
+        work = self.work
         return {
             "dissipated_energy": dissipated,
             "work": work,

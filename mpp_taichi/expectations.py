@@ -69,6 +69,8 @@ class Watcher:
         for number, diagnostic in self._diagnostics.items():
             try:
                 if number not in self._failures:
+                    if simulation.contacts is not None:
+                        diagnostic.observe_contacts(simulation.time, simulation.contact_report)
                     diagnostic.observe(simulation.time, snapshot)
             except NoResultError as error:
                 self._failures[number] = str(error)

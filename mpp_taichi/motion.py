@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import backends, postmortem
 from mpp_taichi.backends import Device
+from mpp_taichi.contacts._base import ContactReport, ContactSolver
 from mpp_taichi.errors import MppError
 from mpp_taichi.phases import CompiledPhase, Phase
 from mpp_taichi.postmortem import Mark
@@ -33,6 +34,7 @@ class Motion:
         self.advance_seconds = 0.0
         self.kernel_calls = 0  # of the stepper; under the serial plan each is one launch
         self.solver_report = SolverReport()
+        self.contact_report = ContactReport()
         self.energy_balance: EnergyBalance | None = None
 
     def _adopt(self, phase: Phase, compiled: CompiledPhase) -> None:
@@ -41,7 +43,7 @@ class Motion:
         self.integrator, self.dt = compiled.integrator, compiled.dt
         self.total_force, self.plan, self.step_work = compiled.total_force, compiled.plan, compiled.work
         self.state, self.stepper, self.energy_meter = compiled.state, compiled.stepper, compiled.energy_meter
-        self.launch_limit = compiled.launch_limit
+        self.contacts, self.launch_limit = compiled.contacts, compiled.launch_limit
         self._launch_steps = 1
 
     def _start_afresh(self) -> None:
@@ -85,6 +87,8 @@ class Motion:
             if report.unsolved:
                 self._give_up(saved, report, dt)
             self.solver_report.add(report)
+        if self.contacts is not None:
+            self._count_contacts(self.contacts, saved)
         if particle >= 0:
             self._fail(saved, steps, dt)
         if prepared:
@@ -109,6 +113,14 @@ class Motion:
             self._prepared = True
         self.stepper.advance(self.time, dt, steps, None if balance is None else balance.meter)
         self.kernel_calls += 1
+
+    def _count_contacts(self, contacts: ContactSolver, saved: Any) -> None:
+        """Add what the contact solver counted; a contact that it gave up on ends the run where the launch began."""
+        found = contacts.collect()
+        if found.unresolved:
+            self._restore(saved)
+            raise postmortem.unresolved(found.unresolved, contacts, step=self.step_count, time=self.time)
+        self.contact_report += found
 
     def _give_up(self, saved: Any, report: SolverReport, dt: float) -> None:
         """Go back to the last step whose equations were solved, and say which were not."""
@@ -196,7 +208,7 @@ class Motion:
     @property
     def conserves_energy(self) -> bool:
         """Whether every force has a potential, so that energy may be asked to stay."""
-        return self.total_force.conserves_energy
+        return self.total_force.conserves_energy and (self.contacts is None or self.contacts.conserves_energy)
 
     @property
     def conserves_momentum(self) -> bool:
@@ -204,12 +216,13 @@ class Motion:
 
         An external force changes both, and so does what holds a particle on an axis.
         """
-        return not self.total_force.external and not self.state.has_fixed_axes
+        walls = self.contacts is not None and len(self.contacts.setup.enclosure.surfaces) > 0
+        return not self.total_force.external and not self.state.has_fixed_axes and not walls
 
     @property
     def gains_no_energy(self) -> bool:
         """Whether energy may be asked not to grow."""
-        return self.total_force.gains_no_energy
+        return self.total_force.gains_no_energy and (self.contacts is None or self.contacts.gains_no_energy)
 
     def _require_life(self) -> None:
         if self._closed or not backends.is_alive(self.device):

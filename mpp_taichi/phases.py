@@ -8,7 +8,9 @@ from typing import Any
 from mpp_taichi import backends, component, plans
 from mpp_taichi.assemble import assemble
 from mpp_taichi.backends import Device
-from mpp_taichi.errors import BackendError, CapacityError
+from mpp_taichi.contact_setup import contact_setup
+from mpp_taichi.contacts._base import ContactSolver
+from mpp_taichi.errors import BackendError, CapacityError, SceneError
 from mpp_taichi.scene.estimate import LARGEST_COUNT, available_bytes
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -30,7 +32,7 @@ class Phase:
     @property
     def effects(self) -> list[str]:
         """The effects that its step is compiled from, as scenes call them."""
-        return [entry.name for entry in self.spec.forces] + (["spring"] if len(self.particles.springs) else [])
+        return self.spec.effects(len(self.particles.springs))
 
 
 def phases_of(spec: SceneSpec) -> tuple[Phase, ...]:
@@ -55,7 +57,9 @@ class CompiledPhase:
     BackendError when the plan asked for does not fit, CapacityError when the device cannot run one step.
     """
 
-    def __init__(self, phase: Phase, device: Device, *, plan: str, replica_starts: tuple[Snapshot, ...]) -> None:
+    def __init__(
+        self, phase: Phase, device: Device, *, plan: str, replica_starts: tuple[Snapshot, ...], event_log: bool
+    ) -> None:
         """Import what the phase names, allocate and fill its fields."""
         # Only now may Taichi code be imported, and only what the scene names.
         from mpp_taichi.energy import EnergyMeter
@@ -87,9 +91,26 @@ class CompiledPhase:
             work=work_fields,
             memory=self.integrator.memory,
         )
-        self.stepper = Stepper(self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=device.on_cpu)
+        self.contacts = self._contacts(phase, event_log=event_log) if spec.contacts is not None else None
+        self.stepper = Stepper(
+            self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=device.on_cpu, contacts=self.contacts
+        )
         self.energy_meter = EnergyMeter(self.state, self.total_force)
         self.launch_limit = self._steps_per_launch(device)
+
+    def _contacts(self, phase: Phase, *, event_log: bool) -> ContactSolver:
+        """The scene's contact solver, bound to the spheres as this phase has them."""
+        spec = phase.spec
+        if self.plan == "replicas":
+            raise BackendError("the plan replicas has no contacts; run one copy of the scene")
+        assert spec.contacts is not None
+        solver = component.build("contacts", spec.contacts.solver.name, spec.contacts.solver.parameters)
+        if event_log and not solver.flies:
+            name = spec.contacts.solver.name
+            raise SceneError(f"{spec.contacts.solver.location}: {name} keeps no log of events, allowed: event_driven")
+        solver.logs = event_log
+        solver.bind(contact_setup(spec, phase.particles), self.state)
+        return solver
 
     def _steps_per_launch(self, device: Device) -> int:
         """Most steps one launch may hold: software Vulkan stops a thread's loops in silence."""

@@ -50,6 +50,13 @@ def label(snapshot: Snapshot, i: int) -> str:
     return f"particle {i} ({name!r})" if name else f"particle {i}"
 
 
+def unresolved(count: int, contacts: Any, *, step: int, time: float) -> StabilityError:
+    """The error for contacts that their solver gave up on, in a launch that began after `step`."""
+    error = StabilityError(f"after step {step}, time {time:.9g}: {contacts.failure(count)}")
+    error.step, error.time = step, time
+    return error
+
+
 def unsolved(before: Snapshot, particle: int, *, step: int, time: float) -> StabilityError:
     """The error for a step whose implicit equations were not solved; `before` is the last state whose were."""
     error = StabilityError(

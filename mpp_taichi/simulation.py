@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from mpp_taichi import backends, plans
+from mpp_taichi.contacts._base import ContactReport
 from mpp_taichi.errors import MppError
 from mpp_taichi.motion import Motion
 from mpp_taichi.phases import CompiledPhase, phase_at, phases_of
@@ -21,6 +22,7 @@ from mpp_taichi.scene.timeline import whole_steps
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.stability import StepAdvice, StepGuard
+from mpp_taichi.walls._base import Surface
 
 if TYPE_CHECKING:
     from mpp_taichi.energy import PowerMeter
@@ -50,7 +52,7 @@ class Simulation(Motion):
     `scene` is a path, a mapping of the shape of the YAML, or a SceneSpec; `overrides` are those of `--set`. `replica_starts`
     holds the starting snapshots of independent copies of the scene that run side by side, one thread each. `start` is a state
     of the same particles to go on from instead of the scene's own, with its time and step count. `force` runs a step that is
-    beyond what the springs allow. Raises SceneError, BackendError or CapacityError before anything is allocated,
+    beyond what the springs allow, `event_log` lets event-driven contacts note every collision. Raises SceneError, BackendError or CapacityError before anything is allocated,
     StabilityError when it is run.
     """
 
@@ -66,6 +68,7 @@ class Simulation(Motion):
         threads: int | None = None,
         start: Snapshot | None = None,
         force: bool = False,
+        event_log: bool = False,
     ):
         """Read the scene, start the backend, allocate and fill the fields; kernels are compiled at the first step."""
         began = clock.perf_counter()
@@ -81,6 +84,7 @@ class Simulation(Motion):
         )
         super().__init__(backends.start(backend, precision, large=work >= GPU_WORTH_WORK, threads=threads))
         self._plan_asked, self.replica_starts, self._force = plan, tuple(replica_starts), force
+        self._event_log = event_log
         self._compiled: dict[int, CompiledPhase] = {}
         self.phase_number = -1
         self.phase_work: list[float] = []
@@ -93,7 +97,11 @@ class Simulation(Motion):
         if number not in self._compiled:
             starts = self.replica_starts
             self._compiled[number] = CompiledPhase(
-                self.phases[number], self.device, plan=self._plan_asked, replica_starts=starts
+                self.phases[number],
+                self.device,
+                plan=self._plan_asked,
+                replica_starts=starts,
+                event_log=self._event_log,
             )
         self.phase_number = number
         self._adopt(self.phases[number], self._compiled[number])
@@ -116,7 +124,7 @@ class Simulation(Motion):
         else:
             self.state.write(self._start.position, self._start.velocity * self._start.free)
         self._start_afresh()
-        self.solver_report = SolverReport()
+        self.solver_report, self.contact_report = SolverReport(), ContactReport()
         if self.energy_balance is not None:
             self.energy_balance.restart()
 
@@ -151,6 +159,11 @@ class Simulation(Motion):
             self._begin_phase(self.phase_number + 1)
             self._check_leg(span, left)
             self._notify(recorders)
+
+    def look_at_multiples_of(self, interval: float) -> None:
+        """Where contacts fly and a step is a mere look: let looks fall on multiples of `interval`, no rarer than so far."""
+        if self.contacts is not None and self.contacts.flies:
+            self.dt = interval / math.ceil(interval / self.dt)
 
     def _leg(self, span: float, left: float) -> tuple[float, float, bool]:
         """Whole steps to the end of the phase or the run, the length of a last, shorter one, and whether `left` comes first."""
@@ -257,6 +270,11 @@ class Simulation(Motion):
         """The state the simulation began with, before rounding to the run's precision."""
         return self._start
 
+    @property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """The walls' surfaces of the present phase, in the order of ContactReport.wall_impulse."""
+        return () if self.contacts is None else self.contacts.setup.enclosure.surfaces
+
     def diagnostics(self) -> dict[str, Any]:
         """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`.
 
@@ -279,7 +297,7 @@ class Simulation(Motion):
         from mpp_taichi.energy import PowerMeter
 
         # A serial launch whose loops a device limits has no room for more of them.
-        in_kernel = self.plan == "serial" and self.device.probes.loop_limit is None
+        in_kernel = self.plan == "serial" and self.contacts is None and self.device.probes.loop_limit is None
         return PowerMeter(self.state, self.total_force, in_kernel=in_kernel)
 
     @contextmanager
@@ -300,6 +318,8 @@ class Simulation(Motion):
         """Give the device memory back."""
         if not self._closed and backends.is_alive(self.device):
             for compiled in self._compiled.values():
+                if compiled.contacts is not None:
+                    compiled.contacts.destroy()
                 compiled.state.destroy()
             backends.release(self.device)
         self._closed = True

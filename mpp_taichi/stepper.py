@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.quick_compilation import quick_compilation
 from mpp_taichi.solvers.report import SolverReport
@@ -21,8 +22,18 @@ CPU_GRAIN = 512
 class Stepper:
     """The kernels of one simulation: its state, forces and integrator under one plan."""
 
-    def __init__(self, state: State, total_force: TotalForce, integrator: Integrator, *, plan: str, on_cpu: bool):
+    def __init__(
+        self,
+        state: State,
+        total_force: TotalForce,
+        integrator: Integrator,
+        *,
+        plan: str,
+        on_cpu: bool,
+        contacts: ContactSolver | None = None,
+    ):
         """Bind the parts; nothing is compiled before the first launch."""
+        self.contacts = contacts
         self.state = state
         self.total_force = total_force
         self.integrator = integrator
@@ -46,6 +57,8 @@ class Stepper:
                 self._prepare_replicas(force, time)
             if self.integrator.implicit:
                 self._start_implicit(force, time)
+        if self.contacts is not None:
+            self.contacts.prepare(time)
 
     def advance(self, time: float, dt: float, steps: int, meter: Any = None) -> None:
         """Advance by `steps` steps of `dt` from `time`; a `meter` of powers looks on after each of them."""
@@ -59,6 +72,11 @@ class Stepper:
             for s in range(steps):
                 self._advance(time + s * dt, dt, 1, None)
                 meter.keep(s, time + (s + 1) * dt)
+        elif self.contacts is not None and self.contacts.flies:
+            self.contacts.advance(time, steps * dt)
+        elif self.contacts is not None:
+            for s in range(steps):
+                self._step_with_contacts(self.contacts, time + s * dt, dt)
         elif self.plan == "serial":
             self._advance_serial(time, dt, steps)
         elif self.plan == "replicas":
@@ -80,8 +98,10 @@ class Stepper:
     def launches_per_step(self) -> int | None:
         """Parallel loops started in one step; a serial or replica launch holds many steps and counts as none.
 
-        None under the parallel plan of an implicit method: as many as its iterations need.
+        None where contacts are resolved, and under the parallel plan of an implicit method: as many as it takes.
         """
+        if self.contacts is not None:
+            return None
         if self.plan != "parallel":
             return 0
         if self.integrator.implicit:
@@ -99,6 +119,38 @@ class Stepper:
         springs = self.state.spring_neighbor.shape[0] if hasattr(self.state, "spring_neighbor") else 0
         per_evaluation = (n * n if self.total_force.has_pairs else 0) + springs + 8 * n
         return 1 + max(1, self.integrator.evaluations) * per_evaluation
+
+    def _step_with_contacts(self, contacts: ContactSolver, time: float, dt: float) -> None:
+        """One step in which contacts are resolved: on the way of each drift, or after all of it."""
+        if not contacts.drifts:
+            self._advance_without(time, dt)
+            contacts.correct(self.state, time + dt)
+            return
+        for k, (node, kick, drift) in enumerate(self.integrator.entries):
+            if kick != 0.0 and self.total_force.forces:
+                if k > 0 and self.launches_stages:
+                    self.launch_force(self.total_force, time + node * dt)
+                self._kick(time, dt, k, "launched" if self.launches_stages else self.plan)
+            if drift != 0.0:
+                contacts.drift(self.state, time + node * dt, drift * dt)
+
+    def _advance_without(self, time: float, dt: float) -> None:
+        """One step that knows nothing of contacts."""
+        if self.plan == "serial":
+            self._advance_serial(time, dt, 1)
+        elif self.launches_stages:
+            self._launch_stages(time, dt)
+        else:
+            self._advance_parallel(time, dt)
+
+    @ti.kernel
+    def _kick(self, time: float, dt: float, k: Template, shape: Template):
+        if ti.static(shape == "serial"):
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                self.integrator.kick_stage(self.state, self.total_force, 0, time, dt, k, shape)
+        else:
+            self.integrator.kick_stage(self.state, self.total_force, 0, time, dt, k, shape)
 
     @ti.kernel
     def _advance_serial(self, time: float, dt: float, steps: ti.i32):

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import plans
+from mpp_taichi.contact_summary import contact_facts, contact_line
 from mpp_taichi.modes.network_report import mode_lines, network_lines
 from mpp_taichi.numerical_damping import numerical_damping
 
@@ -60,7 +61,7 @@ class Timed:
 
 def effect_names(simulation: "Simulation") -> list[str]:
     """The effects that were compiled, as scenes call them."""
-    return [type(force).__module__.rsplit(".", 1)[-1] for force in simulation.total_force.forces]
+    return simulation.phases[simulation.phase_number].effects
 
 
 def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopwatch, *, plan_asked: str) -> dict[str, Any]:
@@ -97,6 +98,7 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "pair_interactions_per_second": rate * pairs if rate is not None and pairs else None,
         "launches_per_step": launches_per_step(simulation),
         **(_solver(simulation) if simulation.integrator.implicit else {}),
+        **contact_facts(simulation),
         "conserves_energy": simulation.conserves_energy and all(row["conserves_energy"] for row in table.rows),
         "conserves_momentum": simulation.conserves_momentum and all(row["conserves_momentum"] for row in table.rows),
         "phases": phase_facts(simulation),
@@ -184,6 +186,7 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         ("reached", f"t = {found['time']:.9g} in {found['steps']:,} steps{_rate(found)}"),
         *(("phase", _phase_line(phase)) for phase in found["phases"]),
         ("solver", _solver_line(found)),
+        ("contact", contact_line(found)),
         ("errors", _errors(found)),
         ("balance", _balance(found)),
         ("damping", _damping(found)),
@@ -232,11 +235,11 @@ def _errors(found: Mapping[str, Any]) -> str:
         return ""
     energy = f"energy {found['relative_energy_error_max']:.2g}"
     if not found["conserves_energy"]:
-        energy += " (a force does work here)"
+        energy += " (contacts or walls change it)" if "contacts" in found else " (a force does work here)"
         if "conserved_energy_error_max" in found:
             energy += f", {found['conserved_energy_error_max']:.2g} where none does"
     if not found["conserves_momentum"]:
-        return f"{energy}; momentum is not conserved: external forces or held particles change it"
+        return f"{energy}; momentum is not conserved: external forces, walls or held particles change it"
     return f"{energy}, momentum {found['momentum_error_max']:.2g}, angular momentum {found['angular_momentum_error_max']:.2g}"
 
 

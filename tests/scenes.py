@@ -2,6 +2,13 @@
 
 import math
 
+from mpp_taichi import component
+
+# Every method that advances by steps; event_driven flies from collision to collision and goes with contacts alone.
+INTEGRATORS = [
+    name for name in component.names("integrators") if component.declaration("integrators", name).base != "Integrator"
+]
+
 
 def kepler(eccentricity=0.3, dt=0.01, integrator="leapfrog", forces=()):
     """A light body around one of mass 1 with G = 1, from pericentre; semi-major axis 1, period 2π."""

@@ -142,7 +142,7 @@ class Push(ExternalForce):
     conserves_energy = False
 
     @ti.func
-    def accelerate(self, state: Template, i, time):
+    def accelerate(self, state: Template, i, velocity, time):
         """a cos(w t)."""
         result = ti.Vector.zero(float, state.dimensions)
         result[0] = ti.cast(self.strength, float) * ti.cos(ti.cast(self.frequency, float) * time)

@@ -9,9 +9,8 @@ from scipy.integrate import solve_ivp
 
 from mpp_taichi import Simulation, component
 from mpp_taichi.integrators._runge_kutta import nystroem_rows
-from scenes import everything, kepler
+from scenes import INTEGRATORS, everything, kepler
 
-INTEGRATORS = component.names("integrators")
 TABLES = [name for name in INTEGRATORS if component.declaration("integrators", name).base != "Implicit"]
 SLOPE_TOLERANCE = 0.1
 ROUND_OFF = 2.0**-53

@@ -92,7 +92,7 @@ class HarmonicTrap(ExternalForce):
     needs = frozenset({"mass"})
 
     @ti.func
-    def accelerate(self, state: Template, i, time):
+    def accelerate(self, state: Template, i, velocity, time):
         """-k x / m."""
         return -(self.stiffness / state.mass[i]) * state.position[i]
 

@@ -9,10 +9,9 @@ import pytest
 
 from mpp_taichi import Simulation, component
 from mpp_taichi.snapshot import Snapshot
-from scenes import cluster, everything, irregular_network, kepler
+from scenes import INTEGRATORS, cluster, everything, irregular_network, kepler
 
 PRECISIONS = {"f32": 2.0**-24, "f64": 2.0**-53}
-INTEGRATORS = component.names("integrators")
 SPLITTINGS = [name for name in INTEGRATORS if component.declaration("integrators", name).base == "Splitting"]
 
 

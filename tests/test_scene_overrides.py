@@ -114,7 +114,7 @@ def test_only_the_first_equals_sign_parts():
         ("seed=010", "begins with a zero"),
         ("seed=*a", "alias"),
         ("extends=other.yaml", "cannot be overridden"),
-        ("contacts={}", "does not have 'contacts' yet"),
+        ("contacts={}", "missing key 'hard_spheres'"),
     ],
 )
 def test_a_fault_is_one_line_placed_at_the_override(text, message):

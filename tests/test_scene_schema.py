@@ -97,7 +97,7 @@ def test_every_declared_default_passes_its_own_check():
                 if parameter.default is component.REQUIRED or parameter.default is None:
                     continue
                 from mpp_taichi.scene.fields import Context
-                from mpp_taichi.scene.model import field_of
+                from mpp_taichi.scene.parameters import field_of
 
                 default = list(parameter.default) if isinstance(parameter.default, tuple) else parameter.default
                 field_of(parameter).check(default, Context())

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mpp_taichi import Simulation, component
+from scenes import INTEGRATORS
 
-INTEGRATORS = component.names("integrators")
 UNIT = {"f64": 2.0**-53, "f32": 2.0**-24}
 DAMPINGS = {"underdamped": 0.25, "critical": 2.0, "overdamped": 4.0}
 START, PUSH = 0.5, -0.25  # stretch and its rate

@@ -20,7 +20,7 @@ from mpp_taichi.snapshot import Springs
 from mpp_taichi.stability import advise, network, spectrum, step_limit
 from mpp_taichi.stability.operator import damping_bonds, row_sum_bound, stiffness_bonds
 from mpp_taichi.stability.spectrum import LargestEigenvalue
-from scenes import everything, kepler
+from scenes import INTEGRATORS, everything, kepler
 
 PENDULUM = "scenes/double_pendulum.yaml"
 
@@ -194,7 +194,7 @@ def test_the_limits_of_the_double_pendulum(name, limit):
 
 
 @pytest.mark.parametrize(("frequency", "damping"), [(1.0, 0.0), (1.0, 0.02), (1.0, 1.0), (1.0, 5.0), (0.0, 1.0)])
-@pytest.mark.parametrize("name", component.names("integrators"))
+@pytest.mark.parametrize("name", INTEGRATORS)
 def test_a_step_is_stable_up_to_the_limit_and_not_beyond(name, frequency, damping):
     method = component.build("integrators", name, {"dt": 1.0})
     limit = step_limit.largest_stable_step(method.amplification, frequency, damping)

@@ -378,7 +378,7 @@ CHANGES = [
         (
             STIFFNESS,
             f"{key}: 1",
-            f"timeline[1].set.{key}: '{key.split('.')[0]}' stays as it is, allowed: constants, forces, integrator",
+            f"timeline[1].set.{key}: '{key.split('.')[0]}' stays as it is, allowed: constants, contacts, forces, integrator",
         )
         for key in (
             "seed",

@@ -79,7 +79,16 @@ def _without(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
         (force.name, replace(spec, forces=spec.forces[:number] + spec.forces[number + 1 :]))
         for number, force in enumerate(spec.forces)
     ]
-    return variants + ([("spring", replace(spec, springs=()))] if spec.springs else [])
+    if spec.springs:
+        variants.append(("spring", replace(spec, springs=())))
+    if spec.contacts is not None and not _flies(spec):
+        variants.append(("hard_spheres", replace(spec, contacts=None, walls=())))
+    return variants
+
+
+def _flies(spec: SceneSpec) -> bool:
+    """Whether contacts move the particles themselves, so that there is no step without them, and no force but gravity."""
+    return spec.integrator.name == "event_driven"
 
 
 def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
@@ -88,6 +97,8 @@ def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
     for name in component.names("forces"):
         declared = component.declaration("forces", name)
         if declared.base == "BondForce" or any(force.name == name for force in spec.forces):
+            continue
+        if _flies(spec) and name != "uniform_gravity":
             continue
         parameters = _slight(declared)
         if parameters is not None:

@@ -26,7 +26,7 @@ def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
         "scene": spec.source,
         "title": spec.title,
         "dimensions": spec.dimensions,
-        "effects": [force.name for force in spec.forces] + (["spring"] if needed.spring_count else []),
+        "effects": spec.effects(needed.spring_count),
         "integrator": spec.integrator.name,
         "dt": dt,
         "timeline": described(spec),
@@ -104,7 +104,7 @@ def _plan(spec: SceneSpec, asked: str, needed: Estimate) -> str:
 
 def _files(spec: SceneSpec, arguments: argparse.Namespace) -> list[str]:
     """The files that are asked for; without a display there is a film as well."""
-    names = ("video", "trajectory", "snapshot", "diagnostics", "modes")
+    names = ("video", "trajectory", "snapshot", "diagnostics", "modes", "speeds", "events")
     files = [str(getattr(arguments, name)) for name in names if getattr(arguments, name) is not None]
     if not arguments.headless and arguments.video is None:
         files.append(f"{OUTPUT_FOLDER / _options.output_stem(spec.source)}.mp4, unless a window opens")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from mpp_taichi.scene import timeline
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.views._base import Frame
+from mpp_taichi.walls.outline import outline_of
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._request import Goal
@@ -51,6 +52,7 @@ class _Steered:
     ) -> None:
         self.simulation, self.spec, self.goal, self.interruption = simulation, spec, goal, interruption
         self.recorders, self.caption = recorders, caption
+        self._walls = outline_of(spec, simulation.start.position)
 
     @property
     def finished(self) -> bool:
@@ -72,7 +74,7 @@ class _Steered:
 
     def frame(self) -> Frame:
         """The particles now."""
-        return Frame.of(self.simulation.snapshot(), title=self.spec.title, extra=self.caption())
+        return Frame.of(self.simulation.snapshot(), title=self.spec.title, extra=self.caption(), walls=self._walls)
 
     def restart(self) -> None:
         """Back to the start."""

@@ -48,7 +48,7 @@ def add_length(parser: argparse.ArgumentParser) -> None:
 
 
 def add_tables(parser: argparse.ArgumentParser) -> None:
-    """--trajectory, --snapshot, --diagnostics, --modes, --every."""
+    """--trajectory, --snapshot, --diagnostics, --modes, --speeds, --events, --every."""
     group = parser.add_argument_group("files to write")
     group.add_argument("--trajectory", type=output_path, metavar="F", help="positions along the run: .npz, .xyz or .extxyz")
     group.add_argument("--snapshot", type=output_path, metavar="F.npz", help="the final state")
@@ -56,6 +56,10 @@ def add_tables(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--modes", type=output_path, metavar="F", help="amplitudes of the springs' modes: .png, .svg, .pdf, .csv or .npz"
     )
+    group.add_argument(
+        "--speeds", type=output_path, metavar="F", help="histogram of speeds beside theory: .png, .svg, .pdf, .csv or .npz"
+    )
+    group.add_argument("--events", type=output_path, metavar="F", help="every collision of an event-driven run: .csv or .npz")
     group.add_argument(
         "--every", type=positive_integer, metavar="N", help="steps between two samples; about 200 samples when absent"
     )

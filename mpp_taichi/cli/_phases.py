@@ -12,7 +12,7 @@ def described(spec: SceneSpec) -> list[dict[str, Any]]:
         {
             "at": event.at,
             "changes": event.changes,
-            "effects": [force.name for force in event.scene.forces] + (["spring"] if event.scene.springs else []),
+            "effects": event.scene.effects(len(event.scene.springs)),
             "integrator": event.scene.integrator.name,
             "dt": float(event.scene.integrator.parameters["dt"]),
         }

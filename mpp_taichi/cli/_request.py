@@ -8,8 +8,10 @@ from mpp_taichi.cli._options import require_suffix
 from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.errors import CapacityError
 from mpp_taichi.recorders._mode_plot import require_matplotlib
+from mpp_taichi.recorders.event_log import FORMATS as EVENT_FORMATS
 from mpp_taichi.recorders.modes import FORMATS as MODE_FORMATS
 from mpp_taichi.recorders.modes import PLOT_FORMATS
+from mpp_taichi.recorders.speed_histogram import FORMATS as SPEED_FORMATS
 from mpp_taichi.recorders.table import FORMATS as TABLE_FORMATS
 from mpp_taichi.recorders.trajectory import FORMATS as TRAJECTORY_FORMATS
 from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
@@ -45,6 +47,8 @@ class Request:
     snapshot: Path | None = None
     diagnostics: Path | None = None
     modes: Path | None = None
+    speeds: Path | None = None
+    events: Path | None = None
     every: int | None = None
     quiet: bool = False
     allow_inaccurate: bool = False
@@ -71,9 +75,11 @@ class Request:
         require_suffix(self.snapshot, (".npz",), "--snapshot")
         require_suffix(self.diagnostics, TABLE_FORMATS, "--diagnostics")
         require_suffix(self.modes, MODE_FORMATS, "--modes")
+        require_suffix(self.speeds, SPEED_FORMATS, "--speeds")
+        require_suffix(self.events, EVENT_FORMATS, "--events")
         if self.video is not None:
             check_encoder()
-        if self.modes is not None and self.modes.suffix.lower() in PLOT_FORMATS:
+        if any(path is not None and path.suffix.lower() in PLOT_FORMATS for path in (self.modes, self.speeds)):
             require_matplotlib()
 
 

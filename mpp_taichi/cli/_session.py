@@ -17,10 +17,12 @@ from mpp_taichi.expectations import Verdict, Watcher
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
 from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.recorders.blow_up import BlowUpWatch
+from mpp_taichi.recorders.event_log import EventLog
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.recorders.frames import FrameRecorder
 from mpp_taichi.recorders.modes import ModeRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
+from mpp_taichi.recorders.speed_histogram import SpeedHistogram
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.video import VideoRecorder
@@ -82,7 +84,7 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
 
 def _lock_outputs(request: Request, stack: ExitStack) -> None:
     """Hold the names of the files written at the end, so that a second run with the same names is refused now."""
-    for path in (request.snapshot, request.diagnostics, request.modes):
+    for path in (request.snapshot, request.diagnostics, request.modes, request.speeds, request.events):
         if path is not None:
             stack.callback(OutputLock(path).release)
 
@@ -102,6 +104,7 @@ def _start(spec: SceneSpec, request: Request) -> "Simulation":
     from mpp_taichi.simulation import Simulation  # the first import of Taichi: the scene is known to be sound
 
     options = {name: getattr(request, name) for name in ("backend", "precision", "plan", "threads", "force")}
+    options["event_log"] = request.events is not None
     if request.rewind is None:
         return Simulation(spec, **options)
     try:
@@ -137,6 +140,8 @@ class _Run:
         )
         follows = spec.modes is not None or request.modes is not None
         self.modes = ModeRecorder(simulation, spec.modes, self.every) if follows else None
+        self.speeds = SpeedHistogram(simulation) if request.speeds is not None else None
+        self.events = EventLog([wall.label for wall in simulation.surfaces], self.every) if request.events is not None else None
         if request.energy_balance or any(each.quantity in BALANCE_QUANTITIES for each in self.watcher.expectations):
             simulation.keep_energy_balance()
         self.films: list[FilmRecorder] = []
@@ -152,13 +157,13 @@ class _Run:
             trajectory.every = self.every
         if not self.request.quiet and (said := note(self.network)):
             say(f"note: {said}")
-        modes = [self.modes] if self.modes else []
+        measured = [each for each in (self.modes, self.speeds, self.events) if each is not None]
         looks: list[Any] = [
             self.table,
             self.blow_up,
             self.watchdog,
             self.watcher,
-            *modes,
+            *measured,
             *([trajectory] if trajectory else []),
         ]
         timed = [Timed(look, self.stopwatch, "diagnostics") for look in looks]
@@ -172,7 +177,7 @@ class _Run:
             self._finish([*looks, *self.films])
         except Interrupted as signal:
             self.interrupted = signal
-            self._finish([self.table, self.watchdog, *modes, *([trajectory] if trajectory else [])])
+            self._finish([self.table, self.watchdog, *measured, *([trajectory] if trajectory else [])])
         except StabilityError as error:
             self.error = self.blow_up.explain(error, self.simulation)
             say(f"error: {self.error}")
@@ -200,11 +205,14 @@ class _Run:
         request, record = self.request, self.spec.record
         size, fps, seconds = request.size or record.size, request.fps or record.fps, request.film_seconds or record.seconds
         view = open_offscreen(self.spec.view, size, dimensions=self.spec.dimensions)
+        count, span = round(fps * seconds), self.goal.span(self.spec)
+        if count > 1 and self.goal.steps is None:
+            self.simulation.look_at_multiples_of(span / (count - 1))
         return FilmRecorder(
             view,
             sinks,
-            round(fps * seconds),
-            self.goal.span(self.spec),
+            count,
+            span,
             title=self.spec.title,
             caption=self._caption,
             stopwatch=self.stopwatch,
@@ -241,6 +249,10 @@ class _Run:
             jobs.append((request.diagnostics, lambda: self.table.save(request.diagnostics)))
         if self.modes is not None and request.modes is not None and self.modes.times:
             jobs.append((request.modes, lambda: self.modes.save(request.modes)))
+        if self.speeds is not None and request.speeds is not None:
+            jobs.append((request.speeds, lambda: self.speeds.save(request.speeds)))
+        if self.events is not None and request.events is not None:
+            jobs.append((request.events, lambda: self.events.save(request.events)))
         if state is not None:
             jobs.append((state, lambda: replace(simulation.snapshot(), dt=simulation.dt).save(state)))
         for path, job in jobs:

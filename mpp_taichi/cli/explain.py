@@ -62,6 +62,7 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "spring_count": len(simulation.start.springs),
         "effects": effect_names(simulation),
         "integrator": simulation.spec.integrator.name,
+        "contacts": None if simulation.spec.contacts is None else simulation.spec.contacts.solver.name,
         "force_evaluations_per_step": None if simulation.integrator.implicit else simulation.integrator.evaluations,
         "plan": simulation.plan,
         "plan_reason": plan_reason(simulation, plan_asked),
@@ -105,13 +106,14 @@ def _lines(found: dict[str, Any]) -> list[str]:
     launches = found["launches_per_step"]
     how_often = f"{launches} parallel loops launched per step" if launches else "one launch holds many steps"
     if launches is None:
-        how_often = "several parallel loops launched per iteration"
+        how_often = "as many launches as the contacts take" if found["contacts"] else "several parallel loops per iteration"
     evaluations = f"{found['force_evaluations_per_step']} force evaluations per step"
     if found["force_evaluations_per_step"] is None:
         evaluations = "a force evaluation per iteration"
     rows = [
         f"{found['scene']}: {found['particle_count']:,} particles, {found['spring_count']:,} springs",
         f"compiled   {', '.join(found['effects']) or 'no effect'}; {found['integrator']}, {evaluations}",
+        *([f"contacts   {found['contacts']}; its own fields are not listed below"] if found["contacts"] else []),
         f"device     {found['backend']}: {found['device']}, {found['precision']}",
         f"plan       {found['plan']}: {found['plan_reason']}; {how_often}",
         f"memory     {_bytes(found['field_bytes'])} in fields",

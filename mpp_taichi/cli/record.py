@@ -56,7 +56,7 @@ def execute(arguments: argparse.Namespace) -> int:
         "trajectory",
         "snapshot",
     )
-    more = ("diagnostics", "modes", "every", "quiet", "allow_inaccurate", "force")
+    more = ("diagnostics", "modes", "speeds", "events", "every", "quiet", "allow_inaccurate", "force")
     given = {name: getattr(arguments, name) for name in (*names, *more)}
     with output_reserved(arguments.json):
         outcome = run_scene(spec, Request(**given, film_seconds=arguments.duration))

@@ -61,7 +61,11 @@ class Flight:
         self.period = tuple(float(edge) for edge in setup.enclosure.period[: setup.dimensions])
         self.shortest_period = min((edge for edge in self.period if edge > 0.0), default=math.inf)
         radius = np.asarray(setup.radius, float)
-        self.mean_radius, self.least_radius, self.largest_radius = float(radius.mean()), float(radius.min()), float(radius.max())
+        self.mean_radius, self.least_radius, self.largest_radius = (
+            float(radius.mean()),
+            float(radius.min()),
+            float(radius.max()),
+        )
         largest_two = float(np.sort(radius)[-2:].sum())
         self.room = 0.5 * (self.shortest_period / 2.0 - largest_two)  # for a margin; beyond, another image may be nearer
         if not self.room > 0.0:
@@ -105,9 +109,7 @@ class Flight:
         is_ordinary = SLACK * speed * h <= 0.5 * max(spacing, self.mean_radius)
         reference = speed if is_ordinary else min(speed, OUTLIER * rms)
         size = max(np.abs(lower).max(), np.abs(upper).max())
-        piece = Piece(
-            h, 0.0, 0.0, lower, upper, self.least_radius, self.largest_radius, speed, reference
-        )
+        piece = Piece(h, 0.0, 0.0, lower, upper, self.least_radius, self.largest_radius, speed, reference)
         return self._with_margins(piece, ROUNDINGS * self.epsilon * size)
 
     def _with_margins(self, piece: Piece, rounding: float) -> Piece:

@@ -111,7 +111,8 @@ class GroupSweep(Sweep):
             self.grid.visit(i, self._see_touching, root, t)
         x = self.local_position[i]
         for s in ti.static(range(len(self.bounce.surfaces))):
-            if _geometry.gap(self.bounce.surfaces[s], x, self.radius_of(i), time + t) <= self.touching * self.radius_of(i):
+            radius = self.radius_of(i)
+            if _geometry.gap(self.bounce.surfaces[s], x, radius, time + t) <= self.touching * radius:
                 n = _geometry.normal(self.bounce.surfaces[s], x, time + t)
                 speed = n.dot(_geometry.surface_velocity(self.bounce.surfaces[s], x))
                 self._add_row(i, -1 - s, n, speed, ti.cast(self.bounce.surfaces[s].restitution, float), t)

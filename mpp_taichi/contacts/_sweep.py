@@ -418,7 +418,9 @@ class Sweep:
             self.grid.visit(i, self._consider_slot, now, h)
         x = self.place_at(i, now)
         for s in ti.static(range(len(self.bounce.surfaces))):
-            t = now + self.bounce.time_of_wall(s, self.index(i), self.radius_of(i), x, self.local_velocity[i], time + now, h - now)
+            t = now + self.bounce.time_of_wall(
+                s, self.index(i), self.radius_of(i), x, self.local_velocity[i], time + now, h - now
+            )
             if t < self.islands.best_time[i]:
                 self.islands.best_time[i] = t
                 self.best_partner[i] = -2 - s

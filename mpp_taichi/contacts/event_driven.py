@@ -6,7 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.component import component, param
-from mpp_taichi.contacts._base import ContactReport, ContactSetup
+from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts._event_cells import EventCells, Grid
 from mpp_taichi.contacts._event_collision import Collision
 from mpp_taichi.contacts._event_log import EventLog
@@ -17,12 +17,13 @@ from mpp_taichi.errors import StabilityError
 
 # Events of one launch: a fraction of a second, after which Python may be interrupted.
 EVENTS_PER_LAUNCH = 200_000
+LOG_CAPACITY = 65_536  # contacts noted on the device before the host takes them
 RUNNING, ARRIVED, FULL, COLLAPSED = range(4)
 
 
 @component
 @ti.data_oriented
-class EventDriven:
+class EventDriven(ContactSolver):
     """Spheres fly freely, fall together under uniform gravity, and bounce at the exact time of contact, one event after another.
 
     Exact to round-off, whatever the density and speed; contacts of more than two spheres at once are taken pair by pair in
@@ -37,6 +38,8 @@ class EventDriven:
         0.0, minimum=0.0, unit="time", help="a contact so soon after the last one of either sphere is elastic; 0: never"
     )
     log_capacity: int = param(0, minimum=0, help="contacts kept on the device for the event log at a time; 0: no log")
+
+    flies = True
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Work on a state's `position` and `velocity`: vector fields of n entries. Raises ValueError for an impossible box."""
@@ -54,7 +57,7 @@ class EventDriven:
         self.queue = EventQueue(self.count, builder, self.wide)
         self.prediction = Prediction(self.spheres, self.cells, self.queue, setup.enclosure.surfaces)
         self.collision = Collision(setup, self.spheres, self.cells, builder)
-        self.log = EventLog(self.log_capacity, builder, self.wide)
+        self.log = EventLog(LOG_CAPACITY if self.logs else self.log_capacity, builder, self.wide)
         self.event_time = ti.field(self.wide)
         self.culprits = ti.field(ti.i32)
         builder.place(self.event_time)

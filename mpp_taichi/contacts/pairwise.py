@@ -17,7 +17,9 @@ class Pairwise:
     """
 
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
-    contact_time: float = param(0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off")
+    contact_time: float = param(
+        0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off"
+    )
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""

@@ -6,7 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.component import component, param
-from mpp_taichi.contacts._base import ContactReport, ContactSetup
+from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts._resting_plans import ParallelPlan, SerialPlan
 from mpp_taichi.contacts._resting_step import LOST, PAIRS, PUSHED, VIRIAL, WALLS, RestingStep
 from mpp_taichi.quick_compilation import quick_compilation
@@ -15,7 +15,7 @@ SERIAL_COUNT = 512  # up to here one thread does a drift in one launch; more sph
 
 
 @component
-class Resting:
+class Resting(ContactSolver):
     """Impacts with restitution, and then no approach beyond a contact's gap: velocity-level complementarity, for piles.
 
     A drift by h first reflects what is hit faster than `resting_speed` within it, all such contacts together,
@@ -44,8 +44,11 @@ class Resting:
     )
     tolerance: float = param(1e-12, above=0.0, help="allowed overlap, or opening under load, relative to the smaller radius")
 
+    drifts = True
+
     def bind(self, setup: ContactSetup, state: Any, *, parallel: bool | None = None) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
+        self.setup = setup
         self.particle_count = setup.particle_count
         self.gravity = float(np.linalg.norm(setup.gravity))
         single = ti.lang.impl.current_cfg().default_fp == ti.f32

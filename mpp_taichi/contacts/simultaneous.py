@@ -3,13 +3,13 @@
 from typing import Any
 
 from mpp_taichi.component import component, param
-from mpp_taichi.contacts._base import ContactReport, ContactSetup
+from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts._group_sweep import GroupSweep
 from mpp_taichi.quick_compilation import quick_compilation
 
 
 @component
-class Simultaneous:
+class Simultaneous(ContactSolver):
     """Straight flights from instant to instant of contact within a drift, and what touches then is resolved as a group.
 
     Groups are resolved by generalized reflections (`_reflections.py`): independent of numbering, symmetric where the scene is,
@@ -19,11 +19,18 @@ class Simultaneous:
     """
 
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
-    contact_time: float = param(0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off")
-    event_limit: int = param(1_000_000, minimum=1, help="contacts of one connected group in a drift, beyond which it is given up")
+    contact_time: float = param(
+        0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off"
+    )
+    event_limit: int = param(
+        1_000_000, minimum=1, help="contacts of one connected group in a drift, beyond which it is given up"
+    )
+
+    drifts = True
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
+        self.setup = setup
         self.sweep = GroupSweep(setup, state, event_limit=self.event_limit)
 
     def drift(self, state: Any, time: float, h: float) -> None:

@@ -3,6 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 
+from mpp_taichi.contact_report import ContactReport
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -25,6 +26,9 @@ class Diagnostic(ABC):
     @abstractmethod
     def observe(self, time: float, snapshot: Snapshot) -> None:
         """Look at the particles; called at the start, at the end, and at least as often as `interval` asks in between."""
+
+    def observe_contacts(self, time: float, report: ContactReport) -> None:  # noqa: B027 most do not care
+        """See what contacts have done since the start; called before `observe`, in scenes that have contacts."""
 
     @abstractmethod
     def result(self) -> float:

@@ -48,12 +48,16 @@ class GeneratorContext:
     random    its own source of random numbers, the same whatever the other entries are
     strength, softening   of the scene's newtonian_gravity, (0, 0) without it
     find      particles placed by the entries before this one, by index
+    dimensions  2 or 3
+    placed    the groups of the entries before this one
     """
 
     random: np.random.Generator
     strength: float
     softening: float
     find: Callable[[int], Center]
+    dimensions: int = 3
+    placed: tuple[Group, ...] = ()
 
 
 class Generator(ABC):

@@ -109,6 +109,20 @@ class Splitting(Integrator):
             self.drift(state, total_force, first, drift * dt)
 
     @ti.func
+    def kick_stage(
+        self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template, shape: Template
+    ):
+        """Stage k with its force and without its drift, for those who move the particles themselves.
+
+        `shape` is that of the loop over pairs; "launched" where their force has been summed already.
+        """
+        node, kick, _drift = ti.static(self.entries[k])
+        if ti.static(k > 0 and shape != "launched" and self.wants_sum(total_force)):
+            total_force.accumulate(state, first, time + node * dt, shape)
+        sums = ti.static(self.sums(k, total_force))
+        self.kick_and_drift(state, total_force, first, time + node * dt, kick * dt, 0.0, sums, False)
+
+    @ti.func
     def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
         """A stage with coefficients looked up while running: one copy of the code serves all stages."""
         node, kick, drift = 0.0, 0.0, 0.0

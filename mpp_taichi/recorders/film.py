@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.views._base import Frame, View
+from mpp_taichi.walls.outline import Outline, outline_of
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
@@ -45,12 +47,14 @@ class FilmRecorder:
         self.view, self.sinks, self.frame_count, self.span = view, tuple(sinks), frame_count, span
         self.title, self.caption, self.stopwatch = title, caption, stopwatch
         self.drawn_count = 0
+        self._walls: Outline | None = None
         self._start: float | None = None
 
     def steps_until_due(self, simulation: "Simulation") -> int:
         """Until the last step not after the next frame's time; for the last frame, until the end."""
         if self._start is None:
             self._start = simulation.time
+            self._walls = outline_of(simulation.spec, simulation.start.position)
         if self.drawn_count >= self.frame_count:
             return 2**31
         ahead = (self._due_time() - simulation.time) / simulation.dt
@@ -76,14 +80,17 @@ class FilmRecorder:
                 time=self._due_time(),
                 step=snapshot.step,
             )
-            self._draw(Frame.of(moved, title=self.title, extra=self.caption()))
+            self._draw(self._frame(moved))
 
     def finish(self, simulation: "Simulation") -> None:
         """Draw the last frame, which rounding of the time may have put a hair past the end."""
         if self.drawn_count == self.frame_count - 1 and self.drawn_count > 0:
             with self.stopwatch("capture"):
                 snapshot = simulation.snapshot()
-            self._draw(replace(Frame.of(snapshot, title=self.title, extra=self.caption()), time=self._due_time()))
+            self._draw(replace(self._frame(snapshot), time=self._due_time()))
+
+    def _frame(self, snapshot: Snapshot) -> Frame:
+        return Frame.of(snapshot, title=self.title, extra=self.caption(), walls=self._walls)
 
     def _due_time(self) -> float:
         assert self._start is not None

@@ -1,5 +1,6 @@
 """Cross checks: what two keys of a scene, each fine alone, must not say together."""
 
+from mpp_taichi.scene.contacts import check_contacts
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.spec import SceneSpec
@@ -10,6 +11,7 @@ def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     _check_run(spec, tree, faults)
     _check_camera(spec, tree, faults)
     _check_expect(spec, faults)
+    check_contacts(spec, tree, faults)
     names = [entry.name for entry in spec.forces]
     for number, entry in enumerate(spec.forces):
         if entry.name in names[:number]:

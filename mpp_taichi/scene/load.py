@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from mpp_taichi.scene import constants, expectations, extends, messages, references, spring_types, timeline, units
+from mpp_taichi.scene import constants, contacts, expectations, extends, messages, references, spring_types, timeline, units
 from mpp_taichi.scene import overrides as override
 from mpp_taichi.scene.cross_checks import check_together
 from mpp_taichi.scene.document import Node, from_python, read_file
@@ -105,7 +105,9 @@ def _specification(validated: Any, tree: Node, name: str, context: Context, faul
         springs=spring_types.resolve(_entries(validated.springs, tree, "springs"), validated.spring_types or {}, tree, faults),
         spring_damping=validated.spring_damping,
         forces=forces,
-        integrator=_entry(validated.integrator, tree.value["integrator"]),
+        contacts=contacts.specification(validated.contacts, tree.get("contacts")),
+        walls=_entries(validated.walls, tree, "walls"),
+        integrator=_integrator(validated, tree, faults),
         move_to_center_of_mass=validated.move_to_center_of_mass,
         run=validated.run,
         view=validated.view,
@@ -114,6 +116,24 @@ def _specification(validated: Any, tree: Node, name: str, context: Context, faul
         modes=validated.modes,
         resolved=tree.plain(),
     )
+
+
+def _integrator(validated: Any, tree: Node, faults: Faults) -> ComponentSpec:
+    """The integrator; event-driven contacts bring their own, which looks LOOKS times in a run if not told how often."""
+    event_driven = contacts.is_event_driven(validated.contacts)
+    if validated.integrator is not None:
+        entry = _entry(validated.integrator, tree.value["integrator"])
+    elif event_driven:
+        entry = ComponentSpec("event_driven", {"dt": None}, tree.value["contacts"].place)
+    else:
+        faults.add(tree.location, "integrator", "missing key 'integrator' (the method that advances time)")
+        return ComponentSpec("leapfrog", {"dt": 1.0}, tree.location)
+    if entry.name == "event_driven" and entry.parameters["dt"] is None:
+        if validated.run.duration is None:
+            faults.add(entry.location, "integrator.event_driven", "needs dt, the time between looks, or run.duration to divide")
+            return ComponentSpec("event_driven", {"dt": 1.0}, entry.location)
+        return ComponentSpec("event_driven", {"dt": validated.run.duration / contacts.LOOKS}, entry.location)
+    return entry
 
 
 def _entries(validated: Sequence[BaseModel], tree: Node, key: str) -> tuple[ComponentSpec, ...]:

@@ -19,6 +19,7 @@ _KIND_WORDS = {
     "networks": "generator of springs",
     "forces": "force",
     "integrators": "integrator",
+    "walls": "wall",
 }
 
 EXAMINED = 1000  # faults for which a message is composed; the rest is counted

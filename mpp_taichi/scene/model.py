@@ -14,10 +14,11 @@ from pydantic import Field as Describe
 from pydantic_core import PydanticCustomError, core_schema
 
 from mpp_taichi import component
-from mpp_taichi.component import REQUIRED, Parameter
 from mpp_taichi.scene import fields, units
+from mpp_taichi.scene.contacts import contacts_model
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.fields import Context, Field, Number, Text, Whole, Wrong
+from mpp_taichi.scene.parameters import STRICT, parameter_fields
 from mpp_taichi.scene.spec import EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec, ViewSpec
 
 # Keys of a scene that hold components, and the folder those come from.
@@ -25,18 +26,18 @@ KINDS = {
     "particles": "generators",
     "springs": "networks",
     "forces": "forces",
+    "walls": "walls",
     "integrator": "integrators",
     "expect": "diagnostics",
 }
-LATER_KEYS = ("contacts", "walls", "inspect", "sliders", "accuracy")
-_STRICT = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, protected_namespaces=())
+LATER_KEYS = ("inspect", "sliders", "accuracy")
 Selection = tuple[tuple[str, tuple[str, ...]], ...]  # kind → names of the components in the model
 
 
 class Units(BaseModel):
     """Units that the scene's numbers are in; with them the constant G is known."""
 
-    model_config = _STRICT
+    model_config = STRICT
     length: Annotated[str, Text(tuple(units.LENGTHS))]
     time: Annotated[str, Text(tuple(units.TIMES))]
     mass: Annotated[str, Text(tuple(units.GRAVITATIONAL_PARAMETERS))]
@@ -81,30 +82,6 @@ _BOUND_FIELDS: dict[str, Any] = {
 }
 
 
-def field_of(parameter: Parameter) -> Field:
-    """The check that a parameter's declared type asks for."""
-    span = {"minimum": parameter.minimum, "maximum": parameter.maximum, "above": parameter.above}
-    makers = {
-        "float": lambda: Number(**span),
-        "int": lambda: Whole(**span),
-        "bool": fields.Flag,
-        "str": lambda: Text(tuple(parameter.choices)),
-        "Vector": lambda: fields.InSpace(Number(**span)),
-        "Color": lambda: fields.ListOf(Number(minimum=0.0, maximum=1.0)),
-        "Axes": fields.Axes,
-        "Shape": fields.Counts,
-        "Formula": lambda: fields.PerParticle(tuple(parameter.names)),
-        "FormulaVector": lambda: fields.InSpace(fields.PerParticle(tuple(parameter.names))),
-        "Particle": fields.Reference,
-        "Particles": fields.Reference,
-        "Pair": lambda: fields.ListOf(fields.Reference(), (2,), "particles"),
-        "Path": fields.FileBeside,
-        "Lattice": Text,
-        "ModeNumbers": fields.Counts,
-    }
-    return makers[parameter.type]()
-
-
 def scene_model(selection: Selection) -> type[BaseModel]:
     """The pydantic model of scenes that use the components selected."""
     return _scene_model(selection, tuple(component.extra_folders))
@@ -115,14 +92,15 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
     del extra_folders  # only tells apart models made from other files of the same names
     chosen = dict(selection)
     expect = _expect_model(chosen["diagnostics"])
-    particles, springs, forces, integrator = (
-        _entries(kind, chosen[kind]) for kind in ("generators", "networks", "forces", "integrators")
+    particles, springs, forces, walls, integrator = (
+        _entries(kind, chosen[kind]) for kind in ("generators", "networks", "forces", "walls", "integrators")
     )
+    contacts: Any = contacts_model(chosen["contacts"])
     numbers = dict[str, Annotated[float, ResolvedBefore()]]
     types = dict[str, SpringTypeSpec]
     return create_model(
         "Scene",
-        __config__=_STRICT,
+        __config__=STRICT,
         __doc__="A scene: particles, what acts between them, how time goes on, and what is looked at.",
         title=_key(Text(), "", "what the window and the film are headed"),
         description=_key(Text(), "", "what to look at and what to try"),
@@ -139,7 +117,15 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         ),
         spring_damping=_key(Text(("axial", "full")), "axial", "damping along the spring, or of the whole relative velocity"),
         forces=(_list_of(forces), Describe([], description="what acts on the particles besides springs")),
-        integrator=(integrator, Describe(description="the method that advances time")),
+        contacts=(
+            contacts | None,
+            Describe(None, description="what happens where particles touch; absent: nothing"),
+        ),
+        walls=(_list_of(walls), Describe([], description="what encloses the particles; needs contacts")),
+        integrator=(
+            integrator | None,
+            Describe(None, description="the method that advances time; needs none where contacts are event_driven"),
+        ),
         move_to_center_of_mass=_key(fields.Flag(), False, "start with the centre of mass at rest at the origin"),
         run=(RunSpec, Describe(RunSpec(), description="how long to run")),
         timeline=(_list_of(EventSpec), Describe([], description="what changes at a time; a list of {at, set}")),
@@ -152,7 +138,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
 
 def all_components() -> Selection:
     """Every component a scene may name."""
-    return tuple((kind, tuple(available(kind))) for kind in KINDS.values())
+    return tuple((kind, tuple(available(kind))) for kind in (*KINDS.values(), "contacts"))
 
 
 def available(kind: str) -> list[str]:
@@ -168,11 +154,20 @@ def select(scene: Mapping[str, Any]) -> Selection:
         entries = [entries] if isinstance(entries, dict) else entries if isinstance(entries, list) else []
         named = {name for entry in entries if isinstance(entry, dict) for name in entry}
         found.append((kind, tuple(name for name in sorted(named) if _exists(kind, name))))
-    return tuple(found)
+    solver = contact_solver(scene)
+    return (*found, ("contacts", (solver,) if solver is not None else ()))
 
 
 def _exists(kind: str, name: str) -> bool:
     return component.find_file(kind, name) is not None and name in available(kind)
+
+
+def contact_solver(scene: Mapping[str, Any]) -> str | None:
+    """The contact solver that a scene, as plain data, names, if there is one of that name."""
+    entry = scene.get("contacts")
+    spheres = entry.get("hard_spheres") if isinstance(entry, dict) else None
+    name = spheres.get("solver") if isinstance(spheres, dict) else None
+    return name if isinstance(name, str) and _exists("contacts", name) else None
 
 
 def _key(check: Field, default: Any, description: str) -> Any:
@@ -185,9 +180,9 @@ def _entries(kind: str, names: Iterable[str]) -> Any:
     for name in names:
         declared = component.declaration(kind, name)
         summary = declared.summary.split("\n\n")[0]
-        body = create_model(declared.class_name, __config__=_STRICT, __doc__=summary, **_parameter_fields(declared.parameters))
+        body = create_model(declared.class_name, __config__=STRICT, __doc__=summary, **parameter_fields(declared.parameters))
         members[name] = (_checked_before(body, _nothing_is_empty), Describe(None, description=summary))
-    config = ConfigDict(**_STRICT, json_schema_extra={"minProperties": 1, "maxProperties": 1})
+    config = ConfigDict(**STRICT, json_schema_extra={"minProperties": 1, "maxProperties": 1})
     entry = create_model(f"{kind.capitalize()}Entry", __config__=config, __doc__=f"One of {kind}/.", **members)
     return _checked_before(entry, _only_one)
 
@@ -196,31 +191,17 @@ def _checked_before(model: Any, check: Callable[[Any], Any]) -> Any:
     return Annotated[model, BeforeValidator(check)]
 
 
-def _parameter_fields(parameters: Iterable[Parameter]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for parameter in parameters:
-        description = " ".join(part for part in (parameter.help, f"[{parameter.unit}]" if parameter.unit else "") if part)
-        options: dict[str, Any] = {"description": description or None}
-        if parameter.default is REQUIRED:
-            options["default"] = None if parameter.optional else ...
-        else:
-            options["default"] = _lists(parameter.default)
-            options["validate_default"] = parameter.default is not None
-        found[parameter.name] = (Annotated[Any, field_of(parameter)], Describe(**options))
-    return found
-
-
 def _expect_model(names: Iterable[str]) -> Any:
     quantities: dict[str, Any] = {}
-    bounds = _one_or_more(create_model("Bounds", __config__=_STRICT, **_BOUND_FIELDS))
+    bounds = _one_or_more(create_model("Bounds", __config__=STRICT, **_BOUND_FIELDS))
     for name, summary in SUMMARY_QUANTITIES.items():
         quantities[name] = (bounds, Describe(None, description=summary))
     for name in names:
         declared = component.declaration("diagnostics", name)
-        keys = {**_BOUND_FIELDS, **_parameter_fields(declared.parameters)}
-        body = create_model(f"{declared.class_name}Bounds", __config__=_STRICT, **keys)
+        keys = {**_BOUND_FIELDS, **parameter_fields(declared.parameters)}
+        body = create_model(f"{declared.class_name}Bounds", __config__=STRICT, **keys)
         quantities[name] = (_one_or_more(body), Describe(None, description=declared.summary.split("\n\n")[0]))
-    return create_model("Expect", __config__=_STRICT, **quantities)
+    return create_model("Expect", __config__=STRICT, **quantities)
 
 
 class _OneOrMore:
@@ -257,7 +238,3 @@ def _only_one(value: Any) -> Any:
     if isinstance(value, dict) and len(value) == 1:
         return value
     raise PydanticCustomError("not_one", "must be one component")
-
-
-def _lists(value: Any) -> Any:
-    return [_lists(item) for item in value] if isinstance(value, (list, tuple)) else value

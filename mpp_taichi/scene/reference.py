@@ -13,6 +13,8 @@ KIND_TITLES = {
     "generators": "Particles: entries of `particles:`",
     "networks": "Springs: entries of `springs:`",
     "forces": "Forces: entries of `forces:`",
+    "contacts": "Contact solvers: `solver:` of `contacts: {hard_spheres: …}`",
+    "walls": "Walls: entries of `walls:`",
     "integrators": "Integrators: `integrator:`",
     "diagnostics": "Measured quantities: keys of `expect:`",
 }

@@ -10,7 +10,7 @@ from mpp_taichi.scene.faults import Faults, choices, shown
 from mpp_taichi.scene.layout import ParticleLayout, build, particle_layout
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.model import KINDS
-from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
+from mpp_taichi.scene.spec import ComponentSpec, PairSpec, SceneSpec
 
 
 def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
@@ -28,9 +28,12 @@ def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
     finder = _Finder(layout, tree, faults)
     changed: dict[str, Any] = {
         key: tuple(finder.entry(each, KINDS[key], (key, number, each.name)) for number, each in enumerate(getattr(spec, key)))
-        for key in ("particles", "springs", "forces")
+        for key in ("particles", "springs", "forces", "walls")
     }
     changed["integrator"] = finder.entry(spec.integrator, "integrators", ("integrator", spec.integrator.name))
+    if spec.contacts is not None:
+        pairs = tuple(finder.pair(number, pair) for number, pair in enumerate(spec.contacts.pairs))
+        changed["contacts"] = replace(spec.contacts, pairs=pairs)
     changed["expect"] = tuple(
         replace(each, parameters=finder.parameters(each.parameters, _diagnostic(each.quantity), ("expect", each.quantity)))
         for each in spec.expect
@@ -80,6 +83,12 @@ class _Finder:
             elif parameter.type == "ModeNumbers":
                 self.modes(given["of"], {(parameter.name,): value}, path)
         return found
+
+    def pair(self, number: int, pair: PairSpec) -> PairSpec:
+        """With its groups found."""
+        path = ("contacts", "hard_spheres", "pairs", number, "between")
+        first, second = (self._find_group(each, (*path, end)) for end, each in enumerate(pair.between))
+        return replace(pair, between=(first, second))
 
     def modes(self, name: str | None, modes: dict[tuple[Any, ...], Any], path: tuple[Any, ...]) -> None:
         """Check that `of` below the path is a lattice, and that it has the modes that stand elsewhere below the path."""

@@ -5,11 +5,11 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from mpp_taichi.scene.fields import Counts, Flag, ListOf, Number, Settings, Text, Whole
+from mpp_taichi.scene.fields import Counts, Flag, ListOf, Number, Reference, Settings, Text, Whole
 from mpp_taichi.scene.location import Location
 
 __all__ = [
-    *("CameraSpec", "ComponentSpec", "Event", "EventSpec", "Expectation", "Location", "ModesSpec"),
+    *("CameraSpec", "ComponentSpec", "ContactsSpec", "Event", "EventSpec", "Expectation", "Location", "ModesSpec"),
     *("RecordSpec", "RunSpec", "SceneSpec", "SpringTypeSpec", "ViewSpec"),
 ]
 _CLOSED = ConfigDict(extra="forbid")
@@ -111,6 +111,27 @@ class ModesSpec:
     after: Annotated[float, Number(minimum=0.0), Field(description="look from this time on [time]")] = 0.0
 
 
+@dataclass(frozen=True)
+class PairSpec:
+    """The restitution of contacts between two particles or groups, where it is not that of the others."""
+
+    __pydantic_config__ = _CLOSED
+    between: Annotated[tuple[Any, Any], ListOf(Reference(), (2,), "particles or groups"), Field(description="the two")]
+    restitution: Annotated[float, Number(minimum=0.0, maximum=1.0), Field(description="e of a contact between them")]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactsSpec:
+    """How hard spheres meet: the solver with its parameters, exceptions for pairs, and what is done about a start in overlap.
+
+    `pairs` hold (first index, count) of the two groups in place of references once the scene is loaded.
+    """
+
+    solver: ComponentSpec
+    pairs: tuple[PairSpec, ...]
+    overlap: str  # "refuse" or "separate"
+
+
 @dataclass(frozen=True, eq=False)
 class Expectation:
     """A statement of physics that `check` asserts: `quantity` bounded by `below`/`above`, or `near ± within`.
@@ -152,6 +173,8 @@ class SceneSpec:
     springs: tuple[ComponentSpec, ...]
     spring_damping: str  # "axial" (along the spring) or "full" (the whole relative velocity)
     forces: tuple[ComponentSpec, ...]
+    contacts: ContactsSpec | None
+    walls: tuple[ComponentSpec, ...]
     integrator: ComponentSpec
     move_to_center_of_mass: bool
     run: RunSpec
@@ -161,3 +184,9 @@ class SceneSpec:
     modes: ModesSpec | None
     resolved: dict[str, Any]  # plain YAML-able mapping, itself a scene: extends and overrides applied, expressions kept
     timeline: tuple[Event, ...] = ()  # this scene itself is the first phase
+
+    def effects(self, spring_count: int) -> list[str]:
+        """What acts, as scenes call it: forces, springs where there are some, contacts and walls."""
+        names = [entry.name for entry in self.forces] + (["spring"] if spring_count else [])
+        contacts = ["hard_spheres"] if self.contacts is not None else []
+        return names + contacts + list(dict.fromkeys(wall.name for wall in self.walls))

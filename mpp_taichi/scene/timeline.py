@@ -15,7 +15,9 @@ from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.spec import ComponentSpec, Event, SceneSpec
 
 EVENTS_ALLOWED = 50  # every phase is checked, compiled and kept
-CHANGEABLE = ("constants", "particles", "springs", "spring_types", "spring_damping", "forces", "integrator")
+CHANGEABLE = (
+    *("constants", "particles", "springs", "spring_types", "spring_damping", "forces", "contacts", "walls", "integrator"),
+)
 CHANGEABLE_OF_PARTICLES = frozenset({"mass", "charge", "radius", "color", "free", "fixed"})
 UNCOUNTABLE = 10**300  # steps, where their number is beyond a float
 SAME_TIME = 1e-9  # of a step: what rounding may do to a time

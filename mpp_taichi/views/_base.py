@@ -6,6 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.walls.outline import Outline
+
+WALL_COLOR = (0.45, 0.47, 0.55)
+WALL_WIDTH = 1.5  # pixels of a picture of 720 rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +24,7 @@ class Frame:
     center       what a camera without a target looks at [length]; the middle of the bounding box when None
     velocity     [length / time], shape (particle_count, 3); only tells a camera without a position in which plane things move
     extra        one more line of caption, such as the energy error
+    outline      segments of walls [length], shape (count, 2, 3)
     """
 
     position: np.ndarray
@@ -32,9 +37,10 @@ class Frame:
     extra: str = ""
     center: tuple[float, float, float] | None = None
     velocity: np.ndarray | None = None
+    outline: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 3)))
 
     @staticmethod
-    def of(snapshot: Snapshot, *, title: str = "", extra: str = "") -> "Frame":
+    def of(snapshot: Snapshot, *, title: str = "", extra: str = "", walls: Outline | None = None) -> "Frame":
         """The frame of a snapshot; its center is the center of mass, which orbits stay around."""
         mass = np.maximum(snapshot.mass, 0.0)
         center = None
@@ -53,6 +59,7 @@ class Frame:
             extra=extra,
             center=center,
             velocity=snapshot.velocity,
+            outline=np.zeros((0, 2, 3)) if walls is None else walls.at(snapshot.time),
         )
 
 

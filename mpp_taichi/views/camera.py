@@ -136,12 +136,24 @@ class Camera:
         self._fit(frame, aspect)
 
     def _fit(self, frame: Frame, aspect: float) -> None:
+        if len(frame.outline):
+            self._fit_walls(frame.outline.reshape(-1, 3), aspect)
+            return
         center, reach = bounds(frame)
         reach = MARGIN * (reach + float(np.linalg.norm(center - self.target)))
         half_angle = math.radians(self.field_of_view) / 2.0
         narrow = min(half_angle, math.atan(aspect * math.tan(half_angle)))
         self.distance = reach / math.sin(narrow)
         self.height = 2.0 * reach / min(aspect, 1.0)
+
+    def _fit_walls(self, corners: np.ndarray, aspect: float) -> None:
+        """Walls hold what is inside them: no room is left for it to grow, and the picture is filled with them."""
+        offset = corners - self.target
+        wide, high = np.abs(offset @ self.right) / aspect, np.abs(offset @ self.up)
+        needed = MARGIN * np.maximum(wide, high)
+        slope = math.tan(math.radians(self.field_of_view) / 2.0)
+        self.distance = max(float((needed / slope + offset @ self.backward).max()), 1e-3 * float(np.abs(offset).max())) or 1.0
+        self.height = 2.0 * float(needed.max()) or 1.0
 
     def as_yaml(self) -> str:
         """The `view:` entry of a scene that puts the camera where it is now."""
@@ -161,10 +173,13 @@ def bounds(frame: Frame) -> tuple[np.ndarray, float]:
     """Center and radius [length] of a sphere that holds every particle; lost particles do not count."""
     seen = (np.abs(frame.position) < HORIZON).all(axis=1)
     position, radius = np.asarray(frame.position)[seen], np.asarray(frame.radius)[seen]
+    if len(frame.outline):
+        corners = frame.outline.reshape(-1, 3)
+        position, radius = np.concatenate([position, corners]), np.concatenate([radius, np.zeros(len(corners))])
     if len(position) == 0:
         return np.zeros(3), 1.0
     center = (position.min(axis=0) + position.max(axis=0)) / 2.0
-    if frame.center is not None and np.isfinite(frame.center).all():
+    if frame.center is not None and not len(frame.outline) and np.isfinite(frame.center).all():
         center = np.array(frame.center, dtype=float)
     reach = float((np.linalg.norm(position - center, axis=1) + radius).max())
     if reach <= 2.0 * float(radius.max()):

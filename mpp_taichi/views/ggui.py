@@ -16,7 +16,7 @@ import taichi as ti
 
 from mpp_taichi.errors import BackendError
 from mpp_taichi.scene.spec import ViewSpec
-from mpp_taichi.views._base import Frame, Trails, View
+from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
 
@@ -97,6 +97,8 @@ class GguiScene:
         thickness = height / 720.0
         springs = np.asarray(frame.position)[np.asarray(frame.between, dtype=np.int64)].reshape(-1, 3)
         self._draw_lines(springs, np.repeat(frame.spring_color, 2, axis=0), self._spec.spring_width * thickness, camera)
+        walls = frame.outline.reshape(-1, 3)
+        self._draw_lines(walls, np.tile(WALL_COLOR, (len(walls), 1)), WALL_WIDTH * thickness, camera)
         if trails is not None:
             ends, colors, _ = trails.segments(np.asarray(frame.color), np.array(self._spec.background))
             self._draw_lines(ends.reshape(-1, 3), colors.reshape(-1, 3), TRAIL_WIDTH * thickness, camera)

@@ -12,7 +12,7 @@ import taichi as ti
 
 from mpp_taichi.scene.spec import ViewSpec
 from mpp_taichi.types import Template
-from mpp_taichi.views._base import Frame, Trails, View
+from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
 from mpp_taichi.views._primitives import FIELDS, TILE, Primitives, Screen, bin_into_tiles, lines, spheres
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
@@ -76,9 +76,14 @@ class Renderer(View):
         drawn = spheres(center / scale, radius / scale, linear_from_srgb(frame.color), screen)
         ends, colors, age = self.trails.segments(np.asarray(frame.color), np.array(spec.background))
         springs = center[np.asarray(frame.between, dtype=np.int64)].reshape(-1, 2, 3)
-        all_ends = np.concatenate([springs, camera.view(ends)]) / scale
-        color = linear_from_srgb(np.concatenate([frame.spring_color, colors.mean(axis=1)]))
-        thickness = np.concatenate([np.full(len(springs), spec.spring_width), TRAIL_WIDTH * (1.0 - 0.5 * age)])
+        walls = camera.view(frame.outline)
+        all_ends = np.concatenate([springs, camera.view(ends), walls]) / scale
+        color = linear_from_srgb(
+            np.concatenate([frame.spring_color, colors.mean(axis=1), np.tile(WALL_COLOR, (len(walls), 1))])
+        )
+        thickness = np.concatenate(
+            [np.full(len(springs), spec.spring_width), TRAIL_WIDTH * (1.0 - 0.5 * age), np.full(len(walls), WALL_WIDTH)]
+        )
         return bin_into_tiles(drawn, lines(all_ends, color, thickness * screen.height / 720.0, screen), screen)
 
     def _rasterize(self, primitives: Primitives, screen: Screen) -> None:

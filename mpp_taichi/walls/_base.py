@@ -1,7 +1,11 @@
 """What a wall is: surfaces that spheres bounce off, or a box that repeats. Pure Python; `_geometry.py` has the formulas."""
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
+
+from mpp_taichi.errors import PlacementError
 
 Vector = tuple[float, float, float]
 
@@ -53,3 +57,26 @@ class Wall:
     def enclosure(self, dimensions: int, label: str) -> Enclosure:
         """What it adds; `label` is what the scene calls it."""
         raise NotImplementedError
+
+
+def unit_vector(vector: Vector, name: str) -> Vector:
+    """The direction of a vector; PlacementError where it has none."""
+    largest = max(map(abs, vector))
+    if not largest > 0.0:
+        raise PlacementError(f"{name} must not be [0, 0, 0]")
+    scaled = [component / largest for component in vector]  # squares of tiny or huge components stay numbers
+    length = math.hypot(*scaled)
+    return (scaled[0] / length, scaled[1] / length, scaled[2] / length)
+
+
+def joined(parts: Iterable[Enclosure]) -> Enclosure:
+    """All walls together; PlacementError where two of them repeat."""
+    surfaces: tuple[Surface, ...] = ()
+    periodic = Enclosure()
+    for part in parts:
+        surfaces += part.surfaces
+        if any(part.period):
+            if any(periodic.period):
+                raise PlacementError("there is a periodic_box already, allowed: one")
+            periodic = part
+    return Enclosure(surfaces, periodic.period, periodic.origin)

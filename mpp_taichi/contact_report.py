@@ -1,0 +1,41 @@
+"""What a contact solver counted. Host side; no Taichi."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ContactReport:
+    """What a solver counted since it was last asked; reports add.
+
+    pair_count, wall_count   collisions of two spheres, and of a sphere with a surface
+    elastic_count            of those, bounces that the TC model made elastic
+    virial                   Σ Δp · r over collisions of pairs, Δp the momentum given to i, r = x_i − x_j [energy]
+    wall_impulse             for each surface Σ |Δp| [momentum]
+    dissipated_energy        kinetic energy taken by restitution [energy]
+    largest_overlap          of two spheres, or a sphere and a surface, that was seen, relative to the smaller radius; not a sum
+    unresolved               contacts that a solver gave up on: must be 0 or the run fails
+    """
+
+    pair_count: int = 0
+    wall_count: int = 0
+    elastic_count: int = 0
+    virial: float = 0.0
+    wall_impulse: tuple[float, ...] = ()
+    dissipated_energy: float = 0.0
+    largest_overlap: float = 0.0
+    unresolved: int = 0
+
+    def __add__(self, other: "ContactReport") -> "ContactReport":
+        """Both together."""
+        impulses = self.wall_impulse or (0.0,) * len(other.wall_impulse)
+        others = other.wall_impulse or (0.0,) * len(impulses)
+        return ContactReport(
+            pair_count=self.pair_count + other.pair_count,
+            wall_count=self.wall_count + other.wall_count,
+            elastic_count=self.elastic_count + other.elastic_count,
+            virial=self.virial + other.virial,
+            wall_impulse=tuple(a + b for a, b in zip(impulses, others, strict=True)),
+            dissipated_energy=self.dissipated_energy + other.dissipated_energy,
+            largest_overlap=max(self.largest_overlap, other.largest_overlap),
+            unresolved=self.unresolved + other.unresolved,
+        )

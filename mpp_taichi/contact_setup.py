@@ -1,0 +1,86 @@
+"""The spheres and walls of a scene, as contact solvers want them. Host side; no Taichi."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mpp_taichi import component
+from mpp_taichi.errors import PlacementError, SceneError
+from mpp_taichi.scene.spec import ContactsSpec, SceneSpec
+from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.walls._base import Enclosure, joined
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSetup:
+    """The spheres of a scene as a contact solver wants them.
+
+    radius         (n,) [length]
+    inverse_mass   (n, 3) [1 / mass]; 0 along an axis that is held, so a held sphere is infinitely heavy
+    material       (n,) int32, index into `restitution`
+    restitution    (m, m), symmetric: e of a contact between two materials, 0 … 1
+    contact_time   t_c of the TC model [time]: a contact within it after the last one of either sphere is elastic; 0: off.
+                   Source: Luding & McNamara, Granular Matter 1 (1998) 113.
+    gravity        uniform acceleration (3,) that a free flight has [length / time²]; solvers that step ignore it
+    """
+
+    dimensions: int
+    radius: np.ndarray
+    inverse_mass: np.ndarray
+    material: np.ndarray
+    restitution: np.ndarray
+    contact_time: float = 0.0
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    enclosure: Enclosure = field(default_factory=Enclosure)
+
+    @property
+    def particle_count(self) -> int:
+        """Number of spheres."""
+        return len(self.radius)
+
+
+def contact_setup(spec: SceneSpec, particles: Snapshot) -> ContactSetup:
+    """What the contact solver of a scene is given; SceneError, located, for walls that cannot be."""
+    assert spec.contacts is not None
+    material, restitution = _materials(particles.particle_count, spec.contacts)
+    with np.errstate(divide="ignore"):
+        inverse = np.where(particles.free, 1.0 / particles.mass[:, None], 0.0)
+    gravity = next((force.parameters["acceleration"] for force in spec.forces if force.name == "uniform_gravity"), (0.0,) * 3)
+    return ContactSetup(
+        dimensions=spec.dimensions,
+        radius=particles.radius,
+        inverse_mass=inverse,
+        material=material,
+        restitution=restitution,
+        contact_time=spec.contacts.solver.parameters["contact_time"],
+        gravity=gravity,
+        enclosure=enclosure_of(spec),
+    )
+
+
+def enclosure_of(spec: SceneSpec) -> Enclosure:
+    """All walls of a scene; SceneError at the one that cannot be."""
+    made = Enclosure()
+    for number, entry in enumerate(spec.walls):
+        label = f"walls[{number}].{entry.name}"
+        try:
+            made = joined((made, component.build("walls", entry.name, entry.parameters).enclosure(spec.dimensions, label)))
+        except PlacementError as error:
+            raise SceneError(f"{entry.location}: {label}: {error}") from None
+    return made
+
+
+def _materials(count: int, contacts: ContactsSpec) -> tuple[np.ndarray, np.ndarray]:
+    """For each particle a material, and the restitution of every two; particles of the same groups are of one material."""
+    default = contacts.solver.parameters["restitution"]
+    groups = sorted({group for pair in contacts.pairs for group in pair.between})
+    member = np.zeros((count, len(groups)), dtype=bool)
+    for column, (first, length) in enumerate(groups):
+        member[first : first + length, column] = True
+    kinds, material = np.unique(member, axis=0, return_inverse=True) if groups else (member[:1], np.zeros(count, np.intp))
+    restitution = np.full((len(kinds), len(kinds)), default)
+    for pair in contacts.pairs:  # a later one holds against an earlier
+        first, second = (np.flatnonzero(kinds[:, groups.index(group)]) for group in pair.between)
+        restitution[np.ix_(first, second)] = pair.restitution
+        restitution[np.ix_(second, first)] = pair.restitution
+    return material.reshape(-1).astype(np.int32), restitution

@@ -1,0 +1,44 @@
+"""What a run tells of its contacts in the closing summary."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation import Simulation
+
+
+def contact_facts(simulation: "Simulation") -> dict[str, Any]:
+    """{"contacts": {…}} for scenes that have them: the solver, and what it counted since the start."""
+    contacts, solver = simulation.spec.contacts, simulation.contacts
+    if contacts is None or solver is None:
+        return {}
+    report, elapsed = simulation.contact_report, simulation.time - simulation.start.time
+    particles = simulation.start.particle_count
+    facts = {
+        "solver": contacts.solver.name,
+        "pair_count": report.pair_count,
+        "wall_count": report.wall_count,
+        "elastic_count": report.elastic_count,
+        "collisions_per_particle_and_time": 2 * report.pair_count / (particles * elapsed) if elapsed > 0.0 else None,
+        "dissipated_energy": report.dissipated_energy,
+        "largest_overlap": report.largest_overlap,
+        "unresolved": report.unresolved,
+        "wall_impulse": {
+            surface.label: impulse for surface, impulse in zip(solver.setup.enclosure.surfaces, report.wall_impulse)
+        },
+    }
+    return {"contacts": facts}
+
+
+def contact_line(found: Mapping[str, Any]) -> str:
+    """`event_driven: 1,234 of spheres, 56 with walls; largest overlap 1e-16 radii`."""
+    facts = found.get("contacts")
+    if facts is None:
+        return ""
+    rate = facts["collisions_per_particle_and_time"]
+    told = f" ({rate:.4g} per particle and time)" if rate else ""
+    counted = f"{facts['pair_count']:,} collisions of spheres{told}, {facts['wall_count']:,} with walls"
+    elastic = f", {facts['elastic_count']:,} made elastic" if facts["elastic_count"] else ""
+    lost = f"; {facts['dissipated_energy']:.6g} of energy lost" if facts["dissipated_energy"] else ""
+    overlap = f"; largest overlap {facts['largest_overlap']:.2g} radii"
+    return f"{facts['solver']}: {counted}{elastic}{lost}{overlap}"

@@ -1,0 +1,39 @@
+"""How often a particle is hit."""
+
+from mpp_taichi.component import component, param
+from mpp_taichi.contact_report import ContactReport
+from mpp_taichi.diagnostics._base import NoResultError
+from mpp_taichi.diagnostics._gas import OfContacts
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.snapshot import Snapshot
+
+
+@component
+class CollisionRate(OfContacts):
+    """Collisions of a particle with others in a unit of time, on average over all [time⁻¹]: 2 · pairs / (N t).
+
+    Bounces off walls do not count. Enskog's theory says how many to expect: `kinetic_theory.collision_rate`, between walls
+    `kinetic_theory.gas_in_box`.
+    """
+
+    after: float = param(0.0, minimum=0.0, unit="time", help="count from this time on")
+
+    def begin(self, spec: SceneSpec, start: Snapshot) -> None:
+        """Keep how many particles there are."""
+        super().begin(spec, start)
+        self._count = start.particle_count
+
+    def counted(self, report: ContactReport) -> float:
+        """Two particles for every pair."""
+        return 2.0 * report.pair_count / self._count
+
+    def result(self) -> float:
+        """Γ."""
+        return self._total.rate()
+
+    def standard_error(self) -> float:
+        """By ten blocks."""
+        error = self._total.standard_error()
+        if error is None:
+            raise NoResultError("ten looks or fewer say nothing of their scatter")
+        return error

@@ -1,0 +1,36 @@
+"""Temperature of a gas, from its velocities."""
+
+import numpy as np
+
+from mpp_taichi.component import Particles, component, param
+from mpp_taichi.diagnostics._base import Diagnostic, NoResultError
+from mpp_taichi.diagnostics._gas import rows_of
+from mpp_taichi.kinetic_theory.speeds import kinetic_temperature
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.snapshot import Snapshot
+
+
+@component
+class KineticTemperature(Diagnostic):
+    """k T = Σ m v² / (d N) at the end of the run [energy], of particles that are free along every axis."""
+
+    of: Particles = param(None, optional=True, help="a particle or a group; absent: all")
+    drift: bool = param(False, help="whether v is against the common motion; d N then becomes d (N − 1)")
+    _value: float | None = None
+
+    def begin(self, spec: SceneSpec, start: Snapshot) -> None:
+        """Keep the dimensions, and which particles."""
+        self._dimensions, self._rows = spec.dimensions, rows_of(self.of, start)
+        if len(self._rows) < 1 + self.drift:
+            raise NoResultError("there are too few free particles for a temperature")
+
+    def observe(self, time: float, snapshot: Snapshot) -> None:
+        """Keep the last look."""
+        velocity, mass = snapshot.velocity[self._rows], snapshot.mass[self._rows]
+        self._value = kinetic_temperature(velocity, mass, self._dimensions, drift=self.drift)
+
+    def result(self) -> float:
+        """k T at the last look."""
+        if self._value is None:
+            raise NoResultError("the run was never looked at")
+        return float(np.float64(self._value))

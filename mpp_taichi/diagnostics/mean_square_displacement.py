@@ -1,0 +1,62 @@
+"""How far particles have wandered."""
+
+import math
+
+import numpy as np
+
+from mpp_taichi.component import Particles, component, param
+from mpp_taichi.contact_setup import enclosure_of
+from mpp_taichi.diagnostics._base import Diagnostic, NoResultError
+from mpp_taichi.diagnostics._gas import rows_of
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.snapshot import Snapshot
+
+LOOK_SHARE = 0.1  # of the shortest period that the fastest particle may fly between two looks
+
+
+@component
+class MeanSquareDisplacement(Diagnostic):
+    """⟨|x(t) − x(0)|²⟩ at the end of the run [length²].
+
+    In a box that repeats, ways are followed through its sides: a step between two looks is the shortest there is, so that no
+    particle may fly half a box between them. Diffusion has 2 d D t (`kinetic_theory.transport`).
+    """
+
+    of: Particles = param(None, optional=True, help="a particle or a group; absent: all particles that are free")
+    after: float = param(0.0, minimum=0.0, unit="time", help="from where they are at the first look from this time on")
+    _way: np.ndarray | None = None
+    _last: np.ndarray
+    _interval: float = math.inf
+
+    def begin(self, spec: SceneSpec, start: Snapshot) -> None:
+        """Keep the period, and which particles."""
+        self._period, self._rows = np.array(enclosure_of(spec).period), rows_of(self.of, start)
+        if len(self._rows) == 0:
+            raise NoResultError("there is no free particle to wander")
+
+    def observe(self, time: float, snapshot: Snapshot) -> None:
+        """Add the step since the last look."""
+        position = snapshot.position[self._rows]
+        if time >= self.after:
+            way = np.zeros_like(position) if self._way is None else self._way + shortest(position - self._last, self._period)
+            self._way, self._last = way, position.copy()
+        fastest = float(np.linalg.norm(snapshot.velocity, axis=1).max())
+        shortest_period = min([period for period in self._period if period > 0.0], default=math.inf)
+        self._interval = LOOK_SHARE * shortest_period / fastest if fastest > 0.0 else math.inf
+
+    @property
+    def interval(self) -> float:
+        """Often enough to follow a particle through the sides of the box."""
+        return self._interval
+
+    def result(self) -> float:
+        """The mean square at the last look."""
+        if self._way is None:
+            raise NoResultError(f"the run ended before `after`, {self.after:g}")
+        return float(np.mean(np.sum(self._way**2, axis=1)))
+
+
+def shortest(step: np.ndarray, period: np.ndarray) -> np.ndarray:
+    """The shortest of all steps that differ by whole periods, shape (n, 3); a period of 0 is none."""
+    repeats = np.where(period > 0.0, period, 1.0)
+    return step - np.where(period > 0.0, np.round(step / repeats) * repeats, 0.0)

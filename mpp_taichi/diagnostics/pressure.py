@@ -1,0 +1,60 @@
+"""Pressure of a gas of hard spheres."""
+
+import numpy as np
+
+from mpp_taichi.component import component, param
+from mpp_taichi.contact_report import ContactReport
+from mpp_taichi.contact_setup import enclosure_of
+from mpp_taichi.diagnostics._base import NoResultError
+from mpp_taichi.diagnostics._gas import OfContacts, box_of
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.snapshot import Snapshot
+
+
+@component
+class Pressure(OfContacts):
+    """Pressure in a box whose walls are across the axes, or that repeats [energy / lengthᵈ].
+
+    walls    momentum given to all walls, per time and area. The area is that which the centres reach, the box less a radius
+             at each wall, as is the volume below: only with them do both ways agree, and an ideal gas has P V = N k T.
+    virial   d P V = ⟨Σ m v²⟩ + Σ Δp · r / t, over collisions of pairs, from both sides of the virial theorem of Clausius.
+
+    Spheres of different radii count with their mean; between walls that is exact for equal ones only.
+    """
+
+    by: str = param("virial", choices=("virial", "walls"), help="the way it is measured")
+    after: float = param(0.0, minimum=0.0, unit="time", help="look from this time on")
+
+    def begin(self, spec: SceneSpec, start: Snapshot) -> None:
+        """Measure the box."""
+        super().begin(spec, start)
+        lower, upper = box_of(spec)
+        repeats = np.array(enclosure_of(spec).repeats[: spec.dimensions])
+        if self.by == "walls" and repeats.any():
+            raise NoResultError("a box that repeats has no walls all around, measure the pressure by: virial")
+        inner = upper - lower - np.where(repeats, 0.0, 2.0 * float(start.radius.mean()))
+        self._volume = float(np.prod(inner))
+        self._area = float(np.sum(2.0 * self._volume / inner))
+        self._kinetic: list[float] = []
+
+    def counted(self, report: ContactReport) -> float:
+        """Momentum of walls, or virial of pairs."""
+        return sum(report.wall_impulse) if self.by == "walls" else report.virial
+
+    def observe(self, time: float, snapshot: Snapshot) -> None:
+        """Take Σ m v²."""
+        if time >= self.after:
+            self._kinetic.append(float(np.sum(snapshot.mass[:, None] * snapshot.velocity**2)))
+
+    def result(self) -> float:
+        """P."""
+        if self.by == "walls":
+            return self._total.rate() / self._area
+        return (float(np.mean(self._kinetic)) + self._total.rate()) / (self._dimensions * self._volume)
+
+    def standard_error(self) -> float:
+        """By ten blocks of what contacts add."""
+        error = self._total.standard_error()
+        if error is None:
+            raise NoResultError("ten looks or fewer say nothing of their scatter")
+        return error / (self._area if self.by == "walls" else self._dimensions * self._volume)

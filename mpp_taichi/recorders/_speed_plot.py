@@ -1,0 +1,43 @@
+"""Speed plot: the histogram of a gas beside the distribution of Maxwell and Boltzmann."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from mpp_taichi.recorders.speed_histogram import SpeedHistogram
+
+BAR, CURVE = "#56B4E9", "#D55E00"  # Okabe and Ito's, told apart by the colour-blind
+SIZE = (8.0, 5.0)  # inches
+CURVE_POINTS = 400
+
+
+def draw(recorder: "SpeedHistogram", path: Path) -> None:
+    """Draw what was recorded into a picture of the format that the suffix says."""
+    figure_of(recorder).savefig(path, dpi=120)
+
+
+def figure_of(recorder: "SpeedHistogram") -> Any:
+    """The drawing, a matplotlib Figure."""
+    from matplotlib.figure import Figure
+
+    found = recorder.columns()
+    edges = found["edge"]
+    figure = Figure(figsize=SIZE, layout="constrained")
+    axes = figure.subplots()
+    axes.stairs(found["density"], edges, fill=True, color=BAR, alpha=0.7, label=recorder.label)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    axes.errorbar(middle, found["density"], yerr=found["standard_error"], fmt="none", ecolor="0.4", elinewidth=0.8)
+    speed = np.linspace(0.0, edges[-1], CURVE_POINTS)
+    label = f"Maxwell–Boltzmann, k T = {recorder.temperature:.4g}"
+    axes.plot(speed, recorder.theory(speed), color=CURVE, linewidth=1.8, label=label)
+    unit = recorder.speed_unit
+    axes.set_xlabel(f"speed v [{unit}]" if unit else "speed v")
+    axes.set_ylabel("probability density f(v)")
+    axes.set_title(f"{recorder.title or 'Gas'}: Kolmogorov–Smirnov distance {recorder.distance:.3g}", fontsize="medium")
+    axes.margins(x=0.0)
+    axes.grid(alpha=0.3)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False)
+    return figure

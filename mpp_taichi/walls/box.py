@@ -1,0 +1,39 @@
+"""A box with straight walls."""
+
+from mpp_taichi.component import Vector, component, param
+from mpp_taichi.errors import PlacementError
+from mpp_taichi.walls._base import Enclosure, Surface, Wall
+
+AXES = "xyz"
+
+
+@component
+class Box(Wall):
+    """Rectangular box around the particles, a plane on each side; in the plane it has four sides."""
+
+    lower: Vector = param(unit="length", help="corner where every coordinate is least")
+    upper: Vector = param(unit="length", help="corner where every coordinate is greatest")
+    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e of a bounce")
+
+    def enclosure(self, dimensions: int, label: str) -> Enclosure:
+        """Two planes for each axis."""
+        surfaces = []
+        for axis in range(dimensions):
+            if not self.upper[axis] > self.lower[axis]:
+                extent = f"from {self.lower[axis]:g} to {self.upper[axis]:g}"
+                raise PlacementError(f"goes {extent} along {AXES[axis]}, upper must be greater than lower")
+            for side, corner, sign in (("lower", self.lower, 1.0), ("upper", self.upper, -1.0)):
+                normal = (sign * (axis == 0), sign * (axis == 1), sign * (axis == 2))
+                surfaces.append(
+                    Surface(
+                        kind="plane",
+                        point=corner,
+                        direction=normal,
+                        radius=0.0,
+                        inside=True,
+                        velocity=(0.0, 0.0, 0.0),
+                        restitution=self.restitution,
+                        label=f"{label}, {side} {AXES[axis]}",
+                    )
+                )
+        return Enclosure(tuple(surfaces))

@@ -1,0 +1,105 @@
+"""Outlines of walls, for pictures: segments that follow the walls that move. NumPy on the host."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpp_taichi import component
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.walls._base import Enclosure, Surface
+
+CIRCLE = 72  # segments of a circle
+FULL_TURN = np.linspace(0.0, 2.0 * np.pi, CIRCLE + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Segments at time 0, (m, 2, 3) [length], and the velocity of each, (m, 3) [length / time]."""
+
+    segments: np.ndarray
+    velocity: np.ndarray
+
+    def at(self, time: float) -> np.ndarray:
+        """The segments at a time."""
+        return self.segments + time * self.velocity[:, None, :]
+
+
+def outline_of(spec: SceneSpec, position: np.ndarray) -> Outline:
+    """The walls of a checked scene; what has no end is drawn as far as the particles' first places and closed walls reach."""
+    enclosures = [
+        component.build("walls", wall.name, wall.parameters).enclosure(spec.dimensions, wall.name) for wall in spec.walls
+    ]
+    center, reach = _extent(enclosures, position)
+    parts: list[tuple[np.ndarray, tuple[float, float, float]]] = []
+    for wall, enclosure in zip(spec.walls, enclosures, strict=True):
+        if "lower" in wall.parameters:
+            parts.append((_box(wall.parameters["lower"], wall.parameters["upper"], spec.dimensions), (0.0, 0.0, 0.0)))
+        else:
+            parts += [(_surface(each, center, reach, spec.dimensions), each.velocity) for each in enclosure.surfaces]
+    segments = [part for part, _ in parts]
+    velocity = [np.tile(velocity, (len(part), 1)) for part, velocity in parts]
+    return Outline(np.concatenate([np.zeros((0, 2, 3)), *segments]), np.concatenate([np.zeros((0, 3)), *velocity]))
+
+
+def _extent(enclosures: list[Enclosure], position: np.ndarray) -> tuple[np.ndarray, float]:
+    """Middle of the scene, and how far it reaches from there."""
+    corners = [position]
+    for enclosure in enclosures:
+        for surface in enclosure.surfaces:
+            if surface.kind == "plane":
+                corners.append(np.array([surface.point]))
+            elif surface.inside:
+                corners += [np.add(surface.point, [surface.radius]), np.subtract(surface.point, [surface.radius])]
+    points = np.concatenate([np.atleast_2d(each) for each in corners])
+    low, high = points.min(axis=0), points.max(axis=0)
+    return (low + high) / 2.0, float(np.linalg.norm(high - low)) / 2.0 or 1.0
+
+
+def _box(lower: tuple[float, ...], upper: tuple[float, ...], dimensions: int) -> np.ndarray:
+    """Twelve edges; four in the plane."""
+    corner = np.array([lower, upper])
+    edges = []
+    for axis in range(dimensions):
+        others = [k for k in range(dimensions) if k != axis]
+        for choice in np.ndindex(*(2,) * len(others)):
+            edge = np.tile(corner[0], (2, 1))
+            edge[:, axis] = corner[:, axis]
+            for k, side in zip(others, choice, strict=True):
+                edge[:, k] = corner[side, k]
+            edges.append(edge)
+    return np.array(edges)
+
+
+def _surface(surface: Surface, center: np.ndarray, reach: float, dimensions: int) -> np.ndarray:
+    point, direction = np.array(surface.point), np.array(surface.direction)
+    if surface.kind == "plane":
+        foot = center - ((center - point) @ direction) * direction
+        if dimensions == 2:
+            along = reach * np.array([-direction[1], direction[0], 0.0])
+            return np.array([[foot - along, foot + along]])
+        first, second = _across(direction)
+        corners = np.array([foot + reach * (a * first + b * second) for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))])
+        return np.stack([corners[:-1], corners[1:]], axis=1)
+    if dimensions == 2:
+        return _circle(point, np.eye(3)[0], np.eye(3)[1], surface.radius)
+    if surface.kind == "sphere":
+        rings = [(0, 1), (1, 2), (2, 0)]
+        return np.concatenate([_circle(point, np.eye(3)[a], np.eye(3)[b], surface.radius) for a, b in rings])
+    first, second = _across(direction)
+    middle = point + ((center - point) @ direction) * direction
+    ends = [middle + side * reach * direction for side in (-1.0, 1.0)]
+    rims = [surface.radius * each for each in (first, second, -first, -second)]
+    sides = np.array([[ends[0] + rim, ends[1] + rim] for rim in rims])
+    return np.concatenate([*(_circle(end, first, second, surface.radius) for end in ends), sides])
+
+
+def _circle(center: np.ndarray, first: np.ndarray, second: np.ndarray, radius: float) -> np.ndarray:
+    points = center + radius * (np.outer(np.cos(FULL_TURN), first) + np.outer(np.sin(FULL_TURN), second))
+    return np.stack([points[:-1], points[1:]], axis=1)
+
+
+def _across(direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors at right angles to a direction and to each other."""
+    first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
+    first /= np.linalg.norm(first)
+    return first, np.cross(direction, first)

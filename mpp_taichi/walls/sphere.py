@@ -1,0 +1,28 @@
+"""A sphere."""
+
+from mpp_taichi.component import Vector, component, param
+from mpp_taichi.walls._base import Enclosure, Surface, Wall
+
+
+@component
+class Sphere(Wall):
+    """Hollow sphere around the particles, or a solid one that they stay out of; in the plane a circle."""
+
+    center: Vector = param(unit="length")
+    radius: float = param(above=0.0, unit="length")
+    inside: bool = param(True, help="whether the particles are inside")
+    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e of a bounce")
+
+    def enclosure(self, dimensions: int, label: str) -> Enclosure:
+        """One sphere."""
+        surface = Surface(
+            kind="sphere",
+            point=self.center,
+            direction=(0.0, 0.0, 1.0),
+            radius=self.radius,
+            inside=self.inside,
+            velocity=(0.0, 0.0, 0.0),
+            restitution=self.restitution,
+            label=label,
+        )
+        return Enclosure((surface,))
