@@ -1,7 +1,6 @@
 """Stepper: the short kernels around the one step, one for each execution plan (see plans.py)."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -9,6 +8,7 @@ import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.quick_compilation import quick_compilation
 from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.state import State
 from mpp_taichi.total_force import TotalForce
@@ -16,22 +16,6 @@ from mpp_taichi.types import Template
 
 # A parallel CPU loop of up to this many iterations runs on one thread, so few heavy iterations are spread out this far.
 CPU_GRAIN = 512
-
-
-@contextmanager
-def quick_compilation() -> Iterator[None]:
-    """Compile the kernels first called inside without Taichi's own optimisation, and leave that to LLVM.
-
-    A whole implicit step in one kernel is long, and Taichi's passes over it take four times as long as everything else; they
-    make it a third faster. Part of the key of Taichi's cache.
-    """
-    config = ti.lang.impl.current_cfg()
-    before = config.opt_level
-    config.opt_level = 0
-    try:
-        yield
-    finally:
-        config.opt_level = before
 
 
 @ti.data_oriented

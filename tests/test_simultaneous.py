@@ -10,6 +10,7 @@ from mpp_taichi import backends
 from mpp_taichi.contacts._contact_group import ContactGroup
 from mpp_taichi.contacts._reflections import Reflections
 from mpp_taichi.contacts.simultaneous import Simultaneous
+from mpp_taichi.quick_compilation import quick_compilation
 
 ROUND_OFF = 2.0**-52
 THRESHOLD = 64 * ROUND_OFF  # relative approach that the solver takes for none
@@ -54,7 +55,8 @@ class Impact:
         self._fill(self.group.normal, normals)
         self._fill(self.group.restitution, restitution)
         self.group.hits.fill(0)
-        self._resolve(m)
+        with quick_compilation():
+            self._resolve(m)
         waves, failed = self.outcome[None]
         return self.spheres.velocity.to_numpy()[:n], waves, failed
 

@@ -18,10 +18,10 @@ class Complementarity:
     """Find λ with 0 ≤ λ ⟂ n·(v_i − v_j) + offset ≥ 0 for all active entries, v = v₀ + M⁻¹ Σ n λ.
 
     The velocities are the closest to v₀, in the metric of the kinetic energy, at which no contact approaches faster than its
-    offset allows; they are unique. Each entry steps by 1/Σ_d |A_cd|, A the matrix of the contacts' couplings, which makes the
-    iteration a contraction (Gershgorin); Nesterov's momentum is dropped whenever it leads uphill (O'Donoghue & Candès, Found.
-    Comput. Math. 15 (2015) 715). It ends when |λ' − λ| Σ_d |A_cd| h, the distance [length] by which a contact is violated or
-    open under load at the drift's end, is at most `tolerance` of its smaller radius everywhere.
+    offset allows; they are unique. Entry c steps by s = 1/(μ_i + μ_j), μ_i the largest yielding of sphere i to its contacts: as
+    λᵀ N M⁻¹ Nᵀ λ ≤ Σ_i μ_i Σ_c λ_c² over the contacts c of i, no step leads uphill. Nesterov's momentum is dropped whenever it
+    does (O'Donoghue & Candès, Found. Comput. Math. 15 (2015) 715). It ends when |λ' − λ| h / s, the distance [length] by which
+    a contact is violated or open under load at the drift's end, is at most `tolerance` of its smaller radius everywhere.
     """
 
     def __init__(self, rows: ContactRows, tolerance: float, wide: Any):
@@ -34,7 +34,8 @@ class Complementarity:
         builder = ti.FieldsBuilder()
         self.base, self.velocity, self.following, self.ahead = (ti.Vector.field(rows.dimensions, float) for _ in range(4))
         self.terms = ti.Vector.field(2, float)
-        for field in (self.base, self.velocity, self.following, self.ahead, self.terms):
+        self.yielding = ti.field(float)
+        for field in (self.base, self.velocity, self.following, self.ahead, self.terms, self.yielding):
             builder.dense(ti.i, n).place(field)
         self.offset, self.step, self.before = (ti.field(float) for _ in range(3))
         for field in (self.offset, self.step, self.before):
@@ -58,16 +59,16 @@ class Complementarity:
     def prepare(self, impacts_only):
         """Steps of the active entries, 0 for the others; then velocities and momentum to begin with."""
         for i in range(self.rows.particle_count):
+            self.yielding[i] = self._largest_yielding(i, impacts_only)
+        for i in range(self.rows.particle_count):
             for c in range(self.rows.start[i], self.rows.start[i + 1]):
                 width = ti.cast(0.0, float)
                 if impacts_only == 0 or self.rows.impact[c] == 1:
-                    width = self._row_sum(i, self.rows.normal[c], impacts_only)
-                    j = self.rows.other[c]
-                    if j >= 0:
-                        width += self._row_sum(j, self.rows.normal[c], impacts_only)
+                    width = self.yielding[i]
+                    if self.rows.other[c] >= 0:
+                        width += self.yielding[self.rows.other[c]]
                 self.step[c] = 1.0 / width if width > 0.0 else 0.0
                 self.before[c] = self.rows.impulse[c]
-        for i in range(self.rows.particle_count):
             self._add_impulses(i)
             self.velocity[i] = self.following[i]
             self.ahead[i] = self.following[i]
@@ -75,13 +76,23 @@ class Complementarity:
                 self.momentum[0] = ti.Vector([1.0, 0.0])
 
     @ti.func
-    def _row_sum(self, i, n, impacts_only):
-        """Σ over the active entries of row i of |n·M⁻¹ n_d|."""
+    def _largest_yielding(self, i, impacts_only):
+        """A bound on the largest eigenvalue μ of T = M⁻½ Σ n nᵀ M⁻½ over the active entries of row i [1 / mass].
+
+        (tr T⁸)^⅛ is μ for one contact, and at most 3^⅛ = 1.15 times as much for any number of them.
+        """
+        matrix = ti.Matrix.zero(float, self.rows.dimensions, self.rows.dimensions)
+        for c in range(self.rows.start[i], self.rows.start[i + 1]):
+            if impacts_only == 0 or self.rows.impact[c] == 1:
+                n = ti.sqrt(self.rows.inverse_mass[i]) * self.rows.normal[c]
+                matrix += n.outer_product(n)
+        trace = matrix.trace()
         result = ti.cast(0.0, float)
-        weighted = self.rows.inverse_mass[i] * n
-        for d in range(self.rows.start[i], self.rows.start[i + 1]):
-            if impacts_only == 0 or self.rows.impact[d] == 1:
-                result += ti.abs(weighted.dot(self.rows.normal[d]))
+        if trace > 0.0:
+            power = matrix / trace
+            for _ in ti.static(range(3)):
+                power = power @ power
+            result = trace * ti.sqrt(ti.sqrt(ti.sqrt(power.trace())))
         return result
 
     @ti.func

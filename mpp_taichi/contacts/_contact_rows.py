@@ -23,7 +23,8 @@ class ContactRows:
     gap       distance [length] along it
     impact    1 where it is hit faster than what rests, within the drift
     impulse   along the normal, on i [momentum]; the two entries of a pair carry the same bits
-    given     impulse of the impact [momentum]
+    given     impulse of the impact [momentum], `when` after the drift's start
+    resting   impulse of the contact over the drift beside it
 
     Impulses of contacts that persist are where the next drift begins to look for them.
     """
@@ -45,9 +46,10 @@ class ContactRows:
             builder.dense(ti.i, n + 1).place(row)
         self.other, self.old_other, self.impact = (ti.field(ti.i32) for _ in range(3))
         self.normal = ti.Vector.field(self.dimensions, float)
-        self.gap, self.impulse, self.old_impulse, self.given = (ti.field(float) for _ in range(4))
-        entries = (self.other, self.old_other, self.impact, self.normal, self.gap, self.impulse, self.old_impulse, self.given)
-        for row in entries:
+        self.gap, self.impulse, self.old_impulse = (ti.field(float) for _ in range(3))
+        self.given, self.when, self.resting = (ti.field(float) for _ in range(3))
+        entries = (self.other, self.old_other, self.impact, self.normal, self.gap, self.impulse, self.old_impulse)
+        for row in (*entries, self.given, self.when, self.resting):
             builder.dense(ti.i, self.capacity).place(row)
         self.restitution = ti.field(float)
         builder.dense(ti.ij, setup.restitution.shape).place(self.restitution)
@@ -77,7 +79,7 @@ class ContactRows:
             self.old_start[i + 1] = self.start[i + 1]
             for c in range(self.start[i], self.start[i + 1]):
                 self.old_other[c] = self.other[c]
-                self.old_impulse[c] = self.impulse[c]
+                self.old_impulse[c] = self.resting[c]
 
     @ti.func
     def number(self):
@@ -192,5 +194,6 @@ class ContactRows:
                     n = _geometry.normal(self.surfaces[s], x + when * v, time + when)
         if when <= h and n.dot(u) > limit:
             self.impact[c] = 1
+            self.when[c] = when
             self.normal[c] = n
             self.gap[c] = ti.max(self.gap[c], 0.0) if when == 0.0 else when * n.dot(u)

@@ -57,6 +57,14 @@ class Grid:
         turns = np.floor_divide(steps, np.array(self.cells))
         return (steps - turns * np.array(self.cells)).astype(np.int32), turns.astype(np.int32)
 
+    def order_of(self, cell: np.ndarray) -> np.ndarray:
+        """An order of cells (n, dimensions) in which neighbours in space are near: bits of the axes in turn (Morton's)."""
+        key = np.zeros(len(cell), np.int64)
+        for bit in range(20):
+            for k in range(cell.shape[1]):
+                key |= ((cell[:, k].astype(np.int64) >> bit) & 1) << (bit * cell.shape[1] + k)
+        return np.argsort(key, kind="stable")
+
 
 def _edge_for_count(extent: np.ndarray, count: int) -> float:
     """Edge of cubes of which about `count` fill a box, whatever axes are thinner than the cubes."""
@@ -84,6 +92,12 @@ class EventCells:
         self.last_step = tuple(0 if m == 1 and not c else 1 for c, m in zip(self.crossed, self.cells))
         self.head = ti.field(ti.i32)
         builder.dense(ti.i, int(np.prod(grid.cells))).place(self.head)
+        self.next = ti.field(ti.i32)
+        builder.dense(ti.i, self.count).place(self.next)
+        self.near, self.image = ti.field(ti.i32), ti.field(ti.i32)
+        builder.dense(ti.i, 27 * self.count).place(self.near, self.image)
+        self.touched = ti.field(spheres.wide)
+        builder.place(self.touched)
         self.cell = ti.Vector.field(self.dimensions, ti.i32)
         self.turns = ti.Vector.field(self.dimensions, ti.i32)
         builder.dense(ti.i, self.count).place(self.cell, self.turns)
@@ -109,6 +123,55 @@ class EventCells:
         result = cell[0]
         for k in ti.static(range(1, self.dimensions)):
             result = result * self.cells[k] + cell[k]
+        return result
+
+    @ti.func
+    def gather(self, i, side):
+        """List in `near` who is in the cells around sphere i, in `image` on which side of a periodic box; returns how many.
+
+        After a crossing only the cells that are new. To read a word of each sphere here lets the processor fetch them all at
+        once; the list is then in its cache.
+        """
+        cell, first, last = ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0])
+        for k in ti.static(range(self.dimensions)):
+            cell[k], first[k], last[k] = self.cell[i][k], self.first_step[k], self.last_step[k]
+            if side // 2 == k:
+                first[k] = last[k] = 2 * (side % 2) - 1
+        count = 0
+        touched = ti.cast(0, self.spheres.wide)
+        for dx in range(first[0], last[0] + 1):
+            for dy in range(first[1], last[1] + 1):
+                for dz in range(first[2], last[2] + 1):
+                    index, image = 0, 0
+                    for k in ti.static(range(self.dimensions)):
+                        c = cell[k] + (dx if ti.static(k == 0) else (dy if ti.static(k == 1) else dz))
+                        if c < 0:
+                            c += self.cells[k]
+                            image += ti.static(1 if self.periodic[k] else 0) << (2 * k)
+                        elif c >= self.cells[k]:
+                            c -= self.cells[k]
+                            image += ti.static(2 if self.periodic[k] else 0) << (2 * k)
+                        index = index * self.cells[k] + c
+                    j = self.head[index]
+                    while j >= 0:
+                        self.near[count], self.image[count] = j, image
+                        touched += self.spheres.clock[j]
+                        count += 1
+                        j = self.next[j]
+        self.touched[None] = touched
+        return count
+
+    @ti.func
+    def moved(self, x, image):
+        """A place as seen from an image of the periodic box: a period up for 1, down for 2 in the two bits of each axis."""
+        result = x
+        for k in ti.static(range(self.dimensions)):
+            if ti.static(self.periodic[k]):
+                way = (image >> (2 * k)) & 3
+                if way == 1:
+                    result[k] += ti.static(self.grid.period[k])
+                elif way == 2:
+                    result[k] -= ti.static(self.grid.period[k])
         return result
 
     @ti.func
@@ -175,16 +238,16 @@ class EventCells:
     @ti.func
     def _enter(self, i):
         c = self.index(self.cell[i])
-        self.spheres.next[i] = self.head[c]
+        self.next[i] = self.head[c]
         self.head[c] = i
 
     @ti.func
     def _leave(self, i):
         c = self.index(self.cell[i])
         if self.head[c] == i:
-            self.head[c] = self.spheres.next[i]
+            self.head[c] = self.next[i]
         else:
             before = self.head[c]
-            while self.spheres.next[before] != i:
-                before = self.spheres.next[before]
-            self.spheres.next[before] = self.spheres.next[i]
+            while self.next[before] != i:
+                before = self.next[before]
+            self.next[before] = self.next[i]

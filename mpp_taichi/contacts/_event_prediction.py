@@ -35,32 +35,15 @@ class Prediction:
             s = self._until_wall(surface, w, i, x, v, a, time, soonest)
             if s < soonest:
                 soonest, partner = s, -1 - w
-        cell = ti.Vector([0, 0, 0])
-        for k in ti.static(range(self.spheres.dimensions)):
-            cell[k] = self.cells.cell[i][k]
-        for dx in range(self.cells.first_step[0], self.cells.last_step[0] + 1):
-            for dy in range(self.cells.first_step[1], self.cells.last_step[1] + 1):
-                for dz in range(self.cells.first_step[2], self.cells.last_step[2] + 1):
-                    image = x
-                    index = 0
-                    for k in ti.static(range(self.spheres.dimensions)):
-                        c = cell[k] + (dx if ti.static(k == 0) else (dy if ti.static(k == 1) else dz))
-                        if c < 0:
-                            c += self.cells.cells[k]
-                            if ti.static(self.cells.periodic[k]):
-                                image[k] += ti.static(self.cells.grid.period[k])
-                        elif c >= self.cells.cells[k]:
-                            c -= self.cells.cells[k]
-                            if ti.static(self.cells.periodic[k]):
-                                image[k] -= ti.static(self.cells.grid.period[k])
-                        index = index * ti.static(self.cells.cells[k]) + c
-                    j = self.cells.head[index]
-                    while j >= 0:
-                        if j != i:
-                            s = self._until_sphere(i, j, image, v, a, time, soonest)
-                            if s < soonest:
-                                soonest, partner = s, j
-                        j = self.spheres.next[j]
+        for m in range(self.cells.gather(i, -2)):
+            j = self.cells.near[m]
+            if j != i:
+                place = x
+                if self.cells.image[m] != 0:
+                    place = self.cells.moved(x, self.cells.image[m])
+                s = self._until_sphere(i, j, place, v, a, time, soonest)
+                if s < soonest:
+                    soonest, partner = s, j
         if partner >= 0 and partner < self.count:
             stamp = self.spheres.contacts[partner]
         self.queue.change(i, time + ti.cast(soonest, self.spheres.wide), partner, stamp)

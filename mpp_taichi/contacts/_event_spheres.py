@@ -30,9 +30,8 @@ class Spheres:
         self.position = ti.Vector.field(self.dimensions, float)
         self.velocity = ti.Vector.field(self.dimensions, float)
         self.clock = ti.field(wide)
-        self.next = ti.field(ti.i32)
         self.contacts = ti.field(ti.i32)
-        near = [self.position, self.velocity, self.clock, self.next, self.contacts]
+        near = [self.position, self.velocity, self.clock, self.contacts]
         radius = np.asarray(setup.radius, dtype=float)
         self.common_radius = float(radius[0]) if (radius == radius[0]).all() else None
         self.has_common_radius = self.common_radius is not None

@@ -58,7 +58,7 @@ class GroupSweep(Sweep):
         for k in range(self.islands.count[self.islands.INVOLVED]):
             i = self.islands.involved[k]
             if self.near[i] == 1:
-                self.grid.visit(i, self.state.position, self.flight.reach, self._see_other_island, h, h)
+                self.grid.visit(i, self._see_other_island, h, h)
         return ti.Vector([self.islands.count[self.islands.LINKS], self.violations[0]])
 
     @ti.func
@@ -95,6 +95,7 @@ class GroupSweep(Sweep):
         """Put a sphere into the group, at time t."""
         if self.mark[i] == 0:
             self.mark[i] = 1
+            self.group.inverse_mass[i] = self.bounce.inverse_mass[self.index(i)]
             self.advance(i, t)
             self.touched[begin + self.listed[0]] = i
             self.listed[0] = self.listed[0] + 1
@@ -105,46 +106,39 @@ class GroupSweep(Sweep):
         self.mark[i] = 2
         if ti.static(self.all_pairs):
             for j in range(self.particle_count):
-                if j != i:
-                    self._see_touching(i, j, root, t)
+                self._see_touching(i, j, root, t)
         else:
-            self.grid.visit(i, self.state.position, self.flight.reach, self._see_touching_slot, root, t)
+            self.grid.visit(i, self._see_touching, root, t)
         x = self.local_position[i]
         for s in ti.static(range(len(self.bounce.surfaces))):
-            if (
-                _geometry.gap(self.bounce.surfaces[s], x, self.bounce.radius[i], time + t)
-                <= self.touching * self.bounce.radius[i]
-            ):
+            radius = self.radius_of(i)
+            if _geometry.gap(self.bounce.surfaces[s], x, radius, time + t) <= self.touching * radius:
                 n = _geometry.normal(self.bounce.surfaces[s], x, time + t)
                 speed = n.dot(_geometry.surface_velocity(self.bounce.surfaces[s], x))
                 self._add_row(i, -1 - s, n, speed, ti.cast(self.bounce.surfaces[s].restitution, float), t)
 
     @ti.func
-    def _see_touching_slot(self, i, slot, separation, root, t):
+    def _see_touching(self, i, j, root, t):
         """A sphere of the same island joins the group; one outside joins the island, which is then played again."""
-        j = self.grid.order[slot]
         if self.islands.island[j] == root:
-            if j != i:
-                self._see_touching(i, j, root, t)
-        elif self.islands.island[j] >= 0:
-            self.near[i] = 1
-        else:
-            d = self.bounce.separation(self.local_position[i], self.state.position[j] + self.state.velocity[j] * t)
-            if self._touches(i, j, d):
-                self.islands.link(i, j, ti.math.inf)
+            if j != i and self.mark[j] < 2:
+                d = self.bounce.separation(self.local_position[i], self.place_at(j, t))
+                if self._touches(i, j, d):
+                    self._list(self.islands.begin[root], j, t)
+                    e = self.bounce.restitution_of(self.index(i), self.index(j))
+                    self._add_row(i, j, d * (-1.0 / d.norm()), ti.cast(0.0, float), e, t)
+        elif ti.static(not self.all_pairs):
+            if self.islands.island[j] >= 0:
+                self.near[i] = 1
+            else:
+                d = self.bounce.separation(self.local_position[i], self.start_position[j] + self.start_velocity[j] * t)
+                if self._touches(i, j, d):
+                    self.islands.link(i, j, ti.math.inf)
 
     @ti.func
     def _touches(self, i, j, d):
-        reach = self.bounce.radius[i] + self.bounce.radius[j]
+        reach = self.radius_of(i) + self.radius_of(j)
         return d.norm() - reach <= self.touching * reach
-
-    @ti.func
-    def _see_touching(self, i, j, root, t):
-        if self.mark[j] < 2:
-            d = self.bounce.separation(self.local_position[i], self.place_at(j, t))
-            if self._touches(i, j, d):
-                self._list(self.islands.begin[root], j, t)
-                self._add_row(i, j, d * (-1.0 / d.norm()), ti.cast(0.0, float), self.bounce.restitution_of(i, j), t)
 
     @ti.func
     def _add_row(self, i, second, normal, surface_speed, nominal, t):
@@ -175,7 +169,7 @@ class GroupSweep(Sweep):
                 lost = self.group.lost[c] / hits
                 for _ in range(hits):
                     if second >= 0:
-                        reach = self.bounce.radius[i] + self.bounce.radius[second]
+                        reach = self.radius_of(i) + self.radius_of(second)
                         self.tally.add_pair(i, share, reach, lost, self.group.made_elastic[c])
                     else:
                         self.tally.add_wall(i, -1 - second, share, lost, self.group.made_elastic[c])

@@ -17,7 +17,7 @@ class Islands:
     members         spheres of an island one after the other by index, from `begin[root]`, `size[root]` of them
     pending         roots of islands that are to be played through, `count[PENDING]` of them
     involved        all spheres in islands, `count[INVOLVED]`
-    links           pairs that were linked since the islands were last formed, `count[LINKS]`; a sphere with itself is alone
+    links           pairs that were linked since the islands were last formed, `count[LINKS]`
     """
 
     LINKS, INVOLVED, PENDING = 0, 1, 2
@@ -56,7 +56,7 @@ class Islands:
 
     @ti.func
     def link(self, i, j, time):
-        """Note that i and j belong together; `time` of their first contact from the start of the drift, or infinity."""
+        """Note that i and j belong together, or that i meets a surface, j < 0; `time` of their first contact, or infinity."""
         k = ti.atomic_add(self.count[self.LINKS], 1)
         if k < self.capacity:
             self.links[k] = ti.Vector([i, j])
@@ -73,11 +73,12 @@ class Islands:
         for k in range(link_count):
             i, j = self.links[k][0], self.links[k][1]
             self._enter(i)
-            self._enter(j)
             self._offer(i, j, self.link_time[k])
-            self._offer(j, i, self.link_time[k])
-            one, other = self._root(i), self._root(j)
-            self.parent[ti.max(one, other)] = ti.min(one, other)
+            if j >= 0:
+                self._enter(j)
+                self._offer(j, i, self.link_time[k])
+                one, other = self._root(i), self._root(j)
+                self.parent[ti.max(one, other)] = ti.min(one, other)
         for k in range(link_count):
             self.changed[self._root(self.links[k][0])] = 1
         self.count[self.LINKS] = 0

@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts._resting_step import ROOM, RestingStep
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.types import Template
@@ -51,7 +52,8 @@ class SerialPlan:
                 self.step.find_impacts(state, time, h, resting_speed)
                 hit = self.step.solver.total[0][0] > 0.0
                 phase = 0 if hit else 1
-                while phase < 2:
+                last = 2 if hit else 1
+                while phase <= last:
                     if phase == 0:
                         self.step.begin_impacts(state)
                         if ti.static(self.step.mixed):
@@ -59,14 +61,18 @@ class SerialPlan:
                             while spreading == 1:
                                 self.step.spread_restitution()
                                 spreading = 1 if self.step.solver.total[0][0] > 0.0 else 0
-                    else:
+                    elif phase == 1:
                         self.step.begin_rest(state, h, ti.cast(hit, ti.i32))
-                    self.step.solver.prepare(1 - phase)
+                    else:
+                        self.step.begin_ways(state, h)
+                    self.step.solver.prepare(1 if phase == 0 else 0)
                     outcome = self.step.solver.solve_serial(h)
                     result[1] += outcome[0]
                     result[2] += outcome[1]
                     if phase == 0:
                         self.step.end_impacts()
+                    elif phase == 1:
+                        self.step.end_rest()
                     phase += 1
                 self.step.measure(self.step.solver.velocity)
                 fastest = ti.cast(self.step.solver.total[0][0], float)
@@ -84,9 +90,10 @@ class SerialPlan:
 class ParallelPlan:
     """A launch for each loop; what is near comes from the cell grid."""
 
-    def __init__(self, step: RestingStep, setup: Any):
-        """Bind the step; allocate the grid."""
+    def __init__(self, step: RestingStep, setup: ContactSetup, state: Any):
+        """Bind the step and the state; allocate the grid."""
         self.step = step
+        self.state = state
         self.grid = CellGrid(setup.particle_count, setup.dimensions, setup.enclosure.period, setup.enclosure.origin)
         builder = ti.FieldsBuilder()
         self.reach = ti.field(float)
@@ -122,6 +129,11 @@ class ParallelPlan:
             self._begin_rest(state, h, int(hit))
             done, failed = step.solver.solve_parallel(h)
             iterations, unresolved = iterations + done, unresolved + failed
+            self._end_rest()
+            if hit:
+                self._begin_ways(state, h)
+                done, failed = step.solver.solve_parallel(h)
+                iterations, unresolved = iterations + done, unresolved + failed
             self._measure(step.solver.velocity)
             fastest, _ = self._totals()
             if fastest <= bound:
@@ -148,13 +160,15 @@ class ParallelPlan:
         return outcome
 
     @ti.func
-    def _see(self, i, slot, separation, margin, filling):
-        self.step.rows.add_sphere(i, self.grid.order[slot], separation, margin, filling)
+    def _see(self, slot, other, margin, filling):
+        i, j = self.grid.order[slot], self.grid.order[other]
+        self.step.rows.add_sphere(i, j, self.step.rows.separation(self.state, i, j), margin, filling)
 
     @ti.func
     def _look(self, state: Template, bound, time, h, filling):
-        for i in range(self.step.particle_count):
-            self.grid.visit(i, state.position, self.reach, self._see, 2.0 * h * bound, filling)
+        for slot in range(self.step.particle_count):
+            i = self.grid.order[slot]
+            self.grid.visit(slot, self._see, 2.0 * h * bound, filling)
             self.step.rows.add_surfaces(state, i, bound, time, h, filling)
 
     @ti.kernel
@@ -206,6 +220,15 @@ class ParallelPlan:
     @ti.kernel
     def _begin_rest(self, state: Template, h: float, after_impacts: int):
         self.step.begin_rest(state, h, after_impacts)
+        self.step.solver.prepare(0)
+
+    @ti.kernel
+    def _end_rest(self):
+        self.step.end_rest()
+
+    @ti.kernel
+    def _begin_ways(self, state: Template, h: float):
+        self.step.begin_ways(state, h)
         self.step.solver.prepare(0)
 
     @ti.kernel

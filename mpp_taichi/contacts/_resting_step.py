@@ -19,6 +19,7 @@ class RestingStep:
     """What a drift does to each sphere, and the sums over them.
 
     left      velocities at the end of the last drift
+    final     velocities at the end of this one
     partner_e least restitution of the impacts that a sphere has part in, itself or through others
     overlap   largest seen of each sphere, relative to the smaller radius
     sums      for each chunk of spheres: impacts of pairs and with surfaces, virial, energy lost, impulse on each surface
@@ -35,9 +36,9 @@ class RestingStep:
         restitutions = {float(e) for e in setup.restitution.ravel()} | {surface.restitution for surface in self.surfaces}
         self.mixed = len(restitutions) > 1
         builder = ti.FieldsBuilder()
-        self.left = ti.Vector.field(self.dimensions, float)
+        self.left, self.final = (ti.Vector.field(self.dimensions, float) for _ in range(2))
         self.partner_e, self.overlap = ti.field(float), ti.field(float)
-        for field in (self.left, self.partner_e, self.overlap):
+        for field in (self.left, self.final, self.partner_e, self.overlap):
             builder.dense(ti.i, self.particle_count).place(field)
         self._trees = [builder.finalize()]
         builder = ti.FieldsBuilder()
@@ -148,16 +149,36 @@ class RestingStep:
                 self.solver.offset[c] = self.rows.gap[c] / h
 
     @ti.func
+    def end_rest(self):
+        """The velocities are found; what would move the spheres so far is h times these."""
+        for i in range(self.particle_count):
+            self.final[i] = self.solver.velocity[i]
+            for c in range(self.rows.start[i], self.rows.start[i + 1]):
+                self.rows.resting[c] = self.rows.impulse[c]
+
+    @ti.func
+    def begin_ways(self, state: Template, h):
+        """Mean velocities: the old ones until the first impact of a sphere, then the new ones."""
+        for i in range(self.particle_count):
+            when = ti.cast(0.0, float)
+            hit = False
+            for c in range(self.rows.start[i], self.rows.start[i + 1]):
+                self.rows.impulse[c] = 0.0
+                if self.rows.given[c] > 0.0:
+                    when = ti.min(when, self.rows.when[c]) if hit else self.rows.when[c]
+                    hit = True
+            self.solver.base[i] = self.final[i] + (when / h) * (state.velocity[i] - self.final[i])
+
+    @ti.func
     def move(self, state: Template, h):
-        """Count, and go on by h with the new velocities."""
+        """Count, and go h times the velocities that the solver ended with."""
         for k in range(self.solver.chunk_count):
             for i in range(k * CHUNK, ti.min((k + 1) * CHUNK, self.particle_count)):
                 self._count(state, k, i)
         for i in range(self.particle_count):
-            v = self.solver.velocity[i]
-            state.velocity[i] = v
-            self.left[i] = v
-            state.position[i] = state.position[i] + h * v
+            state.velocity[i] = self.final[i]
+            self.left[i] = self.final[i]
+            state.position[i] = state.position[i] + h * self.solver.velocity[i]
 
     @ti.func
     def _count(self, state: Template, k, i):
@@ -165,12 +186,12 @@ class RestingStep:
         for axis in ti.static(range(self.dimensions)):
             w = ti.cast(self.rows.inverse_mass[i][axis], self.wide)
             before = ti.cast(state.velocity[i][axis], self.wide)
-            after = ti.cast(self.solver.velocity[i][axis], self.wide)
+            after = ti.cast(self.final[i][axis], self.wide)
             if w > 0.0:
                 self.sums[k][LOST] = self.sums[k][LOST] + 0.5 * (before - after) * (before + after) / w
         for c in range(self.rows.start[i], self.rows.start[i + 1]):
             j = self.rows.other[c]
-            impulse = ti.cast(self.rows.given[c] + self.rows.impulse[c], self.wide)
+            impulse = ti.cast(self.rows.given[c] + self.rows.resting[c], self.wide)
             hit = ti.cast(self.rows.given[c] > 0.0, ti.i32)
             if 0 <= j and j < i:
                 self.sums[k][PAIRS] = self.sums[k][PAIRS] + hit

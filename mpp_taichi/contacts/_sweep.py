@@ -103,8 +103,9 @@ class Sweep:
         """The same inside a serialized loop of another kernel, where `all_pairs` is true."""
         self.islands.everything()
         for i in range(self.particle_count):
-            self.islands.first_time[i] = ti.math.inf
-            self.islands.first_partner[i] = NOTHING
+            wall = self._first_wall(i, time, h)
+            self.islands.first_time[i] = wall[0]
+            self.islands.first_partner[i] = ti.cast(wall[1], ti.i32)
         for i in range(self.particle_count):
             for j in range(i + 1, self.particle_count):
                 self._offer_first(i, j, h)
@@ -202,8 +203,9 @@ class Sweep:
             self.islands.island[k] = -1
         for k in range(self.particle_count):
             self.grid.visit_later(k, self._see_pair, time, h)
-            if self._time_of_first_wall(k, time, h)[0] <= h:
-                self.islands.link(k, k, ti.math.inf)
+            wall = self._first_wall(k, time, h)
+            if wall[0] <= h:
+                self.islands.link(k, ti.cast(wall[1], ti.i32), wall[0])
 
     @ti.func
     def _see_pair(self, k, l, time, h):
@@ -221,7 +223,7 @@ class Sweep:
             self.tally.see_overlap((reach - ti.sqrt(square)) / ti.min(self.radius_of(k), self.radius_of(l)))
 
     @ti.func
-    def _time_of_first_wall(self, k, time, h):
+    def _first_wall(self, k, time, h):
         """Time of contact with a surface from the state at the start, and -2 - its number; overlaps are noted."""
         result = ti.Vector([ti.math.inf, -1.0])
         for s in ti.static(range(len(self.bounce.surfaces))):
@@ -264,7 +266,7 @@ class Sweep:
         begin = self.islands.begin[root]
         size = self.islands.size[root]
         for p in range(size):
-            self._start(self.islands.members[begin + p], time, h)
+            self._start(self.islands.members[begin + p])
         self.islands.start_tournament(root)
         events = 0
         count = 0
@@ -298,7 +300,7 @@ class Sweep:
                 self._check_margin(i)
 
     @ti.func
-    def _start(self, i, time, h):
+    def _start(self, i):
         self.local_position[i] = self.start_of(i)
         self.local_velocity[i] = self.start_velocity_of(i)
         self.clock[i] = 0.0
@@ -308,10 +310,6 @@ class Sweep:
         self.best_stamp[i] = 0
         self.islands.best_time[i] = self.islands.first_time[i]
         self.best_partner[i] = self.islands.first_partner[i]
-        wall = self._time_of_first_wall(i, time, h)
-        if wall[0] < self.islands.best_time[i]:
-            self.islands.best_time[i] = wall[0]
-            self.best_partner[i] = ti.cast(wall[1], ti.i32)
         if ti.static(self.keeps_last_contact):
             self.local_last_contact[i] = self.last_contact[self.index(i)]
         self.tally.begin(i)
@@ -376,16 +374,20 @@ class Sweep:
     @ti.func
     def bounce_off_wall(self, i, surface, t, time):
         """Reflect a sphere that is at time t off a surface, and count it."""
+        n = ti.Vector.zero(float, self.dimensions)
+        u = self.local_velocity[i]
+        nominal = 1.0
         for s in ti.static(range(len(self.bounce.surfaces))):
             if s == surface:
-                e, elastic = self._restitution(ti.static(self.bounce.surfaces[s].restitution), i, i, t)
                 n = _geometry.normal(self.bounce.surfaces[s], self.local_position[i], time + t)
-                u = self.local_velocity[i] - _geometry.surface_velocity(self.bounce.surfaces[s], n)
-                result = self.bounce.wall_impulse(self.index(i), n, u, e)
-                self.local_velocity[i] = self.local_velocity[i] + result[0] * (self.bounce.inverse_mass[self.index(i)] * n)
-                self.tally.add_wall(i, s, result[0], result[1], elastic)
-                if not result[0] > 0.0:
-                    self.tally.give_up(1)
+                u -= _geometry.surface_velocity(self.bounce.surfaces[s], n)
+                nominal = ti.static(self.bounce.surfaces[s].restitution)
+        e, elastic = self._restitution(nominal, i, i, t)
+        result = self.bounce.wall_impulse(self.index(i), n, u, e)
+        self.local_velocity[i] = self.local_velocity[i] + result[0] * (self.bounce.inverse_mass[self.index(i)] * n)
+        self.tally.add_wall(i, surface, result[0], result[1], elastic)
+        if not result[0] > 0.0:
+            self.tally.give_up(1)
 
     @ti.func
     def _restitution(self, nominal, i, j, t):

@@ -6,7 +6,6 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.contacts._base import ContactReport
-from mpp_taichi.types import Template
 
 CHUNKS = 64  # of the spheres; fixed, so that sums do not depend on the threads
 SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
@@ -67,11 +66,13 @@ class Tally:
         self.summed[i] = self.summed[i] + ti.Vector([impulse * distance, lost])
 
     @ti.func
-    def add_wall(self, i, s: Template, impulse, lost, elastic):
-        """A contact with surface s."""
+    def add_wall(self, i, surface, impulse, lost, elastic):
+        """A contact with a surface."""
         self.counted[i] = self.counted[i] + ti.Vector([0, 1, elastic])
         self.summed[i] = self.summed[i] + ti.Vector([0.0, lost])
-        self.pushed[i][s] = self.pushed[i][s] + ti.abs(impulse)
+        for s in ti.static(range(self.surface_count)):
+            if s == surface:
+                self.pushed[i][s] = self.pushed[i][s] + ti.abs(impulse)
 
     @ti.func
     def keep(self, chunk, i):

@@ -49,7 +49,7 @@ class EventDriven(ContactSolver):
         position = state.position.to_numpy().astype(float)
         grid = Grid.around(setup, position)
         cell, _ = grid.cell_of(position)
-        order = np.lexsort(cell.T[::-1])
+        order = grid.order_of(cell)
         self._order = order
         builder = ti.FieldsBuilder()
         self.spheres = Spheres(setup, order, builder, self.wide)

@@ -9,6 +9,7 @@ from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts._resting_plans import ParallelPlan, SerialPlan
 from mpp_taichi.contacts._resting_step import LOST, PAIRS, PUSHED, VIRIAL, WALLS, RestingStep
+from mpp_taichi.quick_compilation import quick_compilation
 
 SERIAL_COUNT = 512  # up to here one thread does a drift in one launch; more spheres are worth a launch for each loop
 
@@ -19,13 +20,14 @@ class Resting(ContactSolver):
 
     A drift by h first reflects what is hit faster than `resting_speed` within it, all such contacts together,
     v' = v + (1 + e) M⁻¹ Nᵀ λ with the λ ≥ 0 that would just end their approach. Then it finds the velocities closest to
-    these, in the metric of the kinetic energy, with 0 ≤ λ ⟂ gap/h + n·(v_i − v_j) ≥ 0 for everything near, and moves with
-    them. Two spheres so never overlap by more than `tolerance` radii, what lies stays where it is, and no drift gains energy:
-    both are projections. In one group of impacts with unlike restitutions the least holds for all.
+    these, in the metric of the kinetic energy, with 0 ≤ λ ⟂ gap/h + n·(v_i − v_j) ≥ 0 for everything near: what lies stays where
+    it is. Both are projections, which never add kinetic energy. Spheres move by h times these velocities, or those with an impact
+    by the old ones until it and the new ones from then on, again corrected so that at the end of the drift no two spheres overlap
+    by more than `tolerance` of the smaller radius. In one group of impacts with unlike restitutions the least holds for all.
 
-    First order in h: an impact acts at the start of its drift, with the normal and the velocities it has at the instant of
-    contact, and a shock passes through touching spheres in one projection (for a cradle take `simultaneous`). Elastic contacts
-    never rest. Give the integrator steps in which spheres move by less than a radius. With drifts on both sides of a kick,
+    First order in h: a shock passes through touching spheres in one projection (for a cradle take `simultaneous`), and the
+    height of a bounce varies by about one step's fall. Elastic contacts never rest. Give the integrator steps in which spheres
+    move by less than a radius; a start that overlaps is pushed apart in one drift. With drifts on both sides of a kick (leapfrog),
     velocities at the end of a step are those after the contacts, 0 for what rests.
     Sources: Moreau, in Nonsmooth Mechanics and Applications (1988) 1; Stewart & Trinkle, Int. J. Numer. Methods Eng. 39 (1996)
     2673.
@@ -40,7 +42,7 @@ class Resting(ContactSolver):
         unit="length / time",
         help="slower approaches do not rebound; absent: four times what gravity gives in a drift",
     )
-    tolerance: float = param(1e-10, above=0.0, help="allowed overlap, or opening under load, relative to the smaller radius")
+    tolerance: float = param(1e-12, above=0.0, help="allowed overlap, or opening under load, relative to the smaller radius")
 
     drifts = True
 
@@ -53,7 +55,7 @@ class Resting(ContactSolver):
         # In f32 a radius itself is known to 1e-7, and a coordinate of a hundred radii to 1e-5 of one.
         self.step = RestingStep(setup, max(self.tolerance, 1e-5) if single else self.tolerance, state.wide)
         parallel = setup.particle_count > SERIAL_COUNT if parallel is None else parallel
-        self.plan: Any = ParallelPlan(self.step, setup) if parallel else SerialPlan(self.step)
+        self.plan: Any = ParallelPlan(self.step, setup, state) if parallel else SerialPlan(self.step)
         self.iterations = 0
         self._unresolved = 0
         self._kicked = False
@@ -66,7 +68,8 @@ class Resting(ContactSolver):
     def drift(self, state: Any, time: float, h: float) -> None:
         """Move all spheres by h [time], with impacts and resting contacts."""
         resting_speed = 4.0 * self.gravity * h if self.resting_speed is None else self.resting_speed
-        self._kicked, iterations, unresolved = self.plan.drift(state, time, h, resting_speed, self._kicked)
+        with quick_compilation():
+            self._kicked, iterations, unresolved = self.plan.drift(state, time, h, resting_speed, self._kicked)
         self._unresolved += unresolved
         self.iterations += iterations
 

@@ -5,6 +5,7 @@ from typing import Any
 from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts._group_sweep import GroupSweep
+from mpp_taichi.quick_compilation import quick_compilation
 
 
 @component
@@ -34,7 +35,8 @@ class Simultaneous(ContactSolver):
 
     def drift(self, state: Any, time: float, h: float) -> None:
         """Move all spheres by h [time] along their velocities, with the contacts on the way."""
-        self.sweep.drift(time, h)
+        with quick_compilation():
+            self.sweep.drift(time, h)
 
     def collect(self) -> ContactReport:
         """What was counted since it was last asked."""
