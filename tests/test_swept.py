@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from reference.sequential_contacts import fly
-from spheres import Places, box, box_walls, gas, largest_overlap, setup_of
+from sphere_gases import Places, box, box_walls, gas, largest_overlap, setup_of
 
 from mpp_taichi import backends
 from mpp_taichi.contacts._sweep import Sweep
