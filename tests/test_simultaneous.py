@@ -239,7 +239,9 @@ def test_a_break_stays_its_own_mirror_image_and_does_not_know_the_numbers(table)
     velocity = np.zeros((16, 2))
     velocity[0, 0] = 1.0
     after, speed, report = play(table, position, velocity, step=1.0, steps=30)
-    assert report.unresolved == 0 and report.pair_count > 28 and report.wall_count >= 8  # the break, and more after the cushions
+    assert (
+        report.unresolved == 0 and report.pair_count > 28 and report.wall_count >= 8
+    )  # the break, and more after the cushions
     mirror = after * [1.0, -1.0]
     assert max(np.abs(after - image).max(axis=1).min() for image in mirror) < 1e-12
     assert np.sum(speed**2) == pytest.approx(1.0, rel=1e-12)
