@@ -8,6 +8,7 @@ from spheres import Spheres, bound, plane, setup_of
 
 from mpp_taichi import backends
 from mpp_taichi.contacts._contact_group import ContactGroup
+from mpp_taichi.contacts._group_sweep import GroupSweep
 from mpp_taichi.contacts._reflections import Reflections
 from mpp_taichi.contacts.simultaneous import Simultaneous
 from mpp_taichi.quick_compilation import quick_compilation
@@ -263,3 +264,27 @@ def test_two_balls_meet_exactly_when_and_as_they_should(table):
     assert report.pair_count == 1 and report.largest_overlap < 8 * ROUND_OFF
     assert np.abs(speed[0] - expected).max() < 32 * ROUND_OFF
     assert np.abs(after[0] - ([-0.8, 0.0] + 1.8 * expected)).max() < 64 * ROUND_OFF
+
+
+def test_the_cell_grid_finds_the_same_groups_as_all_pairs(taichi):
+    """Two racks far apart, each with its ball, on the grid; the groups grow by the spheres that touch them."""
+    rack = [(np.sqrt(0.75) * c, r - c / 2) for c in range(4) for r in range(c + 1)]
+    position = np.array([(-2.0, 0.0), *rack])
+    position = np.vstack([position, position + [0.3, 20.0]])
+    velocity = np.zeros_like(position)
+    velocity[[0, 11], 0] = 1.0, 2.0
+    outcomes = []
+    for all_pairs in (True, False):
+        spheres = Spheres(position, velocity, 2)
+        sweep = GroupSweep(setup_of(np.full(22, 0.5), dimensions=2), spheres, event_limit=1000, all_pairs=all_pairs)
+        with quick_compilation():
+            for k in range(4):
+                sweep.drift(k * 1.0, 1.0)
+        outcomes.append((*spheres.read(), sweep.collect()))
+        sweep.destroy()
+    (place, speed, report), (other_place, other_speed, other_report) = outcomes
+    assert report.unresolved == other_report.unresolved == 0
+    assert report.pair_count == other_report.pair_count > 20
+    # The same groups at the same instants, with other roundings; nobody collides more than a few times.
+    assert np.abs(place - other_place).max() < 1e-11 and np.abs(speed - other_speed).max() < 1e-11
+    assert np.sum(other_speed**2) == pytest.approx(5.0, rel=1e-13)
