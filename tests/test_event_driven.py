@@ -210,6 +210,28 @@ def test_dense_disks_do_not_overlap():
     assert report.largest_overlap < 1e-9
 
 
+def test_a_large_sphere_among_many_small_ones_meets_all_of_them():
+    """Radii 1 : 25 in a periodic box, cells made for the small ones: a contact that is missed would show as an overlap."""
+    side, large = 12.0, 1.0
+    x = np.stack(np.meshgrid(*[np.arange(24) * 0.5 + 0.25] * 2, indexing="ij"), -1).reshape(-1, 2)
+    x = np.concatenate([x[np.linalg.norm(x - side / 2, axis=1) > large + 0.1], [[side / 2, side / 2]]])
+    radius = np.r_[np.full(len(x) - 1, 0.04), large]
+    rng = np.random.default_rng(6)
+    v = rng.normal(size=x.shape)
+    v[-1] = [1.0, 0.7]
+    run = EventRun(x, v, radius, inverse_mass=1 / radius**2, period=(side, side, 0.0), log_capacity=1000)
+    assert len(run.solver.cells.grid.big) == 1
+    energy, contacts = run.energy, 0
+    for k in range(1, 41):
+        contacts += run.to(0.5 * k).pair_count
+        q = run.position[:, None] - run.position
+        gap = np.linalg.norm(q - side * np.round(q / side), axis=2) - radius - radius[:, None]
+        assert gap[~np.eye(len(x), dtype=bool)].min() > -1e-9 * 0.04
+    log = run.solver.take_log()
+    assert (np.maximum(log["i"], log["j"]) == len(x) - 1).sum() > 100
+    assert abs(run.energy / energy - 1) < contacts * ULP
+
+
 def three_balls(contact_time=0.0):
     """Two lanes of three balls, the outer ones moving in; restitution just above and just below 7 − 4√3 = 0.0718."""
     position = [[-2.0, 0.0], [0.0, 0.0], [2.0, 0.0], [-2.0, 9.0], [0.0, 9.0], [2.0, 9.0]]

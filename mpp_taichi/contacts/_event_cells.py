@@ -1,80 +1,16 @@
 """Cells of an event-driven run: who may meet whom before one of them leaves its cell."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.contacts._event_grid import Grid
 from mpp_taichi.contacts._event_spheres import Spheres
 from mpp_taichi.walls._roots import first_contact
 
-# Of a cell's edge, beyond the largest diameter: more than round-off, so that touching spheres are in touching cells.
-MARGIN = 1e-3
-
-
-@dataclass(frozen=True)
-class Grid:
-    """A grid on a torus: cell c of an axis with m cells holds all that is between c and c + 1 edges, modulo m edges.
-
-    It has no end, so spheres may fly as far as they like; along a periodic axis the torus is the box.
-    """
-
-    low: tuple[float, ...]
-    edge: tuple[float, ...]
-    cells: tuple[int, ...]
-    period: tuple[float, ...]
-
-    @classmethod
-    def around(cls, setup: ContactSetup, position: np.ndarray) -> "Grid":
-        """Cells that two touching spheres never lie two apart in, about as many as spheres.
-
-        Raises ValueError for a periodic box smaller than a sphere.
-        """
-        d = setup.dimensions
-        period = tuple(float(p) for p in setup.enclosure.period[:d])
-        diameter = 2 * float(np.max(setup.radius))
-        for k, p in enumerate(period):
-            if 0 < p < diameter:
-                raise ValueError(
-                    f"periodic box: its edge {p:g} along {'xyz'[k]} is less than a sphere's diameter, {diameter:g}"
-                )
-        low = np.where(np.array(period) > 0, setup.enclosure.origin[:d], position.min(axis=0))
-        extent = np.where(np.array(period) > 0, period, np.ptp(position, axis=0))
-        smallest = diameter * (1 + MARGIN)
-        # A dilute gas has fewer contacts than crossings: a cell for each sphere is enough.
-        edge = max(smallest, _edge_for_count(extent, setup.particle_count))
-        if edge == 0:
-            edge = 1.0
-        cells = np.maximum(np.floor(extent / edge), 1).astype(int)
-        edges = np.where(np.array(period) > 0, extent / cells, np.maximum(extent / cells, edge))
-        return cls(tuple(map(float, low)), tuple(map(float, edges)), tuple(map(int, cells)), period)
-
-    def cell_of(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Cells of positions (n, dimensions), and how many turns around the torus they are away."""
-        steps = np.floor((position - np.array(self.low)) / np.array(self.edge)).astype(np.int64)
-        turns = np.floor_divide(steps, np.array(self.cells))
-        return (steps - turns * np.array(self.cells)).astype(np.int32), turns.astype(np.int32)
-
-    def order_of(self, cell: np.ndarray) -> np.ndarray:
-        """An order of cells (n, dimensions) in which neighbours in space are near: bits of the axes in turn (Morton's)."""
-        key = np.zeros(len(cell), np.int64)
-        for bit in range(20):
-            for k in range(cell.shape[1]):
-                key |= ((cell[:, k].astype(np.int64) >> bit) & 1) << (bit * cell.shape[1] + k)
-        return np.argsort(key, kind="stable")
-
-
-def _edge_for_count(extent: np.ndarray, count: int) -> float:
-    """Edge of cubes of which about `count` fill a box, whatever axes are thinner than the cubes."""
-    sizes = np.sort(extent[extent > 0])[::-1]
-    edge = 0.0
-    for used in range(1, len(sizes) + 1):
-        edge = float((np.prod(sizes[:used]) / count) ** (1 / used))
-        if used == len(sizes) or sizes[used] < edge:
-            break
-    return edge
+# In place of an image's bits: the nearest one.
+NEAREST = -1
 
 
 @ti.data_oriented
@@ -90,17 +26,21 @@ class EventCells:
         self.crossed = tuple(p or m > 3 for p, m in zip(self.periodic, self.cells))
         self.first_step = tuple(-1 if c or m == 3 else 0 for c, m in zip(self.crossed, self.cells))
         self.last_step = tuple(0 if m == 1 and not c else 1 for c, m in zip(self.crossed, self.cells))
+        self.small_count = self.count - len(grid.big)
         self.head = ti.field(ti.i32)
         builder.dense(ti.i, int(np.prod(grid.cells))).place(self.head)
         self.next = ti.field(ti.i32)
         builder.dense(ti.i, self.count).place(self.next)
         self.near, self.image = ti.field(ti.i32), ti.field(ti.i32)
-        builder.dense(ti.i, 27 * self.count).place(self.near, self.image)
+        # In a periodic box of one or two cells the same sphere is met from several sides.
+        most = 27 if any(p and m < 3 for p, m in zip(self.periodic, self.cells)) else 1
+        builder.dense(ti.i, most * self.count).place(self.near, self.image)
         self.touched = ti.field(spheres.wide)
         builder.place(self.touched)
         self.cell = ti.Vector.field(self.dimensions, ti.i32)
         self.turns = ti.Vector.field(self.dimensions, ti.i32)
-        builder.dense(ti.i, self.count).place(self.cell, self.turns)
+        builder.dense(ti.i, self.count).place(self.cell)
+        builder.dense(ti.i, self.count).place(self.turns)
 
     def write(self, cell: np.ndarray, turns: np.ndarray) -> None:
         """Put every sphere into its cell; arrays (n, dimensions) in the spheres' own order."""
@@ -114,8 +54,8 @@ class EventCells:
         for c in self.head:
             self.head[c] = -1
         ti.loop_config(serialize=True)
-        for k in range(self.count):
-            self._enter(self.count - 1 - k)
+        for k in range(self.small_count):
+            self._enter(self.small_count - 1 - k)
 
     @ti.func
     def index(self, cell):
@@ -127,11 +67,21 @@ class EventCells:
 
     @ti.func
     def gather(self, i, side):
-        """List in `near` who is in the cells around sphere i, in `image` on which side of a periodic box; returns how many.
+        """List in `near` whom sphere i may meet, in `image` on which side of a periodic box; returns how many.
 
-        After a crossing only the cells that are new. To read a word of each sphere here lets the processor fetch them all at
-        once; the list is then in its cache.
+        After a crossing only the cells that are new are looked through. Big spheres are in no cell: they may meet all, and
+        all them. To read a word of each sphere here lets the processor fetch them all at once; the list is in its cache.
         """
+        count = 0
+        if i < self.small_count:
+            count = self._gather_cells(i, side)
+        for j in range(self.small_count if i < self.small_count else 0, self.count):
+            self.near[count], self.image[count] = j, NEAREST
+            count += 1
+        return count
+
+    @ti.func
+    def _gather_cells(self, i, side):
         cell, first, last = ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0])
         for k in ti.static(range(self.dimensions)):
             cell[k], first[k], last[k] = self.cell[i][k], self.first_step[k], self.last_step[k]
@@ -162,16 +112,19 @@ class EventCells:
         return count
 
     @ti.func
-    def moved(self, x, image):
-        """A place as seen from an image of the periodic box: a period up for 1, down for 2 in the two bits of each axis."""
-        result = x
-        for k in ti.static(range(self.dimensions)):
-            if ti.static(self.periodic[k]):
-                way = (image >> (2 * k)) & 3
-                if way == 1:
-                    result[k] += ti.static(self.grid.period[k])
-                elif way == 2:
-                    result[k] -= ti.static(self.grid.period[k])
+    def seen(self, separation, image):
+        """A separation as an image of the periodic box has it: a period up for 1, down for 2 in the two bits of each axis."""
+        result = separation
+        if image == NEAREST:
+            result = self.nearest_image(separation)
+        else:
+            for k in ti.static(range(self.dimensions)):
+                if ti.static(self.periodic[k]):
+                    way = (image >> (2 * k)) & 3
+                    if way == 1:
+                        result[k] += ti.static(self.grid.period[k])
+                    elif way == 2:
+                        result[k] -= ti.static(self.grid.period[k])
         return result
 
     @ti.func
@@ -202,7 +155,8 @@ class EventCells:
     @ti.func
     def cross(self, i, side):
         """Move sphere i into the next cell; along a periodic axis its position follows the torus."""
-        self._leave(i)
+        if i < self.small_count:
+            self._leave(i)
         for k in ti.static(range(self.dimensions)):
             if side // 2 == k:
                 cell = self.cell[i][k] + (1 if side % 2 == 1 else -1)
@@ -215,7 +169,8 @@ class EventCells:
                 self.turns[i][k] += turn
                 if ti.static(self.periodic[k]):
                     self.spheres.position[i][k] -= turn * ti.static(self.grid.period[k])
-        self._enter(i)
+        if i < self.small_count:
+            self._enter(i)
 
     @ti.func
     def shown_position(self, i, time):

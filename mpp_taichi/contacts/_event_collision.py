@@ -75,7 +75,7 @@ class Collision:
         distance = q.norm()
         n = q / distance
         speed = n.dot(self.spheres.velocity[i] - self.spheres.velocity[j])
-        softness = (n * n).dot(self.spheres.inverse_mass[i] + self.spheres.inverse_mass[j])
+        softness = (n * n).dot(self.spheres.inverse_mass(i) + self.spheres.inverse_mass(j))
         e = self._restitution(self.table[self.spheres.material[i], self.spheres.material[j]], i, j, time)
         self.impulse[None] = 0.0
         self._note_overlap(
@@ -83,8 +83,8 @@ class Collision:
         )
         if speed < 0 and softness > 0:
             impulse = -(1 + e) * speed / softness
-            self.spheres.velocity[i] += self.spheres.inverse_mass[i] * n * impulse
-            self.spheres.velocity[j] -= self.spheres.inverse_mass[j] * n * impulse
+            self.spheres.velocity[i] += self.spheres.inverse_mass(i) * n * impulse
+            self.spheres.velocity[j] -= self.spheres.inverse_mass(j) * n * impulse
             self.pair_count[None] += 1
             self.virial[None] += ti.cast(impulse * distance, self.spheres.wide)
             self.dissipated[None] += ti.cast((1 - e * e) * speed * speed / softness / 2, self.spheres.wide)
@@ -105,12 +105,12 @@ class Collision:
                 e, depth = ti.cast(surface.restitution, float), -gap(surface, x, self.spheres.radius(i), now)
         e = self._restitution(e, i, i, time)
         speed = n.dot(self.spheres.velocity[i] - velocity)
-        softness = (n * n).dot(self.spheres.inverse_mass[i])
+        softness = (n * n).dot(self.spheres.inverse_mass(i))
         self._note_overlap(depth, self.spheres.radius(i))
         self.impulse[None] = 0.0
         if speed < 0 and softness > 0:
             impulse = -(1 + e) * speed / softness
-            self.spheres.velocity[i] += self.spheres.inverse_mass[i] * n * impulse
+            self.spheres.velocity[i] += self.spheres.inverse_mass(i) * n * impulse
             self.wall_count[None] += 1
             self.wall_impulse[w] += ti.cast(impulse, self.spheres.wide)
             self.dissipated[None] += ti.cast((1 - e * e) * speed * speed / softness / 2, self.spheres.wide)

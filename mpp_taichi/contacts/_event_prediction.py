@@ -1,5 +1,7 @@
 """What comes next for one sphere of an event-driven run: a contact, or the side of its cell."""
 
+from typing import Any
+
 import taichi as ti
 
 from mpp_taichi.contacts._event_cells import EventCells
@@ -18,40 +20,65 @@ SLACK = 1e-5
 class Prediction:
     """Finds the earliest event of a sphere. Partners are numbered: sphere j: j; surface w: −1 − w; side s: count + 1 + s."""
 
-    def __init__(self, spheres: Spheres, cells: EventCells, queue: EventQueue, surfaces: tuple[Surface, ...]) -> None:
+    def __init__(
+        self, spheres: Spheres, cells: EventCells, queue: EventQueue, surfaces: tuple[Surface, ...], builder: Any
+    ) -> None:
         """Of these spheres, in these cells, between these surfaces."""
         self.spheres, self.cells, self.queue, self.surfaces = spheres, cells, queue, surfaces
         self.count = spheres.count
+        # The contact that is next once the side of the cell is crossed.
+        self.contact_time = ti.field(spheres.wide)
+        self.contact_partner, self.contact_stamp = ti.field(ti.i32), ti.field(ti.i32)
+        builder.dense(ti.i, self.count).place(self.contact_time, self.contact_partner, self.contact_stamp)
 
     @ti.func
-    def predict(self, i, time):
-        """Look for the next event of sphere i after `time`, and put it into the queue."""
+    def predict(self, i, time, crossed):
+        """Look for the next event of sphere i after `time`, and put it into the queue; `crossed`: the side it crossed, or −2.
+
+        A contact found before still stands after a crossing, if its partner has had no other one; then only the cells that
+        are new are looked through.
+        """
         x, v = self.spheres.position_at(i, time), self.spheres.velocity_at(i, time)
         a = self.spheres.acceleration(i)
-        soonest, side = self.cells.crossing(x, v, a, i)
-        partner = self.count + 1 + side
-        stamp = 0
-        for w, surface in ti.static(enumerate(self.surfaces)):
-            s = self._until_wall(surface, w, i, x, v, a, time, soonest)
-            if s < soonest:
-                soonest, partner = s, -1 - w
-        for m in range(self.cells.gather(i, -2)):
+        side = crossed
+        partner, stamp = self.count, 0
+        contact = ti.cast(ti.math.inf, self.spheres.wide)
+        if crossed >= 0:
+            contact, partner, stamp = self.contact_time[i], self.contact_partner[i], self.contact_stamp[i]
+            if partner >= 0 and partner < self.count:
+                if self.spheres.contacts[partner] != stamp:
+                    side = -2
+                    contact = ti.cast(ti.math.inf, self.spheres.wide)
+        soonest = ti.cast(contact - time, float)
+        found = self.count
+        if side < 0:
+            for w, surface in ti.static(enumerate(self.surfaces)):
+                s = self._until_wall(surface, w, i, x, v, a, time, soonest)
+                if s < soonest:
+                    soonest, found = s, -1 - w
+        for m in range(self.cells.gather(i, side)):
             j = self.cells.near[m]
             if j != i:
-                place = x
-                if self.cells.image[m] != 0:
-                    place = self.cells.moved(x, self.cells.image[m])
-                s = self._until_sphere(i, j, place, v, a, time, soonest)
+                s = self._until_sphere(i, j, self.cells.image[m], x, v, a, time, soonest)
                 if s < soonest:
-                    soonest, partner = s, j
-        if partner >= 0 and partner < self.count:
-            stamp = self.spheres.contacts[partner]
-        self.queue.change(i, time + ti.cast(soonest, self.spheres.wide), partner, stamp)
+                    soonest, found = s, j
+        if found != self.count:
+            contact, partner, stamp = time + ti.cast(soonest, self.spheres.wide), found, 0
+            if found >= 0:
+                stamp = self.spheres.contacts[found]
+        leaving, through = self.cells.crossing(x, v, a, i)
+        crossing = time + ti.cast(leaving, self.spheres.wide)
+        if crossing < contact:
+            self.contact_time[i], self.contact_partner[i], self.contact_stamp[i] = contact, partner, stamp
+            contact, partner = crossing, self.count + 1 + through
+        self.queue.change(i, contact, partner, stamp)
 
     @ti.func
-    def _until_sphere(self, i, j, x, v, a, time, horizon):
-        """Time until contact of sphere i, at x with v now, with sphere j."""
+    def _until_sphere(self, i, j, image, x, v, a, time, horizon):
+        """Time until contact of sphere i, at x with v now, with an image of sphere j."""
         q, u = x - self.spheres.position_at(j, time), v - self.spheres.velocity_at(j, time)
+        if image != 0:
+            q = self.cells.seen(q, image)
         reach = self.spheres.radius(i) + self.spheres.radius(j)
         result = ti.math.inf
         if ti.static(self.spheres.falls_together):

@@ -30,9 +30,8 @@ class EventQueue:
         self.count, self.bucket_count = count, max(count, 8)
         self.wide = wide
         self.time, self.partner, self.stamp = ti.field(wide), ti.field(ti.i32), ti.field(ti.i32)
-        builder.dense(ti.i, count).place(self.time, self.partner, self.stamp)
         self.next, self.previous, self.place = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
-        builder.dense(ti.i, count).place(self.next, self.previous, self.place)
+        builder.dense(ti.i, count).place(self.time, self.partner, self.stamp, self.next, self.previous, self.place)
         self.first = ti.field(ti.i32)
         builder.dense(ti.i, self.bucket_count).place(self.first)
         self.heap = ti.field(ti.i32)

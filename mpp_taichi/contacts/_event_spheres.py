@@ -24,7 +24,8 @@ class Spheres:
         inverse_mass = np.asarray(setup.inverse_mass)[:, : self.dimensions]
         self.gravity = tuple(float(g) for g in setup.gravity[: self.dimensions])
         self.has_held = bool((inverse_mass == 0).any())
-        # Along the axes that gravity has; others do not change how spheres fall.
+        # Gravity does nothing along an axis that all are held along; one that only some are held along lets them part.
+        self.gravity = tuple(g if (inverse_mass[:, k] > 0).any() else 0.0 for k, g in enumerate(self.gravity))
         self.has_gravity = any(self.gravity)
         self.falls_together = not any(g != 0 and (inverse_mass[:, k] == 0).any() for k, g in enumerate(self.gravity))
         self.position = ti.Vector.field(self.dimensions, float)
@@ -39,13 +40,16 @@ class Spheres:
             self.own_radius = ti.field(float)
             near.append(self.own_radius)
         builder.dense(ti.i, self.count).place(*near)
-        self.inverse_mass = ti.Vector.field(self.dimensions, float)
         self.last_contact = ti.field(wide)
-        self.last_partner = ti.field(ti.i32)
-        self.material = ti.field(ti.i32)
-        builder.dense(ti.i, self.count).place(self.inverse_mass, self.last_contact, self.last_partner, self.material)
+        self.last_partner, self.material = ti.field(ti.i32), ti.field(ti.i32)
         self.stalled, self.order = ti.field(ti.i32), ti.field(ti.i32)
-        builder.dense(ti.i, self.count).place(self.stalled, self.order)
+        far = [self.last_contact, self.last_partner, self.material, self.stalled, self.order]
+        self.common_mass = tuple(map(float, inverse_mass[0])) if (inverse_mass == inverse_mass[0]).all() else None
+        self.has_common_mass = self.common_mass is not None
+        if not self.has_common_mass:
+            self.own_inverse_mass = ti.Vector.field(self.dimensions, float)
+            far.append(self.own_inverse_mass)
+        builder.dense(ti.i, self.count).place(*far)
         self._setup, self._order = setup, order
 
     def write(self, position: np.ndarray, velocity: np.ndarray, time: float) -> None:
@@ -56,7 +60,9 @@ class Spheres:
         self.velocity.from_numpy(np.ascontiguousarray(velocity[order], dtype=real))
         if not self.has_common_radius:
             self.own_radius.from_numpy(np.asarray(self._setup.radius)[order].astype(real))
-        self.inverse_mass.from_numpy(np.ascontiguousarray(np.asarray(self._setup.inverse_mass)[order, :d], dtype=real))
+        if not self.has_common_mass:
+            weight = np.asarray(self._setup.inverse_mass)[order, :d]
+            self.own_inverse_mass.from_numpy(np.ascontiguousarray(weight, dtype=real))
         self.material.from_numpy(np.asarray(self._setup.material)[order].astype(np.int32))
         self.order.from_numpy(order.astype(np.int32))
         self.clock.fill(time)
@@ -76,12 +82,22 @@ class Spheres:
         return result
 
     @ti.func
+    def inverse_mass(self, i):
+        """Of sphere i, for each axis; a constant of the kernel if all are alike."""
+        result = ti.Vector.zero(float, self.dimensions)
+        if ti.static(self.has_common_mass):
+            result = ti.Vector([w for w in ti.static(self.common_mass)], float)
+        else:
+            result = self.own_inverse_mass[i]
+        return result
+
+    @ti.func
     def acceleration(self, i):
         """Of free flight: gravity along the axes that are not held."""
         result = ti.Vector([g for g in ti.static(self.gravity)], float)
         if ti.static(not self.falls_together):
             for k in ti.static(range(self.dimensions)):
-                if self.inverse_mass[i][k] == 0:
+                if self.own_inverse_mass[i][k] == 0:
                     result[k] = 0.0
         return result
 
@@ -105,4 +121,4 @@ class Spheres:
     @ti.func
     def is_held(self, i):
         """Whether nothing can push it."""
-        return self.inverse_mass[i].max() == 0
+        return self.inverse_mass(i).max() == 0

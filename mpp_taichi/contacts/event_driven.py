@@ -7,8 +7,9 @@ import taichi as ti
 
 from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
-from mpp_taichi.contacts._event_cells import EventCells, Grid
+from mpp_taichi.contacts._event_cells import EventCells
 from mpp_taichi.contacts._event_collision import Collision
+from mpp_taichi.contacts._event_grid import Grid
 from mpp_taichi.contacts._event_log import EventLog
 from mpp_taichi.contacts._event_prediction import Prediction
 from mpp_taichi.contacts._event_queue import EventQueue
@@ -24,7 +25,7 @@ RUNNING, ARRIVED, FULL, COLLAPSED = range(4)
 @component
 @ti.data_oriented
 class EventDriven(ContactSolver):
-    """Spheres fly freely, fall together under uniform gravity, and bounce at the exact time of contact, one event after another.
+    """Spheres fly freely, fall under uniform gravity, and bounce at the exact time of contact, one event after another.
 
     Exact to round-off, whatever the density and speed; contacts of more than two spheres at once are taken pair by pair in
     the order of their numbers. Serial. Where infinitely many contacts fall into a finite time (inelastic collapse) it stops
@@ -55,7 +56,7 @@ class EventDriven(ContactSolver):
         self.spheres = Spheres(setup, order, builder, self.wide)
         self.cells = EventCells(grid, self.spheres, builder)
         self.queue = EventQueue(self.count, builder, self.wide)
-        self.prediction = Prediction(self.spheres, self.cells, self.queue, setup.enclosure.surfaces)
+        self.prediction = Prediction(self.spheres, self.cells, self.queue, setup.enclosure.surfaces, builder)
         self.collision = Collision(setup, self.spheres, self.cells, builder)
         self.log = EventLog(LOG_CAPACITY if self.logs else self.log_capacity, builder, self.wide)
         self.event_time = ti.field(self.wide)
@@ -135,10 +136,11 @@ class EventDriven(ContactSolver):
         """The event of sphere i happens, and those it changes get new ones. Returns whether time still goes on."""
         time, partner = self.queue.time[i], self.queue.partner[i]
         goes_on = True
-        other = -1
+        other, side = -1, -2
         # Nothing but a new prediction is due at the start, and where the partner has met another one since.
         if partner > self.count:
-            self.cells.cross(i, partner - self.count - 1)
+            side = partner - self.count - 1
+            self.cells.cross(i, side)
         elif partner < 0:
             goes_on = self.collision.wall(i, -1 - partner, time)
             self._note(time, i, partner)
@@ -153,7 +155,7 @@ class EventDriven(ContactSolver):
         self.event_time[None] = time
         k = i
         while k >= 0:
-            self.prediction.predict(k, time)
+            self.prediction.predict(k, time, side)
             k = other
             other = -1
         return goes_on

@@ -121,10 +121,10 @@ def on_lattice(
 ) -> np.ndarray | None:
     """Places on a lattice that is stretched to fill the box, and shaken; None where none has room enough.
 
-    The lattice holds the points of a rectangular grid whose indices have an even sum: hexagonal in a flat box where the spacings
-    are as 1 : √3, face-centred cubic where they are equal. The one whose neighbours are farthest apart is taken; which of its
-    places stay empty is random. Then each sphere is moved at random by at most half the room between neighbours, and back to
-    where it was if it would meet an obstacle.
+    The lattice holds the points of a rectangular grid whose indices have an even sum: hexagonal in a flat box where the
+    spacings are as 1 : √3, face-centred cubic where they are equal. The one whose neighbours are farthest apart is taken;
+    which of its places stay empty is random. Then each sphere is moved at random by at most half the room between neighbours,
+    and back to where it was if it would meet an obstacle.
     """
     largest, count = float(radius.max()), len(radius)
     axes = upper > lower

@@ -49,7 +49,7 @@ class Frame:
             center = (float(x), float(y), float(z))
         springs = snapshot.springs
         return Frame(
-            position=snapshot.position,
+            position=snapshot.position if walls is None else walls.inside(snapshot.position),
             radius=snapshot.radius,
             color=snapshot.color,
             between=springs.between,

@@ -38,7 +38,7 @@ class Enclosure:
     """All walls of a scene: surfaces, and the box that repeats, if any.
 
     period   edge lengths of the periodic box along x, y, z; 0 along an axis that does not repeat [length]
-    origin   its lower corner; positions along a repeating axis are wrapped to origin … origin + period when they are shown
+    origin   its lower corner; positions go on growing where a sphere crosses it, pictures show the copy in the box
     """
 
     surfaces: tuple[Surface, ...] = ()

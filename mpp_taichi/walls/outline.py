@@ -1,6 +1,6 @@
 """Outlines of walls, for pictures: segments that follow the walls that move. NumPy on the host."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -14,14 +14,23 @@ FULL_TURN = np.linspace(0.0, 2.0 * np.pi, CIRCLE + 1)
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Segments at time 0, (m, 2, 3) [length], and the velocity of each, (m, 3) [length / time]."""
+    """Segments at time 0, (m, 2, 3) [length], and the velocity of each, (m, 3) [length / time]; and the box that repeats."""
 
     segments: np.ndarray
     velocity: np.ndarray
+    repeating: Enclosure = field(default_factory=Enclosure)
 
     def at(self, time: float) -> np.ndarray:
         """The segments at a time."""
         return self.segments + time * self.velocity[:, None, :]
+
+    def inside(self, position: np.ndarray) -> np.ndarray:
+        """Positions as they are drawn: of all copies the one within the box that repeats."""
+        if not any(self.repeating.period):
+            return position
+        period, origin = np.array(self.repeating.period), np.array(self.repeating.origin)
+        whole = np.where(period > 0.0, period, 1.0)
+        return np.where(period > 0.0, origin + np.mod(position - origin, whole), position)
 
 
 def outline_of(spec: SceneSpec, position: np.ndarray) -> Outline:
@@ -38,7 +47,9 @@ def outline_of(spec: SceneSpec, position: np.ndarray) -> Outline:
             parts += [(_surface(each, center, reach, spec.dimensions), each.velocity) for each in enclosure.surfaces]
     segments = [part for part, _ in parts]
     velocity = [np.tile(velocity, (len(part), 1)) for part, velocity in parts]
-    return Outline(np.concatenate([np.zeros((0, 2, 3)), *segments]), np.concatenate([np.zeros((0, 3)), *velocity]))
+    repeating = next((each for each in enclosures if any(each.period)), Enclosure())
+    lines, speeds = np.concatenate([np.zeros((0, 2, 3)), *segments]), np.concatenate([np.zeros((0, 3)), *velocity])
+    return Outline(lines, speeds, repeating)
 
 
 def _extent(enclosures: list[Enclosure], position: np.ndarray) -> tuple[np.ndarray, float]:

@@ -1,0 +1,99 @@
+"""The grid of an event-driven run, chosen on the host."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpp_taichi.contacts._base import ContactSetup
+
+# Of a cell's edge, beyond the largest diameter: more than round-off, so that touching spheres are in touching cells.
+MARGIN = 1e-3
+# Sizes that are tried as the largest one for cells.
+CUTS = 32
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A grid on a torus: cell c of an axis with m cells holds all that is between c and c + 1 edges, modulo m edges.
+
+    It has no end, so spheres may fly as far as they like; along a periodic axis the torus is the box. `big` are spheres too
+    few and too large for the cells.
+    """
+
+    low: tuple[float, ...]
+    edge: tuple[float, ...]
+    cells: tuple[int, ...]
+    period: tuple[float, ...]
+    big: np.ndarray
+
+    @classmethod
+    def around(cls, setup: ContactSetup, position: np.ndarray) -> "Grid":
+        """Cells that two touching spheres never lie two apart in, about as many as spheres.
+
+        Raises ValueError for a periodic box smaller than a sphere.
+        """
+        d = setup.dimensions
+        period = np.array(setup.enclosure.period[:d], dtype=float)
+        diameter = 2 * np.asarray(setup.radius, dtype=float)
+        for k, p in enumerate(period):
+            if 0 < p < diameter.max():
+                axis = "xyz"[k]
+                raise ValueError(
+                    f"periodic box: its edge {p:g} along {axis} is less than a sphere's diameter, {diameter.max():g}"
+                )
+        low = np.where(period > 0, setup.enclosure.origin[:d], position.min(axis=0))
+        extent = np.where(period > 0, period, np.ptp(position, axis=0))
+        cut = _largest_in_cells(diameter, extent, period)
+        # A dilute gas has fewer contacts than crossings: a cell for each sphere is enough.
+        edge = max(cut * (1 + MARGIN), _edge_for_count(extent, setup.particle_count)) or 1.0
+        cells = np.maximum(np.floor(extent / edge), 1).astype(int)
+        edges = np.where(period > 0, extent / cells, np.maximum(extent / cells, edge))
+        big = np.flatnonzero(diameter > cut)
+        return cls(tuple(low.tolist()), tuple(edges.tolist()), tuple(cells.tolist()), tuple(period.tolist()), big)
+
+    def cell_of(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Cells of positions (n, dimensions), and how many turns around the torus they are away."""
+        steps = np.floor((position - np.array(self.low)) / np.array(self.edge)).astype(np.int64)
+        turns = np.floor_divide(steps, np.array(self.cells))
+        return (steps - turns * np.array(self.cells)).astype(np.int32), turns.astype(np.int32)
+
+    def order_of(self, cell: np.ndarray) -> np.ndarray:
+        """An order of cells (n, dimensions) in which neighbours in space are near, big spheres last: bits of the axes in turn.
+
+        Source: Morton, A computer oriented geodetic data base, IBM (1966).
+        """
+        key = np.zeros(len(cell), np.int64)
+        for bit in range(20):
+            for k in range(cell.shape[1]):
+                key |= ((cell[:, k].astype(np.int64) >> bit) & 1) << (bit * cell.shape[1] + k)
+        key[self.big] = np.iinfo(np.int64).max
+        return np.argsort(key, kind="stable")
+
+
+def _largest_in_cells(diameter: np.ndarray, extent: np.ndarray, period: np.ndarray) -> float:
+    """The diameter up to which spheres go into cells: what leaves the fewest spheres to look at, in cells or big ones."""
+    sizes = np.unique(diameter)
+    best, fewest = sizes[-1], np.inf
+    for cut in np.unique(sizes[np.linspace(0, len(sizes) - 1, CUTS).astype(int)]):
+        big = int((diameter > cut).sum())
+        filled = np.prod(
+            np.minimum(1.0, 3 * cut / np.where(extent > 0, extent, np.inf), where=extent > 0, out=np.ones(len(extent)))
+        )
+        seen = (len(diameter) - big) * filled + big
+        # The nearest image of a big one must stay the nearest as far as that matters, until one of the two has left its cell.
+        edge = max(cut * (1 + MARGIN), _edge_for_count(extent, len(diameter)))
+        clear = all(p == 0 or p / 2 - 4 * edge > sizes[-1] for p in period)
+        if seen < fewest and (big == 0 or clear):
+            best, fewest = cut, seen
+    return float(best)
+
+
+def _edge_for_count(extent: np.ndarray, count: int) -> float:
+    """Edge of cubes of which about `count` fill a box, whatever axes are thinner than the cubes."""
+    sizes = np.sort(extent[extent > 0])[::-1]
+    edge = 0.0
+    for used in range(1, len(sizes) + 1):
+        edge = float((np.prod(sizes[:used]) / count) ** (1 / used))
+        if used == len(sizes) or sizes[used] < edge:
+            break
+    return edge

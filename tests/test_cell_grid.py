@@ -1,0 +1,138 @@
+"""The cell grid finds exactly the pairs that brute force finds, each once, in an order that threads do not change."""
+
+import hashlib
+
+import numpy as np
+import pytest
+import taichi as ti
+
+from mpp_taichi import backends
+from mpp_taichi.neighbors.cell_grid import CellGrid
+
+
+@ti.data_oriented
+class Finder:
+    """All pairs that a grid shows."""
+
+    def __init__(self, position, reach, **where):
+        real = np.float32 if ti.lang.impl.current_cfg().default_fp == ti.f32 else np.float64
+        n, d = position.shape
+        self.count = n
+        self.position, self.reach = ti.Vector.field(d, float, shape=n), ti.field(float, shape=n)
+        self.capacity = 400 * n
+        self.pairs = ti.Vector.field(2, ti.i32, shape=self.capacity)
+        self.found = ti.field(ti.i32, shape=())
+        self.grid = CellGrid(n, d, **where)
+        self.position.from_numpy(position.astype(real))
+        self.reach.from_numpy(reach.astype(real))
+        self.grid.build(self.position, self.reach)
+
+    @ti.kernel
+    def _find_once(self):
+        self.found[None] = 0
+        for slot in range(self.count):
+            self.grid.visit_later(slot, self._note, 0.0, 0.0)
+
+    @ti.kernel
+    def _find_twice(self):
+        self.found[None] = 0
+        for slot in range(self.count):
+            self.grid.visit(slot, self._note, 0.0, 0.0)
+
+    @ti.func
+    def _note(self, slot, other, _, __):
+        k = ti.atomic_add(self.found[None], 1)
+        if k < self.capacity:
+            self.pairs[k] = ti.Vector([self.grid.order[slot], self.grid.order[other]])
+
+    def once(self):
+        self._find_once()
+        assert self.found[None] <= self.capacity
+        return sorted(map(tuple, np.sort(self.pairs.to_numpy()[: self.found[None]], axis=1).tolist()))
+
+    def twice(self):
+        self._find_twice()
+        assert self.found[None] <= self.capacity
+        return sorted(tuple(pair) for pair in self.pairs.to_numpy()[: self.found[None]].tolist() if pair[0] != pair[1])
+
+
+def brute_force(position, reach, period=None):
+    i, j = np.triu_indices(len(position), 1)
+    d = position[j] - position[i]
+    if period is not None:
+        edges = np.asarray(period)[: d.shape[1]]
+        wraps = edges > 0
+        d[:, wraps] -= edges[wraps] * np.round(d[:, wraps] / edges[wraps])
+    near = (d * d).sum(1) <= (reach[i] + reach[j]) ** 2
+    return list(zip(i[near].tolist(), j[near].tolist(), strict=True))
+
+
+def uniform(random, n, d, ratio):
+    """Reaches evenly spread in their logarithm, so that every level of the grid is in use; the largest a tenth of the box."""
+    return random.uniform(-3.0, 7.0, (n, d)), ratio ** random.uniform(-1.0, 0.0, n)
+
+
+def few_huge(random, n, d, ratio):
+    position, reach = random.uniform(0.0, 10.0, (n, d)), np.full(n, 3.0 / ratio)
+    reach[:3] = 3.0
+    return position, reach
+
+
+def cluster_far_from_one(random, n, d, ratio):
+    """A dense cluster, and one sphere so far away that a grid over both would be one cell for the cluster."""
+    position = random.normal(size=(n, d))
+    position[0] = 1e5
+    return position, np.full(n, 0.2) * ratio ** random.uniform(-0.2, 0.0, n)
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+@pytest.mark.parametrize("scene", [uniform, few_huge, cluster_far_from_one])
+def test_pairs_are_those_of_brute_force(scene, dimensions):
+    backends.start("cpu", "f64", threads=2)
+    position, reach = scene(np.random.default_rng(5), 700, dimensions, 1e4)
+    finder = Finder(position, reach)
+    expected = brute_force(position, reach)
+    assert len(expected) > 100
+    assert finder.once() == expected
+    assert finder.twice() == sorted(expected + [(j, i) for i, j in expected])
+
+
+@pytest.mark.parametrize("ratio", [1.0, 30.0, 1e4])
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_pairs_of_a_box_that_repeats(dimensions, ratio):
+    """Positions lie in several images of the box; one axis does not repeat. The largest reach is just below a quarter of a period."""
+    backends.start("cpu", "f64", threads=2)
+    random = np.random.default_rng(6)
+    position = random.uniform(-20.0, 30.0, (500, dimensions))
+    reach = (0.6 if ratio == 1.0 else 1.9) * ratio ** random.uniform(-1.0, 0.0, 500)
+    period = (8.0, 0.0, 9.0)
+    finder = Finder(position, reach, period=period, origin=(-1.0, 0.0, 2.0))
+    expected = brute_force(position, reach, period)
+    assert len(expected) > 100
+    assert finder.once() == expected
+
+
+@pytest.mark.parametrize(
+    "position",
+    [np.zeros((5, 3)), np.array([[1.0, 2.0, 3.0]]), np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.5, 0.0, 0.0]])],
+    ids=["one place", "one sphere", "one line"],
+)
+@pytest.mark.parametrize("reach", [0.0, 0.5])
+def test_degenerate_scenes(position, reach):
+    backends.start("cpu", "f64", threads=2)
+    reaches = np.full(len(position), reach)
+    assert Finder(position, reaches).once() == brute_force(position, reaches)
+
+
+def test_the_order_is_that_of_cell_and_index_whatever_the_threads():
+    random = np.random.default_rng(7)
+    position, reach = uniform(random, 5000, 3, 100.0)
+    hashes = set()
+    for threads in (1, 2, 4):
+        backends.start("cpu", "f64", threads=threads)
+        grid = Finder(position, reach).grid
+        order, key = grid.order.to_numpy(), grid.key.to_numpy()
+        assert (np.lexsort((np.arange(5000), key)) == order).all()
+        hashes.add(hashlib.sha256(order.tobytes() + grid.start.to_numpy()[: key.max() + 1].tobytes()).hexdigest())
+        backends.stop()
+    assert len(hashes) == 1
