@@ -288,3 +288,28 @@ def test_the_cell_grid_finds_the_same_groups_as_all_pairs(taichi):
     # The same groups at the same instants, with other roundings; nobody collides more than a few times.
     assert np.abs(place - other_place).max() < 1e-11 and np.abs(speed - other_speed).max() < 1e-11
     assert np.sum(other_speed**2) == pytest.approx(5.0, rel=1e-13)
+
+
+def test_inelastic_collapse_ends_in_contact_and_none_above_the_threshold_does(taichi):
+    """Two balls close in on one between them: below e = 7 − 4√3 = 0.0718 infinitely often in finite time."""
+    solver, spheres = bound(
+        Simultaneous(), setup_of(np.full(3, 0.5), dimensions=2, restitution=0.05), np.zeros((3, 2)), np.zeros((3, 2))
+    )
+    collisions = {}
+    for e in (0.05, 0.10):
+        solver.sweep.bounce.restitution.fill(e)
+        spheres.write([(0.0, 0.0), (1.3, 0.0), (2.7, 0.0)], [(1.0, 0.0), (0.0, 0.0), (-0.2, 0.0)])
+        solver.drift(spheres, 0.0, 10.0)
+        place, speed = spheres.read()
+        report = solver.collect()
+        assert report.unresolved == 0 and np.isfinite(place).all()
+        assert speed[:, 0].sum() == pytest.approx(0.8, rel=1e-14)
+        gaps = np.diff(place[:, 0]) - 1.0
+        collisions[e] = report.pair_count
+        if e == 0.05:
+            # They stay within the gap up to which spheres count as touching, ε^(2/3) of a reach of 1.
+            assert gaps.max() <= ROUND_OFF ** (2 / 3) and gaps.min() > -16 * ROUND_OFF
+            assert np.ptp(speed[:, 0]) < 1e-12
+        else:
+            assert gaps.min() > 1e-4
+    assert collisions[0.10] < 10 < collisions[0.05] < 100
