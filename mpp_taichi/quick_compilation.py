@@ -10,8 +10,8 @@ import taichi as ti
 def quick_compilation() -> Iterator[None]:
     """Compile the kernels first called inside without Taichi's own optimisation, and leave that to LLVM.
 
-    A whole implicit step or all of a contact solver in one kernel is long, and Taichi's passes over it take four to eight times as
-    long as everything else; they make it a third faster. Part of the key of Taichi's cache.
+    A whole implicit step or all of a contact solver in one kernel is long, and Taichi's passes over it take four to eight times
+    as long as all the rest; they make an implicit step a third faster, contacts not at all. Part of the key of Taichi's cache.
     """
     config = ti.lang.impl.current_cfg()
     before = config.opt_level

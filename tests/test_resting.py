@@ -207,7 +207,7 @@ def test_serial_and_parallel_agree(corner):
         each.place(place, [(0.0, -1.0 + 0.1 * k) for k in range(9)])
         each.run(30)
     difference = np.abs(corner.spheres.read()[0] - other.spheres.read()[0])[:9].max()
-    # The two stop after different numbers of iterations; an impact or two of each sphere enlarge that by a hundred at most each.
+    # The two stop after different numbers of iterations; an impact or two of each sphere enlarge that by a hundred each.
     assert difference < 1e4 * TOLERANCE
     first, second = corner.solver.collect(), other.solver.collect()
     assert (first.pair_count, first.wall_count) == (second.pair_count, second.wall_count) and second.pair_count > 0

@@ -8,6 +8,7 @@ from spheres import Spheres, bound, plane, setup_of
 
 from mpp_taichi import backends
 from mpp_taichi.contacts._contact_group import ContactGroup
+from mpp_taichi.contacts._group_sweep import GroupSweep
 from mpp_taichi.contacts._reflections import Reflections
 from mpp_taichi.contacts.simultaneous import Simultaneous
 from mpp_taichi.quick_compilation import quick_compilation
@@ -239,7 +240,9 @@ def test_a_break_stays_its_own_mirror_image_and_does_not_know_the_numbers(table)
     velocity = np.zeros((16, 2))
     velocity[0, 0] = 1.0
     after, speed, report = play(table, position, velocity, step=1.0, steps=30)
-    assert report.unresolved == 0 and report.pair_count > 28 and report.wall_count >= 8  # the break, and more after the cushions
+    assert (
+        report.unresolved == 0 and report.pair_count > 28 and report.wall_count >= 8
+    )  # the break, and more after the cushions
     mirror = after * [1.0, -1.0]
     assert max(np.abs(after - image).max(axis=1).min() for image in mirror) < 1e-12
     assert np.sum(speed**2) == pytest.approx(1.0, rel=1e-12)
@@ -261,3 +264,52 @@ def test_two_balls_meet_exactly_when_and_as_they_should(table):
     assert report.pair_count == 1 and report.largest_overlap < 8 * ROUND_OFF
     assert np.abs(speed[0] - expected).max() < 32 * ROUND_OFF
     assert np.abs(after[0] - ([-0.8, 0.0] + 1.8 * expected)).max() < 64 * ROUND_OFF
+
+
+def test_the_cell_grid_finds_the_same_groups_as_all_pairs(taichi):
+    """Two racks far apart, each with its ball, on the grid; the groups grow by the spheres that touch them."""
+    rack = [(np.sqrt(0.75) * c, r - c / 2) for c in range(4) for r in range(c + 1)]
+    position = np.array([(-2.0, 0.0), *rack])
+    position = np.vstack([position, position + [0.3, 20.0]])
+    velocity = np.zeros_like(position)
+    velocity[[0, 11], 0] = 1.0, 2.0
+    outcomes = []
+    for all_pairs in (True, False):
+        spheres = Spheres(position, velocity, 2)
+        sweep = GroupSweep(setup_of(np.full(22, 0.5), dimensions=2), spheres, event_limit=1000, all_pairs=all_pairs)
+        with quick_compilation():
+            for k in range(4):
+                sweep.drift(k * 1.0, 1.0)
+        outcomes.append((*spheres.read(), sweep.collect()))
+        sweep.destroy()
+    (place, speed, report), (other_place, other_speed, other_report) = outcomes
+    assert report.unresolved == other_report.unresolved == 0
+    assert report.pair_count == other_report.pair_count > 20
+    # The same groups at the same instants, with other roundings; nobody collides more than a few times.
+    assert np.abs(place - other_place).max() < 1e-11 and np.abs(speed - other_speed).max() < 1e-11
+    assert np.sum(other_speed**2) == pytest.approx(5.0, rel=1e-13)
+
+
+def test_inelastic_collapse_ends_in_contact_and_none_above_the_threshold_does(taichi):
+    """Two balls close in on one between them: below e = 7 − 4√3 = 0.0718 infinitely often in finite time."""
+    solver, spheres = bound(
+        Simultaneous(), setup_of(np.full(3, 0.5), dimensions=2, restitution=0.05), np.zeros((3, 2)), np.zeros((3, 2))
+    )
+    collisions = {}
+    for e in (0.05, 0.10):
+        solver.sweep.bounce.restitution.fill(e)
+        spheres.write([(0.0, 0.0), (1.3, 0.0), (2.7, 0.0)], [(1.0, 0.0), (0.0, 0.0), (-0.2, 0.0)])
+        solver.drift(spheres, 0.0, 10.0)
+        place, speed = spheres.read()
+        report = solver.collect()
+        assert report.unresolved == 0 and np.isfinite(place).all()
+        assert speed[:, 0].sum() == pytest.approx(0.8, rel=1e-14)
+        gaps = np.diff(place[:, 0]) - 1.0
+        collisions[e] = report.pair_count
+        if e == 0.05:
+            # They stay within the gap up to which spheres count as touching, ε^(2/3) of a reach of 1.
+            assert gaps.max() <= ROUND_OFF ** (2 / 3) and gaps.min() > -16 * ROUND_OFF
+            assert np.ptp(speed[:, 0]) < 1e-12
+        else:
+            assert gaps.min() > 1e-4
+    assert collisions[0.10] < 10 < collisions[0.05] < 100

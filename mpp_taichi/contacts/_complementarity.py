@@ -5,7 +5,6 @@ from typing import Any
 import taichi as ti
 
 from mpp_taichi.contacts._contact_rows import ContactRows
-from mpp_taichi.types import Template
 
 CHUNK = 256  # spheres whose terms one thread adds
 ITERATIONS = 50_000  # beyond which the contacts that are not solved are given up

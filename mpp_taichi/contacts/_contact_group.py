@@ -86,15 +86,15 @@ class ContactGroup:
         m = self.normal[d]
         result = ti.cast(0.0, float)
         i, j = self.first[c], self.second[c]
-        k, l = self.first[d], self.second[d]
-        if i == k:
+        other_i, other_j = self.first[d], self.second[d]
+        if i == other_i:
             result += n.dot(self.inverse_mass[i] * m)
-        if i == l:
+        if i == other_j:
             result -= n.dot(self.inverse_mass[i] * m)
         if j >= 0:
-            if j == k:
+            if j == other_i:
                 result -= n.dot(self.inverse_mass[j] * m)
-            if j == l:
+            if j == other_j:
                 result += n.dot(self.inverse_mass[j] * m)
         return result
 

@@ -50,7 +50,7 @@ class GroupSweep(Sweep):
     @ti.kernel
     def _play_islands(self, time: float, h: float) -> ti.types.vector(2, ti.i32):
         ti.loop_config(serialize=True)
-        for k in range(1):
+        for _ in range(1):
             self.islands.form()
         ti.loop_config(serialize=True)
         for k in range(self.islands.count[self.islands.PENDING]):

@@ -53,6 +53,12 @@ class RestingStep:
         for tree in self._trees:
             tree.destroy()
 
+    def forget(self) -> None:
+        """Know of no drift before."""
+        self.left.fill(0)
+        self.rows.start.fill(0)
+        self.rows.old_start.fill(0)
+
     @ti.func
     def measure(self, velocity: Template):
         """total[0] becomes (largest speed, largest change since the last drift)."""

@@ -14,21 +14,27 @@ from mpp_taichi.quick_compilation import quick_compilation
 SERIAL_COUNT = 512  # up to here one thread does a drift in one launch; more spheres are worth a launch for each loop
 
 
+def on_cpu() -> bool:
+    """Whether one thread is quick, and may loop as long as it likes."""
+    return ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
+
+
 @component
 class Resting(ContactSolver):
     """Impacts with restitution, and then no approach beyond a contact's gap: velocity-level complementarity, for piles.
 
     A drift by h first reflects what is hit faster than `resting_speed` within it, all such contacts together,
     v' = v + (1 + e) M⁻¹ Nᵀ λ with the λ ≥ 0 that would just end their approach. Then it finds the velocities closest to
-    these, in the metric of the kinetic energy, with 0 ≤ λ ⟂ gap/h + n·(v_i − v_j) ≥ 0 for everything near: what lies stays where
-    it is. Both are projections, which never add kinetic energy. Spheres move by h times these velocities, or those with an impact
-    by the old ones until it and the new ones from then on, again corrected so that at the end of the drift no two spheres overlap
-    by more than `tolerance` of the smaller radius. In one group of impacts with unlike restitutions the least holds for all.
+    these, in the metric of the kinetic energy, with 0 ≤ λ ⟂ gap/h + n·(v_i − v_j) ≥ 0 for everything near: what lies stays
+    where it is. Both are projections, which never add kinetic energy. Spheres move by h times these velocities, or those with
+    an impact by the old ones until it and the new ones from then on, again corrected so that at the end of the drift no two
+    spheres overlap by more than `tolerance` of the smaller radius. In one group of impacts with unlike restitutions the least
+    holds for all.
 
     First order in h: a shock passes through touching spheres in one projection (for a cradle take `simultaneous`), and the
     height of a bounce varies by about one step's fall. Elastic contacts never rest. Give the integrator steps in which spheres
-    move by less than a radius; a start that overlaps is pushed apart in one drift. With drifts on both sides of a kick (leapfrog),
-    velocities at the end of a step are those after the contacts, 0 for what rests.
+    move by less than a radius; a start that overlaps is pushed apart in one drift. With drifts on both sides of a kick
+    (leapfrog), velocities at the end of a step are those after the contacts, 0 for what rests.
     Sources: Moreau, in Nonsmooth Mechanics and Applications (1988) 1; Stewart & Trinkle, Int. J. Numer. Methods Eng. 39 (1996)
     2673.
     """
@@ -42,7 +48,12 @@ class Resting(ContactSolver):
         unit="length / time",
         help="slower approaches do not rebound; absent: four times what gravity gives in a drift",
     )
-    tolerance: float = param(1e-12, above=0.0, help="allowed overlap, or opening under load, relative to the smaller radius")
+    tolerance: float = param(
+        None,
+        optional=True,
+        above=0.0,
+        help="allowed overlap, or opening under load, relative to the smaller radius; absent: 1e-12, with many spheres 1e-10",
+    )
 
     drifts = True
 
@@ -51,19 +62,28 @@ class Resting(ContactSolver):
         self.setup = setup
         self.particle_count = setup.particle_count
         self.gravity = float(np.linalg.norm(setup.gravity))
-        single = ti.lang.impl.current_cfg().default_fp == ti.f32
-        # In f32 a radius itself is known to 1e-7, and a coordinate of a hundred radii to 1e-5 of one.
-        self.step = RestingStep(setup, max(self.tolerance, 1e-5) if single else self.tolerance, state.wide)
-        parallel = setup.particle_count > SERIAL_COUNT if parallel is None else parallel
+        if parallel is None:
+            parallel = setup.particle_count > SERIAL_COUNT or not on_cpu()
+        self.step = RestingStep(setup, self._tolerance(parallel), state.wide)
         self.plan: Any = ParallelPlan(self.step, setup, state) if parallel else SerialPlan(self.step)
         self.iterations = 0
         self._unresolved = 0
         self._kicked = False
 
+    def _tolerance(self, parallel: bool) -> float:
+        """As given; else tight where iterations cost nothing. In f32 a place a hundred radii away is known to 1e-5 of one."""
+        chosen = self.tolerance if self.tolerance is not None else 1e-10 if parallel else 1e-12
+        return max(chosen, 1e-5) if ti.lang.impl.current_cfg().default_fp == ti.f32 else chosen
+
     def destroy(self) -> None:
         """Give the memory back."""
         self.plan.destroy()
         self.step.destroy()
+
+    def prepare(self, time: float) -> None:
+        """Forget velocities and impulses of the last drift."""
+        self._kicked = False
+        self.step.forget()
 
     def drift(self, state: Any, time: float, h: float) -> None:
         """Move all spheres by h [time], with impacts and resting contacts."""

@@ -12,10 +12,10 @@ from mpp_taichi.quick_compilation import quick_compilation
 class Simultaneous(ContactSolver):
     """Straight flights from instant to instant of contact within a drift, and what touches then is resolved as a group.
 
-    Groups are resolved by generalized reflections (`_reflections.py`): independent of numbering, symmetric where the scene is,
-    energy kept where e = 1, and a row of touching balls passes on as many as come in. Two spheres that meet alone are treated as
-    `swept` treats them, at the exact time of contact. Not for piles: a group of more than 512 contacts that approach together is
-    given up, and spheres that rest on each other under gravity are better held by `resting`.
+    Groups are resolved by generalized reflections (`_reflections.py`): independent of numbering, symmetric where the scene
+    is, energy kept where e = 1, and a row of touching balls passes on as many as come in. Two spheres that meet alone are
+    treated as `swept` treats them, at the exact time of contact. Not for piles: a group of more than 512 contacts that approach
+    together is given up, and spheres that rest on each other under gravity are better held by `resting`.
     """
 
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
