@@ -64,7 +64,11 @@ class Flight:
         self.period = tuple(float(edge) for edge in setup.enclosure.period[: setup.dimensions])
         self.shortest_period = min((edge for edge in self.period if edge > 0.0), default=math.inf)
         radius = np.asarray(setup.radius, float)
-        self.mean_radius, self.least_radius, self.largest_radius = float(radius.mean()), float(radius.min()), float(radius.max())
+        self.mean_radius, self.least_radius, self.largest_radius = (
+            float(radius.mean()),
+            float(radius.min()),
+            float(radius.max()),
+        )
         largest_two = float(np.sort(radius)[-2:].sum())
         self.room = 0.5 * (self.shortest_period / 2.0 - largest_two)  # for a margin; beyond, another image may be nearer
         if not self.room > 0.0:
