@@ -121,11 +121,7 @@ class Stepper:
         return 1 + max(1, self.integrator.evaluations) * per_evaluation
 
     def _step_with_contacts(self, contacts: ContactSolver, time: float, dt: float) -> None:
-        """One step in which contacts are resolved: on the way of each drift, or after all of it."""
-        if not contacts.drifts:
-            self._advance_without(time, dt)
-            contacts.correct(self.state, time + dt)
-            return
+        """One step in which contacts are resolved on the way of each drift."""
         for k, (node, kick, drift) in enumerate(self.integrator.entries):
             if kick != 0.0 and self.total_force.forces:
                 if k > 0 and self.launches_stages:
@@ -133,15 +129,6 @@ class Stepper:
                 self._kick(time, dt, k, "launched" if self.launches_stages else self.plan)
             if drift != 0.0:
                 contacts.drift(self.state, time + node * dt, drift * dt)
-
-    def _advance_without(self, time: float, dt: float) -> None:
-        """One step that knows nothing of contacts."""
-        if self.plan == "serial":
-            self._advance_serial(time, dt, 1)
-        elif self.launches_stages:
-            self._launch_stages(time, dt)
-        else:
-            self._advance_parallel(time, dt)
 
     @ti.kernel
     def _kick(self, time: float, dt: float, k: Template, shape: Template):

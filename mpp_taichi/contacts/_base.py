@@ -13,9 +13,8 @@ __all__ = ["ContactReport", "ContactSetup"]
 class ContactSolver:
     """What every contact solver offers; it is bound to the spheres of a scene and to their fields.
 
-    drifts   moves the spheres itself, along straight ways, and resolves contacts on the way: `drift`
+    drifts   moves the spheres along straight ways, and resolves contacts on the way: `drift`
     flies    moves the spheres itself for any time, without steps: `advance`
-    Neither  corrects positions and velocities after a step: `correct`
     logs     notes every contact, to be taken by `take_log`; set before `bind`
     """
 
@@ -37,10 +36,6 @@ class ContactSolver:
 
     def advance(self, time: float, span: float) -> None:
         """Go on from `time` to time + span."""
-        raise NotImplementedError
-
-    def correct(self, state: Any, time: float) -> None:
-        """Resolve the contacts that there are at `time`."""
         raise NotImplementedError
 
     def collect(self) -> ContactReport:

@@ -34,8 +34,8 @@ class Spheres:
         self.contacts = ti.field(ti.i32)
         near = [self.position, self.velocity, self.clock, self.contacts]
         radius = np.asarray(setup.radius, dtype=float)
-        self.common_radius = float(radius[0]) if (radius == radius[0]).all() else None
-        self.has_common_radius = self.common_radius is not None
+        self.has_common_radius = bool((radius == radius[0]).all())
+        self.common_radius = float(radius[0])
         if not self.has_common_radius:
             self.own_radius = ti.field(float)
             near.append(self.own_radius)
@@ -44,8 +44,8 @@ class Spheres:
         self.last_partner, self.material = ti.field(ti.i32), ti.field(ti.i32)
         self.stalled, self.order = ti.field(ti.i32), ti.field(ti.i32)
         far = [self.last_contact, self.last_partner, self.material, self.stalled, self.order]
-        self.common_mass = tuple(map(float, inverse_mass[0])) if (inverse_mass == inverse_mass[0]).all() else None
-        self.has_common_mass = self.common_mass is not None
+        self.has_common_mass = bool((inverse_mass == inverse_mass[0]).all())
+        self.common_mass = tuple(map(float, inverse_mass[0]))
         if not self.has_common_mass:
             self.own_inverse_mass = ti.Vector.field(self.dimensions, float)
             far.append(self.own_inverse_mass)

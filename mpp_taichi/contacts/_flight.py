@@ -11,8 +11,10 @@ from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts._tally import CHUNKS, SMALLEST_BLOCK
 
 SLACK = 1.25  # margin over the way that a sphere of the same speed makes: contacts make some faster
-TRAVEL_PER_GAP = 0.15  # root mean square way in a piece, over the mean gap between spheres: a contact for one in four
-TRAVEL_PER_RADIUS = 0.02  # the same where they nearly touch
+TRAVEL_PER_GAP = 0.5  # root mean square way in a piece, at most, over the mean gap between spheres
+TRAVEL_PER_RADIUS = 0.25  # the same where they nearly touch
+LEAST_TRAVEL_PER_RADIUS = 0.02  # below this a piece is not cut because of its many contacts: they are there at any length
+CROWD = 0.3  # contacts per sphere, above which islands grow together and a piece is cut
 OUTLIER = 6.0  # root mean square speeds; margins of all spheres allow for that, faster ones have their own
 ROUNDINGS = 16  # of a coordinate, by which a pair must not be missed
 
@@ -36,6 +38,7 @@ class Piece:
     least_radius: float
     largest_radius: float
     speed: float
+    rms: float
     reference: float
     tries: int = 0
 
@@ -109,7 +112,7 @@ class Flight:
         is_ordinary = SLACK * speed * h <= 0.5 * max(spacing, self.mean_radius)
         reference = speed if is_ordinary else min(speed, OUTLIER * rms)
         size = max(np.abs(lower).max(), np.abs(upper).max())
-        piece = Piece(h, 0.0, 0.0, lower, upper, self.least_radius, self.largest_radius, speed, reference)
+        piece = Piece(h, 0.0, 0.0, lower, upper, self.least_radius, self.largest_radius, speed, rms, reference)
         return self._with_margins(piece, ROUNDINGS * self.epsilon * size)
 
     def _with_margins(self, piece: Piece, rounding: float) -> Piece:
@@ -131,6 +134,10 @@ class Flight:
             return self.shorten(piece)
         size = max(np.abs(piece.lower).max(), np.abs(piece.upper).max())
         return self._with_margins(replace(piece, tries=piece.tries + 1), ROUNDINGS * self.epsilon * size)
+
+    def is_crowded(self, piece: Piece, links: int) -> bool:
+        """Whether it has so many contacts that two halves cost less."""
+        return links > CROWD * self.particle_count and piece.rms * piece.h > LEAST_TRAVEL_PER_RADIUS * self.mean_radius
 
     @ti.func
     def begin(self, chunk):

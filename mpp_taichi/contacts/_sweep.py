@@ -133,7 +133,8 @@ class Sweep:
         for _ in range(TRIES):
             self.grid.build(self.state.position, self.flight.reach, piece.bounds)
             self._search(time, piece.h)
-            if self.islands.count[self.islands.LINKS] > self.islands.capacity:
+            links = self.islands.count[self.islands.LINKS]
+            if links > self.islands.capacity or self.flight.is_crowded(piece, links):
                 piece = self.flight.shorten(piece)
             elif self._play_until_nothing_joins(time, piece.h) == 0:
                 break

@@ -3,12 +3,12 @@
 from typing import Any
 
 from mpp_taichi.component import component, param
-from mpp_taichi.contacts._base import ContactReport, ContactSetup
+from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts._overlaps import Overlaps
 
 
 @component
-class Pairwise:
+class Pairwise(ContactSolver):
     """Spheres move through the whole step; those that then overlap get the impulse of Eq. 9 and are pushed apart (`_overlaps.py`).
 
     Approximate by construction: times and places of contacts are wrong by up to a step, several contacts in a step come in the
@@ -21,8 +21,11 @@ class Pairwise:
         0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off"
     )
 
+    drifts = True
+
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
+        self.setup = setup
         self.overlaps = Overlaps(setup, state)
 
     def drift(self, state: Any, time: float, h: float) -> None:

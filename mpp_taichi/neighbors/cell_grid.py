@@ -109,11 +109,9 @@ class CellGrid:
             level = Level.fitted(reach + slack, count, extent, self.repeats, BUCKETS_PER_SPHERE, offset)
             offset += level.buckets
             self._table.append(level)
-        names = ("offset", "mask", "buckets", "reach", "inverse", "cells", "strides")
         rows = np.zeros((MAXIMUM_LEVELS, 4 + 2 * self.dimensions + 2))
         for k, level in enumerate(self._table):
             rows[k] = [level.offset, level.mask, level.buckets, level.reach, *level.inverse, *level.cells, *level.strides]
-        del names
         self._store_levels(rows, len(self._table), np.asarray(corner, float), slack)
 
     @ti.kernel

@@ -81,12 +81,9 @@ def check_contacts(spec: SceneSpec, tree: Node, faults: Faults) -> None:
         return
     solver = spec.contacts.solver
     place, key = tree.value["contacts"].value["hard_spheres"].value["solver"].location, "contacts.hard_spheres.solver"
-    base = component.declaration("integrators", spec.integrator.name).base
     if solver.name == "event_driven":
         _check_free_flight(spec, place, key, faults)
-    elif solver.name == "pairwise" and base not in ("Splitting", "RungeKutta"):
-        faults.add(place, key, f"pairwise corrects positions after a step, which {spec.integrator.name} does not allow")
-    elif solver.name != "pairwise" and spec.integrator.name not in DRIFTING:
+    elif spec.integrator.name not in DRIFTING:
         goes = f"goes with the integrators {', '.join(DRIFTING)}"
         faults.add(
             place, key, f"{solver.name} resolves contacts on straight ways between kicks: it {goes}, not {spec.integrator.name}"
