@@ -100,7 +100,7 @@ def test_pairs_are_those_of_brute_force(scene, dimensions):
 @pytest.mark.parametrize("ratio", [1.0, 30.0, 1e4])
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_pairs_of_a_box_that_repeats(dimensions, ratio):
-    """Positions lie in several images of the box; one axis does not repeat. The largest reach is just below a quarter of a period."""
+    """Positions lie in several images of the box; one axis does not repeat. Twice the largest reach is below half a period."""
     backends.start("cpu", "f64", threads=2)
     random = np.random.default_rng(6)
     position = random.uniform(-20.0, 30.0, (500, dimensions))

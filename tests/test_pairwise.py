@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from spheres import Places, box, gas, largest_overlap, setup_of
+from sphere_gases import Places, box, gas, largest_overlap, setup_of
 
 from mpp_taichi import backends
 from mpp_taichi.contacts._overlaps import Overlaps

@@ -32,7 +32,7 @@ def swept(position, velocity, setup, h, *, steps=1, all_pairs=True, time=0.0):
 def pairs_that_hit(impact, seed=2):
     """Pairs of spheres far from each other, of all mass ratios, radii and directions, that meet with the given b / δ.
 
-    Returned with the velocities after the contact by Eq. 9, in 80-bit floats from the rounded start; u is the speed of approach.
+    Returned with the velocities after the contact by Eq. 9, in 80-bit floats from the rounded start.
     """
     random = np.random.default_rng(seed)
     count = len(impact)
@@ -64,9 +64,10 @@ def pairs_that_hit(impact, seed=2):
 
 @BOTH
 def test_two_spheres_at_any_angle_mass_and_radius(all_pairs):
-    """Eq. 9 at the exact time. Coordinates up to 60 round the separation by 60 ε √3 · 4, relative to δ ≥ 0.2 that turns n by 2100 ε,
+    """Eq. 9 at the exact time.
 
-    and 1 / √(1 − (b/δ)²) < 7.1 times that where the impact is oblique. The velocity turns twice as far, by at most 2·4 in size.
+    Coordinates up to 60 round the separation by 60 ε √3 · 4, which relative to δ ≥ 0.2 turns n by 2100 ε, and by
+    1 / √(1 − (b/δ)²) < 7.1 times that where the impact is oblique. The velocity turns twice as far, by at most 2·4 in size.
     """
     backends.start("cpu", "f64", threads=2)
     impact = np.random.default_rng(1).uniform(0.0, 0.99, 300)
@@ -78,7 +79,7 @@ def test_two_spheres_at_any_angle_mass_and_radius(all_pairs):
 
 @BOTH
 def test_grazing_contacts_are_told_from_misses(all_pairs):
-    """b = δ (1 ± 1e-9): a hit or not by the digits; a miss changes no bit, and a hit neither bounces twice nor changes the energy."""
+    """b = δ (1 ± 1e-9): a hit or not by the digits. A miss changes no bit; a hit bounces once and keeps the energy."""
     backends.start("cpu", "f64", threads=2)
     impact = np.where(np.arange(200) % 2 == 0, 1.0 - 1e-9, 1.0 + 1e-9)
     position, velocity, radius, _, _ = pairs_that_hit(impact)

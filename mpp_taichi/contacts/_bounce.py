@@ -1,7 +1,5 @@
 """What happens at one contact: time of contact of two spheres, impulse on two spheres or off a surface."""
 
-from typing import Any
-
 import numpy as np
 import taichi as ti
 

@@ -140,16 +140,6 @@ class Flight:
         return links > CROWD * self.particle_count and piece.rms * piece.h > LEAST_TRAVEL_PER_RADIUS * self.mean_radius
 
     @ti.func
-    def begin(self, chunk):
-        """First sphere of a chunk."""
-        return ti.cast(ti.cast(chunk, ti.i64) * self.particle_count // CHUNKS, ti.i32)
-
-    @ti.func
-    def margin(self, i):
-        """How far sphere i may get from its start."""
-        return self.reach[i] - self.radius[i]
-
-    @ti.func
     def remember(self, i, way):
         """Give sphere i a wider margin when the piece is done again."""
         self.remembered[i] = 2.0 * way
@@ -170,7 +160,7 @@ class Flight:
                 lower = ti.Vector([ti.math.inf] * self.dimensions, float)
                 upper = -lower
                 total, largest = 0.0, 0.0
-                for i in range(self.begin(chunk), self.begin(chunk + 1)):
+                for i in range(self._begin(chunk), self._begin(chunk + 1)):
                     x, v = self.state.position[i], self.state.velocity[i]
                     lower = ti.min(lower, x)
                     upper = ti.max(upper, x)
@@ -181,3 +171,8 @@ class Flight:
                     self.measured[chunk][self.dimensions + axis] = upper[axis]
                 self.measured[chunk][2 * self.dimensions] = total
                 self.measured[chunk][2 * self.dimensions + 1] = ti.sqrt(largest)
+
+    @ti.func
+    def _begin(self, chunk):
+        """First sphere of a chunk; 64 bits, because the product may not fit 32."""
+        return ti.cast(ti.cast(chunk, ti.i64) * self.particle_count // CHUNKS, ti.i32)

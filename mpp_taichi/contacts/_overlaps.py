@@ -1,4 +1,4 @@
-"""Move, find all pairs that overlap, let them bounce and push them apart, one after the other by number."""
+"""Find all pairs that overlap, let them bounce and push them apart, one after the other by number."""
 
 from typing import Any
 
@@ -60,26 +60,28 @@ class Overlaps:
 
     def drift(self, time: float, h: float) -> None:
         """Move all spheres by h along their velocities, then let those that overlap bounce."""
+        self._move(h)
+        self.correct(time + h)
+
+    def correct(self, time: float) -> None:
+        """Let those bounce that overlap at `time`."""
         if self.all_pairs:
-            self._drift_serial(time, h)
+            self._correct_serial(time)
         else:
-            self._move(h)
             self.grid.build(self.state.position, self.bounce.radius)
             self._find()
-            self._bounce_pairs()
-            self._bounce_walls(time + h)
+            self._bounce_pairs(time)
+            self._bounce_walls(time)
 
     @ti.kernel
-    def _drift_serial(self, time: float, h: float):
+    def _correct_serial(self, time: float):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            self.drift_serial(time, h)
+            self.correct_serial(time)
 
     @ti.func
-    def drift_serial(self, time, h):
+    def correct_serial(self, time):
         """The same inside a serialized loop of another kernel, where `all_pairs` is true."""
-        for i in range(self.particle_count):
-            self._fly(i, h)
         count = 0
         for i in range(self.particle_count):
             self.row[i] = count
@@ -91,20 +93,14 @@ class Overlaps:
                     else:
                         self.tally.give_up(1)
         self.row[self.particle_count] = count
-        self._work_off()
+        self._work_off(time)
         for i in range(self.particle_count):
-            self._bounce_off_walls(0, i, time + h)
-
-    @ti.func
-    def _fly(self, i, h):
-        self.state.position[i] = self.state.position[i] + self.state.velocity[i] * h
-        if ti.static(self.contact_time > 0.0):
-            self.last_contact[i] = self.last_contact[i] - h
+            self._bounce_off_walls(0, i, time)
 
     @ti.kernel
     def _move(self, h: float):
         for i in range(self.particle_count):
-            self._fly(i, h)
+            self.state.position[i] = self.state.position[i] + self.state.velocity[i] * h
 
     @ti.kernel
     def _find(self):
@@ -131,7 +127,7 @@ class Overlaps:
         return separation.dot(separation) < reach * reach
 
     @ti.kernel
-    def _bounce_pairs(self):
+    def _bounce_pairs(self, time: float):
         ti.loop_config(serialize=True)
         for _ in range(1):
             for i in range(self.particle_count):
@@ -143,7 +139,7 @@ class Overlaps:
             self.tally.give_up(ti.max(self.found_count[0] - self.capacity, 0))
             for i in range(self.particle_count):
                 self._sort_row(self.row[i], self.row[i + 1])
-            self._work_off()
+            self._work_off(time)
 
     @ti.func
     def _sort_row(self, begin, end):
@@ -156,13 +152,13 @@ class Overlaps:
             self.partner[hole] = j
 
     @ti.func
-    def _work_off(self):
+    def _work_off(self, time):
         for i in range(self.particle_count):
             for k in range(self.row[i], self.row[i + 1]):
-                self._bounce_pair(i, self.partner[k])
+                self._bounce_pair(i, self.partner[k], time)
 
     @ti.func
-    def _bounce_pair(self, i, j):
+    def _bounce_pair(self, i, j, time):
         separation = self.bounce.separation(self.state.position[i], self.state.position[j])
         distance = separation.norm()
         reach = self.bounce.radius[i] + self.bounce.radius[j]
@@ -175,7 +171,7 @@ class Overlaps:
             w_i, w_j = self.bounce.inverse_mass[i], self.bounce.inverse_mass[j]
             u = self.state.velocity[j] - self.state.velocity[i]
             if n.dot(u) < 0.0:
-                e, elastic = self._restitution(self.bounce.restitution_of(i, j), i, j)
+                e, elastic = self._restitution(self.bounce.restitution_of(i, j), i, j, time)
                 result = self.bounce.pair_impulse(i, j, n, u, e)
                 self.state.velocity[i] = self.state.velocity[i] - result[0] * (w_i * n)
                 self.state.velocity[j] = self.state.velocity[j] + result[0] * (w_j * n)
@@ -209,7 +205,7 @@ class Overlaps:
                 u = self.state.velocity[i] - _geometry.surface_velocity(self.bounce.surfaces[s], x)
                 yielding = (n * n).dot(w)
                 if n.dot(u) < 0.0 and yielding > 0.0:
-                    e, elastic = self._restitution(ti.static(self.bounce.surfaces[s].restitution), i, i)
+                    e, elastic = self._restitution(ti.static(self.bounce.surfaces[s].restitution), i, i, time)
                     result = self.bounce.wall_impulse(i, n, u, e)
                     self.state.velocity[i] = self.state.velocity[i] + result[0] * (w * n)
                     self.tally.begin(i)
@@ -219,14 +215,14 @@ class Overlaps:
                     self.state.position[i] = self.state.position[i] - (gap / yielding) * (w * n)
 
     @ti.func
-    def _restitution(self, nominal, i, j):
+    def _restitution(self, nominal, i, j, time):
         """E of a contact, 1 shortly after another (TC model), and whether that made it elastic."""
         e = ti.cast(nominal, float)
         elastic = 0
         if ti.static(self.contact_time > 0.0):
-            if -ti.max(self.last_contact[i], self.last_contact[j]) < self.contact_time and e < 1.0:
+            if time - ti.max(self.last_contact[i], self.last_contact[j]) < self.contact_time and e < 1.0:
                 e = 1.0
                 elastic = 1
-            self.last_contact[i] = 0.0
-            self.last_contact[j] = 0.0
+            self.last_contact[i] = time
+            self.last_contact[j] = time
         return e, elastic

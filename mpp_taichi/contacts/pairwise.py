@@ -9,11 +9,14 @@ from mpp_taichi.contacts._overlaps import Overlaps
 
 @component
 class Pairwise(ContactSolver):
-    """Spheres move through the whole step; those that then overlap get the impulse of Eq. 9 and are pushed apart (`_overlaps.py`).
+    """Spheres move through the whole step; those that then overlap get the impulse of Eq. 9 and are pushed apart.
 
-    Approximate by construction: times and places of contacts are wrong by up to a step, several contacts in a step come in the
-    order of numbers, and what moves farther than its size tunnels. The report says the largest overlap that was seen. Two slips of
-    the paper's text are corrected: the spheres are pushed apart, not alike, and by inverse mass, so that their centre of mass stays.
+    See `_overlaps.py` for the equations.
+
+    Approximate by construction: times and places of contacts are wrong by up to a step, several contacts in a step come
+    in the order of numbers, and what moves farther than its size tunnels. The report says the largest overlap that was seen.
+    Two slips of the paper's text are corrected: the spheres are pushed apart, not alike, and by inverse mass, so that their
+    centre of mass stays.
     """
 
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")

@@ -11,9 +11,9 @@ from mpp_taichi.contacts._sweep import Sweep
 class Swept(ContactSolver):
     """Straight flights from contact to contact within a drift, two spheres at a time (`_sweep.py`).
 
-    Equal to an event-driven run between kicks, to round-off, whatever the step. Contacts that coincide are resolved one after
-    the other, by time and then by number. Spheres at rest on each other under a steady force meet ever more often within a step:
-    with e < 1 give them a `contact_time`, or a run ends at `event_limit`.
+    Equal to an event-driven run between kicks, to round-off, whatever the step. Contacts that coincide are resolved one
+    after the other, by time and then by number. Spheres at rest on each other under a steady force meet ever more often
+    within a step: with e < 1 give them a `contact_time`, or a run ends at `event_limit`.
     """
 
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")

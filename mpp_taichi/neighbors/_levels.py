@@ -57,8 +57,8 @@ class Level:
 def choose_levels(bin_count: np.ndarray, largest: float) -> tuple[list[float], list[int], np.ndarray]:
     """Largest reach and number of spheres of each level, smallest first, and the level of each bin.
 
-    `bin_count[b]` spheres have reaches from b to b + 1 eighths of an octave below the largest. A level begins with a bin that is
-    not empty and takes in those down to half of it.
+    `bin_count[b]` spheres have reaches from b to b + 1 eighths of an octave below the largest. A level begins with a bin
+    that is not empty and takes in those down to half of it.
     """
     reaches: list[float] = []
     counts: list[int] = []

@@ -4,7 +4,7 @@ import numpy as np
 
 
 def fly(position, velocity, radius, mass, time, *, walls=(), period=None, restitution=1.0):
-    """Positions, velocities and contacts [(time, i, j or -1 - wall)] after `time`; walls are (axis, side, place), side ±1 inwards.
+    """Positions, velocities and contacts [(time, i, j or -1 - wall)] after `time`; walls are (axis, side ±1 inwards, place).
 
     Smooth spheres, n from i to j: u·n → −e u·n. In a box of `period` every image within two boxes is looked at.
     """
