@@ -52,8 +52,8 @@ class Simulation(Motion):
     `scene` is a path, a mapping of the shape of the YAML, or a SceneSpec; `overrides` are those of `--set`. `replica_starts`
     holds the starting snapshots of independent copies of the scene that run side by side, one thread each. `start` is a state
     of the same particles to go on from instead of the scene's own, with its time and step count. `force` runs a step that is
-    beyond what the springs allow, `event_log` lets event-driven contacts note every collision. Raises SceneError, BackendError or CapacityError before anything is allocated,
-    StabilityError when it is run.
+    beyond what the springs allow, `event_log` lets event-driven contacts note every collision. Raises SceneError, BackendError
+    or CapacityError before anything is allocated, StabilityError when it is run.
     """
 
     def __init__(

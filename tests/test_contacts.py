@@ -14,8 +14,9 @@ from mpp_taichi.scene.load import load_scene
 from mpp_taichi.walls._base import Enclosure
 
 SOLVERS = component.names("contacts")
-EXACT = [name for name in SOLVERS if name not in ("pairwise", "resting")]  # these meet at the end or the start of a step
-ELASTIC = [name for name in SOLVERS if name != "resting"]  # which keeps what lies at rest, and gains no energy, but may lose some
+# pairwise and resting take a contact at the end or the start of a step; resting gains no energy, but may lose some.
+EXACT = [name for name in SOLVERS if name not in ("pairwise", "resting")]
+ELASTIC = [name for name in SOLVERS if name != "resting"]
 UNIT = {"f32": 2.0**-24, "f64": 2.0**-53}
 
 
@@ -125,8 +126,8 @@ def test_nothing_leaves_a_box_at_any_speed(solver, speed):
         expected = lower + radius + np.where(phase < room, phase, 2 * room - phase)
         bounces = int(np.abs(np.floor(unfolded / room)).sum())
         assert run.contact_report.wall_count == bounces
-        # Each bounce and each step rounds a place of size ~3 and a time, that of the run or, in steps, that of the step; an error
-        # of time is one of place at that speed.
+        # Each bounce and each step rounds a place of size ~3 and a time, that of the run or of the step; an error of time is one
+        # of place at that speed.
         way = speed * (duration if solver == "event_driven" else run.dt)
         assert bounces > 2
         assert np.abs(after.position - expected).max() < 8 * UNIT["f64"] * (bounces + run.step_count) * (3 + way)
