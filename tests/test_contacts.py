@@ -126,8 +126,8 @@ def test_nothing_leaves_a_box_at_any_speed(solver, speed):
         expected = lower + radius + np.where(phase < room, phase, 2 * room - phase)
         bounces = int(np.abs(np.floor(unfolded / room)).sum())
         assert run.contact_report.wall_count == bounces
-        # Each bounce and each step rounds a place of size ~3 and a time, that of the run or of the step; an error of time is one
-        # of place at that speed.
+        # Each bounce and each step rounds a place of size ~3 and a time, of the run or of the step; an error of time is one of
+        # place at that speed.
         way = speed * (duration if solver == "event_driven" else run.dt)
         assert bounces > 2
         assert np.abs(after.position - expected).max() < 8 * UNIT["f64"] * (bounces + run.step_count) * (3 + way)
