@@ -133,6 +133,7 @@ def prepare(counts, dimensions, packing):
         row["contenders"]["ours"] = {"run": ours, "span": SAMPLE / rate, "wall": [], "cpu": [], "rate": []}
         try:
             other = Rebound(x, v, radius, side)
+            other.advance(WARM)
             span = max(min(SAMPLE / rate / 8, 4 * other.simulation.dt), other.simulation.dt)
             row["contenders"]["rebound"] = {"run": other, "span": span, "wall": [], "cpu": [], "rate": []}
         except ImportError:
