@@ -26,6 +26,7 @@ sys.path.insert(0, str(ROOT))  # so that it also runs from a checkout
 
 COUNTS = (1_000, 10_000, 100_000)
 SAMPLE = 40_000  # collisions
+WARM = 0.3  # time after which every sphere has had a few
 LEAST_PER_SECOND = 2e5
 MOST_GROWTH = 1.3
 # Of a radius, that a sphere of typical speed moves in one step of REBOUND.
@@ -128,11 +129,11 @@ def prepare(counts, dimensions, packing):
         x, v, radius, side = gas(count, dimensions, packing)
         row = {"count": len(x), "dimensions": dimensions, "radius": radius, "side": side, "contenders": {}}
         ours = Ours(x, v, radius, side)
-        warm = 20 * SAMPLE / len(x) / 1000  # of the time, a few collisions of each
-        rate = ours.advance(min(warm, 0.5)) / min(warm, 0.5)
+        rate = ours.advance(WARM) / WARM
         row["contenders"]["ours"] = {"run": ours, "span": SAMPLE / rate, "wall": [], "cpu": [], "rate": []}
         try:
             other = Rebound(x, v, radius, side)
+            other.advance(WARM)
             span = max(min(SAMPLE / rate / 8, 4 * other.simulation.dt), other.simulation.dt)
             row["contenders"]["rebound"] = {"run": other, "span": span, "wall": [], "cpu": [], "rate": []}
         except ImportError:
