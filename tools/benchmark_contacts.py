@@ -98,11 +98,13 @@ class Rebound:
         import rebound
 
         position, velocity, edge = scene
+        self.counted = 0
         self.simulation = rebound.Simulation()
         self.simulation.integrator = "leapfrog"
         self.simulation.gravity = "none"
         self.simulation.boundary = "periodic"
-        self.simulation.configure_box(edge)
+        self.simulation.root_size = edge
+        self.simulation.N_root_x = self.simulation.N_root_y = self.simulation.N_root_z = 1
         self.simulation.N_ghost_x = self.simulation.N_ghost_y = self.simulation.N_ghost_z = 1
         self.simulation.collision = collision
         self.simulation.collision_resolve = "hardsphere"
@@ -114,14 +116,15 @@ class Rebound:
 
     def step(self):
         """One step."""
-        self.simulation.step()
+        self.simulation.steps(1)
 
     def finish(self):
         """It returns when it is done."""
 
     def report(self):
         """Contacts since it was last asked, and what else is known of them."""
-        return {"contacts": int(self.simulation.collisions_log_n)}
+        counted, self.counted = self.counted, int(self.simulation.collisions_log_n)
+        return {"contacts": self.counted - counted}
 
     def destroy(self):
         """Give the memory back."""
