@@ -21,6 +21,7 @@ class ContactSetup:
     restitution    (m, m), symmetric: e of a contact between two materials, 0 … 1
     contact_time   t_c of the TC model [time]: a contact within it after the last one of either sphere is elastic; 0: off.
                    Source: Luding & McNamara, Granular Matter 1 (1998) 113.
+    names          what the scene calls the spheres, "" where it does not
     gravity        uniform acceleration (3,) that a free flight has [length / time²]; solvers that step ignore it
     """
 
@@ -32,6 +33,13 @@ class ContactSetup:
     contact_time: float = 0.0
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     enclosure: Enclosure = field(default_factory=Enclosure)
+    names: tuple[str, ...] = ()
+
+    def label(self, i: int) -> str:
+        """Sphere i as a message calls it; −1 − w is surface w."""
+        if i < 0:
+            return self.enclosure.surfaces[-1 - i].label
+        return f"particle {i} ({self.names[i]!r})" if i < len(self.names) and self.names[i] else f"particle {i}"
 
     @property
     def particle_count(self) -> int:
@@ -55,6 +63,7 @@ def contact_setup(spec: SceneSpec, particles: Snapshot) -> ContactSetup:
         contact_time=spec.contacts.solver.parameters["contact_time"],
         gravity=gravity,
         enclosure=enclosure_of(spec),
+        names=particles.name,
     )
 
 

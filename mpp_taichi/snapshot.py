@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import zipfile
 import zlib
 from dataclasses import dataclass, field, replace
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from mpp_taichi.errors import OutputError, StateError
+from mpp_taichi.whole_file import whole_file
 
 FORMAT_VERSION = 1
 _ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color", "free")
@@ -93,17 +93,8 @@ class Snapshot:
         arrays = {key: getattr(self, key) for key in _ARRAYS}
         arrays |= {f"spring_{key}": getattr(self.springs, key) for key in _SPRING_ARRAYS}
         meta = {"format": FORMAT_VERSION, "time": self.time, "step": self.step, "dt": self.dt}
-        temporary = path.with_name(path.name + ".part")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with open(temporary, "wb") as stream:
-                np.savez(stream, meta=json.dumps(meta), name=np.array(self.name, dtype=np.str_), **arrays)
-                stream.flush()
-                os.fsync(stream.fileno())
-            os.replace(temporary, path)
-        except OSError as error:
-            temporary.unlink(missing_ok=True)
-            raise OutputError(f"{path}: cannot write the snapshot: {error.strerror or error}") from error
+        with whole_file(path, "the snapshot", durable=True) as temporary:
+            np.savez(temporary, meta=json.dumps(meta), name=np.array(self.name, dtype=np.str_), **arrays)
 
     @staticmethod
     def load(path: str | Path) -> "Snapshot":

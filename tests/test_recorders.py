@@ -16,6 +16,7 @@ from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.watchdog import ENERGY_LIMIT, EnergyWatchdog
 from mpp_taichi.summary import Stopwatch
+from mpp_taichi.whole_file import whole_file
 from scenes import kepler
 
 
@@ -292,3 +293,19 @@ def test_return_error_is_the_largest_distance_at_the_end():
     for shift in (0.0, 5.0, 0.25):
         diagnostic.observe(shift, snapshot_at([[0, 0, 0], [1 + shift, 0, 0]], np.zeros((2, 3))))
     assert diagnostic.result() == 0.25
+
+
+def test_a_file_is_whole_or_not_there_and_a_folder_that_is_a_file_is_told_in_one_line(tmp_path):
+    target = tmp_path / "made" / "f.txt"
+    with whole_file(target, "the text") as temporary:
+        temporary.write_text("new")
+        assert not target.exists()
+    assert target.read_text() == "new" and list(target.parent.iterdir()) == [target]
+    with pytest.raises(OutputError, match=r"f\.txt: cannot write the text: "), whole_file(target, "the text") as temporary:
+        temporary.write_text("half")
+        raise OSError(28, "No space left on device")
+    assert target.read_text() == "new" and list(target.parent.iterdir()) == [target]
+    with Simulation(kepler(), backend="cpu") as simulation:
+        for save in (simulation.snapshot().save, TableRecorder(1).save):
+            with pytest.raises(OutputError, match="cannot write the"):
+                save(target / "below.npz")

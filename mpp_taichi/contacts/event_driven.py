@@ -27,8 +27,8 @@ RUNNING, ARRIVED, FULL, COLLAPSED = range(4)
 class EventDriven(ContactSolver):
     """Spheres fly freely, fall under uniform gravity, and bounce at the exact time of contact, one event after another.
 
-    Exact to round-off, whatever the density and speed; contacts of more than two spheres at once are taken pair by pair in
-    the order of their numbers. Serial. Where infinitely many contacts fall into a finite time (inelastic collapse) it stops
+    Exact to round-off, whatever the density and speed; contacts of more than two spheres at once are taken pair by pair, in
+    an order that depends on where they began. Serial. Where infinitely many contacts fall into a finite time (inelastic collapse) it stops
     with an error unless `contact_time` ends the cascade.
     Sources: Lubachevsky, J. Comput. Phys. 94 (1991) 255; Bannerman et al., Comput. Particle Mech. 1 (2014) 191; Luding and
     McNamara, Granular Matter 1 (1998) 113.
@@ -90,7 +90,7 @@ class EventDriven(ContactSolver):
             if status == FULL:
                 self.log.empty()
             if status == COLLAPSED:
-                a, b = (self._name(self.culprits[k]) for k in range(2))
+                a, b = (self.setup.label(self.culprits[k]) for k in range(2))
                 raise StabilityError(
                     f"inelastic collapse at time {self.event_time[None]:.9g}: {a} and {b} meet again and again while the time "
                     "no longer moves; give contacts a contact_time"
@@ -108,9 +108,6 @@ class EventDriven(ContactSolver):
     def destroy(self) -> None:
         """Give the memory back."""
         self._tree.destroy()
-
-    def _name(self, k: int) -> str:
-        return f"sphere {k}" if k >= 0 else self.setup.enclosure.surfaces[-1 - k].label
 
     @ti.kernel
     def _run(self, end: ti.f64, limit: ti.i32) -> ti.i32:

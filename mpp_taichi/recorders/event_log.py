@@ -1,15 +1,14 @@
 """Event log: every collision of a run, and the files they are written to."""
 
 import csv
-import os
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mpp_taichi.errors import OutputError
+from mpp_taichi.whole_file import whole_file
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
@@ -77,9 +76,7 @@ class EventLog:
         """
         if path.suffix.lower() not in FORMATS:
             raise OutputError(f"{path}: the event log's format {path.suffix!r} is none of {', '.join(FORMATS)}")
-        temporary = path.with_name(path.name + ".part")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path, "the event log") as temporary:
             if path.suffix.lower() == ".csv":
                 with open(temporary, "w", encoding="utf-8", newline="") as stream:
                     self._write(csv.writer(stream))
@@ -87,11 +84,6 @@ class EventLog:
                 found: dict[str, Any] = {**self.columns(), "surface": np.array(self.surfaces, dtype=np.str_)}
                 with open(temporary, "wb") as raw:
                     np.savez(raw, **found)
-            os.replace(temporary, path)
-        except OSError as error:
-            with suppress(OSError):  # the folder may be what is wrong
-                temporary.unlink(missing_ok=True)
-            raise OutputError(f"{path}: cannot write the event log: {error.strerror or error}") from error
 
     def _write(self, writer: Any) -> None:
         """One line a collision: j for two spheres, the surface's name for a bounce off it, the other stays empty."""

@@ -2,16 +2,15 @@
 
 import csv
 import math
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mpp_taichi.errors import OutputError
 from mpp_taichi.modes.frequency_meter import FrequencyMeter, Measured
 from mpp_taichi.modes.mode_set import ModeError, ModeSet, Reading, find_modes
 from mpp_taichi.scene.spec import ModesSpec
+from mpp_taichi.whole_file import whole_file
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
@@ -143,9 +142,7 @@ class ModeRecorder:
         Raises:
             OutputError: the file cannot be written.
         """
-        temporary = path.with_name(f"{path.stem}.part{path.suffix}")  # the suffix tells the format
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path, "the modes") as temporary:
             if path.suffix.lower() in PLOT_FORMATS:
                 from mpp_taichi.recorders._mode_plot import draw
 
@@ -160,10 +157,6 @@ class ModeRecorder:
                 found |= {"angular_frequency_theory": theory, "angular_frequency_measured": measured}
                 with open(temporary, "wb") as raw:
                     np.savez(raw, **found)
-            os.replace(temporary, path)
-        except OSError as error:
-            temporary.unlink(missing_ok=True)
-            raise OutputError(f"{path}: cannot write the modes: {error.strerror or error}") from error
 
     def _write_table(self, path: Path) -> None:
         """One line a sample; a column `amplitude_2_1` for the amplitude of mode (2, 1), and so on."""

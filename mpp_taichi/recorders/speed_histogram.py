@@ -1,8 +1,6 @@
 """Speed histogram: how the speeds of a gas are distributed, beside the curve of theory, and the files that is written to."""
 
 import csv
-import os
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +9,7 @@ import numpy as np
 from mpp_taichi.errors import OutputError
 from mpp_taichi.kinetic_theory import kolmogorov_smirnov
 from mpp_taichi.kinetic_theory.speeds import kinetic_temperature, speed_cumulative, speed_density, speed_scale
+from mpp_taichi.whole_file import whole_file
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
@@ -141,9 +140,7 @@ class SpeedHistogram:
         suffix = path.suffix.lower()
         if suffix not in FORMATS:
             raise OutputError(f"{path}: the histogram's format {path.suffix!r} is none of {', '.join(FORMATS)}")
-        temporary = path.with_name(f"{path.stem}.part{path.suffix}")  # the suffix tells the format
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path, "the histogram") as temporary:
             if suffix in PLOT_FORMATS:
                 from mpp_taichi.recorders._speed_plot import draw
 
@@ -154,11 +151,6 @@ class SpeedHistogram:
                 found: dict[str, Any] = {**self.columns(), "temperature": self.temperature, "distance": self.distance}
                 with open(temporary, "wb") as raw:
                     np.savez(raw, **found)
-            os.replace(temporary, path)
-        except OSError as error:
-            with suppress(OSError):  # the folder may be what is wrong
-                temporary.unlink(missing_ok=True)
-            raise OutputError(f"{path}: cannot write the histogram: {error.strerror or error}") from error
 
     def _write_table(self, path: Path) -> None:
         """One line a bin, its two edges first."""

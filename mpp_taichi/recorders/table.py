@@ -2,7 +2,6 @@
 
 import csv
 import math
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpp_taichi.errors import OutputError
+from mpp_taichi.whole_file import whole_file
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
@@ -172,19 +172,13 @@ class TableRecorder:
         """
         if path.suffix.lower() not in FORMATS:
             raise OutputError(f"{path}: the table format {path.suffix!r} is none of {', '.join(FORMATS)}")
-        temporary = path.with_name(path.name + ".part")
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path, "the table") as temporary:
             if path.suffix.lower() == ".csv":
                 with open(temporary, "w", encoding="utf-8", newline="") as stream:
                     csv.writer(stream).writerows(self._lines())
             else:
                 with open(temporary, "wb") as raw:
                     np.savez(raw, **self.columns())
-            os.replace(temporary, path)
-        except OSError as error:
-            temporary.unlink(missing_ok=True)
-            raise OutputError(f"{path}: cannot write the table: {error.strerror or error}") from error
 
     def _lines(self) -> list[Sequence[str]]:
         """Header and rows; numbers in their shortest exact spelling."""

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from mpp_taichi.errors import OutputError
+from mpp_taichi.whole_file import whole_file
 
 
 def save_picture(picture: np.ndarray, path: Path) -> None:
@@ -14,10 +14,5 @@ def save_picture(picture: np.ndarray, path: Path) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    temporary = path.with_name(path.name + ".part")
-    try:
+    with whole_file(path, "the picture") as temporary:
         Image.fromarray(picture).save(temporary, format="PNG", compress_level=3)
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise OutputError(f"{path}: cannot write the picture: {error.strerror or error}") from error

@@ -1,0 +1,32 @@
+"""A file that is written whole or not at all."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from mpp_taichi.errors import OutputError
+
+
+@contextmanager
+def whole_file(path: Path, what: str, *, durable: bool = False) -> Iterator[Path]:
+    """A temporary path beside `path`, of the same suffix, that takes its place when the block ends; folders are made.
+
+    An old file stays as it was until then, and nothing is left of a new one that fails. What is `durable` is on the disk before
+    it replaces an old file, even if the machine stops.
+
+    Raises:
+        OutputError: it cannot be written; says which file and `what` was to be in it.
+    """
+    temporary = path.with_name(f"{path.stem}.part{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
+        if durable:
+            with open(temporary, "rb+") as stream:
+                os.fsync(stream.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        with suppress(OSError):  # the folder may be what is wrong
+            temporary.unlink()
+        raise OutputError(f"{path}: cannot write {what}: {error.strerror or error}") from error
