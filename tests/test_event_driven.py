@@ -245,7 +245,7 @@ def three_balls(contact_time=0.0):
 def test_inelastic_collapse_is_named_and_the_contact_time_ends_it():
     """Above 7 − 4√3 three balls part after few contacts, below they never do (McNamara and Young, Phys. Fluids A 4, 1992)."""
     run = three_balls()
-    with pytest.raises(StabilityError, match=r"collapse.*sphere [345] and sphere [345].*contact_time"):
+    with pytest.raises(StabilityError, match=r"collapse.*particle [345] and particle [345].*contact_time"):
         run.to(10.0)
     assert run.solver.collect().unresolved == 1
     log = run.solver.take_log()

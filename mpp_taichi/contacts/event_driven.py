@@ -27,9 +27,9 @@ RUNNING, ARRIVED, FULL, COLLAPSED = range(4)
 class EventDriven(ContactSolver):
     """Spheres fly freely, fall under uniform gravity, and bounce at the exact time of contact, one event after another.
 
-    Exact to round-off, whatever the density and speed; contacts of more than two spheres at once are taken pair by pair, in
-    an order that depends on where they began. Serial. Where infinitely many contacts fall into a finite time (inelastic collapse) it stops
-    with an error unless `contact_time` ends the cascade.
+    Exact to round-off, whatever the density and speed; contacts of more than two spheres at once are taken pair by pair, in an
+    order that depends on where they began. Serial. Where infinitely many contacts fall into a finite time (inelastic collapse)
+    it stops with an error unless `contact_time` ends the cascade.
     Sources: Lubachevsky, J. Comput. Phys. 94 (1991) 255; Bannerman et al., Comput. Particle Mech. 1 (2014) 191; Luding and
     McNamara, Granular Matter 1 (1998) 113.
     """
