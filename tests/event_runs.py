@@ -50,7 +50,9 @@ class EventRun:
         self.state = SimpleNamespace(position=ti.Vector.field(d, float, n), velocity=ti.Vector.field(d, float, n), wide=ti.f64)
         self.real = np.float32 if precision == "f32" else np.float64
         self._write(position, velocity)
+        log_capacity = parameters.pop("log_capacity", 0)
         self.solver = EventDriven(**parameters)
+        self.solver.logs, self.solver.log_capacity = log_capacity > 0, log_capacity
         self.solver.bind(self.setup, self.state)
         self.start()
 

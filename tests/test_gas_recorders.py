@@ -163,11 +163,11 @@ def test_the_log_of_an_event_driven_run_is_its_count():
     described = {
         "dimensions": 2,
         "particles": balls,
-        "contacts": {"hard_spheres": {"solver": "event_driven", "log_capacity": 1}},
+        "contacts": {"hard_spheres": {"solver": "event_driven"}},
         "walls": [{"plane": {"point": [2, 0], "normal": [-1, 0]}}],
         "run": {"duration": 4, "every": 3},
     }
-    with Simulation(described, backend="cpu", precision="f64") as simulation:
+    with Simulation(described, backend="cpu", precision="f64", event_log=True) as simulation:
         log = EventLog([surface.label for surface in simulation.contacts.setup.enclosure.surfaces])
         simulation.run(recorders=[log])
         log.finish(simulation)

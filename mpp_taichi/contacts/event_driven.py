@@ -18,7 +18,6 @@ from mpp_taichi.errors import StabilityError
 
 # Events of one launch: a fraction of a second, after which Python may be interrupted.
 EVENTS_PER_LAUNCH = 200_000
-LOG_CAPACITY = 65_536  # contacts noted on the device before the host takes them
 RUNNING, ARRIVED, FULL, COLLAPSED = range(4)
 
 
@@ -38,9 +37,9 @@ class EventDriven(ContactSolver):
     contact_time: float = param(
         0.0, minimum=0.0, unit="time", help="a contact so soon after the last one of either sphere is elastic; 0: never"
     )
-    log_capacity: int = param(0, minimum=0, help="contacts kept on the device for the event log at a time; 0: no log")
 
     flies = True
+    log_capacity = 65_536  # contacts noted on the device before the host takes them
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Work on a state's `position` and `velocity`: vector fields of n entries. Raises ValueError for an impossible box."""
@@ -58,7 +57,7 @@ class EventDriven(ContactSolver):
         self.queue = EventQueue(self.count, builder, self.wide)
         self.prediction = Prediction(self.spheres, self.cells, self.queue, setup.enclosure.surfaces, builder)
         self.collision = Collision(setup, self.spheres, self.cells, builder)
-        self.log = EventLog(LOG_CAPACITY if self.logs else self.log_capacity, builder, self.wide)
+        self.log = EventLog(self.log_capacity if self.logs else 0, builder, self.wide)
         self.event_time = ti.field(self.wide)
         self.culprits = ti.field(ti.i32)
         builder.place(self.event_time)

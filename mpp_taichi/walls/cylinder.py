@@ -10,16 +10,16 @@ class Cylinder(Wall):
     """Infinite cylinder, particles inside it or outside; in the plane a circle."""
 
     point: Vector = param(unit="length", help="any point of the axis")
-    axis: Vector = param((0.0, 0.0, 1.0), help="direction of the axis, of any length; z in the plane")
+    axis: Vector = param(None, optional=True, help="direction of the axis, of any length; absent, and in the plane: z")
     radius: float = param(above=0.0, unit="length")
     inside: bool = param(True, help="whether the particles are inside")
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e of a bounce")
 
     def enclosure(self, dimensions: int, label: str) -> Enclosure:
         """One cylinder."""
-        axis = unit_vector(self.axis, "axis")
-        if dimensions == 2 and (axis[0] or axis[1]):
-            raise PlacementError("axis must be [0, 0, 1] in a scene of dimensions: 2")
+        if dimensions == 2 and self.axis is not None:
+            raise PlacementError("has an axis, but in a scene of dimensions: 2 it is a circle")
+        axis = unit_vector(self.axis or (0.0, 0.0, 1.0), "axis")
         surface = Surface(
             kind="cylinder",
             point=self.point,
