@@ -91,18 +91,21 @@ class CompiledPhase:
             work=work_fields,
             memory=self.integrator.memory,
         )
-        self.contacts = self._contacts(phase, event_log=event_log) if spec.contacts is not None else None
+        self.contacts = self._contacts(phase, device, event_log=event_log) if spec.contacts is not None else None
         self.stepper = Stepper(
             self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=device.on_cpu, contacts=self.contacts
         )
         self.energy_meter = EnergyMeter(self.state, self.total_force)
         self.launch_limit = self._steps_per_launch(device)
 
-    def _contacts(self, phase: Phase, *, event_log: bool) -> ContactSolver:
+    def _contacts(self, phase: Phase, device: Device, *, event_log: bool) -> ContactSolver:
         """The scene's contact solver, bound to the spheres as this phase has them."""
         spec = phase.spec
         if self.plan == "replicas":
             raise BackendError("the plan replicas has no contacts; run one copy of the scene")
+        if not device.on_cpu:
+            # Seen on software Vulkan: loops of a thread end in silence, and contacts with them.
+            raise BackendError(f"contacts run on the CPU only, not on {device.backend}; use --backend cpu")
         assert spec.contacts is not None
         solver = component.build("contacts", spec.contacts.solver.name, spec.contacts.solver.parameters)
         if event_log and not solver.flies:

@@ -82,7 +82,8 @@ class Simulation(Motion):
         work = max(
             plans.step_work(each.spec, each.particles.particle_count, len(each.particles.springs)) for each in self.phases
         )
-        super().__init__(backends.start(backend, precision, large=work >= GPU_WORTH_WORK, threads=threads))
+        large = work >= GPU_WORTH_WORK and all(phase.spec.contacts is None for phase in self.phases)  # those run on the CPU
+        super().__init__(backends.start(backend, precision, large=large, threads=threads))
         self._plan_asked, self.replica_starts, self._force = plan, tuple(replica_starts), force
         self._event_log = event_log
         self._compiled: dict[int, CompiledPhase] = {}

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mpp_taichi import SceneError, Simulation, component
+from mpp_taichi import BackendError, SceneError, Simulation, component
 from mpp_taichi.assemble import assemble
 from mpp_taichi.contact_setup import ContactSetup, contact_setup
 from mpp_taichi.overlaps import overlapping_pairs
@@ -213,6 +213,7 @@ FAULTS = [
         {"contacts": {"hard_spheres": {"solver": "swept", "pairs": [{"between": [0, "nobody"], "restitution": 0.5}]}}},
         "contacts.hard_spheres.pairs[0].between[1]: no particle is called 'nobody'",
     ),
+    ({"particles": [{"body": BALL | {"position": [0, 0, 0], "mass": 0.0}}]}, "must have one above 0 where particles touch"),
     ({"walls": [{"box": {"lower": [0, 0, 0], "upper": [1, 0, 1]}}]}, "walls[0].box: goes from 0 to 0 along y"),
     ({"walls": [{"plane": {"point": [0, 0, 0], "normal": [0, 0, 0]}}]}, "walls[0].plane: normal must not be [0, 0, 0]"),
     ({"walls": 2 * [{"periodic_box": {"lower": [-9, -9, -9], "upper": [9, 9, 9]}}]}, "there is a periodic_box already"),
@@ -227,6 +228,14 @@ def test_what_cannot_be_is_refused_in_one_line(change, message):
     with pytest.raises(SceneError) as caught:
         assemble(load_scene(scene))
     assert message in str(caught.value) and len(caught.value.faults) == 1
+
+
+def test_contacts_are_refused_where_they_would_be_wrong(software_vulkan):
+    scene = spheres([BALL | {"position": [0, 0, 0]}], solver="swept")
+    with pytest.raises(BackendError, match="contacts run on the CPU only, not on vulkan"):
+        Simulation(scene, backend="vulkan")
+    with Simulation(scene, backend="auto") as run:
+        assert run.device.on_cpu
 
 
 def test_event_driven_contacts_know_no_other_force_than_gravity():

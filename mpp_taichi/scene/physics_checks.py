@@ -68,6 +68,10 @@ def _masses(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iter
         yield _at(layout, index, "has no mass but a spring, must have a mass above 0 or be held fixed")
     for index in _first_of_each_entry(layout, massless & (snapshot.charge != 0.0) & ("coulomb" in forces)):
         yield _at(layout, index, "has a charge but no mass, must have a mass above 0 where coulomb acts")
+    if spec.contacts is not None:
+        for index in _first_of_each_entry(layout, (snapshot.mass <= 0.0) & np.any(snapshot.free, axis=1)):
+            yield _at(layout, index, f"has the mass {snapshot.mass[index]:g}, must have one above 0 where particles touch")
+        return
     others = sorted(forces - _PROPORTIONAL_TO_MASS - _NEEDS_NO_MASS_WITHOUT_CHARGE)
     for index in _first_of_each_entry(layout, massless & bool(others)):
         yield _at(layout, index, f"has no mass, must have one above 0 where {', '.join(others)} acts")
