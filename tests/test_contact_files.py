@@ -83,6 +83,13 @@ def test_a_collapse_ends_the_run_with_the_particles_named(scene, capsys):
     assert "inelastic collapse at time 0.1" in told and "('middle')" in told and "contact_time" in told
 
 
+def test_a_piston_that_crushes_its_gas_ends_the_run_instead_of_hanging(scene, capsys):
+    walls = [{"box": {"lower": [0, 0], "upper": [3, 2]}}, {"plane": {"point": [0, 2], "normal": [0, -1], "velocity": [0, -1]}}]
+    contacts = {"hard_spheres": {"solver": "event_driven", "event_limit": 100_000}}
+    assert main(["run", scene(walls=walls, contacts=contacts, run={"duration": 3}), "--headless", "--backend", "cpu"]) == 4
+    assert "spheres are crushed" in capsys.readouterr().err
+
+
 WALLS = [
     {"box": {"lower": [-1, -2, 0], "upper": [1, 1, 3]}},
     {"plane": {"point": [0, 0, -1], "normal": [0, 3, 4], "velocity": [0, 0.5, 0]}},

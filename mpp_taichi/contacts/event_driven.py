@@ -38,6 +38,7 @@ class EventDriven(ContactSolver):
     contact_time: float = param(
         0.0, minimum=0.0, unit="time", help="a contact so soon after the last one of either sphere is elastic; 0: never"
     )
+    event_limit: int = param(10_000_000, minimum=1, help="events between two looks, of each thousand spheres, that end the run")
 
     flies = True
     log_capacity = 65_536  # contacts noted on the device before the host takes them
@@ -81,11 +82,19 @@ class EventDriven(ContactSolver):
     def advance(self, time: float, span: float) -> None:
         """Deal with all events up to time + span, and put that moment into the state.
 
-        Raises StabilityError at an inelastic collapse. What comes after does not depend on when the state is looked at.
+        Raises StabilityError at an inelastic collapse, and where spheres are crushed: collisions without end. What comes after
+        does not depend on when the state is looked at.
         """
         end = time + span
-        status = RUNNING
+        status, most = RUNNING, self.event_limit * max(1.0, self.count / 1000)
+        launched = 0
         while status != ARRIVED:
+            if launched > most:
+                raise StabilityError(
+                    f"more than {launched:,} events from time {time:.9g} to {self.event_time[None]:.9g}, short of {end:.9g}: "
+                    "spheres are crushed, or the time between looks is long (integrator: {event_driven: {dt: …}})"
+                )
+            launched += EVENTS_PER_LAUNCH
             with quick_compilation():  # a sixth of the time, for a kernel that is 5 % slower
                 status = self._run(end, EVENTS_PER_LAUNCH)
             if status == FULL:
