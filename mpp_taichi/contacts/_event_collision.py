@@ -44,6 +44,10 @@ class Collision:
         real = np.float32 if self.table.dtype == ti.f32 else np.float64
         self.table.from_numpy(np.array(self.restitution, dtype=real))
 
+    def contacts(self) -> int:
+        """How many there were since `collect`."""
+        return int(self.pair_count[None]) + int(self.wall_count[None])
+
     def collect(self) -> ContactReport:
         """What was counted since this was last asked."""
         report = ContactReport(
