@@ -58,7 +58,7 @@ def test_pressure_and_collision_rate_are_those_of_theory(dimensions, packing):
 
 
 def figure_13(solver):
-    """SEED: 250 disks of radius 0.1 and speed 1 in a box of 7.5 × 5."""
+    """T. Müller, arXiv:1403.1695, Fig. 13: 250 disks of radius 0.1 and speed 1 in a box of 7.5 × 5."""
     box = {"lower": [0, 0], "upper": [7.5, 5]}
     scene = {
         "dimensions": 2,
