@@ -22,6 +22,8 @@ class GroupSweep(Sweep):
     stay one group until rounding has pulled them that far apart. Islands are played one after the other.
     """
 
+    plays_in_turn = True
+
     def __init__(self, setup: ContactSetup, state: Any, *, event_limit: int, all_pairs: bool | None = None) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
         Sweep.__init__(self, setup, state, event_limit=event_limit, all_pairs=all_pairs)
@@ -46,20 +48,6 @@ class GroupSweep(Sweep):
         self.group.destroy()
         self._group_tree.destroy()
         Sweep.destroy(self)
-
-    @ti.kernel
-    def _play_islands(self, time: float, h: float) -> ti.types.vector(2, ti.i32):
-        ti.loop_config(serialize=True)
-        for _ in range(1):
-            self.islands.form()
-        ti.loop_config(serialize=True)
-        for k in range(self.islands.count[self.islands.PENDING]):
-            self._play(self.islands.pending[k], time, h)
-        for k in range(self.islands.count[self.islands.INVOLVED]):
-            i = self.islands.involved[k]
-            if self.near[i] == 1:
-                self.grid.visit(i, self._see_other_island, h, h)
-        return ti.Vector([self.islands.count[self.islands.LINKS], self.violations[0]])
 
     @ti.func
     def resolve(self, root, i, partner, t, time):

@@ -17,7 +17,12 @@ TRIES = 64  # with wider margins, then with shorter pieces
 
 @ti.data_oriented
 class Sweep(IslandPlay):
-    """The spheres of a state, moved along their velocities from contact to contact; `resolve` may be overridden."""
+    """The spheres of a state, moved along their velocities from contact to contact; `resolve` may be overridden.
+
+    plays_in_turn   islands one after the other, for a `resolve` that has memory for one only
+    """
+
+    plays_in_turn = False
 
     # A drift -----------------------------------------------------------------------------------------------------------
 
@@ -132,6 +137,7 @@ class Sweep(IslandPlay):
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.islands.form()
+        ti.loop_config(serialize=self.plays_in_turn)
         for k in range(self.islands.count[self.islands.PENDING]):
             self._play(self.islands.pending[k], time, h)
         for k in range(self.islands.count[self.islands.INVOLVED]):

@@ -1,15 +1,12 @@
 """Time-stepped hard spheres; all contacts that touch at one instant are resolved together."""
 
-from typing import Any
-
 from mpp_taichi.component import component, param
-from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts._group_sweep import GroupSweep
-from mpp_taichi.quick_compilation import quick_compilation
+from mpp_taichi.contacts._sweep_solver import SweepSolver
 
 
 @component
-class Simultaneous(ContactSolver):
+class Simultaneous(SweepSolver):
     """Straight flights from instant to instant of contact within a drift, and what touches then is resolved as a group.
 
     Groups are resolved by generalized reflections (`_reflections.py`): independent of numbering, symmetric where the scene
@@ -26,22 +23,4 @@ class Simultaneous(ContactSolver):
         1_000_000, minimum=1, help="contacts of one connected group in a drift, beyond which it is given up"
     )
 
-    drifts = True
-
-    def bind(self, setup: ContactSetup, state: Any) -> None:
-        """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
-        self.setup = setup
-        self.sweep = GroupSweep(setup, state, event_limit=self.event_limit)
-
-    def drift(self, state: Any, time: float, h: float) -> None:
-        """Move all spheres by h [time] along their velocities, with the contacts on the way."""
-        with quick_compilation():
-            self.sweep.drift(time, h)
-
-    def collect(self) -> ContactReport:
-        """What was counted since it was last asked."""
-        return self.sweep.collect()
-
-    def destroy(self) -> None:
-        """Give the memory back."""
-        self.sweep.destroy()
+    sweep_kind = GroupSweep

@@ -1,14 +1,11 @@
 """Time-stepped hard spheres with every contact at its exact time: nothing tunnels at any speed."""
 
-from typing import Any
-
 from mpp_taichi.component import component, param
-from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
-from mpp_taichi.contacts._sweep import Sweep
+from mpp_taichi.contacts._sweep_solver import SweepSolver
 
 
 @component
-class Swept(ContactSolver):
+class Swept(SweepSolver):
     """Straight flights from contact to contact within a drift, two spheres at a time (`_sweep.py`).
 
     Equal to an event-driven run between kicks, to round-off, whatever the step. Contacts that coincide are resolved one
@@ -23,22 +20,3 @@ class Swept(ContactSolver):
     event_limit: int = param(
         1_000_000, minimum=1, help="contacts of one connected group in a drift, beyond which it is given up"
     )
-
-    drifts = True
-
-    def bind(self, setup: ContactSetup, state: Any) -> None:
-        """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
-        self.setup = setup
-        self.sweep = Sweep(setup, state, event_limit=self.event_limit)
-
-    def drift(self, state: Any, time: float, h: float) -> None:
-        """Move all spheres by h [time] along their velocities, with the contacts on the way."""
-        self.sweep.drift(time, h)
-
-    def collect(self) -> ContactReport:
-        """What was counted since it was last asked."""
-        return self.sweep.collect()
-
-    def destroy(self) -> None:
-        """Give the memory back."""
-        self.sweep.destroy()
