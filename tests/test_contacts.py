@@ -76,6 +76,44 @@ def test_two_spheres_leave_an_oblique_contact_as_the_formula_says(solver, precis
         assert np.abs(after.position - position).max() < tolerance * scale
 
 
+@pytest.mark.parametrize("precision", UNIT)
+@pytest.mark.parametrize("seed", range(3))
+def test_resting_spheres_leave_a_lone_contact_as_the_formula_says(seed, precision):
+    """Eq. 9 at the exact moment; the place is that of the exact path up to the end of the drift as well."""
+    bodies, e, velocity, position = oblique_pair(seed)
+    reach = bodies[0]["radius"] + bodies[1]["radius"]
+    approach = np.linalg.norm(velocity[0] - bodies[0]["velocity"])
+    tolerance = 8 * (10 + 60) * UNIT[precision] / min(1.0, approach) / min(1.0, reach)
+    scene = spheres(bodies, solver="resting", restitution=e, duration=0.6)
+    with Simulation(scene, backend="cpu", precision=precision) as run:
+        after = run.run().snapshot()
+        assert run.contact_report.pair_count == 1
+    scale = max(1.0, np.abs(velocity).max())
+    assert np.abs(after.velocity - velocity).max() < tolerance * scale
+    assert np.abs(after.position - position).max() < tolerance * scale
+
+
+@pytest.mark.parametrize("precision", UNIT)
+@pytest.mark.parametrize("seed", range(3))
+def test_pairwise_spheres_leave_a_contact_as_the_formula_says_for_where_it_is_noticed(seed, precision):
+    """Eq. 9 along the line of centres at the end of the step, whatever the angle, the masses and the radii."""
+    bodies, e, _, _ = oblique_pair(seed)
+    mass, radius = (np.array([body[key] for body in bodies]) for key in ("mass", "radius"))
+    start, velocity = (np.array([body[key] for body in bodies]) for key in ("position", "velocity"))
+    dt = 0.31  # the contact is at 0.3
+    d = (start[1] + dt * velocity[1]) - (start[0] + dt * velocity[0])
+    n = d / np.linalg.norm(d)
+    assert np.linalg.norm(d) < radius.sum() and n @ (velocity[1] - velocity[0]) < 0.0
+    impulse = (1.0 + e) * n.dot(velocity[0] - velocity[1]) / (1.0 / mass).sum()
+    expected = velocity + np.outer([-1.0, 1.0] * (impulse / mass), n)
+    scene = spheres(bodies, solver="pairwise", restitution=e, duration=dt, dt=dt) | {"integrator": {"symplectic_euler": {"dt": dt}}}
+    with Simulation(scene, backend="cpu", precision=precision) as run:
+        after = run.run().snapshot()
+    # A place of a few units is rounded some times, which turns the line of centres by that over its length.
+    tolerance = 16 * UNIT[precision] * np.abs(start).max(initial=1.0) / min(1.0, radius.sum())
+    assert np.abs(after.velocity - expected).max() < tolerance * max(1.0, np.abs(expected).max())
+
+
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_restitution_is_that_of_the_pair(solver):
     bodies = [

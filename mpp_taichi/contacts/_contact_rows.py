@@ -11,6 +11,7 @@ from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 from mpp_taichi.walls._roots import first_contact_curved
 
+ROUNDINGS = 16  # of a coordinate, by which an impact may seem later than it is
 ENTRIES_EACH = 40  # of a row, on average: room for all within half a radius of each other in a dense packing
 
 
@@ -36,6 +37,7 @@ class ContactRows:
         self.particle_count = n
         self.surfaces = setup.enclosure.surfaces
         self.period = setup.enclosure.period
+        self.epsilon = float(np.finfo(np.float32 if ti.lang.impl.current_cfg().default_fp == ti.f32 else np.float64).eps)
         self.capacity = (ENTRIES_EACH + len(self.surfaces)) * n
         builder = ti.FieldsBuilder()
         self.start, self.old_start, self.filled = (ti.field(ti.i32) for _ in range(3))
@@ -180,19 +182,24 @@ class ContactRows:
         u = self.velocity_of_other(state.velocity, c) - v  # of the other, seen from i
         limit = 0.0 if self.restitution_of(i, c) == 1.0 else resting_speed
         when = ti.cast(ti.math.inf, float)
+        # An impact that round-off puts just behind the drift would in part be taken for a contact that rests. A sum of both
+        # places, and so the same for both rows of a pair.
+        size = x.norm() + state.position[j if j >= 0 else i].norm()
+        horizon = h + ti.static(ROUNDINGS * self.epsilon) * size / u.norm()
         n = self.normal[c]
         if j >= 0:
             reach = self.radius[i] + self.radius[j]
-            when = first_contact_curved(separation, u, reach, False, h)
-            if when <= h:
+            when = first_contact_curved(separation, u, reach, False, horizon)
+            if when <= horizon:
                 place = separation + when * u
                 n = place * (-1.0 / place.norm())
         for s in ti.static(range(len(self.surfaces))):
             if j == -1 - s:
-                when = _geometry.time_of_contact(self.surfaces[s], x, v, self.radius[i], time, h)
-                if when <= h:
+                when = _geometry.time_of_contact(self.surfaces[s], x, v, self.radius[i], time, horizon)
+                if when <= horizon:
                     n = _geometry.normal(self.surfaces[s], x + when * v, time + when)
-        if when <= h and n.dot(u) > limit:
+        if when <= horizon and n.dot(u) > limit:
+            when = ti.min(when, h)
             self.impact[c] = 1
             self.when[c] = when
             self.normal[c] = n
