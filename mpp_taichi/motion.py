@@ -212,12 +212,18 @@ class Motion:
 
     @property
     def conserves_momentum(self) -> bool:
-        """Whether particles act on each other alone, along the line between them: momentum and angular momentum are to stay.
+        """Whether particles act on each other alone, along the line between them: momentum is to stay.
 
-        An external force changes both, and so does what holds a particle on an axis.
+        An external force changes it, and so does what holds a particle on an axis.
         """
         walls = self.contacts is not None and len(self.contacts.setup.enclosure.surfaces) > 0
         return not self.total_force.external and not self.state.has_fixed_axes and not walls
+
+    @property
+    def conserves_angular_momentum(self) -> bool:
+        """Whether that is to stay as well: what acts across the face of a periodic box acts along another line than that seen."""
+        periodic = self.contacts is not None and any(self.contacts.setup.enclosure.period)
+        return self.conserves_momentum and not periodic
 
     @property
     def gains_no_energy(self) -> bool:

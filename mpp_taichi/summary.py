@@ -101,6 +101,8 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         **contact_facts(simulation),
         "conserves_energy": simulation.conserves_energy and all(row["conserves_energy"] for row in table.rows),
         "conserves_momentum": simulation.conserves_momentum and all(row["conserves_momentum"] for row in table.rows),
+        "conserves_angular_momentum": simulation.conserves_angular_momentum
+        and all(row["conserves_momentum"] for row in table.rows),
         "phases": phase_facts(simulation),
         **(table.summary() if table.rows else {}),
         **damping_of_method(simulation, table),
@@ -240,7 +242,10 @@ def _errors(found: Mapping[str, Any]) -> str:
             energy += f", {found['conserved_energy_error_max']:.2g} where none does"
     if not found["conserves_momentum"]:
         return f"{energy}; momentum is not conserved: external forces, walls or held particles change it"
-    return f"{energy}, momentum {found['momentum_error_max']:.2g}, angular momentum {found['angular_momentum_error_max']:.2g}"
+    momentum = f"{energy}, momentum {found['momentum_error_max']:.2g}"
+    if not found["conserves_angular_momentum"]:
+        return f"{momentum}; angular momentum is not conserved in a periodic box"
+    return f"{momentum}, angular momentum {found['angular_momentum_error_max']:.2g}"
 
 
 def _balance(found: Mapping[str, Any]) -> str:
