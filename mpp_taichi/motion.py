@@ -164,6 +164,8 @@ class Motion:
         """Go back to it. What an implicit method remembers was saved; the force that others begin with is computed anew."""
         self.state.restore(saved[0])
         self._start_afresh()
+        if self.integrator.adaptive:
+            self._prepared = saved[1]
         if self.integrator.implicit:
             unsolved: Any = getattr(self.state, "unsolved")  # noqa: B009 — a work field, there by its name
             unsolved.fill(0)

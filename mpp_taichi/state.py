@@ -93,7 +93,7 @@ class State:
         for name in SPRING_QUANTITIES:
             if name in needs:
                 self._scalar(name, ti.i32 if host[name].dtype == np.int32 else float, max(len(host[name]), 1))
-        wide_names = [name for name, (kind, _) in work.items() if kind == "wide_pair"]
+        wide_names = [name for name, (kind, _) in work.items() if kind in ("wide", "wide_pair")]
         for name in work:
             if name not in wide_names:
                 self._work(name, *work[name], layout)
@@ -129,7 +129,7 @@ class State:
         self.quantities.append(name)
 
     def _work(self, name: str, kind: str, count: int, layout: Any) -> None:
-        """A field of an integrator, `count` for each replica: a vector, matrix, scalar or index, or two sums side by side."""
+        """A field of an integrator, `count` for each replica: a vector, matrix, scalar or index, a sum or two side by side."""
         count *= self.replica_count
         if kind == "vector" and count == self.total_count:
             setattr(self, name, self._vector(layout))
@@ -139,6 +139,7 @@ class State:
                 "matrix": lambda: ti.Matrix.field(self.dimensions, self.dimensions, float),
                 "scalar": lambda: ti.field(float),
                 "index": lambda: ti.field(ti.i32),
+                "wide": lambda: ti.field(self.wide),
                 "wide_pair": lambda: ti.Vector.field(2, self.wide),
             }[kind]()
             self._builder.dense(ti.i, max(count, 1)).place(made)

@@ -57,6 +57,8 @@ class Stepper:
                 self._prepare_replicas(force, time)
             if self.integrator.implicit:
                 self._start_implicit(force, time)
+        if self.integrator.adaptive:
+            self._begin_adaptive(time, self.integrator.dt)
         if self.contacts is not None:
             self.contacts.prepare(time)
 
@@ -77,6 +79,8 @@ class Stepper:
         elif self.contacts is not None:
             for s in range(steps):
                 self._step_with_contacts(self.contacts, time + s * dt, dt)
+        elif self.integrator.adaptive:
+            self._advance_adaptive(time + steps * dt)
         elif self.plan == "serial":
             self._advance_serial(time, dt, steps)
         elif self.plan == "replicas":
@@ -171,6 +175,21 @@ class Stepper:
                 first = q // self.grain * self.state.particle_count
                 for s in range(steps):
                     self.integrator.step(self.state, self.total_force, first, time + s * dt, dt, "serial")
+
+    @ti.kernel
+    def _begin_adaptive(self, time: ti.f64, dt: ti.f64):
+        for q in range(self.state.replica_count * self.grain):
+            if q % self.grain == 0:
+                first = q // self.grain * self.state.particle_count
+                self.integrator.begin(self.state, self.total_force, first, time, dt, "serial")
+
+    @ti.kernel
+    def _advance_adaptive(self, end: ti.f64):
+        for q in range(self.state.replica_count * self.grain):
+            if q % self.grain == 0:
+                first = q // self.grain * self.state.particle_count
+                self.integrator.advance_to(self.state, self.total_force, first, end, "serial")
+                self.integrator.show(self.state, self.total_force, first, end)
 
     def _launch_stages(self, time: float, dt: float) -> None:
         """The step's own stages and forces, each a launch."""

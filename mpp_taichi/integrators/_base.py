@@ -19,6 +19,7 @@ class Integrator:
     nodes            times, as parts of dt, at which a step wants the force
     keeps_force      a step uses, at its start, the force that the step before ended with
     implicit         a step solves equations (see _implicit.py)
+    adaptive         takes steps of its own choice (see _adaptive.py)
     memory           work fields that a step hands on to the next
 
     Subclasses may make any of them a property; here they must stay plain attributes, or Taichi would take these instead.
@@ -30,6 +31,7 @@ class Integrator:
     nodes: tuple = ()
     keeps_force = False
     implicit = False
+    adaptive = False
     memory: tuple = ()
 
     @property

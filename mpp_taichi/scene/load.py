@@ -1,6 +1,7 @@
 """Loading: from a file, a dict or a SceneSpec, with overrides, to a checked SceneSpec. Every fault of a scene at once."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -128,11 +129,11 @@ def _integrator(validated: Any, tree: Node, faults: Faults) -> ComponentSpec:
     else:
         faults.add(tree.location, "integrator", "missing key 'integrator' (the method that advances time)")
         return ComponentSpec("leapfrog", {"dt": 1.0}, tree.location)
-    if entry.name == "event_driven" and entry.parameters["dt"] is None:
+    if entry.parameters["dt"] is None:  # of methods without steps of their own it is the time between two looks
         if validated.run.duration is None:
-            faults.add(entry.location, "integrator.event_driven", "needs dt, the time between looks, or run.duration to divide")
-            return ComponentSpec("event_driven", {"dt": 1.0}, entry.location)
-        return ComponentSpec("event_driven", {"dt": validated.run.duration / contacts.LOOKS}, entry.location)
+            faults.add(entry.location, f"integrator.{entry.name}", "needs dt, the time between looks, or run.duration to divide")
+            return replace(entry, parameters={**entry.parameters, "dt": 1.0})
+        return replace(entry, parameters={**entry.parameters, "dt": validated.run.duration / contacts.LOOKS})
     return entry
 
 

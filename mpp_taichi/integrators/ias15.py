@@ -1,0 +1,316 @@
+"""Gauss–Radau of order 15 with a step of its own choice: to round-off, close encounters as well."""
+
+from math import comb
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.component import component, param
+from mpp_taichi.integrators._adaptive import Adaptive
+from mpp_taichi.integrators._radau import differences_of_powers, powers_of_differences, radau_nodes
+from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.types import Template
+
+NODES = radau_nodes(7)
+POWERS = powers_of_differences(NODES)
+DIFFERENCES = differences_of_powers(NODES)
+TERMS = 7
+ITERATIONS = 12  # of a step's equations at most; round-off ends them before
+LARGEST_CHANGE = 4.0  # of the length of a step from one to the next; one that had to be shorter than 1 / this is done again
+
+
+@component
+@ti.data_oriented
+class Ias15(Adaptive):
+    """Acceleration over a step as a polynomial through 8 Gauss–Radau nodes, found by iteration to round-off.
+
+        a(s) = a₀ + Σ b_k s^(k+1),  x(s) = x₀ + s h v₀ + (s h)² (a₀/2 + Σ b_k s^(k+1) / ((k+2)(k+3))),  s = 0 … 1
+
+    The next step is h τ (5040 ε)^(1/7), where τ is the time, in steps, in which the acceleration changes at the step's end:
+    τ² = min (|a| |a″| + |a′|²) / (|a′| |a‴| + |a″|²) over the particles, which is not zero where an acceleration alone is. Sums
+    of positions and velocities are compensated, so that the error of the energy grows like round-off, with the root of the
+    number of steps. Between the ends of steps the polynomial is as good as they are.
+    Sources: Everhart, IAU Colloq. 83 (1985) 185; Rein & Spiegel, Mon. Not. R. Astron. Soc. 446 (2015) 1424 (arXiv:1409.4779);
+    criterion: Aarseth, Gravitational N-Body Simulations (2003) eq. 2.13, scaled as by Pham, Rein & Spiegel, Open J. Astrophys. 7
+    (2024) (arXiv:2401.02849).
+    """
+
+    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between looks; absent: run.duration / 1000")
+    epsilon: float = param(1e-9, above=0.0, maximum=1e-2, help="ε of the step length: smaller takes shorter steps; 1e-9: round-off")
+
+    order = 15
+    memory = (
+        "clock", "tally", "start_position", "start_velocity", "start_acceleration", "position_rest", "velocity_rest",
+        *(f"b{k}" for k in range(TERMS)), *(f"e{k}" for k in range(TERMS)),
+    )  # fmt: skip
+
+    def scratch_count(self, velocity_dependent: bool) -> int:
+        """What it keeps has names of its own."""
+        return 0
+
+    def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
+        """Coefficients b, their predictions e and differences g, the true state with what rounding left over, and the clock."""
+        vectors = [name for name in self.memory if name not in ("clock", "tally")] + [f"g{k}" for k in range(TERMS)]
+        fields = {name: ("vector", start.particle_count) for name in vectors}
+        return {"clock": ("wide", self.CLOCK), "tally": ("index", self.TALLY), "measure": ("wide", 2), **fields}
+
+    # A run -------------------------------------------------------------------------------------------------------------
+
+    @ti.func
+    def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
+        """The first step is tried with the time between looks; the error control makes it as short as it has to be."""
+        r = first // total_force.particle_count
+        state.clock[self.CLOCK * r] = time
+        state.clock[self.CLOCK * r + 1] = 0.0
+        state.clock[self.CLOCK * r + 2] = dt
+        for c in ti.static(range(self.TALLY)):
+            state.tally[self.TALLY * r + c] = 0
+        zero = ti.Vector.zero(float, state.dimensions)
+        for i in range(first, first + total_force.particle_count):
+            state.start_position[i] = state.position[i]
+            state.start_velocity[i] = state.velocity[i]
+            state.position_rest[i] = zero
+            state.velocity_rest[i] = zero
+            for k in ti.static(range(TERMS)):
+                ti.static(self._named(state, "b", k))[i] = zero
+                ti.static(self._named(state, "e", k))[i] = zero
+
+    @ti.func
+    def advance_to(self, state: Template, total_force: Template, first, end: Template, shape: Template):
+        """Take steps until one ends at `end` or later."""
+        r = first // total_force.particle_count
+        while (
+            state.clock[self.CLOCK * r] + state.clock[self.CLOCK * r + 1] < end
+            and state.tally[self.TALLY * r + self.STALLED] == 0
+        ):
+            if state.clock[self.CLOCK * r + 1] > 0.0:
+                self._enter_next(state, total_force, first)
+            self._take_step(state, total_force, first, shape)
+
+    @ti.func
+    def show(self, state: Template, total_force: Template, first, time: Template):
+        """The step's polynomial at a time within it."""
+        r = first // total_force.particle_count
+        h = ti.cast(state.clock[self.CLOCK * r + 1], float)
+        s = ti.cast((time - state.clock[self.CLOCK * r]) / ti.max(state.clock[self.CLOCK * r + 1], 1e-300), float)
+        if h == 0.0:
+            s = 0.0
+        self._place(state, total_force, first, s, h, True)
+
+    @ti.func
+    def _take_step(self, state: Template, total_force: Template, first, shape: Template):
+        """From the start state, with `b` as predicted: iterate, judge, and leave the length of this step and the next."""
+        r = first // total_force.particle_count
+        begin = state.clock[self.CLOCK * r]
+        h = state.clock[self.CLOCK * r + 2]
+        for i in range(first, first + total_force.particle_count):
+            state.position[i] = state.start_position[i]
+            state.velocity[i] = state.start_velocity[i]
+        self._evaluate(state, total_force, first, begin, shape)
+        for i in range(first, first + total_force.particle_count):
+            state.start_acceleration[i] = self._found(state, total_force, first, i, begin)
+        trying = 1
+        while trying == 1:
+            self._differences(state, total_force, first)
+            self._iterate(state, total_force, first, begin, ti.cast(h, float), shape)
+            share = self._longest_share(state, total_force, first)
+            following = ti.min(h * share, h * LARGEST_CHANGE)
+            if begin + 1e-3 * following == begin:
+                state.tally[self.TALLY * r + self.STALLED] = 1
+                trying = 0
+            elif share < 1.0 / LARGEST_CHANGE:
+                state.tally[self.TALLY * r + self.REFUSED] += 1
+                self._rescale(state, total_force, first, ti.cast(following / h, float))
+                h = following
+            else:
+                trying = 0
+                state.tally[self.TALLY * r + self.STEPS] += 1
+                state.clock[self.CLOCK * r + 1] = h
+                state.clock[self.CLOCK * r + 2] = following
+
+    @ti.func
+    def _evaluate(self, state: Template, total_force: Template, first, time, shape: Template):
+        state.tally[self.TALLY * (first // total_force.particle_count) + self.EVALUATIONS] += 1
+        if ti.static(total_force.has_velocity_independent):
+            total_force.accumulate(state, first, ti.cast(time, float), shape)
+
+    @ti.func
+    def _found(self, state: Template, total_force: Template, first, i, time):
+        """Acceleration of a particle where the state now is."""
+        result = ti.Vector.zero(float, state.dimensions)
+        if ti.static(total_force.has_velocity_independent):
+            result += state.acceleration[i]
+        if ti.static(total_force.depends_on_velocity):
+            result += total_force.local_acceleration(state, first, i, ti.cast(time, float), True)
+        return result
+
+    # The equations of a step ---------------------------------------------------------------------------------------------
+
+    @staticmethod
+    def _named(state: Any, letter: str, k: int) -> Any:
+        return getattr(state, f"{letter}{k}")
+
+    @ti.func
+    def _differences(self, state: Template, total_force: Template, first):
+        """g from b: g_j = Σ_k≥j d_kj b_k."""
+        for i in range(first, first + total_force.particle_count):
+            for j in ti.static(range(TERMS)):
+                g = ti.Vector.zero(float, state.dimensions)
+                for k in ti.static(range(j, TERMS)):
+                    g += DIFFERENCES[k][j] * ti.static(self._named(state, "b", k))[i]
+                ti.static(self._named(state, "g", j))[i] = g
+
+    @ti.func
+    def _iterate(self, state: Template, total_force: Template, first, begin, h, shape: Template):
+        """Until the last coefficient no longer changes, against the largest acceleration, or no longer changes less."""
+        r = first // total_force.particle_count
+        before = ti.cast(2.0, state.wide)
+        going = 1
+        count = 0
+        while going == 1:
+            count += 1
+            for n in range(TERMS):
+                node = 0.0
+                for c in ti.static(range(TERMS)):
+                    if n == c:
+                        node = NODES[c]
+                self._place(state, total_force, first, node, h, total_force.depends_on_velocity)
+                now = begin + ti.cast(node * h, state.wide)
+                self._evaluate(state, total_force, first, now, shape)
+                state.measure[2 * r] = 0.0
+                state.measure[2 * r + 1] = 0.0
+                for i in range(first, first + total_force.particle_count):
+                    a = self._found(state, total_force, first, i, now)
+                    change = self._correct(state, i, a, n)
+                    if n == TERMS - 1:
+                        self._raise(state, 2 * r, change)
+                        self._raise(state, 2 * r + 1, a.norm())
+            error = state.measure[2 * r] / ti.max(state.measure[2 * r + 1], 1e-300)
+            if state.measure[2 * r] == 0.0 or error < 1e-16 or (count > 2 and error >= before) or count == ITERATIONS:
+                going = 0
+            before = error
+
+    @ti.func
+    def _raise(self, state: Template, place, value):
+        """A maximum has no order, so it may be taken by many threads; what is no number is kept as well."""
+        wide = ti.cast(value, state.wide)
+        if wide > state.measure[place] or ti.math.isnan(wide):
+            ti.atomic_max(state.measure[place], ti.select(ti.math.isnan(wide), ti.cast(ti.math.inf, state.wide), wide))
+
+    @ti.func
+    def _correct(self, state: Template, i, a, n):
+        """Make the polynomial go through acceleration a at node n; returns by how much its last coefficient changed."""
+        result = 0.0
+        quotient = a - state.start_acceleration[i]
+        for m in ti.static(range(TERMS)):
+            if n == m:
+                quotient *= ti.static(1.0 / NODES[m])
+                for j in ti.static(range(m)):
+                    quotient = (quotient - ti.static(self._named(state, "g", j))[i]) * ti.static(1.0 / (NODES[m] - NODES[j]))
+                change = quotient - ti.static(self._named(state, "g", m))[i]
+                ti.static(self._named(state, "g", m))[i] = quotient
+                for k in ti.static(range(m + 1)):
+                    ti.static(self._named(state, "b", k))[i] += POWERS[m][k] * change
+                if ti.static(m == TERMS - 1):
+                    result = change.norm()
+        return result
+
+    @ti.func
+    def _place(self, state: Template, total_force: Template, first, s, h, with_velocity: Template):
+        """Put the particles where the polynomial has them at s; the smallest terms are added first."""
+        way = s * h
+        for i in range(first, first + total_force.particle_count):
+            x = ti.Vector.zero(float, state.dimensions)
+            v = ti.Vector.zero(float, state.dimensions)
+            for back in ti.static(range(TERMS)):
+                k = ti.static(TERMS - 1 - back)
+                b = ti.static(self._named(state, "b", k))[i]
+                x = (x + ti.static(1.0 / ((k + 2) * (k + 3))) * b) * s
+                if ti.static(with_velocity):
+                    v = (v + ti.static(1.0 / (k + 2)) * b) * s
+            a = state.start_acceleration[i]
+            velocity = state.start_velocity[i]
+            x = (x + 0.5 * a) * way
+            state.position[i] = state.start_position[i] + ((x + velocity) * way - state.position_rest[i])
+            if ti.static(with_velocity):
+                state.velocity[i] = velocity + ((v + a) * way - state.velocity_rest[i])
+
+    # From step to step ---------------------------------------------------------------------------------------------------
+
+    @ti.func
+    def _longest_share(self, state: Template, total_force: Template, first):
+        """How much longer than this step the next may be; 0 where something is no number."""
+        r = first // total_force.particle_count
+        state.measure[2 * r] = -ti.cast(ti.math.inf, state.wide)
+        for i in range(first, first + total_force.particle_count):
+            a = state.start_acceleration[i]
+            first_slope = ti.Vector.zero(float, state.dimensions)
+            second, third = first_slope, first_slope
+            for k in ti.static(range(TERMS)):
+                b = ti.static(self._named(state, "b", k))[i]
+                a += b
+                first_slope += (k + 1.0) * b
+                second += (k + 1.0) * k * b
+                third += (k + 1.0) * k * (k - 1.0) * b
+            above = a.norm() * second.norm() + first_slope.norm_sqr()
+            below = first_slope.norm() * third.norm() + second.norm_sqr()
+            if below > 0.0 or ti.math.isnan(below):
+                slowness = ti.cast(above / below, state.wide)
+                ti.atomic_max(state.measure[2 * r], ti.select(ti.math.isnan(slowness), ti.cast(0.0, state.wide), -slowness))
+        result = ti.cast(LARGEST_CHANGE, state.wide)
+        if ti.math.isinf(state.measure[2 * r]) == 0:
+            result = ti.sqrt(-state.measure[2 * r]) * (5040.0 * self.epsilon) ** (1.0 / 7.0)
+        return result
+
+    @ti.func
+    def _rescale(self, state: Template, total_force: Template, first, share):
+        """The polynomial of a step that is shorter, from the same start; what is no number is forgotten."""
+        for i in range(first, first + total_force.particle_count):
+            power = share
+            for k in ti.static(range(TERMS)):
+                b = ti.static(self._named(state, "b", k))[i] * power
+                b = ti.select(ti.math.isnan(b.norm()), ti.Vector.zero(float, state.dimensions), b)
+                ti.static(self._named(state, "b", k))[i] = b
+                ti.static(self._named(state, "e", k))[i] = b
+                power *= share
+
+    @ti.func
+    def _enter_next(self, state: Template, total_force: Template, first):
+        """The end of this step is the start of the next, whose polynomial goes on as this one does, and errs as it did."""
+        r = first // total_force.particle_count
+        h = ti.cast(state.clock[self.CLOCK * r + 1], float)
+        share = ti.cast(state.clock[self.CLOCK * r + 2] / state.clock[self.CLOCK * r + 1], float)
+        for i in range(first, first + total_force.particle_count):
+            self._add_compensated(state, i, h)
+            power = share
+            for k in ti.static(range(TERMS)):
+                # Taylor's coefficients at s = 1: Σ_m≥k C(m + 1, k + 1) b_m, over the new step.
+                going_on = ti.Vector.zero(float, state.dimensions)
+                for back in ti.static(range(TERMS - k)):
+                    m = ti.static(TERMS - 1 - back)
+                    going_on += ti.static(float(comb(m + 1, k + 1))) * ti.static(self._named(state, "b", m))[i]
+                missed = ti.static(self._named(state, "b", k))[i] - ti.static(self._named(state, "e", k))[i]
+                ti.static(self._named(state, "e", k))[i] = power * going_on
+                ti.static(self._named(state, "b", k))[i] = power * going_on + missed
+                power *= share
+        state.clock[self.CLOCK * r] += state.clock[self.CLOCK * r + 1]
+
+    @ti.func
+    def _add_compensated(self, state: Template, i, h):
+        """Kahan's sum: what a sum was rounded off by is taken from the next change."""
+        x = ti.Vector.zero(float, state.dimensions)
+        v = ti.Vector.zero(float, state.dimensions)
+        for back in ti.static(range(TERMS)):
+            k = ti.static(TERMS - 1 - back)
+            b = ti.static(self._named(state, "b", k))[i]
+            x += ti.static(1.0 / ((k + 2) * (k + 3))) * b
+            v += ti.static(1.0 / (k + 2)) * b
+        a = state.start_acceleration[i]
+        change = h * (state.start_velocity[i] + h * (0.5 * a + x)) - state.position_rest[i]
+        summed = state.start_position[i] + change
+        state.position_rest[i] = (summed - state.start_position[i]) - change
+        state.start_position[i] = summed
+        push = h * (a + v) - state.velocity_rest[i]
+        faster = state.start_velocity[i] + push
+        state.velocity_rest[i] = (faster - state.start_velocity[i]) - push
+        state.start_velocity[i] = faster
