@@ -87,6 +87,10 @@ class Motion:
             if report.unsolved:
                 self._give_up(saved, report, dt)
             self.solver_report.add(report)
+        if self.integrator.adaptive and (stalled := self.stepper.stalled_particle()) >= 0:
+            raise postmortem.stalled(
+                self.snapshot(), stalled % self.state.particle_count, step=self.step_count, time=self.stepper.adaptive_time()
+            )
         if self.contacts is not None:
             self._count_contacts(self.contacts, saved)
         if particle >= 0:

@@ -67,6 +67,19 @@ def unsolved(before: Snapshot, particle: int, *, step: int, time: float) -> Stab
     return error
 
 
+def stalled(now: Snapshot, particle: int, *, step: int, time: float) -> StabilityError:
+    """The error for an adaptive method whose next step is below what the time can resolve; `now` is where it stands."""
+    message = f"step {step + 1}, after time {time:.9g}: the step that the error asks for is too short for the time to go on"
+    if now.particle_count > 1:
+        distance = np.linalg.norm(now.position - now.position[particle], axis=1)
+        distance[particle] = np.inf
+        other = int(np.argmin(distance))
+        message += f"; {label(now, particle)} and {label(now, other)} meet, {distance[other]:.3g} apart: give the force a softening"
+    error = StabilityError(message)
+    error.step, error.time, error.particle = step, time, particle
+    return error
+
+
 def diagnose(before: Snapshot, particle: int, *, step: int, time: float, pairs_singular: bool) -> StabilityError:
     """The error for a step that turned `particle` into NaN or infinity; `before` is the last finite state."""
     message = (

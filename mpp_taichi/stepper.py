@@ -68,7 +68,7 @@ class Stepper:
             self._advance(time, dt, steps, meter)
 
     def _advance(self, time: float, dt: float, steps: int, meter: Any) -> None:
-        if meter and meter.in_kernel:
+        if meter and meter.in_kernel and not self.integrator.adaptive:
             self._advance_metered(time, dt, steps, meter)
         elif meter:
             for s in range(steps):
@@ -240,6 +240,19 @@ class Stepper:
     def solver_report(self) -> SolverReport:
         """What the solver of an implicit step did since the last time it was asked."""
         return self.integrator.newton.collect(self.state)
+
+    def stalled_particle(self) -> int:
+        """Index of the most accelerated particle of a replica whose adaptive step has become too short, or −1."""
+        stalled = self.integrator.stalled_replicas(self.state)
+        if not len(stalled):
+            return -1
+        first = int(stalled[0]) * self.state.particle_count
+        size = np.linalg.norm(self.state.start_acceleration.to_numpy()[first : first + self.state.particle_count], axis=1)
+        return first + int(np.argmax(np.nan_to_num(size, nan=np.inf)))
+
+    def adaptive_time(self) -> float:
+        """End of the last step of an adaptive method, of the replica that is least far."""
+        return float(self.integrator.times(self.state).min())
 
     def least_solved_particle(self) -> int:
         """Index of the particle whose last update was the largest, over all replicas."""

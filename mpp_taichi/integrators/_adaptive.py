@@ -24,12 +24,29 @@ class Adaptive(Integrator):
     STEPS, REFUSED, EVALUATIONS, STALLED = range(4)
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
-        """The exact one: no step is too long, as `dt` is not the step. exp of [[0, 1], [−ω², −γ]] by its eigenvalues."""
+        """The exact one: no step is too long, as `dt` is not the step. exp of M = [[0, 1], [−ω², −γ]] by its eigenvalues λ, μ:
+
+        (e^λ (M − μ) − e^μ (M − λ)) / (λ − μ); where they are equal e^λ (1 + M − λ).
+        """
         matrix = np.array([[0.0, 1.0], [-(frequency**2), -damping]])
         root = np.emath.sqrt(damping**2 / 4 - frequency**2)
-        shifted = matrix + damping / 2 * np.eye(2)
-        ratio = np.sinh(root) / root if root != 0 else 1.0
-        return np.real(np.exp(-damping / 2) * (np.cosh(root) * np.eye(2) + ratio * shifted))
+        one, other = -damping / 2 + root, -damping / 2 - root
+        if abs(root) < 1e-8 * max(damping, 1e-300):
+            return np.real(np.exp(one) * (np.eye(2) + matrix - one * np.eye(2)))
+        return np.real((np.exp(one) * (matrix - other * np.eye(2)) - np.exp(other) * (matrix - one * np.eye(2))) / (2 * root))
+
+    def times(self, state: Any) -> np.ndarray:
+        """End of the last step [time], of each replica."""
+        clock = state.clock.to_numpy().reshape(-1, self.CLOCK)
+        return np.asarray(clock[:, 0] + clock[:, 1], dtype=float)
+
+    def counts(self, state: Any) -> np.ndarray:
+        """Steps taken, steps refused, evaluations and whether it stalled, (replicas, 4)."""
+        return np.asarray(state.tally.to_numpy().reshape(-1, self.TALLY))
+
+    def stalled_replicas(self, state: Any) -> np.ndarray:
+        """Numbers of the replicas whose step has become too short for their time."""
+        return np.flatnonzero(self.counts(state)[:, self.STALLED])
 
     @ti.func
     def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
