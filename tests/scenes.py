@@ -4,9 +4,12 @@ import math
 
 from mpp_taichi import component
 
-# Every method that advances by steps; event_driven flies from collision to collision and goes with contacts alone.
+# Every method that advances by steps of dt; event_driven flies from collision to collision and goes with contacts alone, and
+# adaptive methods choose their steps themselves.
 INTEGRATORS = [
-    name for name in component.names("integrators") if component.declaration("integrators", name).base != "Integrator"
+    name
+    for name in component.names("integrators")
+    if component.declaration("integrators", name).base not in ("Integrator", "Adaptive")
 ]
 
 

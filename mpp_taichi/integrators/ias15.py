@@ -16,6 +16,7 @@ POWERS = powers_of_differences(NODES)
 DIFFERENCES = differences_of_powers(NODES)
 TERMS = 7
 ITERATIONS = 12  # of a step's equations at most; round-off ends them before
+FIRST_SHARE = 0.01  # of the time in which the speed changes by as much as it is, for the first step
 LARGEST_CHANGE = 4.0  # of the length of a step from one to the next; one that had to be shorter than 1 / this is done again
 
 
@@ -62,13 +63,24 @@ class Ias15(Adaptive):
 
     @ti.func
     def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
-        """The first step is tried with the time between looks; the error control makes it as short as it has to be."""
+        """The first step is a small part of the time in which the acceleration would change the speed; it soon grows."""
         r = first // total_force.particle_count
-        state.clock[self.CLOCK * r] = time
-        state.clock[self.CLOCK * r + 1] = 0.0
-        state.clock[self.CLOCK * r + 2] = dt
         for c in ti.static(range(self.TALLY)):
             state.tally[self.TALLY * r + c] = 0
+        self._evaluate(state, total_force, first, time, shape)
+        fastest, most, widest = ti.cast(0.0, state.wide), ti.cast(0.0, state.wide), ti.cast(0.0, state.wide)
+        for i in range(first, first + total_force.particle_count):
+            fastest = ti.max(fastest, ti.cast(state.velocity[i].norm(), state.wide))
+            most = ti.max(most, ti.cast(self._found(state, total_force, first, i, time).norm(), state.wide))
+            widest = ti.max(widest, ti.cast((state.position[i] - state.position[first]).norm(), state.wide))
+        following = ti.cast(dt, state.wide)
+        if most > 0.0 and fastest > 0.0:
+            following = fastest / most
+        elif most > 0.0 and widest > 0.0:
+            following = ti.sqrt(widest / most)
+        state.clock[self.CLOCK * r] = time
+        state.clock[self.CLOCK * r + 1] = 0.0
+        state.clock[self.CLOCK * r + 2] = FIRST_SHARE * following
         zero = ti.Vector.zero(float, state.dimensions)
         for i in range(first, first + total_force.particle_count):
             state.start_position[i] = state.position[i]
