@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import plans
+from mpp_taichi.adaptive_summary import step_control, step_control_line
 from mpp_taichi.contact_summary import contact_facts, contact_line
 from mpp_taichi.modes.network_report import mode_lines, network_lines
 from mpp_taichi.numerical_damping import numerical_damping
@@ -72,7 +73,11 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
     timed_steps = simulation.step_count - simulation.start.step - len(phases)
     rate = timed_steps / simulation.advance_seconds if simulation.advance_seconds > 0.0 else None
     count = simulation.state.particle_count
-    pairs = count * (count - 1) * max(1, simulation.integrator.evaluations) if simulation.total_force.has_pairs else 0
+    control = step_control(simulation)
+    evaluations = float(max(1, simulation.integrator.evaluations))
+    if control:
+        evaluations = control["step_control"]["force_evaluations"] / simulation.step_count
+    pairs = count * (count - 1) * evaluations if simulation.total_force.has_pairs else 0
     return {
         "scene": spec.source,
         "title": spec.title,
@@ -98,6 +103,7 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "pair_interactions_per_second": rate * pairs if rate is not None and pairs else None,
         "launches_per_step": launches_per_step(simulation),
         **(_solver(simulation) if simulation.integrator.implicit else {}),
+        **control,
         **contact_facts(simulation),
         "conserves_energy": simulation.conserves_energy and all(row["conserves_energy"] for row in table.rows),
         "conserves_momentum": simulation.conserves_momentum and all(row["conserves_momentum"] for row in table.rows),
@@ -141,11 +147,12 @@ def phase_facts(simulation: "Simulation") -> list[dict[str, Any]]:
 def damping_of_method(simulation: "Simulation", table: "TableRecorder") -> dict[str, Any]:
     """What the method itself lost: measured where an energy balance is kept, or where no force accounts for a loss.
 
-    A symplectic method in a scene that conserves energy loses none in the long run, and is not asked.
+    A symplectic method in a scene that conserves energy loses none in the long run, and one that works to round-off loses none
+    that stands out; they are not asked.
     """
     balance = simulation.energy_balance
     closed = simulation.conserves_energy
-    if not table.rows or (closed and simulation.integrator.symplectic) or not (closed or balance is not None):
+    if not table.rows or simulation.integrator.adaptive or (closed and simulation.integrator.symplectic) or not (closed or balance is not None):
         return {}
     times = [row["time"] for row in table.rows]
     energies = [row["energy_balance_residual" if balance is not None else "total_energy"] for row in table.rows]
@@ -178,15 +185,17 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
     """The summary for a person."""
     springs = f", {found['spring_count']:,} springs" if found["spring_count"] else ""
     threads = f", {found['threads']} threads" if found["threads"] else ""
+    control = step_control_line(found)
     rows = [
         ("scene", f"{found['title'] or found['scene']}: {found['particle_count']:,} particles{springs}"),
         ("effects", ", ".join(found["effects"]) or "none: every particle moves on a straight line"),
-        ("method", f"{found['integrator']}, dt {found['dt']:.6g}, {found['precision']}"),
+        ("method", f"{found['integrator']}, dt {found['dt']:.6g}{' between looks' if control else ''}, {found['precision']}"),
         ("rewound", found.get("rewound", "")),
         ("device", f"{found['backend']}: {found['device']}{threads}"),
         ("plan", f"{found['plan']}: {found['plan_reason']}"),
         ("reached", f"t = {found['time']:.9g} in {found['steps']:,} steps{_rate(found)}"),
         *(("phase", _phase_line(phase)) for phase in found["phases"]),
+        ("control", control),
         ("solver", _solver_line(found)),
         ("contact", contact_line(found)),
         ("errors", _errors(found)),
