@@ -3,6 +3,7 @@
 from mpp_taichi.scene.contacts import check_contacts
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults
+from mpp_taichi.scene.integrator_checks import check_integrator
 from mpp_taichi.scene.spec import SceneSpec
 
 
@@ -12,6 +13,7 @@ def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     _check_camera(spec, tree, faults)
     _check_expect(spec, faults)
     check_contacts(spec, tree, faults)
+    check_integrator(spec, faults)
     names = [entry.name for entry in spec.forces]
     for number, entry in enumerate(spec.forces):
         if entry.name in names[:number]:

@@ -1,0 +1,142 @@
+"""Leapfrog with a step that follows the motion and can be run backwards."""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.component import component, param
+from mpp_taichi.integrators._adaptive import Adaptive
+from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.types import Template
+
+
+@component
+@ti.data_oriented
+class AdaptiveLeapfrog(Adaptive):
+    """Kick–drift–kick of length h = η/ρ, its density ρ carried along: ρ_n+½ = ρ_n−½ + η G_n, G = (3/2) U̇/U.
+
+    So ρ follows |U|^(3/2), U the potential energy of gravity: for two bodies h is in proportion to r^(3/2), the local period. At
+    the start ρ₀² = Σ m |a|² / |U|. G is known from what a step has anyway, U̇ = −Σ m a·v and U = E − K with E that of the
+    start, so the step costs no evaluation of its own; and it is odd in v, so that a run backwards takes the same steps, and
+    the energy error of an orbit stays bounded as with a fixed step. Between two steps frames are cubics through both. Second
+    order. Newtonian gravity only: its potential has one sign. One close pair of light bodies among heavy
+    ones does not show in U, and gets no step of its own.
+    Source: Hairer & Söderlind, SIAM J. Sci. Comput. 26 (2005) 1838.
+    """
+
+    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between looks; absent: run.duration / 1000")
+    step: float = param(0.02, above=0.0, maximum=1.0, help="η, the step in units of 1/ρ; a circular orbit has 2π/η steps")
+
+    order = 2
+    time_reversible = True
+    VECTORS = ("start_position", "start_velocity", "start_acceleration", "end_position", "end_velocity", "end_acceleration")
+    memory = ("clock", "tally", "density", *VECTORS)
+
+    def scratch_count(self, velocity_dependent: bool) -> int:
+        """What it keeps has names of its own."""
+        return 0
+
+    def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
+        """Both ends of the last step, the clock, and for each replica ρ and the energy E."""
+        vectors = {name: ("vector", start.particle_count) for name in self.VECTORS}
+        return {"clock": ("wide", self.CLOCK), "tally": ("index", self.TALLY), "density": ("wide", 2), **vectors}
+
+    @ti.func
+    def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
+        """Take the state as it is at `time`; the first half step of the density is an Euler step."""
+        r = first // total_force.particle_count
+        for c in ti.static(range(self.TALLY)):
+            state.tally[self.TALLY * r + c] = 0
+        self._evaluate(state, total_force, first, time, shape)
+        kinetic, potential, pull = ti.cast(0.0, state.wide), ti.cast(0.0, state.wide), ti.cast(0.0, state.wide)
+        for i in range(first, first + total_force.particle_count):
+            state.end_position[i] = state.position[i]
+            state.end_velocity[i] = state.velocity[i]
+            state.end_acceleration[i] = state.acceleration[i]
+            state.start_position[i] = state.position[i]
+            state.start_velocity[i] = state.velocity[i]
+            state.start_acceleration[i] = state.acceleration[i]
+            m = ti.cast(state.mass[i], state.wide)
+            kinetic += 0.5 * m * ti.cast(state.velocity[i].norm_sqr(), state.wide)
+            pull += m * ti.cast(state.acceleration[i].norm_sqr(), state.wide)
+            potential += total_force.potential_energy_of(state, first, i, ti.cast(time, float))
+        state.density[2 * r + 1] = kinetic + potential
+        density = ti.cast(1.0, state.wide)
+        if pull > 0.0 and potential < 0.0:
+            density = ti.sqrt(pull / -potential)
+        state.density[2 * r] = density - 0.5 * self.step * self._growth(state, total_force, first)
+        state.clock[self.CLOCK * r] = time
+        state.clock[self.CLOCK * r + 1] = 0.0
+
+    @ti.func
+    def advance_to(self, state: Template, total_force: Template, first, end: Template, shape: Template):
+        """Take steps until one ends at `end` or later."""
+        r = first // total_force.particle_count
+        while (
+            state.clock[self.CLOCK * r] + state.clock[self.CLOCK * r + 1] < end
+            and state.tally[self.TALLY * r + self.STALLED] == 0
+        ):
+            begin = state.clock[self.CLOCK * r] + state.clock[self.CLOCK * r + 1]
+            density = state.density[2 * r] + self.step * self._growth(state, total_force, first)
+            h = self.step / density
+            if not (density > 0.0 and begin + 1e-3 * h > begin):
+                state.tally[self.TALLY * r + self.STALLED] = 1
+            else:
+                state.density[2 * r] = density
+                state.clock[self.CLOCK * r], state.clock[self.CLOCK * r + 1] = begin, h
+                state.tally[self.TALLY * r + self.STEPS] += 1
+                self._take_step(state, total_force, first, begin, ti.cast(h, float), shape)
+
+    @ti.func
+    def show(self, state: Template, total_force: Template, first, time: Template):
+        """Cubics through both ends of the last step: of positions with velocities, of velocities with accelerations.
+
+        The two differ by the order of the method: a leapfrog's velocities are not quite the slopes of its positions, and the
+        slope of one interpolant would bend between two steps by more than the run's own error.
+        """
+        r = first // total_force.particle_count
+        length = state.clock[self.CLOCK * r + 1]
+        s = ti.cast((time - state.clock[self.CLOCK * r]) / length if length > 0.0 else 0.0, float)
+        h = ti.cast(length, float)
+        for i in range(first, first + total_force.particle_count):
+            v, end_v = state.start_velocity[i], state.end_velocity[i]
+            state.position[i] = self._cubic(state.start_position[i], state.end_position[i], h * v, h * end_v, s)
+            a, end_a = state.start_acceleration[i], state.end_acceleration[i]
+            state.velocity[i] = self._cubic(v, end_v, h * a, h * end_a, s)
+
+    @ti.func
+    def _cubic(self, start, end, slope, end_slope, s):
+        """Hermite's, at s of 0 … 1."""
+        way = end - start
+        return start + s * (slope + s * ((3.0 * way - 2.0 * slope - end_slope) + s * (slope + end_slope - 2.0 * way)))
+
+    @ti.func
+    def _take_step(self, state: Template, total_force: Template, first, begin, h, shape: Template):
+        for i in range(first, first + total_force.particle_count):
+            state.start_position[i] = state.end_position[i]
+            state.start_velocity[i] = state.end_velocity[i]
+            state.start_acceleration[i] = state.end_acceleration[i]
+            state.velocity[i] = state.end_velocity[i] + 0.5 * h * state.end_acceleration[i]
+            state.position[i] = state.end_position[i] + h * state.velocity[i]
+        self._evaluate(state, total_force, first, begin + h, shape)
+        for i in range(first, first + total_force.particle_count):
+            state.end_position[i] = state.position[i]
+            state.end_acceleration[i] = state.acceleration[i]
+            state.end_velocity[i] = state.velocity[i] + 0.5 * h * state.acceleration[i]
+
+    @ti.func
+    def _evaluate(self, state: Template, total_force: Template, first, time, shape: Template):
+        state.tally[self.TALLY * (first // total_force.particle_count) + self.EVALUATIONS] += 1
+        total_force.accumulate(state, first, ti.cast(time, float), shape)
+
+    @ti.func
+    def _growth(self, state: Template, total_force: Template, first):
+        """G at the end of the last step."""
+        r = first // total_force.particle_count
+        kinetic, power = ti.cast(0.0, state.wide), ti.cast(0.0, state.wide)
+        for i in range(first, first + total_force.particle_count):
+            m = ti.cast(state.mass[i], state.wide)
+            kinetic += 0.5 * m * ti.cast(state.end_velocity[i].norm_sqr(), state.wide)
+            power += m * ti.cast(state.end_acceleration[i].dot(state.end_velocity[i]), state.wide)
+        potential = state.density[2 * r + 1] - kinetic
+        return -1.5 * power / potential if potential < 0.0 else ti.cast(0.0, state.wide)
