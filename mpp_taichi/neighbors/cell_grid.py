@@ -80,20 +80,24 @@ class CellGrid:
 
     # Building ----------------------------------------------------------------------------------------------------------
 
-    def build(self, position: Any, reach: Any, bounds: Any = None) -> None:
-        """Sort the spheres. `bounds`: (lower, upper, least reach, largest reach), if known; else they are measured."""
+    def build(self, position: Any, reach: Any, bounds: Any = None, skin: float = 0.0) -> None:
+        """Sort the spheres, each with its reach and `skin` more.
+
+        `bounds`: (lower, upper, least reach, largest reach) without the skin, if known; else they are measured.
+        """
         lower, upper, least, largest = bounds or self.measure(position, reach)
+        least, largest = least + skin, largest + skin
         extent = np.where(self.repeats[: self.dimensions], self.period[: self.dimensions], upper - lower)
         corner = np.where(self.repeats[: self.dimensions], self.origin, lower)
         if 2.0 * least >= largest:
             reaches, counts = [largest], [self.particle_count]
         else:
-            self._count_bins(reach, largest)
+            self._count_bins(reach, skin, largest)
             reaches, counts, level_of_bin = choose_levels(self.bin_count.to_numpy(), largest)
             self.level_of_bin.from_numpy(level_of_bin)
         size = max(np.abs(corner).max(), np.abs(corner + extent).max(), np.abs(lower).max(), np.abs(upper).max())
         self._set_levels(reaches, counts, extent, corner, ROUNDINGS * self.epsilon * size)
-        self._sort(position, reach, largest, sum(level.buckets for level in self._table))
+        self._sort(position, reach, skin, largest, sum(level.buckets for level in self._table))
 
     def measure(self, position: Any, reach: Any) -> tuple[np.ndarray, np.ndarray, float, float]:
         """Bounding box, least and largest reach."""
@@ -151,16 +155,21 @@ class CellGrid:
                 self.bounds[chunk][2 * self.dimensions + 1] = largest
 
     @ti.func
+    def begin_of(self, chunk):
+        """First slot of a chunk."""
+        return self._begin(chunk, CHUNKS)
+
+    @ti.func
     def _begin(self, part, parts):
         """First of the spheres of a part; 64 bits, because the product may not fit 32."""
         return ti.cast(ti.cast(part, ti.i64) * self.particle_count // parts, ti.i32)
 
     @ti.kernel
-    def _count_bins(self, reach: Template, largest: float):
+    def _count_bins(self, reach: Template, skin: float, largest: float):
         for b in self.bin_count:
             self.bin_count[b] = 0
         for i in range(self.particle_count):
-            ti.atomic_add(self.bin_count[self._bin(reach[i], largest)], 1)  # whole numbers: their sum has no order
+            ti.atomic_add(self.bin_count[self._bin(reach[i] + skin, largest)], 1)  # whole numbers: their sum has no order
 
     @ti.func
     def _bin(self, reach, largest):
@@ -171,7 +180,7 @@ class CellGrid:
         return ti.cast(ti.max(below, 0.0), ti.i32)
 
     @ti.kernel
-    def _sort(self, position: Template, reach: Template, largest: float, buckets: ti.i32):
+    def _sort(self, position: Template, reach: Template, skin: float, largest: float, buckets: ti.i32):
         for k in range(buckets * self.sorter_count):
             self.tally[k] = 0
         # Each sorter takes a run of spheres, so that within a bucket spheres stay in the order of their index.
@@ -181,7 +190,7 @@ class CellGrid:
                 for i in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
                     level = 0
                     if self.level_count[0] > 1:
-                        level = self.level_of_bin[self._bin(reach[i], largest)]
+                        level = self.level_of_bin[self._bin(reach[i] + skin, largest)]
                     bucket = self._bucket(self._cell(self._inside(position[i]), level), level)
                     self.key[i] = bucket
                     self.tally[sorter * buckets + bucket] = self.tally[sorter * buckets + bucket] + 1
@@ -222,7 +231,7 @@ class CellGrid:
         for slot in range(self.particle_count):
             i = self.order[slot]
             self.sorted_position[slot] = self._inside(position[i])
-            self.sorted_reach[slot] = reach[i]
+            self.sorted_reach[slot] = reach[i] + skin
 
     @ti.func
     def _part(self, part, buckets):
