@@ -95,7 +95,7 @@ class IslandPlay:
 
     @ti.func
     def visit(self, k, task: Template, first, second):
-        """task(k, other slot, first, second) for each candidate partner; kernels are compiled anew where `is_listed` changes."""
+        """task(k, other slot, first, second) for each candidate partner; kernels that look are compiled per `is_listed`."""
         if ti.static(self.is_listed):
             self.partners.visit(k, task, first, second)
         else:
