@@ -8,13 +8,14 @@ import taichi as ti
 
 from mpp_taichi import backends
 from mpp_taichi.neighbors.cell_grid import CellGrid
+from mpp_taichi.neighbors.partner_list import PARTNERS_PER_SPHERE, PartnerList
 
 
 @ti.data_oriented
 class Finder:
     """All pairs that a grid shows."""
 
-    def __init__(self, position, reach, **where):
+    def __init__(self, position, reach, skin=0.0, **where):
         real = np.float32 if ti.lang.impl.current_cfg().default_fp == ti.f32 else np.float64
         n, d = position.shape
         self.count = n
@@ -23,21 +24,22 @@ class Finder:
         self.pairs = ti.Vector.field(2, ti.i32, shape=self.capacity)
         self.found = ti.field(ti.i32, shape=())
         self.grid = CellGrid(n, d, **where)
+        self.partners = PartnerList(self.grid)
         self.position.from_numpy(position.astype(real))
         self.reach.from_numpy(reach.astype(real))
-        self.grid.build(self.position, self.reach)
+        self.grid.build(self.position, self.reach, skin=skin)
 
     @ti.kernel
-    def _find_once(self):
+    def _find_once(self, where: ti.template()):
         self.found[None] = 0
         for slot in range(self.count):
-            self.grid.visit_later(slot, self._note, 0.0, 0.0)
+            where.visit_later(slot, self._note, 0.0, 0.0)
 
     @ti.kernel
-    def _find_twice(self):
+    def _find_twice(self, where: ti.template()):
         self.found[None] = 0
         for slot in range(self.count):
-            self.grid.visit(slot, self._note, 0.0, 0.0)
+            where.visit(slot, self._note, 0.0, 0.0)
 
     @ti.func
     def _note(self, slot, other, _, __):
@@ -45,13 +47,13 @@ class Finder:
         if k < self.capacity:
             self.pairs[k] = ti.Vector([self.grid.order[slot], self.grid.order[other]])
 
-    def once(self):
-        self._find_once()
+    def once(self, where=None):
+        self._find_once(where or self.grid)
         assert self.found[None] <= self.capacity
         return sorted(map(tuple, np.sort(self.pairs.to_numpy()[: self.found[None]], axis=1).tolist()))
 
-    def twice(self):
-        self._find_twice()
+    def twice(self, where=None):
+        self._find_twice(where or self.grid)
         assert self.found[None] <= self.capacity
         return sorted(tuple(pair) for pair in self.pairs.to_numpy()[: self.found[None]].tolist() if pair[0] != pair[1])
 
@@ -112,6 +114,38 @@ def test_pairs_of_a_box_that_repeats(dimensions, ratio):
     assert finder.once() == expected
 
 
+@pytest.mark.parametrize("ratio", [1.0, 1e4])
+def test_partners_that_are_written_down_are_those_within_the_skins(ratio):
+    backends.start("cpu", "f64", threads=2)
+    random = np.random.default_rng(6)
+    position = random.uniform(-20.0, 30.0, (500, 3))
+    reach = 0.9 * ratio ** random.uniform(-1.0, 0.0, 500)
+    period = (8.0, 0.0, 9.0)
+    finder = Finder(position, reach, skin=0.3, period=period, origin=(-1.0, 0.0, 2.0))
+    expected = brute_force(position, reach + 0.3, period)
+    assert len(expected) > 100 and len(expected) > 1.5 * len(brute_force(position, reach, period))
+    assert finder.partners.write()
+    assert finder.once(finder.partners) == expected
+    assert finder.twice(finder.partners) == sorted(expected + [(j, i) for i, j in expected])
+
+
+def test_where_there_is_no_room_for_the_partners_that_is_told():
+    backends.start("cpu", "f64", threads=2)
+    enough = Finder(np.zeros((PARTNERS_PER_SPHERE, 3)), np.ones(PARTNERS_PER_SPHERE))
+    assert enough.partners.write()
+    assert not Finder(np.zeros((700, 3)), np.ones(700)).partners.write()
+
+
+def test_a_place_that_is_no_number_has_no_partners_and_leaves_the_others_theirs():
+    backends.start("cpu", "f64", threads=2)
+    random = np.random.default_rng(8)
+    position, period = random.uniform(0.0, 9.0, (300, 3)), (9.0, 9.0, 9.0)
+    expected = brute_force(position[:298], np.full(298, 0.6), period)
+    position[298], position[299] = np.nan, np.inf
+    finder = Finder(position, np.full(300, 0.6), period=period)
+    assert finder.once() == expected and len(expected) > 100
+
+
 @pytest.mark.parametrize(
     "position",
     [np.zeros((5, 3)), np.array([[1.0, 2.0, 3.0]]), np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.5, 0.0, 0.0]])],
@@ -127,12 +161,16 @@ def test_degenerate_scenes(position, reach):
 def test_the_order_is_that_of_cell_and_index_whatever_the_threads():
     random = np.random.default_rng(7)
     position, reach = uniform(random, 5000, 3, 100.0)
+    reach *= 0.3
     hashes = set()
     for threads in (1, 2, 4):
         backends.start("cpu", "f64", threads=threads)
-        grid = Finder(position, reach).grid
+        finder = Finder(position, reach)
+        grid, partners = finder.grid, finder.partners
         order, key = grid.order.to_numpy(), grid.key.to_numpy()
         assert (np.lexsort((np.arange(5000), key)) == order).all()
-        hashes.add(hashlib.sha256(order.tobytes() + grid.start.to_numpy()[: key.max() + 1].tobytes()).hexdigest())
+        assert partners.write()
+        table = grid.start.to_numpy()[: key.max() + 1], partners.begin.to_numpy(), partners.partner.to_numpy()
+        hashes.add(hashlib.sha256(b"".join([order.tobytes(), *(part.tobytes() for part in table)])).hexdigest())
         backends.stop()
     assert len(hashes) == 1

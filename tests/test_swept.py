@@ -196,17 +196,83 @@ def test_what_a_bullet_throws_out_is_followed_beyond_its_margin():
     assert max(np.abs(x - x_grid).max(), np.abs(v - v_grid).max()) < 1e-9
 
 
-def test_the_bits_do_not_depend_on_the_threads_nor_on_chance():
+@pytest.mark.parametrize(("h", "steps"), [(0.1, 5), (0.02, 12)], ids=["partners anew", "partners kept"])
+def test_the_bits_do_not_depend_on_the_threads_nor_on_chance(h, steps):
     position, velocity, edges = gas(10, 0.3)
     results = set()
     for threads in (1, 2, 4):
         backends.start("cpu", "f64", threads=threads)
         setup = setup_of(np.ones(len(position)), enclosure=Enclosure(period=edges))
-        x, v, report = swept(position, velocity, setup, 0.1, steps=5, all_pairs=False)
-        assert report.pair_count > 500
+        x, v, report = swept(position, velocity, setup, h, steps=steps, all_pairs=False)
+        assert report.pair_count > 200
         results.add((x.tobytes(), v.tobytes(), report))
         backends.stop()
     assert len(results) == 1
+
+
+def count_builds(sweep, built):
+    """Have the sweep note in `built` each time its grid is built."""
+    build = sweep.grid.build
+    sweep.grid.build = lambda *given: (built.append(1), build(*given))
+
+
+def test_partners_that_are_kept_change_no_bit_of_the_motion():
+    """On a lattice with velocities along x at first, where spheres are hit from both sides at one time; then all are kicked."""
+    backends.start("cpu", "f64", threads=2)
+    position = np.stack(np.meshgrid(*[np.arange(7) * 2.5] * 3, indexing="ij"), -1).reshape(-1, 3)
+    velocity = np.round(np.random.default_rng(6).normal(size=(343, 3))) * [1.0, 0.0, 0.0]
+    mass = np.random.default_rng(5).integers(1, 4, 343)
+    kick = np.random.default_rng(7).normal(size=velocity.shape)
+    results, builds = set(), []
+    for forgets in (False, True):
+        state, sweep = sweep_of(
+            position, velocity, setup_of(np.ones(343), mass, enclosure=Enclosure(period=(17.5,) * 3)), all_pairs=False
+        )
+        built = []
+        count_builds(sweep, built)
+        for step in range(32):
+            if forgets:
+                sweep.forget()
+            sweep.drift(step / 64, 1 / 64)
+            if step == 24:
+                state.write(state.read()[0], state.read()[1] + kick)
+        report = sweep.collect()
+        assert report.unresolved == 0 and report.pair_count > 100
+        results.add(tuple(field.tobytes() for field in state.read()))
+        builds.append(len(built))
+    assert len(results) == 1
+    assert 2 <= builds[0] <= 16 < 32 <= builds[1]
+
+
+def test_contacts_at_one_time_come_by_number_wherever_the_spheres_are():
+    """A sphere is hit from both sides at once; with unlike masses the order matters, and 0 comes before 2."""
+    backends.start("cpu", "f64", threads=2)
+    position = np.array([[3.0, 0.0, 0.0], [0.0, 0.0, 0.0], [-3.0, 0.0, 0.0]])
+    velocity = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    mass = np.array([1.0, 2.0, 4.0])
+    ways = [swept(position, velocity, setup_of(np.ones(3), mass), 1.5, all_pairs=all_pairs)[1] for all_pairs in (True, False)]
+    mirrored = swept(-position, -velocity, setup_of(np.ones(3), mass), 1.5, all_pairs=False)[1]
+    assert ways[0] == pytest.approx(ways[1], abs=8 * EPSILON)
+    assert -ways[0] == pytest.approx(mirrored, abs=8 * EPSILON)
+
+
+def test_spheres_that_are_put_elsewhere_between_drifts_are_noticed():
+    """All change places, without a word to the solver."""
+    backends.start("cpu", "f64", threads=2)
+    position, velocity, edges = gas(8, 0.3)
+    setup = setup_of(np.ones(512), enclosure=Enclosure(period=edges))
+    state, sweep = sweep_of(position, velocity, setup, all_pairs=False)
+    for step in range(20):
+        sweep.drift(0.03 * step, 0.03)
+    assert sweep.is_listed
+    sweep.collect()
+    position, velocity = state.read()
+    state.write(position[::-1], velocity)
+    other, fresh = sweep_of(position[::-1], velocity, setup, all_pairs=False)
+    for solver in (sweep, fresh):
+        solver.drift(0.0, 0.03)
+    assert sweep.collect().pair_count == fresh.collect().pair_count > 5
+    assert [field.tobytes() for field in state.read()] == [field.tobytes() for field in other.read()]
 
 
 @pytest.mark.parametrize(("precision", "limit"), [("f64", 1e-9), ("f32", 1e-5)])

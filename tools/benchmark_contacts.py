@@ -26,6 +26,7 @@ CROSSOVER = (64, 128, 256, 512, 1024, 2048)
 REBOUND_COUNT = 10_000
 REBOUND_LINE_COUNT = 1000
 WARM_STEPS = 5
+STEPS_PER_SAMPLE = 12  # at least: every few of them `swept` looks for partners anew, and that belongs to the price
 BARS = {"rate": 1e7, "ratio": 2.5}  # particle-steps per second of `swept` on two cores; its time over that of `pairwise`
 
 
@@ -133,7 +134,7 @@ class Rebound:
 
 def measure(contenders, count, repeats, threads):
     """Seconds per step of each, interleaved: {name: row}."""
-    loops = max(1, round(20_000 / count))
+    loops = max(STEPS_PER_SAMPLE, round(20_000 / count))
     for contender in contenders.values():
         for _ in range(WARM_STEPS):
             contender.step()

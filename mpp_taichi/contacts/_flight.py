@@ -16,6 +16,9 @@ TRAVEL_PER_RADIUS = 0.25  # the same where they nearly touch
 LEAST_TRAVEL_PER_RADIUS = 0.02  # below this a piece is not cut because of its many contacts: they are there at any length
 CROWD = 0.3  # contacts per sphere, above which islands grow together and a piece is cut
 OUTLIER = 6.0  # root mean square speeds; margins of all spheres allow for that, faster ones have their own
+DRIFTS_PER_SKIN = 3  # for which a grid is kept, beyond that for which it was built
+SKIN_PER_RADIUS = 0.4  # at most
+SKIN_SLACK = 1.05  # for spheres that are made a little faster than the fastest
 ROUNDINGS = 16  # of a coordinate, by which a pair must not be missed
 
 
@@ -27,6 +30,7 @@ class Piece:
     common   margin that every sphere has at least [length]
     largest  that some sphere may have
     lower, upper  bounding box of all positions
+    skin     by which the cell grid is to reach farther, to be good for some drifts; 0: not worth it [length]
     bounds   what the cell grid wants to know: the box, least and largest reach
     """
 
@@ -40,6 +44,7 @@ class Piece:
     speed: float
     rms: float
     reference: float
+    skin: float = 0.0
     tries: int = 0
 
     @property
@@ -119,7 +124,13 @@ class Flight:
         common = SLACK * piece.reference * piece.h + rounding
         largest = max(SLACK * piece.speed * piece.h + rounding, self.farthest[0])
         self._set_margins(common, SLACK * piece.h, rounding)
-        return replace(piece, common=common, largest=largest)
+        return replace(piece, common=common, largest=largest, skin=self._skin(piece, largest))
+
+    def _skin(self, piece: Piece, largest: float) -> float:
+        """Room for the fastest in some more drifts of this length, as far as that leaves the spheres few partners."""
+        way = SKIN_SLACK * piece.speed * piece.h
+        limit = min(SKIN_PER_RADIUS * self.mean_radius, 0.9 * self.room - largest)
+        return way * min(DRIFTS_PER_SKIN, math.floor(limit / way)) if 0.0 < way <= limit else 0.0
 
     def shorten(self, piece: Piece) -> Piece:
         """Half of it, with everything forgotten that was remembered."""

@@ -117,7 +117,8 @@ class GroupSweep(Sweep):
                     self._add_row(i, j, d * (-1.0 / d.norm()), ti.cast(0.0, float), e, t)
         elif ti.static(not self.all_pairs):
             if self.islands.island[j] >= 0:
-                self.near[i] = 1
+                if self._may_meet(i, j):
+                    self.near[i] = 1
             else:
                 d = self.bounce.separation(self.local_position[i], self.start_position[j] + self.start_velocity[j] * t)
                 if self._touches(i, j, d):

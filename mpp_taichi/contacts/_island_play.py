@@ -11,6 +11,8 @@ from mpp_taichi.contacts._flight import Flight
 from mpp_taichi.contacts._islands import Islands
 from mpp_taichi.contacts._tally import Tally
 from mpp_taichi.neighbors.cell_grid import CellGrid
+from mpp_taichi.neighbors.partner_list import PartnerList
+from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 
 ALL_PAIRS_UP_TO = 160  # spheres; more are faster on the cell grid, see tools/benchmark_contacts.py
@@ -26,7 +28,11 @@ class IslandPlay:
     Another rule for what happens at a contact overrides `resolve`. Spheres are numbered by slots of the cell grid, which are
     near in memory where they are near in space; `index(k)` is the sphere in slot k. While an island is played it is at
     `local_position[k]` at its own `clock[k]`, with `local_velocity[k]`; times count from the start of the piece.
+
+    is_listed   whether the candidate partners of the grid are written down
     """
+
+    is_listed = False
 
     def __init__(self, setup: ContactSetup, state: Any, *, event_limit: int, all_pairs: bool | None = None) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
@@ -40,11 +46,13 @@ class IslandPlay:
         self.clock, self.excursion = ti.field(float), ti.field(float)
         self.best_partner, self.best_stamp, self.stamp, self.near = (ti.field(ti.i32) for _ in range(4))
         local = (self.local_position, self.local_velocity, self.clock, self.excursion)
-        self.islands = Islands(n, (*local, self.best_partner, self.best_stamp, self.stamp, self.near))
+        self.grid = None if self.all_pairs else CellGrid(n, self.dimensions, setup.enclosure.period, setup.enclosure.origin)
+        beside = (*local, self.best_partner, self.best_stamp, self.stamp, self.near)
+        self.islands = Islands(n, beside, None if self.grid is None else self.grid.order)
         self.bounce = Bounce(setup)
         self.tally = Tally(n, len(self.bounce.surfaces), getattr(state, "wide", ti.f64))
         self.flight = Flight(setup, state)
-        self.grid = None if self.all_pairs else CellGrid(n, self.dimensions, setup.enclosure.period, setup.enclosure.origin)
+        self.partners = None if self.grid is None else PartnerList(self.grid)
         self.keeps_last_contact = setup.contact_time > 0.0
         self.contact_time = float(setup.contact_time)
         self.shortest_period = self.flight.shortest_period
@@ -53,20 +61,21 @@ class IslandPlay:
         self.touched = ti.field(ti.i32)
         self.violations = ti.field(ti.i32)
         self.start_position, self.start_velocity = (ti.Vector.field(self.dimensions, float) for _ in range(2))
-        self.start_radius = ti.field(float)
+        self.start_radius, self.start_reach = ti.field(float), ti.field(float)
+        self.stale = ti.field(ti.i32)
         builder = ti.FieldsBuilder()
         builder.dense(ti.i, n).place(self.touched)
         sorted_count = 1 if self.all_pairs else n
-        builder.dense(ti.i, sorted_count).place(self.start_position, self.start_velocity, self.start_radius)
+        builder.dense(ti.i, sorted_count).place(self.start_position, self.start_velocity, self.start_radius, self.start_reach)
         for field in (self.last_contact, self.local_last_contact):
             builder.dense(ti.i, n if self.keeps_last_contact else 1).place(field)
-        builder.dense(ti.i, 1).place(self.violations)
+        builder.dense(ti.i, 1).place(self.violations, self.stale)
         self._tree = builder.finalize()
         self.last_contact.fill(LONG_AGO)
 
     def destroy(self) -> None:
         """Give the memory back."""
-        for part in (self.bounce, self.islands, self.tally, self.flight, self._tree, self.grid):
+        for part in (self.bounce, self.islands, self.tally, self.flight, self._tree, self.partners, self.grid):
             if part is not None:
                 part.destroy()
 
@@ -83,6 +92,14 @@ class IslandPlay:
         if ti.static(not self.all_pairs):
             result = self.grid.order[k]
         return result
+
+    @ti.func
+    def visit(self, k, task: Template, first, second):
+        """task(k, other slot, first, second) for each candidate partner; kernels that look are compiled per `is_listed`."""
+        if ti.static(self.is_listed):
+            self.partners.visit(k, task, first, second)
+        else:
+            self.grid.visit(k, task, first, second)
 
     @ti.func
     def radius_of(self, k):
@@ -282,7 +299,7 @@ class IslandPlay:
                 if j != i:
                     self._consider(i, j, now, h)
         else:
-            self.grid.visit(i, self._consider_slot, now, h)
+            self.visit(i, self._consider_slot, now, h)
         x = self.place_at(i, now)
         for s in ti.static(range(len(self.bounce.surfaces))):
             t = now + self.bounce.time_of_wall(
@@ -299,12 +316,20 @@ class IslandPlay:
             if j != i:
                 self._consider(i, j, now, h)
         elif self.islands.island[j] >= 0:
-            self.near[i] = 1
+            if self._may_meet(i, j):
+                self.near[i] = 1
         else:
             v = self.start_velocity[j]
             d = self.bounce.separation(self.place_at(i, now), self.start_position[j] + v * now)
             if self._time_of_contact(i, j, d, self.local_velocity[i], v, h - now) <= h - now:
                 self.islands.link(i, j, ti.math.inf)
+
+    @ti.func
+    def _may_meet(self, i, j):
+        """Whether the margins of two spheres, which no flight leaves, meet."""
+        separation = self.bounce.separation(self.start_position[i], self.start_position[j])
+        together = self.start_reach[i] + self.start_reach[j]
+        return separation.norm_sqr() <= together * together
 
     @ti.func
     def _consider(self, i, j, now, h):
@@ -320,15 +345,23 @@ class IslandPlay:
             if t > h and horizon < h - now:
                 t = now + horizon
                 stamp_i, stamp_j = LOOK_AGAIN, LOOK_AGAIN
-        if t < self.islands.best_time[i]:
+        if self._is_sooner(t, j, i):
             self.islands.best_time[i] = t
             self.best_partner[i] = j
             self.best_stamp[i] = stamp_j
-        if t < self.islands.best_time[j]:
+        if self._is_sooner(t, i, j):
             self.islands.best_time[j] = t
             self.best_partner[j] = i
             self.best_stamp[j] = stamp_i
             self.islands.replay(self.islands.island[j], j)
+
+    @ti.func
+    def _is_sooner(self, t, partner, i):
+        """Whether a contact with a partner comes before what is next for i; at one time spheres come by number."""
+        result = t < self.islands.best_time[i]
+        if t == self.islands.best_time[i]:
+            result = t < ti.math.inf and self.islands.number(partner) < self.islands.number(self.best_partner[i])
+        return result
 
     @ti.func
     def _sight(self, i, j, speed):
@@ -337,7 +370,7 @@ class IslandPlay:
 
     @ti.func
     def _check_margin(self, k):
-        if self.excursion[k] > self.grid.sorted_reach[k] - self.start_radius[k]:
+        if self.excursion[k] > self.start_reach[k] - self.start_radius[k]:
             self.flight.remember(self.index(k), self.excursion[k])
             ti.atomic_add(self.violations[0], 1)
 

@@ -22,12 +22,14 @@ class Islands:
 
     LINKS, INVOLVED, PENDING = 0, 1, 2
 
-    def __init__(self, particle_count: int, beside: Sequence[Any]) -> None:
+    def __init__(self, particle_count: int, beside: Sequence[Any], order: Any = None) -> None:
         """Allocate, and place the fields `beside` beside those that an event touches; needs a started Taichi.
 
+        `order` tells the numbers of the spheres by which events at one time are ordered, if not their indices here.
         Spheres of islands are far apart in memory, and each line of it that is fetched costs more than the formulas.
         """
         self.particle_count = particle_count
+        self.has_order, self.order = order is not None, order
         self.capacity = LINKS_PER_SPHERE * particle_count + 64
         indices = [ti.field(ti.i32) for _ in range(9)]
         self.parent, self.island, self.members, self.begin, self.size = indices[:5]
@@ -96,9 +98,18 @@ class Islands:
 
     @ti.func
     def _offer(self, i, j, time):
-        if time < self.first_time[i] or (time == self.first_time[i] and j < self.first_partner[i]):
+        if time < self.first_time[i] or (time == self.first_time[i] and self.number(j) < self.number(self.first_partner[i])):
             self.first_time[i] = time
             self.first_partner[i] = j
+
+    @ti.func
+    def number(self, i):
+        """Of a sphere, or what is less than 0 as it is."""
+        result = i
+        if ti.static(self.has_order):
+            if i >= 0:
+                result = self.order[i]
+        return result
 
     @ti.func
     def _root(self, i):
@@ -168,7 +179,7 @@ class Islands:
 
     @ti.func
     def next(self, root):
-        """The member with the earliest event; of equal ones that with the smallest index."""
+        """The member with the earliest event; of equal ones that with the smallest number."""
         p = 0
         if self.size[root] > 1:
             p = self.tree[self.begin[root] + 1]
@@ -178,9 +189,11 @@ class Islands:
     def _play(self, begin, size, node):
         left = self._winner(begin, size, 2 * node)
         right = self._winner(begin, size, 2 * node + 1)
-        early = self.best_time[self.members[begin + left]]
-        late = self.best_time[self.members[begin + right]]
-        self.tree[begin + node] = left if early < late or (early == late and left < right) else right
+        one, other = self.members[begin + left], self.members[begin + right]
+        is_first = self.best_time[one] < self.best_time[other]
+        if self.best_time[one] == self.best_time[other]:
+            is_first = self.number(one) < self.number(other)
+        self.tree[begin + node] = left if is_first else right
 
     @ti.func
     def _winner(self, begin, size, node):

@@ -8,9 +8,11 @@ Few spheres are one island from the beginning. Nothing depends on the number of 
 
 import taichi as ti
 
+from mpp_taichi.contacts._flight import Piece
 from mpp_taichi.contacts._island_play import IslandPlay
 from mpp_taichi.contacts._tally import CHUNKS, SMALLEST_BLOCK
 from mpp_taichi.quick_compilation import quick_compilation
+from mpp_taichi.types import Template
 
 TRIES = 64  # with wider margins, then with shorter pieces
 
@@ -23,6 +25,10 @@ class Sweep(IslandPlay):
     """
 
     plays_in_turn = False
+
+    def forget(self) -> None:
+        """Forget the partners that were written down: a report is summed in their order, though no motion depends on it."""
+        self.is_listed = False
 
     # A drift -----------------------------------------------------------------------------------------------------------
 
@@ -75,9 +81,8 @@ class Sweep(IslandPlay):
         """A piece of a drift of many spheres; returns how long it was."""
         piece = self.flight.plan(rest)
         for _ in range(TRIES):
-            self.grid.build(self.state.position, self.flight.reach, piece.bounds)
-            self._search(time, piece.h)
-            links = self.islands.count[self.islands.LINKS]
+            self._look_around(piece)
+            links = self._search(time, piece.h, self.is_listed)
             if links > self.islands.capacity or self.flight.is_crowded(piece, links):
                 piece = self.flight.shorten(piece)
             elif self._play_until_nothing_joins(time, piece.h) == 0:
@@ -92,7 +97,7 @@ class Sweep(IslandPlay):
     def _play_until_nothing_joins(self, time: float, h: float) -> int:
         """Number of spheres that left the margin within which their partners were looked for."""
         while True:
-            joins, violations = self._play_islands(time, h)
+            joins, violations = self._play_islands(time, h, self.is_listed)
             if joins == 0 or violations > 0:
                 return violations
 
@@ -102,25 +107,48 @@ class Sweep(IslandPlay):
 
     # Looking for first contacts ----------------------------------------------------------------------------------------
 
+    def _look_around(self, piece: Piece) -> None:
+        """Take positions and velocities over into the slots, and sort the spheres anew if some went beyond the skin."""
+        if not self.is_listed or self._take_over() > 0:
+            skin = 0.0 if self.plays_in_turn else piece.skin
+            self.grid.build(self.state.position, self.flight.reach, piece.bounds, skin)
+            self.is_listed = skin > 0.0 and self.partners.write()
+            self._take_over()
+
     @ti.kernel
-    def _search(self, time: float, h: float):
+    def _take_over(self) -> ti.i32:
+        """Returns whether the grid may miss a pair: whether there is a sphere whose reach now leads out of that then."""
+        self.stale[0] = 0
+        for k in range(self.particle_count):
+            i = self.grid.order[k]
+            x, reach = self.state.position[i], self.flight.reach[i]
+            self.start_position[k] = x
+            self.start_velocity[k] = self.state.velocity[i]
+            self.start_radius[k] = self.bounce.radius[i]
+            self.start_reach[k] = reach
+            self.islands.parent[k] = -1
+            self.islands.island[k] = -1
+            skin = self.grid.sorted_reach[k] - reach
+            if not (skin > 0.0 and self.bounce.separation(self.grid.sorted_position[k], x).norm_sqr() <= skin * skin):
+                self.stale[0] = 1
+        return self.stale[0]
+
+    @ti.kernel
+    def _search(self, time: float, h: float, listed: Template) -> ti.i32:
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.islands.count[self.islands.LINKS] = 0
             self.islands.count[self.islands.PENDING] = 0
             self.violations[0] = 0
         for k in range(self.particle_count):
-            i = self.grid.order[k]
-            self.start_position[k] = self.state.position[i]
-            self.start_velocity[k] = self.state.velocity[i]
-            self.start_radius[k] = self.bounce.radius[i]
-            self.islands.parent[k] = -1
-            self.islands.island[k] = -1
-        for k in range(self.particle_count):
-            self.grid.visit_later(k, self._see_pair, time, h)
+            if ti.static(listed):
+                self.partners.visit_later(k, self._see_pair, time, h)
+            else:
+                self.grid.visit_later(k, self._see_pair, time, h)
             wall = self._first_wall(k, time, h)
             if wall[0] <= h:
                 self.islands.link(k, ti.cast(wall[1], ti.i32), wall[0])
+        return self.islands.count[self.islands.LINKS]
 
     @ti.func
     def _see_pair(self, k, other, time, h):
@@ -133,7 +161,7 @@ class Sweep(IslandPlay):
     # Playing islands ---------------------------------------------------------------------------------------------------
 
     @ti.kernel
-    def _play_islands(self, time: float, h: float) -> ti.types.vector(2, ti.i32):
+    def _play_islands(self, time: float, h: float, listed: Template) -> ti.types.vector(2, ti.i32):
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.islands.form()
@@ -143,7 +171,7 @@ class Sweep(IslandPlay):
         for k in range(self.islands.count[self.islands.INVOLVED]):
             i = self.islands.involved[k]
             if self.near[i] == 1:
-                self.grid.visit(i, self._see_other_island, h, h)
+                self.visit(i, self._see_other_island, h, h)
         return ti.Vector([self.islands.count[self.islands.LINKS], self.violations[0]])
 
     @ti.func

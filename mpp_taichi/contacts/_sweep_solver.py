@@ -18,6 +18,10 @@ class SweepSolver(ContactSolver):
         self.setup = setup
         self.sweep = self.sweep_kind(setup, state, event_limit=self.event_limit)
 
+    def prepare(self, time: float) -> None:
+        """Positions were set from outside: what follows is to be as in a run that begins here, bit for bit."""
+        self.sweep.forget()
+
     def drift(self, state: Any, time: float, h: float) -> None:
         """Move all spheres by h [time] along their velocities, with the contacts on the way."""
         self.sweep.drift(time, h)

@@ -80,20 +80,24 @@ class CellGrid:
 
     # Building ----------------------------------------------------------------------------------------------------------
 
-    def build(self, position: Any, reach: Any, bounds: Any = None) -> None:
-        """Sort the spheres. `bounds`: (lower, upper, least reach, largest reach), if known; else they are measured."""
+    def build(self, position: Any, reach: Any, bounds: Any = None, skin: float = 0.0) -> None:
+        """Sort the spheres, each with its reach and `skin` more.
+
+        `bounds`: (lower, upper, least reach, largest reach) without the skin, if known; else they are measured.
+        """
         lower, upper, least, largest = bounds or self.measure(position, reach)
+        least, largest = least + skin, largest + skin
         extent = np.where(self.repeats[: self.dimensions], self.period[: self.dimensions], upper - lower)
         corner = np.where(self.repeats[: self.dimensions], self.origin, lower)
         if 2.0 * least >= largest:
             reaches, counts = [largest], [self.particle_count]
         else:
-            self._count_bins(reach, largest)
+            self._count_bins(reach, skin, largest)
             reaches, counts, level_of_bin = choose_levels(self.bin_count.to_numpy(), largest)
             self.level_of_bin.from_numpy(level_of_bin)
         size = max(np.abs(corner).max(), np.abs(corner + extent).max(), np.abs(lower).max(), np.abs(upper).max())
         self._set_levels(reaches, counts, extent, corner, ROUNDINGS * self.epsilon * size)
-        self._sort(position, reach, largest, sum(level.buckets for level in self._table))
+        self._sort(position, reach, skin, largest, sum(level.buckets for level in self._table))
 
     def measure(self, position: Any, reach: Any) -> tuple[np.ndarray, np.ndarray, float, float]:
         """Bounding box, least and largest reach."""
@@ -151,16 +155,21 @@ class CellGrid:
                 self.bounds[chunk][2 * self.dimensions + 1] = largest
 
     @ti.func
+    def begin_of(self, chunk):
+        """First slot of a chunk."""
+        return self._begin(chunk, CHUNKS)
+
+    @ti.func
     def _begin(self, part, parts):
         """First of the spheres of a part; 64 bits, because the product may not fit 32."""
         return ti.cast(ti.cast(part, ti.i64) * self.particle_count // parts, ti.i32)
 
     @ti.kernel
-    def _count_bins(self, reach: Template, largest: float):
+    def _count_bins(self, reach: Template, skin: float, largest: float):
         for b in self.bin_count:
             self.bin_count[b] = 0
         for i in range(self.particle_count):
-            ti.atomic_add(self.bin_count[self._bin(reach[i], largest)], 1)  # whole numbers: their sum has no order
+            ti.atomic_add(self.bin_count[self._bin(reach[i] + skin, largest)], 1)  # whole numbers: their sum has no order
 
     @ti.func
     def _bin(self, reach, largest):
@@ -171,7 +180,7 @@ class CellGrid:
         return ti.cast(ti.max(below, 0.0), ti.i32)
 
     @ti.kernel
-    def _sort(self, position: Template, reach: Template, largest: float, buckets: ti.i32):
+    def _sort(self, position: Template, reach: Template, skin: float, largest: float, buckets: ti.i32):
         for k in range(buckets * self.sorter_count):
             self.tally[k] = 0
         # Each sorter takes a run of spheres, so that within a bucket spheres stay in the order of their index.
@@ -181,8 +190,8 @@ class CellGrid:
                 for i in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
                     level = 0
                     if self.level_count[0] > 1:
-                        level = self.level_of_bin[self._bin(reach[i], largest)]
-                    bucket = self._bucket(self._cell(position[i], level), level)
+                        level = self.level_of_bin[self._bin(reach[i] + skin, largest)]
+                    bucket = self._bucket(self._cell(self._inside(position[i]), level), level)
                     self.key[i] = bucket
                     self.tally[sorter * buckets + bucket] = self.tally[sorter * buckets + bucket] + 1
         for q in range(self.scan_count * SMALLEST_BLOCK):
@@ -222,7 +231,7 @@ class CellGrid:
         for slot in range(self.particle_count):
             i = self.order[slot]
             self.sorted_position[slot] = self._inside(position[i])
-            self.sorted_reach[slot] = reach[i]
+            self.sorted_reach[slot] = reach[i] + skin
 
     @ti.func
     def _part(self, part, buckets):
@@ -230,13 +239,8 @@ class CellGrid:
 
     @ti.func
     def _coordinate(self, x, level):
-        """Place in units of cells; along an axis that repeats within 0 … cells."""
-        result = (x - self.corner[0]) * self.level_inverse[level]
-        for axis in ti.static(range(self.dimensions)):
-            if ti.static(self.repeats[axis]):
-                cells = ti.cast(self.level_cells[level][axis], float)
-                result[axis] -= cells * ti.floor(result[axis] / cells)
-        return result
+        """Place inside the box in units of cells."""
+        return (x - self.corner[0]) * self.level_inverse[level]
 
     @ti.func
     def _cell(self, x, level):
@@ -244,7 +248,7 @@ class CellGrid:
         cell = ti.Vector.zero(ti.i32, 3)
         for axis in ti.static(range(self.dimensions)):
             last = self.level_cells[level][axis] - 1
-            cell[axis] = ti.max(0, ti.min(ti.cast(ti.floor(place[axis]), ti.i32), last))
+            cell[axis] = ti.max(0, ti.min(ti.cast(place[axis], ti.i32), last))
         return cell
 
     @ti.func
@@ -278,39 +282,50 @@ class CellGrid:
 
     @ti.func
     def _visit_level(self, level, x, reach, after, task: Template, subject, first, second):
+        # In local variables, because a task that writes fields would have them read again for each row.
+        offset, cells, strides = self.level_offset[level], self.level_cells[level], self.level_strides[level]
+        mask = ti.cast(self.level_mask[level], ti.u32)
+        level_begin, level_end = self.start[offset], self.start[offset + self.level_buckets[level]]
         lowest, highest = self._cells_within(level, x, reach + self.level_reach[level] + self.slack[0])
-        begin = self.start[self.level_offset[level]]
-        end = self.start[self.level_offset[level] + self.level_buckets[level]]
         spans = ti.cast(highest - lowest + 1, float)
-        everything = spans[0] * spans[1] * spans[2] > end - begin
+        everything = spans[0] * spans[1] * spans[2] > level_end - level_begin
         folded = self.level_mask[level] >= 0 and not everything
-        in_one_run = everything or (not folded and lowest[0] >= 0 and highest[0] < self.level_cells[level][0])
+        # Cells in a row along x follow each other, but where the box repeats and where far ones share a bucket.
+        west, east = ti.max(lowest[0], 0), ti.min(highest[0], cells[0] - 1)
+        first_row = ti.Vector([lowest[1], lowest[2]])
+        runs = 1
         if everything:
             highest[1], highest[2] = lowest[1], lowest[2]
-        last_part = lowest[0] if in_one_run else highest[0]
-        run = highest[0] - lowest[0] + 1 if in_one_run else 1
-        own = ti.Vector([lowest[1], lowest[2]])
-        if after >= begin and not everything and self.level_mask[level] < 0 and lowest.min() >= 0:
-            own = self._own_row(x, level)  # rows before it hold earlier slots only
-        for z in range(own[1], highest[2] + 1):
-            for y in range(own[0] if z == own[1] else lowest[1], highest[1] + 1):
-                for part in range(lowest[0], last_part + 1):
-                    cell = self._wrapped(ti.Vector([part, y, z]), level)
+        elif folded:
+            runs = highest[0] - lowest[0] + 1
+        else:
+            if lowest[0] < 0 or highest[0] >= cells[0]:
+                runs = 2
+            if after >= level_begin and first_row.min() >= 0:
+                own = self._cell(x, level)
+                first_row = ti.Vector([own[1], own[2]])  # rows before it hold earlier slots only
+        for z in range(first_row[1], highest[2] + 1):
+            for y in range(first_row[0] if z == first_row[1] else lowest[1], highest[1] + 1):
+                cell = self._wrapped(ti.Vector([west, y, z]), cells)
+                row = ti.cast(cell[1], ti.u32) * strides[0] + ti.cast(cell[2], ti.u32) * strides[1]
+                for run in range(runs):
+                    last = east
+                    if folded:
+                        cell[0] = self._wrapped(ti.Vector([lowest[0] + run, y, z]), cells)[0]
+                        last = cell[0]
+                    elif run == 1:
+                        cell[0] = lowest[0] + cells[0] if lowest[0] < 0 else 0
+                        last = cells[0] - 1 if lowest[0] < 0 else highest[0] - cells[0]
+                    begin, end = level_begin, level_end
                     if not everything:
-                        bucket = self._bucket(cell, level)
-                        begin = self.start[bucket]
-                        end = self.start[bucket + run]
+                        bucket = offset + ti.cast((ti.cast(cell[0], ti.u32) + row) & mask, ti.i32)
+                        begin, end = self.start[bucket], self.start[bucket + last - cell[0] + 1]
                     for slot in range(ti.max(begin, after + 1), end):
                         together = reach + self.sorted_reach[slot]
                         if self._square_distance(x, self.sorted_position[slot]) <= together * together:
-                            # Cells far apart share a bucket of a folded table; without this a pair would be seen twice.
+                            # Without this a pair whose cells share a bucket would be seen twice.
                             if not folded or (self._cell(self.sorted_position[slot], level) == cell).all():
                                 task(subject, slot, first, second)
-
-    @ti.func
-    def _own_row(self, x, level):
-        cell = self._cell(x, level)
-        return ti.Vector([cell[1], cell[2]])
 
     @ti.func
     def separation(self, slot, other):
@@ -325,7 +340,8 @@ class CellGrid:
             if ti.static(self.repeats[axis]):
                 # Less than a period apart: a fold, where a quotient would cost more than all the rest.
                 way = ti.abs(separation[axis])
-                separation[axis] = ti.min(way, self.period[axis] - way)
+                back = self.period[axis] - way
+                separation[axis] = ti.select(way < back, way, back)
         return separation.dot(separation)
 
     @ti.func
@@ -335,7 +351,9 @@ class CellGrid:
         for axis in ti.static(range(self.dimensions)):
             if ti.static(self.repeats[axis]):
                 edge = self.period[axis]
-                result[axis] -= edge * ti.floor((result[axis] - self.corner[0][axis]) / edge)
+                beyond = result[axis] - self.corner[0][axis]
+                if not (0.0 <= beyond and beyond < edge):
+                    result[axis] -= edge * ti.floor(beyond / edge)
         return result
 
     @ti.func
@@ -345,26 +363,28 @@ class CellGrid:
         lowest = ti.Vector.zero(ti.i32, 3)
         highest = ti.Vector.zero(ti.i32, 3)
         for axis in ti.static(range(self.dimensions)):
-            cells = ti.cast(self.level_cells[level][axis], float)
+            cells = self.level_cells[level][axis]
+            width = ti.cast(cells, float)
             around = distance * self.level_inverse[level][axis]
-            low, high = ti.floor(place[axis] - around), ti.floor(place[axis] + around)
             if ti.static(self.repeats[axis]):
-                if not high - low + 1.0 < cells:
-                    low, high = 0.0, cells - 1.0
+                # A cast rounds down what is counted from a period below; limits first, for places that are no number.
+                low = ti.cast(ti.max(0.0, ti.min(place[axis] - around + width, 2.0 * width)), ti.i32) - cells
+                high = ti.cast(ti.max(0.0, ti.min(place[axis] + around, 2.0 * width)), ti.i32)
+                few = high - low + 1 < cells
+                lowest[axis] = low if few else 0
+                highest[axis] = high if few else cells - 1
             else:
-                low, high = ti.max(0.0, ti.min(low, cells - 1.0)), ti.max(0.0, ti.min(high, cells - 1.0))
-            lowest[axis] = ti.cast(low, ti.i32)
-            highest[axis] = ti.cast(high, ti.i32)
+                lowest[axis] = ti.cast(ti.max(0.0, ti.min(place[axis] - around, width - 1.0)), ti.i32)
+                highest[axis] = ti.cast(ti.max(0.0, ti.min(place[axis] + around, width - 1.0)), ti.i32)
         return lowest, highest
 
     @ti.func
-    def _wrapped(self, cell, level):
+    def _wrapped(self, cell, cells):
         result = cell
         for axis in ti.static(range(self.dimensions)):
             if ti.static(self.repeats[axis]):
-                cells = self.level_cells[level][axis]
                 if result[axis] < 0:
-                    result[axis] += cells
-                elif result[axis] >= cells:
-                    result[axis] -= cells
+                    result[axis] += cells[axis]
+                elif result[axis] >= cells[axis]:
+                    result[axis] -= cells[axis]
         return result

@@ -14,5 +14,6 @@ def nearest_image(separation, period: Template):
     result = separation
     for axis in ti.static(range(separation.n)):
         if ti.static(period[axis] > 0.0):
-            result[axis] -= period[axis] * ti.floor(result[axis] / period[axis] + 0.5)
+            if not ti.abs(result[axis]) <= ti.static(period[axis] / 2.0):  # few are: spare the others the quotient
+                result[axis] -= period[axis] * ti.floor(result[axis] / period[axis] + 0.5)
     return result
