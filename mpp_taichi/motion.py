@@ -227,7 +227,7 @@ class Motion:
 
     @property
     def conserves_angular_momentum(self) -> bool:
-        """Whether that is to stay as well: what acts across the face of a periodic box acts along another line than that seen."""
+        """Whether that is to stay as well: what acts across a face of a periodic box acts along another line."""
         periodic = self.contacts is not None and any(self.contacts.setup.enclosure.period)
         return self.conserves_momentum and not periodic
 

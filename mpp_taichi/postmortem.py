@@ -74,7 +74,9 @@ def stalled(now: Snapshot, particle: int, *, step: int, time: float) -> Stabilit
         distance = np.linalg.norm(now.position - now.position[particle], axis=1)
         distance[particle] = np.inf
         other = int(np.argmin(distance))
-        message += f"; {label(now, particle)} and {label(now, other)} meet, {distance[other]:.3g} apart: give the force a softening"
+        message += (
+            f"; {label(now, particle)} and {label(now, other)} meet, {distance[other]:.3g} apart: give the force a softening"
+        )
     error = StabilityError(message)
     error.step, error.time, error.particle = step, time, particle
     return error

@@ -152,7 +152,12 @@ def damping_of_method(simulation: "Simulation", table: "TableRecorder") -> dict[
     """
     balance = simulation.energy_balance
     closed = simulation.conserves_energy
-    if not table.rows or simulation.integrator.adaptive or (closed and simulation.integrator.symplectic) or not (closed or balance is not None):
+    if (
+        not table.rows
+        or simulation.integrator.adaptive
+        or (closed and simulation.integrator.symplectic)
+        or not (closed or balance is not None)
+    ):
         return {}
     times = [row["time"] for row in table.rows]
     energies = [row["energy_balance_residual" if balance is not None else "total_energy"] for row in table.rows]

@@ -106,7 +106,9 @@ def test_pairwise_spheres_leave_a_contact_as_the_formula_says_for_where_it_is_no
     assert np.linalg.norm(d) < radius.sum() and n @ (velocity[1] - velocity[0]) < 0.0
     impulse = (1.0 + e) * n.dot(velocity[0] - velocity[1]) / (1.0 / mass).sum()
     expected = velocity + np.outer([-1.0, 1.0] * (impulse / mass), n)
-    scene = spheres(bodies, solver="pairwise", restitution=e, duration=dt, dt=dt) | {"integrator": {"symplectic_euler": {"dt": dt}}}
+    scene = spheres(bodies, solver="pairwise", restitution=e, duration=dt, dt=dt) | {
+        "integrator": {"symplectic_euler": {"dt": dt}}
+    }
     with Simulation(scene, backend="cpu", precision=precision) as run:
         after = run.run().snapshot()
     # A place of a few units is rounded some times, which turns the line of centres by that over its length.

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from scenes import kepler
 
 from mpp_taichi import BackendError, SceneError, Simulation, StabilityError
 from mpp_taichi.integrators import _radau
+from scenes import kepler
 
 ULP = 2.0**-52
 TWO_BODY = {"forces": [{"newtonian_gravity": {"strength": 1.0}}], "integrator": {"ias15": {}}, "dimensions": 2}
@@ -44,7 +44,9 @@ def test_the_nodes_are_those_of_radau_and_the_two_bases_are_inverse():
     assert np.abs(errors[:15]).max() < 64 * ULP < 1e-9 < abs(errors[15])
     size = len(nodes) - 1
     powers, differences = np.zeros((2, size, size))
-    for k, (row, other) in enumerate(zip(_radau.powers_of_differences(tuple(nodes[1:])), _radau.differences_of_powers(tuple(nodes[1:])))):
+    for k, (row, other) in enumerate(
+        zip(_radau.powers_of_differences(tuple(nodes[1:])), _radau.differences_of_powers(tuple(nodes[1:])))
+    ):
         powers[k, : k + 1], differences[k, : k + 1] = row, other
     assert np.abs(powers @ differences - np.eye(size)).max() < 64 * ULP
     s = 0.3
@@ -64,12 +66,12 @@ def test_a_hundred_orbits_end_where_they_began(eccentricity):
 
 
 def test_looks_between_steps_are_as_good_as_steps_and_change_nothing():
-    """A planet at e = 0.5 followed at times that no step ends at, against Kepler's equation; and the same bits however often."""
+    """A planet at e = 0.5 at times that no step ends at, against Kepler's equation; the same bits however often."""
     ends = []
     for looks in (40, 7):
         scene, period = planet(0.5, looks, 3)
         with Simulation(scene, backend="cpu", precision="f64") as run:
-            for k in range(3 * looks):
+            for _ in range(3 * looks):
                 run.run(steps=1)
                 now = run.snapshot()
                 mean = math.pi + 2 * math.pi * now.time / period
@@ -120,7 +122,9 @@ def test_a_collision_is_said_and_not_stepped_over():
     """Two bodies fall into each other from a distance of 2: t = π/2 · √(2³/(2·2)) / √… = π / √2."""
     scene = TWO_BODY | {"particles": bodies((1.0, (-1, 0)), (1.0, (1, 0))), "run": {"duration": 5.0}}
     with Simulation(scene, backend="cpu", precision="f64") as run:
-        with pytest.raises(StabilityError, match="particle 0 and particle 1 meet, .* apart: give the force a softening") as info:
+        with pytest.raises(
+            StabilityError, match="particle 0 and particle 1 meet, .* apart: give the force a softening"
+        ) as info:
             run.run()
         assert info.value.time == pytest.approx(math.pi / math.sqrt(2), abs=1e-9)
         assert np.isfinite(run.snapshot().position).all()
@@ -136,7 +140,9 @@ def test_drag_and_a_force_in_time_against_closed_forms():
         after = run.run().snapshot()
     decay, final = math.exp(-0.7 * 4), -2 / 0.7
     assert after.velocity[0, :2] == pytest.approx([3 * decay, final + (1 - final) * decay], abs=1e-14)
-    assert after.position[0, :2] == pytest.approx([3 * (1 - decay) / 0.7, 4 * final + (1 - final) * (1 - decay) / 0.7], abs=1e-13)
+    assert after.position[0, :2] == pytest.approx(
+        [3 * (1 - decay) / 0.7, 4 * final + (1 - final) * (1 - decay) / 0.7], abs=1e-13
+    )
 
 
 def test_replicas_go_on_alone_and_give_the_bits_of_one():
@@ -148,7 +154,9 @@ def test_replicas_go_on_alone_and_give_the_bits_of_one():
     slower = start.moved(position=start.position, velocity=0.9 * start.velocity, time=0.0, step=0)
     with Simulation(scene, backend="cpu", precision="f64", replica_starts=[slower, start]) as run:
         run.run()
-        assert np.array_equal(run.snapshot(1).position, alone.position) and np.array_equal(run.snapshot(1).velocity, alone.velocity)
+        assert np.array_equal(run.snapshot(1).position, alone.position) and np.array_equal(
+            run.snapshot(1).velocity, alone.velocity
+        )
         assert not np.array_equal(run.snapshot(0).position, alone.position)
 
 
@@ -161,7 +169,9 @@ def test_going_back_gives_the_same_bits_again():
         first = run.snapshot()
         run.return_to(mark)
         run.run()
-        assert np.array_equal(run.snapshot().position, first.position) and np.array_equal(run.snapshot().velocity, first.velocity)
+        assert np.array_equal(run.snapshot().position, first.position) and np.array_equal(
+            run.snapshot().velocity, first.velocity
+        )
 
 
 def test_the_energy_error_grows_like_round_off():
@@ -171,7 +181,8 @@ def test_the_energy_error_grows_like_round_off():
         start = run.snapshot()
     random = np.random.default_rng(5)
     starts = [
-        start.moved(position=start.position, velocity=start.velocity * random.uniform(0.9, 1.1), time=0.0, step=0) for _ in range(64)
+        start.moved(position=start.position, velocity=start.velocity * random.uniform(0.9, 1.1), time=0.0, step=0)
+        for _ in range(64)
     ]
 
     def energies(run):

@@ -172,7 +172,11 @@ def main():
     for text, value, held in verdicts:
         print(f"{'ok  ' if held else 'FAIL'} {text}: {value:.3g}")
     if options.json:
-        machine = {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count(), "system": platform.platform()}
+        machine = {
+            "processor": platform.processor() or platform.machine(),
+            "cores": os.cpu_count(),
+            "system": platform.platform(),
+        }
         bars = [{"bar": text, "value": value, "held": bool(held)} for text, value, held in verdicts]
         content = {"machine": machine, "times": times, "steps": steps, "growth": rows, "slopes": slopes, "bars": bars}
         options.json.write_text(json.dumps(content, indent=1), encoding="utf-8")

@@ -15,7 +15,7 @@ from mpp_taichi.types import Template
 class AdaptiveLeapfrog(Adaptive):
     """Kick–drift–kick of length h = η/ρ, its density ρ carried along: ρ_n+½ = ρ_n−½ + η G_n, G = (3/2) U̇/U.
 
-    So ρ follows |U|^(3/2), U the potential energy of gravity: for two bodies h is in proportion to r^(3/2), the local period. At
+    So ρ follows |U|^(3/2), U the potential energy of gravity: for two bodies h goes with r^(3/2), the local period. At
     the start ρ₀² = Σ m |a|² / |U|. G is known from what a step has anyway, U̇ = −Σ m a·v and U = E − K with E that of the
     start, so the step costs no evaluation of its own; and it is odd in v, so that a run backwards takes the same steps, and
     the energy error of an orbit stays bounded as with a fixed step. Between two steps frames are cubics through both. Second

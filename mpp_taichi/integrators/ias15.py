@@ -28,16 +28,18 @@ class Ias15(Adaptive):
         a(s) = a₀ + Σ b_k s^(k+1),  x(s) = x₀ + s h v₀ + (s h)² (a₀/2 + Σ b_k s^(k+1) / ((k+2)(k+3))),  s = 0 … 1
 
     The next step is h τ (5040 ε)^(1/7), where τ is the time, in steps, in which the acceleration changes at the step's end:
-    τ² = min (|a| |a″| + |a′|²) / (|a′| |a‴| + |a″|²) over the particles, which is not zero where an acceleration alone is. Sums
-    of positions and velocities are compensated, so that the error of the energy grows like round-off, with the root of the
-    number of steps. In f32 steps are longer: shorter ones would only see round-off. Between the ends of steps the polynomial is as good as they are.
-    Sources: Everhart, IAU Colloq. 83 (1985) 185; Rein & Spiegel, Mon. Not. R. Astron. Soc. 446 (2015) 1424 (arXiv:1409.4779);
-    criterion: Aarseth, Gravitational N-Body Simulations (2003) eq. 2.13, scaled as by Pham, Rein & Spiegel, Open J. Astrophys. 7
-    (2024) (arXiv:2401.02849).
+    τ² = min (|a| |a″| + |a′|²) / (|a′| |a‴| + |a″|²) over the particles, which is not zero where an acceleration alone is.
+    Sums of positions and velocities are compensated, so that the error of the energy grows like round-off, with the root of
+    the number of steps. In f32 steps are longer: shorter ones would only see round-off. Between the ends of steps the
+    polynomial is as good as they are.
+    Sources: Everhart, IAU Colloq. 83 (1985) 185; Rein & Spiegel, Mon. Not. R. Astron. Soc. 446 (2015) 1424; criterion:
+    Aarseth, Gravitational N-Body Simulations (2003) eq. 2.13, scaled as by Pham, Rein & Spiegel, Open J. Astrophys. 7 (2024).
     """
 
     dt: float = param(None, optional=True, above=0.0, unit="time", help="time between looks; absent: run.duration / 1000")
-    epsilon: float = param(1e-9, above=0.0, maximum=1e-2, help="ε of the step length: smaller takes shorter steps; 1e-9: round-off")
+    epsilon: float = param(
+        1e-9, above=0.0, maximum=1e-2, help="ε of the step length: smaller takes shorter steps; 1e-9: round-off"
+    )
 
     order = 15
     memory = (

@@ -15,6 +15,8 @@ def check_integrator(spec: SceneSpec, faults: Faults) -> None:
     key = f"integrator.{spec.integrator.name}"
     others = [force.name for force in spec.forces if force.name not in forces] + (["springs"] if spec.springs else [])
     if others:
-        faults.add(spec.integrator.location, key, f"knows no forces but {', '.join(forces)} ({reason}), not {', '.join(others)}")
+        faults.add(
+            spec.integrator.location, key, f"knows no forces but {', '.join(forces)} ({reason}), not {', '.join(others)}"
+        )
     elif not spec.forces:
         faults.add(spec.integrator.location, key, f"needs {', '.join(forces)}: {reason}")

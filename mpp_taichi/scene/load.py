@@ -131,7 +131,9 @@ def _integrator(validated: Any, tree: Node, faults: Faults) -> ComponentSpec:
         return ComponentSpec("leapfrog", {"dt": 1.0}, tree.location)
     if entry.parameters["dt"] is None:  # of methods without steps of their own it is the time between two looks
         if validated.run.duration is None:
-            faults.add(entry.location, f"integrator.{entry.name}", "needs dt, the time between looks, or run.duration to divide")
+            faults.add(
+                entry.location, f"integrator.{entry.name}", "needs dt, the time between looks, or run.duration to divide"
+            )
             return replace(entry, parameters={**entry.parameters, "dt": 1.0})
         return replace(entry, parameters={**entry.parameters, "dt": validated.run.duration / contacts.LOOKS})
     return entry
