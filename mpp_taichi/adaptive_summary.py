@@ -14,13 +14,12 @@ def step_control(simulation: "Simulation") -> dict[str, Any]:
         return {}
     counts = integrator.counts(simulation.state)
     steps = int(counts[:, integrator.STEPS].sum())
-    clock = simulation.state.clock.to_numpy().reshape(len(counts), -1)
     return {
         "step_control": {
             "steps": steps,
             "refused": int(counts[:, integrator.REFUSED].sum()),
             "force_evaluations": int(counts[:, integrator.EVALUATIONS].sum()),
-            "last_step": float(clock[0, 1]),
+            "last_step": float(integrator.lengths(simulation.state)[0]),
             "replicas": len(counts),
         }
     }

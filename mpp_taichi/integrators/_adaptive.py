@@ -40,6 +40,10 @@ class Adaptive(Integrator):
         clock = state.clock.to_numpy().reshape(-1, self.CLOCK)
         return np.asarray(clock[:, 0] + clock[:, 1], dtype=float)
 
+    def lengths(self, state: Any) -> np.ndarray:
+        """Of the last step [time], of each replica."""
+        return np.asarray(state.clock.to_numpy().reshape(-1, self.CLOCK)[:, 1], dtype=float)
+
     def counts(self, state: Any) -> np.ndarray:
         """Steps taken, steps refused, evaluations and whether it stalled, (replicas, 4)."""
         return np.asarray(state.tally.to_numpy().reshape(-1, self.TALLY))

@@ -10,7 +10,7 @@ DIGITS = 40
 def radau_nodes(count: int) -> tuple[float, ...]:
     """Nodes of Gauss–Radau quadrature on 0 … 1 with 0 as the first: correctly rounded, `count` of them beside 0.
 
-    Zeros other than 0 of P_count+1(1 − 2 s) − P_count(1 − 2 s), with Legendre's P_n(1 − 2 s) = Σ_k (−1)^k C(n, k) C(n+k, k) s^k.
+    Zeros other than 0 of P_count+1(1 − 2 s) − P_count(1 − 2 s), Legendre's P_n(1 − 2 s) = Σ_k (−1)^k C(n, k) C(n + k, k) s^k.
     They integrate polynomials of degree 2 count exactly. Source: Abramowitz & Stegun, 25.4.31; Everhart, Int. Astron. Union
     Colloq. 83 (1985) 185.
     """
