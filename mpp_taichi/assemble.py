@@ -10,6 +10,7 @@ from mpp_taichi.errors import PlacementError, SceneError
 from mpp_taichi.generators._base import Center, GeneratorContext, Group
 from mpp_taichi.networks._base import NetworkContext
 from mpp_taichi.overlaps import start_of_contacts
+from mpp_taichi.scene.contacts import merges
 from mpp_taichi.scene.layout import ParticleLayout, build, layout_of
 from mpp_taichi.scene.network_warnings import warn_of_networks
 from mpp_taichi.scene.physics_checks import check_physics
@@ -33,7 +34,8 @@ def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot
     names = tuple(name for group in groups for name in group.name)
     arrays["velocity"] = np.where(arrays["free"], arrays["velocity"], 0.0)  # a held axis does not move, whatever was said
     springs = _link(spec, layout, rest_position)
-    snapshot = Snapshot(**arrays, name=names, springs=springs)
+    merged_into = np.full(len(names), -1, np.int32) if merges(spec) else None
+    snapshot = Snapshot(**arrays, name=names, springs=springs, merged_into=merged_into)
     check_physics(spec, snapshot, layout, moved=placed_as is not None)
     if placed_as is None:
         warn_of_networks(spec, snapshot, layout)

@@ -11,7 +11,9 @@ class ContactReport:
     elastic_count            of those, bounces that the TC model made elastic
     virial                   Σ Δp · r over collisions of pairs, Δp the momentum given to i, r = x_i − x_j [energy]
     wall_impulse             for each surface Σ |Δp| [momentum]
-    dissipated_energy        kinetic energy taken by restitution [energy]
+    dissipated_energy        kinetic energy taken by restitution, or by merging [energy]
+    merge_count              spheres that became part of another
+    potential_change         of the forces' potential energy when spheres became one [energy]
     largest_overlap          of two spheres, or a sphere and a surface, that was seen, relative to the smaller radius; not a sum
     unresolved               contacts that a solver gave up on: must be 0 or the run fails
     """
@@ -22,6 +24,8 @@ class ContactReport:
     virial: float = 0.0
     wall_impulse: tuple[float, ...] = ()
     dissipated_energy: float = 0.0
+    merge_count: int = 0
+    potential_change: float = 0.0
     largest_overlap: float = 0.0
     unresolved: int = 0
 
@@ -36,6 +40,8 @@ class ContactReport:
             virial=self.virial + other.virial,
             wall_impulse=tuple(a + b for a, b in zip(impulses, others, strict=True)),
             dissipated_energy=self.dissipated_energy + other.dissipated_energy,
+            merge_count=self.merge_count + other.merge_count,
+            potential_change=self.potential_change + other.potential_change,
             largest_overlap=max(self.largest_overlap, other.largest_overlap),
             unresolved=self.unresolved + other.unresolved,
         )

@@ -60,7 +60,7 @@ def contact_setup(spec: SceneSpec, particles: Snapshot) -> ContactSetup:
         inverse_mass=inverse,
         material=material,
         restitution=restitution,
-        contact_time=spec.contacts.solver.parameters["contact_time"],
+        contact_time=spec.contacts.solver.parameters.get("contact_time", 0.0),
         gravity=gravity,
         enclosure=enclosure_of(spec),
         names=particles.name,
@@ -81,7 +81,7 @@ def enclosure_of(spec: SceneSpec) -> Enclosure:
 
 def _materials(count: int, contacts: ContactsSpec) -> tuple[np.ndarray, np.ndarray]:
     """For each particle a material, and the restitution of every two; particles of the same groups are of one material."""
-    default = contacts.solver.parameters["restitution"]
+    default = contacts.solver.parameters.get("restitution", 0.0)  # what merges has none
     groups = sorted({group for pair in contacts.pairs for group in pair.between})
     member = np.zeros((count, len(groups)), dtype=bool)
     for column, (first, length) in enumerate(groups):

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from mpp_taichi.scene.contacts import merges
+
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
 
@@ -23,6 +25,7 @@ def contact_facts(simulation: "Simulation") -> dict[str, Any]:
         "dissipated_energy": report.dissipated_energy,
         "largest_overlap": report.largest_overlap,
         "unresolved": report.unresolved,
+        **(_merged(simulation) if merges(simulation.spec) else {}),
         "wall_impulse": {
             surface.label: impulse for surface, impulse in zip(solver.setup.enclosure.surfaces, report.wall_impulse)
         },
@@ -30,11 +33,26 @@ def contact_facts(simulation: "Simulation") -> dict[str, Any]:
     return {"contacts": facts}
 
 
+def _merged(simulation: "Simulation") -> dict[str, Any]:
+    """How many spheres became part of others, and how many are left; a rate per particle means nothing then."""
+    report = simulation.contact_report
+    return {
+        "merge_count": report.merge_count,
+        "spheres_left": int(simulation.snapshot().present.sum()),
+        "potential_change": report.potential_change,
+        "collisions_per_particle_and_time": None,
+    }
+
+
 def contact_line(found: Mapping[str, Any]) -> str:
     """`event_driven: 1,234 of spheres, 56 with walls; largest overlap 1e-16 radii`."""
     facts = found.get("contacts")
     if facts is None:
         return ""
+    if "merge_count" in facts:
+        energies = f"{facts['dissipated_energy']:.6g} of kinetic energy lost, {facts['potential_change']:+.6g} of potential energy"
+        counted = f"{facts['merge_count']:,} merged, {facts['spheres_left']:,} spheres left, {facts['wall_count']:,} bounces off walls"
+        return f"{facts['solver']}: {counted}; {energies}"
     rate = facts["collisions_per_particle_and_time"]
     told = f" ({rate:.4g} per particle and time)" if rate else ""
     counted = f"{facts['pair_count']:,} collisions of spheres{told}, {facts['wall_count']:,} with walls"

@@ -16,8 +16,9 @@ class EnergyBalance:
     """Kinetic + potential + dissipated energy − work = constant; what is left over is the method's own error.
 
     dissipated_energy   D = ∫ −Σ F·v dt over the forces that depend on velocity: drag, damping of springs; and what restitution
-                        took in contacts [energy]
-    work                W = ∫ Σ F·v dt over the other forces without a potential, and what `parameter_change` booked [energy]
+                        or merging took in contacts [energy]
+    work                W = ∫ Σ F·v dt over the other forces without a potential, and what `parameter_change` booked, and by
+                        how much merging, which changes masses and places, changed the potential energy [energy]
     residual            E + D − W − E₀, of the order of the method; energy that the method loses is −residual
     turnover            largest kinetic energy, D or |W| so far: the scale of the residual, free of the zero of the potential
 
@@ -87,12 +88,12 @@ class EnergyBalance:
         """The balance now, to be shown beside `total_energy`."""
         self.look(simulation)
         dissipated = self.dissipated_energy + simulation.contact_report.dissipated_energy
-        work = self.work
+        work = self.work + simulation.contact_report.potential_change
         return {
             "dissipated_energy": dissipated,
             "work": work,
             "energy_balance_residual": (total_energy - self.initial_energy) + (dissipated - work),
-            "energy_turnover": self.turnover,
+            "energy_turnover": max(self.turnover, abs(dissipated), abs(work)),
         }
 
     @contextmanager

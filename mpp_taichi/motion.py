@@ -1,6 +1,7 @@
 """Motion: the particles of a phase and their clock, stepped, watched for numbers that are not finite, and taken back."""
 
 import time as clock
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import backends, postmortem
@@ -202,7 +203,8 @@ class Motion:
         """Host copy of all particles now, float64 whatever the precision."""
         self._require_life()
         position, velocity = self.state.read(replica)
-        return self._particles.moved(position=position, velocity=velocity, time=self.time, step=self.step_count)
+        found = self._particles.moved(position=position, velocity=velocity, time=self.time, step=self.step_count)
+        return replace(found, **self.state.read_spheres()) if self.state.merges else found
 
     def mechanics(self) -> dict[str, Any]:
         """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`."""
@@ -223,13 +225,14 @@ class Motion:
         An external force changes it, and so does what holds a particle on an axis.
         """
         walls = self.contacts is not None and len(self.contacts.setup.enclosure.surfaces) > 0
-        return not self.total_force.external and not self.state.has_fixed_axes and not walls
+        held = not self._particles.free[:, : self.spec.dimensions].all()
+        return not self.total_force.external and not held and not walls
 
     @property
     def conserves_angular_momentum(self) -> bool:
-        """Whether that is to stay as well: what acts across a face of a periodic box acts along another line."""
+        """Whether that is to stay as well: faces of a periodic box act along another line, and what merges keeps no spin."""
         periodic = self.contacts is not None and any(self.contacts.setup.enclosure.period)
-        return self.conserves_momentum and not periodic
+        return self.conserves_momentum and not periodic and not self.state.merges
 
     @property
     def gains_no_energy(self) -> bool:

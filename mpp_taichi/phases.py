@@ -71,7 +71,8 @@ class CompiledPhase:
         self.work = plans.step_work(spec, start.particle_count, len(start.springs))
         self.integrator = component.build("integrators", spec.integrator.name, spec.integrator.parameters)
         self.dt = float(spec.integrator.parameters["dt"])
-        self.total_force = TotalForce(compose(spec, start), start.particle_count, spec.dimensions)
+        merges = start.merged_into is not None
+        self.total_force = TotalForce(compose(spec, start), start.particle_count, spec.dimensions, merges=merges)
         replica_count = max(1, len(replica_starts))
         self.plan = plan if plan != "auto" else plans.choose(self.work, on_cpu=device.on_cpu, replica_count=replica_count)
         if self.integrator.adaptive:
@@ -118,10 +119,11 @@ class CompiledPhase:
             raise BackendError(f"contacts run on the CPU only, not on {device.backend}; use --backend cpu")
         assert spec.contacts is not None
         solver = component.build("contacts", spec.contacts.solver.name, spec.contacts.solver.parameters)
-        if event_log and not solver.flies:
+        if event_log and not solver.can_log:
             name = spec.contacts.solver.name
-            raise SceneError(f"{spec.contacts.solver.location}: {name} keeps no log of events, allowed: event_driven")
+            raise SceneError(f"{spec.contacts.solver.location}: {name} keeps no log of events, allowed: event_driven, merging")
         solver.logs = event_log
+        solver.forces = self.total_force
         solver.bind(contact_setup(spec, phase.particles), self.state)
         return solver
 

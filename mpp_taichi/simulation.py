@@ -123,6 +123,8 @@ class Simulation(Motion):
             velocity = np.concatenate([start.velocity * start.free for start in self.replica_starts])
             self.state.write(position, velocity)
         else:
+            if self.state.merges:
+                self.state.write_spheres(self._start)
             self.state.write(self._start.position, self._start.velocity * self._start.free)
         self._start_afresh()
         self.solver_report, self.contact_report = SolverReport(), ContactReport()

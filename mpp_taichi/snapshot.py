@@ -13,6 +13,9 @@ from mpp_taichi.errors import OutputError, StateError
 from mpp_taichi.whole_file import whole_file
 
 FORMAT_VERSION = 1
+MERGED_ARRAYS = ("mass", "radius", "charge", "free", "merged_into")
+"""What merging changes of a particle beside its place and velocity."""
+MASS_ROUNDING = 1e-5  # of the whole mass, as sums in f32 over many mergers leave it
 _ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color", "free")
 _COLUMNS = {"position": (3,), "velocity": (3,), "color": (3,), "free": (3,), "between": (2,)}
 _SPRING_ARRAYS = ("between", "stiffness", "damping", "rest_length", "color")
@@ -47,6 +50,8 @@ class Snapshot:
     color                red, green, blue in 0…1, shape (particle_count, 3)
     free                 False where an axis of a particle is held fixed, shape (particle_count, 3)
     name                 one string per particle, empty when it has none
+    merged_into          where spheres merge: the particle that each has become part of, −1 while it is one itself,
+                         (particle_count,). What has merged is left with neither mass, radius nor charge, and held
     """
 
     position: np.ndarray
@@ -61,18 +66,24 @@ class Snapshot:
     time: float = 0.0
     step: int = 0
     dt: float | None = None  # of the run that led here, where it is known [time]
+    merged_into: np.ndarray | None = None
 
     @property
     def particle_count(self) -> int:
         """Number of particles."""
         return len(self.mass)
 
+    @property
+    def present(self) -> np.ndarray:
+        """False for what has merged into another particle, shape (particle_count,)."""
+        return np.ones(self.particle_count, dtype=bool) if self.merged_into is None else self.merged_into < 0
+
     def moved(self, *, position: np.ndarray, velocity: np.ndarray, time: float, step: int) -> "Snapshot":
         """The same particles elsewhere, at another time."""
         return replace(self, position=position, velocity=velocity, time=time, step=step)
 
     def continuing(self, start: "Snapshot") -> "Snapshot":
-        """The particles of `start` where they are here, at this time and step.
+        """The particles of `start` where they are here, at this time and step, merged as they are here.
 
         Raises:
             StateError: these are other particles, or other springs link them.
@@ -81,17 +92,26 @@ class Snapshot:
             raise StateError(f"the state has {self.particle_count:,} particles, the scene {start.particle_count:,}")
         if not np.array_equal(self.springs.between, start.springs.between):
             raise StateError(f"the {len(self.springs):,} springs of the state are not the {len(start.springs):,} of the scene")
-        if not np.array_equal(self.mass, start.mass):
+        merges = start.merged_into is not None and self.merged_into is not None
+        same = (
+            abs(self.mass.sum() - start.mass.sum()) <= MASS_ROUNDING * np.abs(start.mass).sum()
+            if merges
+            else np.array_equal(self.mass, start.mass)
+        )
+        if not same:
             raise StateError("the masses of the state are not those of the scene")
         if not (np.isfinite(self.position).all() and np.isfinite(self.velocity).all()):
             raise StateError("the state holds numbers that are not finite")
-        return start.moved(position=self.position, velocity=self.velocity * start.free, time=self.time, step=self.step)
+        made = start.moved(position=self.position, velocity=self.velocity * start.free, time=self.time, step=self.step)
+        return replace(made, **{key: getattr(self, key) for key in MERGED_ARRAYS}) if merges else made
 
     def save(self, path: str | Path) -> None:
         """Write `.npz` (no pickles) by way of a temporary file, so that a crash leaves the old file whole."""
         path = Path(path)
         arrays = {key: getattr(self, key) for key in _ARRAYS}
         arrays |= {f"spring_{key}": getattr(self.springs, key) for key in _SPRING_ARRAYS}
+        if self.merged_into is not None:
+            arrays["merged_into"] = self.merged_into
         meta = {"format": FORMAT_VERSION, "time": self.time, "step": self.step, "dt": self.dt}
         with whole_file(path, "the snapshot", durable=True) as temporary:
             np.savez(temporary, meta=json.dumps(meta), name=np.array(self.name, dtype=np.str_), **arrays)
@@ -109,6 +129,7 @@ class Snapshot:
                 springs = Springs(**{key: data[f"spring_{key}"] for key in _SPRING_ARRAYS})
                 arrays = {key: data[key] for key in _ARRAYS}
                 names = tuple(str(entry) for entry in data["name"])
+                arrays["merged_into"] = data["merged_into"] if "merged_into" in data else None
             made = Snapshot(**arrays, name=names, springs=springs, time=meta["time"], step=meta["step"], dt=meta.get("dt"))
             made._check(meta["format"])
         except (OSError, EOFError, TypeError, ValueError, KeyError, zipfile.BadZipFile, zlib.error) as error:
@@ -125,6 +146,9 @@ class Snapshot:
                 array, shape = getattr(owner, key), (rows, *_COLUMNS.get(key, ()))
                 if array.shape != shape or array.dtype.kind not in "fiub":
                     raise ValueError(f"{key} is {array.dtype} of shape {array.shape}, must be numbers of shape {shape}")
+        into = self.merged_into
+        if into is not None and not (into.shape == (count,) and into.dtype.kind == "i" and (into < count).all()):
+            raise ValueError("merged_into does not name particles")
         if len(self.name) != count:
             raise ValueError(f"it has {len(self.name)} names for {count} particles")
         sound = math.isfinite(self.time) and self.step >= 0 and (self.dt is None or 0.0 < self.dt < math.inf)

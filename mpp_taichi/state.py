@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.snapshot import MERGED_ARRAYS, Snapshot
 
 # Quantities one entry of which belongs to each particle, and the snapshot array they come from.
 PARTICLE_QUANTITIES = ("mass", "charge", "radius")
@@ -42,7 +42,8 @@ class State:
 
     position, velocity, acceleration   vectors of `dimensions` components in the run's precision
     free                               1 or 0 per axis, only where an axis of some particle is fixed
-    mass, charge, radius, spring_…     only where named in `needs`
+    mass, charge, radius, spring_…     only where named in `needs`, or where spheres merge
+    merged_into                        where spheres merge, as in `Snapshot`; there `free` is always kept, too
     scratch_0, scratch_1, …            vectors that an integrator asks for
     and whatever else it names in `work`: name → (kind, count for each replica)
 
@@ -69,8 +70,11 @@ class State:
         self.particle_count = snapshot.particle_count
         self.replica_count = replica_count
         self.total_count = snapshot.particle_count * replica_count
-        self.has_fixed_axes = not bool(snapshot.free[:, :dimensions].all())
-        needs = frozenset(needs)
+        self.merges = snapshot.merged_into is not None
+        self.has_fixed_axes = self.merges or not bool(snapshot.free[:, :dimensions].all())
+        needs = frozenset(needs) | frozenset(PARTICLE_QUANTITIES if self.merges else ())
+        if self.merges:
+            self.memory = (*memory, *MERGED_ARRAYS)
         unknown = needs - set(PARTICLE_QUANTITIES) - set(SPRING_QUANTITIES)
         if unknown:
             raise TypeError(f"an effect needs {sorted(unknown)}, which State does not know")
@@ -89,6 +93,8 @@ class State:
         for name in PARTICLE_QUANTITIES:
             if name in needs:
                 self._scalar(name, float, self.total_count)
+        if self.merges:
+            self._scalar("merged_into", ti.i32, self.total_count)
         host = half_springs(snapshot) if needs & set(SPRING_QUANTITIES) else {}
         for name in SPRING_QUANTITIES:
             if name in needs:
@@ -156,6 +162,8 @@ class State:
         if self.has_fixed_axes:
             free = snapshot.free[:, : self.dimensions].astype(self._dtype)
             self.free.from_numpy(np.tile(free, (self.replica_count, 1)))
+        if self.merges:
+            self.write_spheres(snapshot)
         self.write(snapshot.position, snapshot.velocity * snapshot.free)
 
     @property
@@ -173,6 +181,22 @@ class State:
             if len(values) != self.total_count:
                 values = np.tile(values, (self.replica_count, 1))
             target.from_numpy(np.ascontiguousarray(values, dtype=self._dtype))
+
+    def write_spheres(self, snapshot: Snapshot) -> None:
+        """Set what merging changes of each sphere; for one copy of a scene."""
+        for name in MERGED_ARRAYS:
+            values = np.asarray(getattr(snapshot, name))
+            kind = np.int32 if name == "merged_into" else self._dtype
+            columns = values[:, : self.dimensions] if values.ndim == 2 else values
+            getattr(self, name).from_numpy(np.ascontiguousarray(columns, dtype=kind))
+
+    def read_spheres(self) -> dict[str, np.ndarray]:
+        """What merging changes of each sphere, as a Snapshot has it."""
+        found = {name: getattr(self, name).to_numpy().astype(np.float64) for name in ("mass", "radius", "charge")}
+        into = self.merged_into.to_numpy()
+        free = np.repeat((into < 0)[:, None], 3, axis=1)
+        free[:, : self.dimensions] = self.free.to_numpy() != 0.0
+        return found | {"free": free, "merged_into": into}
 
     def read(self, replica: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities of one replica as float64, (particle_count, 3)."""

@@ -257,9 +257,10 @@ def _errors(found: Mapping[str, Any]) -> str:
     if not found["conserves_momentum"]:
         return f"{energy}; momentum is not conserved: external forces, walls or held particles change it"
     momentum = f"{energy}, momentum {found['momentum_error_max']:.2g}"
-    if not found["conserves_angular_momentum"]:
-        return f"{momentum}; angular momentum is not conserved in a periodic box"
-    return f"{momentum}, angular momentum {found['angular_momentum_error_max']:.2g}"
+    turning = f"{momentum}, angular momentum {found['angular_momentum_error_max']:.2g}"
+    if "merge_count" in found.get("contacts", {}):
+        return f"{turning} (merged spheres do not spin)"
+    return turning if found["conserves_angular_momentum"] else f"{momentum}; angular momentum is not conserved in a periodic box"
 
 
 def _balance(found: Mapping[str, Any]) -> str:

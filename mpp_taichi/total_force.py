@@ -33,8 +33,8 @@ class TotalForce:
     exist.
     """
 
-    def __init__(self, forces: tuple[Force, ...], particle_count: int, dimensions: int):
-        """Sort the forces by the loop they need, and by whether they depend on velocity."""
+    def __init__(self, forces: tuple[Force, ...], particle_count: int, dimensions: int, *, merges: bool = False):
+        """Sort the forces by the loop they need, and by whether they depend on velocity; `merges` is for AllPairs."""
         self.forces = forces
         self.particle_count = particle_count
         self.dimensions = dimensions
@@ -46,7 +46,7 @@ class TotalForce:
         if self.has_pairs:
             from mpp_taichi.neighbors.all_pairs import AllPairs  # only for scenes that have pairs
 
-            self.pairs = AllPairs(pairs, particle_count, dimensions)
+            self.pairs = AllPairs(pairs, particle_count, dimensions, merges=merges)
         self.pair_forces = pairs
         others = [force for force in forces if not isinstance(force, PairForce) and not force.depends_on_velocity]
         self.sets_pairs = self.has_pairs and not others and self.pairs.sets_directly

@@ -15,12 +15,15 @@ class ContactSolver:
 
     drifts   moves the spheres along straight ways, and resolves contacts on the way: `drift`
     flies    moves the spheres itself for any time, without steps: `advance`
-    logs     notes every contact, to be taken by `take_log`; set before `bind`
+    logs     notes every contact, to be taken by `take_log`; set before `bind`, where a solver `can_log`
+    forces   the TotalForce that acts on the spheres, or None; set before `bind`
     """
 
     drifts = False
     flies = False
+    can_log = False
     logs = False
+    forces: Any = None
     setup: ContactSetup
 
     def bind(self, setup: ContactSetup, state: Any) -> None:

@@ -41,6 +41,7 @@ class EventDriven(ContactSolver):
     event_limit: int = param(10_000_000, minimum=1, help="contacts between two looks, of a thousand spheres, that end the run")
 
     flies = True
+    can_log = True
     log_capacity = 65_536  # contacts noted on the device before the host takes them
 
     def bind(self, setup: ContactSetup, state: Any) -> None:

@@ -13,6 +13,12 @@ class NoResultError(StabilityError):
     """The run ended before the quantity was defined; the message says what did not happen."""
 
 
+def require_present(snapshot: Snapshot, of: int) -> None:
+    """NoResultError where particle `of` has become part of another."""
+    if snapshot.merged_into is not None and snapshot.merged_into[of] >= 0:
+        raise NoResultError(f"particle {of} merged into particle {snapshot.merged_into[of]} before time {snapshot.time:.6g}")
+
+
 class Diagnostic(ABC):
     """Watches a run from its start and comes to one number. Changes nothing."""
 

@@ -3,6 +3,7 @@
 import math
 
 from mpp_taichi.component import Particle
+from mpp_taichi.diagnostics._base import require_present
 from mpp_taichi.hermite import crossing, cubic
 from mpp_taichi.snapshot import Snapshot
 
@@ -12,6 +13,7 @@ LOOK_ANGLE = 0.1  # radians of an oscillation between two looks: the cubic is th
 
 def coordinate(snapshot: Snapshot, of: Particle, axis: str) -> tuple[float, float]:
     """Value and rate of one coordinate of one particle."""
+    require_present(snapshot, of)
     column = AXES.index(axis)
     return float(snapshot.position[of, column]), float(snapshot.velocity[of, column])
 

@@ -9,6 +9,7 @@ from mpp_taichi.component import Particles
 from mpp_taichi.contact_report import ContactReport
 from mpp_taichi.contact_setup import enclosure_of
 from mpp_taichi.diagnostics._base import Diagnostic, NoResultError
+from mpp_taichi.scene.contacts import merges
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.walls._base import Enclosure
@@ -75,6 +76,12 @@ class OfContacts(Diagnostic):
 
     def observe(self, time: float, snapshot: Snapshot) -> None:
         """Nothing but the count is needed."""
+
+
+def require_no_merging(spec: SceneSpec) -> None:
+    """NoResultError where spheres merge."""
+    if merges(spec):
+        raise NoResultError("spheres become fewer as they merge, so that there is no number of collisions for each")
 
 
 def rows_of(of: Particles | None, snapshot: Snapshot) -> np.ndarray:

@@ -3,7 +3,7 @@
 from mpp_taichi.component import component, param
 from mpp_taichi.contact_report import ContactReport
 from mpp_taichi.diagnostics._base import NoResultError
-from mpp_taichi.diagnostics._gas import OfContacts
+from mpp_taichi.diagnostics._gas import OfContacts, require_no_merging
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
@@ -21,6 +21,7 @@ class CollisionRate(OfContacts):
     def begin(self, spec: SceneSpec, start: Snapshot) -> None:
         """Keep how many particles there are."""
         super().begin(spec, start)
+        require_no_merging(spec)
         self._count = start.particle_count
 
     def counted(self, report: ContactReport) -> float:

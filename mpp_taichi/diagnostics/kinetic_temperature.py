@@ -26,7 +26,10 @@ class KineticTemperature(Diagnostic):
 
     def observe(self, time: float, snapshot: Snapshot) -> None:
         """Keep the last look."""
-        velocity, mass = snapshot.velocity[self._rows], snapshot.mass[self._rows]
+        rows = self._rows[snapshot.present[self._rows]]
+        velocity, mass = snapshot.velocity[rows], snapshot.mass[rows]
+        if len(rows) < 1 + self.drift:
+            raise NoResultError("too few particles have not merged for a temperature")
         self._value = kinetic_temperature(velocity, mass, self._dimensions, drift=self.drift)
 
     def result(self) -> float:

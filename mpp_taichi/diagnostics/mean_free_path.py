@@ -5,7 +5,7 @@ import numpy as np
 from mpp_taichi.component import component, param
 from mpp_taichi.contact_report import ContactReport
 from mpp_taichi.diagnostics._base import NoResultError
-from mpp_taichi.diagnostics._gas import OfContacts
+from mpp_taichi.diagnostics._gas import OfContacts, require_no_merging
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
@@ -22,6 +22,7 @@ class MeanFreePath(OfContacts):
     def begin(self, spec: SceneSpec, start: Snapshot) -> None:
         """Keep how many particles there are."""
         super().begin(spec, start)
+        require_no_merging(spec)
         self._count = start.particle_count
         self._speeds: list[float] = []
 

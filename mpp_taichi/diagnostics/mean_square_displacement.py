@@ -26,6 +26,7 @@ class MeanSquareDisplacement(Diagnostic):
     after: float = param(0.0, minimum=0.0, unit="time", help="from where they are at the first look from this time on")
     _way: np.ndarray | None = None
     _last: np.ndarray
+    _present: np.ndarray
     _interval: float = math.inf
 
     def begin(self, spec: SceneSpec, start: Snapshot) -> None:
@@ -39,7 +40,7 @@ class MeanSquareDisplacement(Diagnostic):
         position = snapshot.position[self._rows]
         if time >= self.after:
             way = np.zeros_like(position) if self._way is None else self._way + shortest(position - self._last, self._period)
-            self._way, self._last = way, position.copy()
+            self._way, self._last, self._present = way, position.copy(), snapshot.present[self._rows]
         fastest = float(np.linalg.norm(snapshot.velocity, axis=1).max())
         shortest_period = min([period for period in self._period if period > 0.0], default=math.inf)
         self._interval = LOOK_SHARE * shortest_period / fastest if fastest > 0.0 else math.inf
@@ -53,7 +54,9 @@ class MeanSquareDisplacement(Diagnostic):
         """The mean square at the last look."""
         if self._way is None:
             raise NoResultError(f"the run ended before `after`, {self.after:g}")
-        return float(np.mean(np.sum(self._way**2, axis=1)))
+        if not self._present.any():
+            raise NoResultError("all of them have merged into others")
+        return float(np.mean(np.sum(self._way[self._present] ** 2, axis=1)))
 
 
 def shortest(step: np.ndarray, period: np.ndarray) -> np.ndarray:

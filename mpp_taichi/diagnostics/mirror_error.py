@@ -21,10 +21,11 @@ class MirrorError(Diagnostic):
 
     def observe(self, time: float, snapshot: Snapshot) -> None:
         """Keep the last look."""
-        image = snapshot.position.copy()
+        places = snapshot.position[snapshot.present]
+        image = places.copy()
         column = AXES.index(self.axis)
         image[:, column] = 2.0 * self.at - image[:, column]
-        self._value = max(float(np.min(np.linalg.norm(image - place, axis=1))) for place in snapshot.position)
+        self._value = max(float(np.min(np.linalg.norm(image - place, axis=1))) for place in places)
 
     def result(self) -> float:
         """The distance at the last look."""

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from mpp_taichi.component import Particle, component, param
-from mpp_taichi.diagnostics._base import Diagnostic, NoResultError
+from mpp_taichi.diagnostics._base import Diagnostic, NoResultError, require_present
 from mpp_taichi.hermite import crossing
 from mpp_taichi.snapshot import Snapshot
 
@@ -32,6 +32,8 @@ class OrbitalPeriod(Diagnostic):
         """Follow the angle until it has grown by 2π."""
         if self._period is not None:
             return
+        for particle in (self.of, self.around):
+            require_present(snapshot, particle)
         separation = snapshot.position[self.of] - snapshot.position[self.around]
         motion = snapshot.velocity[self.of] - snapshot.velocity[self.around]
         if self._axes is None:

@@ -21,7 +21,7 @@ class ReturnError(Diagnostic):
         """Compare with the first look."""
         if self._start is None:
             self._start = snapshot.position.copy()
-        self._distance = float(np.linalg.norm(snapshot.position - self._start, axis=1).max())
+        self._distance = float(np.linalg.norm(snapshot.position - self._start, axis=1)[snapshot.present].max())
 
     def result(self) -> float:
         """The distance at the last look."""

@@ -31,7 +31,10 @@ class SpeedDistributionDistance(Diagnostic):
 
     def observe(self, time: float, snapshot: Snapshot) -> None:
         """Compare; the last look remains."""
-        velocity, mass = snapshot.velocity[self._rows], snapshot.mass[self._rows]
+        rows = self._rows[snapshot.present[self._rows]]
+        velocity, mass = snapshot.velocity[rows], snapshot.mass[rows]
+        if len(rows) < 2:
+            raise NoResultError("fewer than two particles have not merged")
         measured = kinetic_temperature(velocity, mass, self._dimensions)
         temperature = measured if self.temperature is None else self.temperature
         if not temperature > 0.0:

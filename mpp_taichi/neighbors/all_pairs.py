@@ -47,8 +47,12 @@ class AllPairs:
     inf, NaN or zero as IEEE arithmetic has it. Two bodies at one place without softening give NaN.
     """
 
-    def __init__(self, pair_forces: Sequence[Any], particle_count: int, dimensions: int) -> None:
-        """Sort the forces by softening; needs a started Taichi, whose precision and thread count it takes."""
+    def __init__(self, pair_forces: Sequence[Any], particle_count: int, dimensions: int, *, merges: bool = False) -> None:
+        """Sort the forces by softening; needs a started Taichi, whose precision and thread count it takes.
+
+        `merges`: bodies may become part of others (`state.merged_into`), and are sources of no force then.
+        """
+        self.merges = merges
         config = ti.lang.impl.current_cfg()
         self.particle_count = particle_count
         self.dimensions = dimensions
@@ -113,6 +117,7 @@ class AllPairs:
         """Factors of d_ij in the accelerations of i and, with the opposite sign, of j."""
         on_i = 0.0
         on_j = 0.0
+        distance_squared = self._apart(self._apart(distance_squared, state, i), state, j)
         for group in ti.static(self.groups):
             inverse_distance = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
             for member in ti.static(group.members):
@@ -120,6 +125,14 @@ class AllPairs:
                 on_i += member.force.response(state, i) * (member.force.source(state, j) * shape)
                 on_j += member.force.response(state, j) * (member.force.source(state, i) * shape)
         return on_i, on_j
+
+    @ti.func
+    def _apart(self, squared, state: Template, j):
+        """A squared distance from j; one more where j has merged away and may lie where another is, as 0 · 1/0 is not 0."""
+        result = squared
+        if ti.static(self.merges):
+            result = squared + ti.cast(state.merged_into[j] >= 0, float)
+        return result
 
     # One thread of a GPU per body ------------------------------------------------------------------------------------
 
@@ -137,7 +150,7 @@ class AllPairs:
     @ti.func
     def _acceleration_from(self, state: Template, i, j):
         d = state.position[j] - state.position[i]
-        distance_squared = d.dot(d)
+        distance_squared = self._apart(d.dot(d), state, j)
         weight = 0.0
         for group in ti.static(self.groups):
             inverse_distance = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
@@ -203,8 +216,8 @@ class AllPairs:
             k = self._outside(first + 2 * pair + 1, begin)
             to_j = [state.position[j][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
             to_k = [state.position[k][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
-            squared_j = self._square(to_j)
-            squared_k = self._square(to_k)
+            squared_j = self._apart(self._square(to_j), state, j)
+            squared_k = self._apart(self._square(to_k), state, k)
             weight_j = ti.Vector.zero(float, self.lane_count)
             weight_k = ti.Vector.zero(float, self.lane_count)
             for group in ti.static(self.groups):
@@ -229,7 +242,7 @@ class AllPairs:
             to_j = [state.position[j][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
             from_own = lane_number - ti.cast(step, float)
             own = ti.max(1.0 - from_own * from_own, 0.0)  # 1 in lane `step`, 0 in the others
-            squared = self._square(to_j) + own
+            squared = self._apart(self._square(to_j) + own, state, j)
             weight = ti.Vector.zero(float, self.lane_count)
             for group in ti.static(self.groups):
                 inverse = 1.0 / ti.sqrt(squared + group.softening_squared)
@@ -288,10 +301,16 @@ class AllPairs:
         position = ti.cast(state.position[i], state.wide)
         for j in range(first, first + self.particle_count):
             if j != i:
-                d = ti.cast(state.position[j], state.wide) - position
-                distance_squared = d.dot(d)
-                for group in ti.static(self.groups):
-                    inverse_distance = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
-                    for member in ti.static(group.members):
-                        energy += 0.5 * member.force.potential(state, i, j, inverse_distance)
+                energy += 0.5 * self.potential_between(state, i, j, ti.cast(state.position[j], state.wide) - position)
+        return energy
+
+    @ti.func
+    def potential_between(self, state: Template, i, j, separation):
+        """Potential energy of the bodies i and j at a separation in `state.wide`."""
+        energy = ti.cast(0.0, state.wide)
+        distance_squared = self._apart(self._apart(separation.dot(separation), state, i), state, j)
+        for group in ti.static(self.groups):
+            inverse_distance = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
+            for member in ti.static(group.members):
+                energy += member.force.potential(state, i, j, inverse_distance)
         return energy

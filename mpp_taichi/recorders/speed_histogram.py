@@ -38,6 +38,8 @@ class SpeedHistogram:
         self.title, self.dimensions = spec.title, spec.dimensions
         units = spec.units or {}
         self.speed_unit = f"{units['length']}/{units['time']}" if units else ""
+        if start.merged_into is not None:
+            raise OutputError(f"{spec.source}: there is no histogram of the speeds of spheres that merge: their masses change")
         self._rows = np.flatnonzero(start.free.all(axis=1))
         self.mass = start.mass[self._rows]
         if len(self._rows) == 0:

@@ -24,7 +24,8 @@ class TrajectoryRecorder:
 
     `.npz` holds time and step (frame_count,), position and velocity (frame_count, particle_count, 3) in f64, and mass, radius,
     charge, name as in a `Snapshot`; the frames wait in raw files beside it until `close` packs them. `.xyz` and `.extxyz` are
-    text, one block a frame. The file appears under its name only when it is whole. A context manager.
+    text, one block a frame. Where spheres merge, `.npz` holds mass and radius of every frame (frame_count, particle_count), 0 for
+    what is gone, and merged_into at the end; the text has those that are there. The file appears under its name only when it is whole. A context manager.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -103,18 +104,29 @@ class _ArrayWriter:
     """Raw frames in one file per array, packed into one `.npz` at the end."""
 
     ARRAYS = ("position", "velocity")
+    CHANGING = ("mass", "radius")  # where spheres merge
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._parts = {name: path.with_name(f"{path.name}.{name}.part") for name in self.ARRAYS}
-        self._streams: dict[str, IO[bytes]] = {name: open(part, "w+b") for name, part in self._parts.items()}
+        self._parts: dict[str, Path] = {}
+        self._streams: dict[str, IO[bytes]] = {}
+        for name in self.ARRAYS:
+            self._open(name)
         self._times: list[float] = []
         self._steps: list[int] = []
         self._particles: Snapshot | None = None
 
+    def _open(self, name: str) -> None:
+        part = self.path.with_name(f"{self.path.name}.{name}.part")
+        self._streams[name] = open(part, "w+b")
+        self._parts[name] = part
+
     def write(self, snapshot: Snapshot) -> None:
-        for name in self.ARRAYS:
-            self._streams[name].write(np.ascontiguousarray(getattr(snapshot, name), dtype="<f8").tobytes())
+        if self._particles is None and snapshot.merged_into is not None:
+            for name in self.CHANGING:
+                self._open(name)
+        for name, stream in self._streams.items():
+            stream.write(np.ascontiguousarray(getattr(snapshot, name), dtype="<f8").tobytes())
         self._times.append(snapshot.time)
         self._steps.append(snapshot.step)
         self._particles = snapshot
@@ -128,20 +140,25 @@ class _ArrayWriter:
                 os.replace(whole, self.path)
         finally:
             whole.unlink(missing_ok=True)
-            for name in self.ARRAYS:
-                self._streams[name].close()
+            for name, stream in self._streams.items():
+                stream.close()
                 self._parts[name].unlink(missing_ok=True)
 
     def _pack(self, archive: zipfile.ZipFile) -> None:
         assert self._particles is not None
         small: dict[str, Any] = {"time": np.array(self._times), "step": np.array(self._steps)}
-        small |= {name: getattr(self._particles, name) for name in ("mass", "radius", "charge")}
+        fixed = (name for name in ("mass", "radius", "charge") if name not in self._streams)
+        small |= {name: getattr(self._particles, name) for name in fixed}
+        if self._particles.merged_into is not None:
+            small["merged_into"] = self._particles.merged_into
         small["name"] = np.array(self._particles.name, dtype=np.str_)
         for name, values in small.items():
             with archive.open(f"{name}.npy", "w") as member:
                 np.lib.format.write_array(member, values, allow_pickle=False)
-        header = {"descr": "<f8", "fortran_order": False, "shape": (len(self._times), self._particles.particle_count, 3)}
+        frames = (len(self._times), self._particles.particle_count)
         for name, stream in self._streams.items():
+            shape = frames if name in self.CHANGING else (*frames, 3)
+            header = {"descr": "<f8", "fortran_order": False, "shape": shape}
             stream.seek(0)
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array_header_1_0(member, header)
@@ -159,12 +176,14 @@ class _TextWriter:
         self._stream = open(self._part, "w", encoding="utf-8")
 
     def write(self, snapshot: Snapshot) -> None:
+        present = snapshot.present
         self._stream.write(
-            f'{snapshot.particle_count}\nProperties={self.COLUMNS} Time={snapshot.time!r} Step={snapshot.step} pbc="F F F"\n'
+            f'{present.sum()}\nProperties={self.COLUMNS} Time={snapshot.time!r} Step={snapshot.step} pbc="F F F"\n'
         )
         numbers = np.column_stack([snapshot.position, snapshot.velocity, snapshot.mass, snapshot.radius, snapshot.charge])
-        for name, row in zip(snapshot.name, numbers.tolist(), strict=True):
-            self._stream.write(f"{_species(name)} {' '.join(map(repr, row))}\n")
+        for name, row, is_there in zip(snapshot.name, numbers.tolist(), present, strict=True):
+            if is_there:
+                self._stream.write(f"{_species(name)} {' '.join(map(repr, row))}\n")
 
     def close(self, *, keep: bool) -> None:
         self._stream.close()

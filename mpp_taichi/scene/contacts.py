@@ -15,6 +15,7 @@ from mpp_taichi.scene.spec import ComponentSpec, ContactsSpec, Location, PairSpe
 
 LOOKS = 1000  # of an event-driven run, where the scene does not say how often
 COMMON_KEYS = ("solver", "pairs", "overlap")
+MERGING = "merging"  # the solver after which there are fewer spheres
 
 
 def contacts_model(names: Sequence[str]) -> type[BaseModel]:
@@ -36,11 +37,10 @@ def contacts_model(names: Sequence[str]) -> type[BaseModel]:
 def _solver_model(name: str) -> type[BaseModel]:
     declared = component.declaration("contacts", name)
     overlap = _word(("refuse", "separate"), "refuse", "a start with spheres in each other: refuse it, or push them apart")
-    keys: dict[str, Any] = {
-        "solver": (Literal[name], Describe(description="the method")),
-        "pairs": (list[PairSpec], Describe([], description="pairs of particles or groups with a restitution of their own")),
-        "overlap": overlap,
-    }
+    keys: dict[str, Any] = {"solver": (Literal[name], Describe(description="the method")), "overlap": overlap}
+    if any(parameter.name == "restitution" for parameter in declared.parameters):
+        pairs = Describe([], description="pairs of particles or groups with a restitution of their own")
+        keys["pairs"] = (list[PairSpec], pairs)
     summary = declared.summary.split("\n\n")[0]
     return create_model(
         f"{declared.class_name}Contacts", __config__=STRICT, __doc__=summary, **keys, **parameter_fields(declared.parameters)
@@ -50,6 +50,11 @@ def _solver_model(name: str) -> type[BaseModel]:
 def _word(words: tuple[str, ...], default: str, description: str) -> Any:
     check: Field = Text(words)
     return (Annotated[Any, check], Describe(default, description=description))
+
+
+def merges(spec: SceneSpec) -> bool:
+    """Whether spheres of a scene become one where they meet."""
+    return spec.contacts is not None and spec.contacts.solver.name == MERGING
 
 
 def is_event_driven(validated: Any) -> bool:
@@ -64,7 +69,7 @@ def specification(validated: Any, node: Any) -> ContactsSpec | None:
     spheres = validated.hard_spheres
     parameters = {key: getattr(spheres, key) for key in type(spheres).model_fields if key not in COMMON_KEYS}
     solver = ComponentSpec(spheres.solver, parameters, node.value["hard_spheres"].place)
-    return ContactsSpec(solver, tuple(spheres.pairs), spheres.overlap)
+    return ContactsSpec(solver, tuple(getattr(spheres, "pairs", ())), spheres.overlap)
 
 
 # Methods whose drifts lead forward in time alone: contacts on the way would be undone by one that leads back.
@@ -88,6 +93,8 @@ def check_contacts(spec: SceneSpec, tree: Node, faults: Faults) -> None:
         faults.add(
             place, key, f"{solver.name} resolves contacts on straight ways between kicks: it {goes}, not {spec.integrator.name}"
         )
+    if solver.name == MERGING:
+        _check_merging(spec, faults)
 
 
 def _check_free_flight(spec: SceneSpec, place: Location, key: str, faults: Faults) -> None:
@@ -100,3 +107,12 @@ def _check_free_flight(spec: SceneSpec, place: Location, key: str, faults: Fault
     if spec.springs:
         rule = "cannot act here: between collisions event_driven knows no springs"
         faults.add(spec.springs[0].location, "springs", rule)
+
+
+def _check_merging(spec: SceneSpec, faults: Faults) -> None:
+    if spec.springs:
+        faults.add(spec.springs[0].location, "springs", "cannot be where spheres merge: a spring would lose its end")
+    for number, wall in enumerate(spec.walls):
+        if wall.name == "periodic_box":
+            rule = "cannot be where spheres merge: they may grow beyond what a box that repeats has room for"
+            faults.add(wall.location, f"walls[{number}].{wall.name}", rule)

@@ -8,6 +8,7 @@ from typing import Any
 from mpp_taichi import component
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene import overrides
+from mpp_taichi.scene.contacts import merges
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.expressions import Formula
 from mpp_taichi.scene.faults import Faults, choices, shown
@@ -48,6 +49,8 @@ def with_phases(
         events.append(Event(at, changes.plain(), replace(scene, forces=_acting(scene.forces)), entry.location))
     whole = replace(spec, forces=_acting(spec.forces), timeline=tuple(events))
     _check_steps(whole, node, faults)
+    if any(merges(scene) for scene in (spec, *(event.scene for event in events))):
+        faults.add(node.location, "timeline", "cannot be where spheres merge: a later phase would bring back what is gone")
     faults.raise_if_any()
     return whole
 

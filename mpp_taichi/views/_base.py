@@ -16,7 +16,7 @@ WALL_WIDTH = 1.5  # pixels of a picture of 720 rows
 class Frame:
     """One moment of a scene as a view draws it; plain host arrays, so that no view knows a simulation or a device.
 
-    position     [length], shape (particle_count, 3)
+    position     [length], shape (particle_count, 3); not a number for what is not there
     radius       [length], shape (particle_count,)
     color        red, green, blue in 0…1 as displayed (sRGB), shape (particle_count, 3)
     between      particle indices of the two ends of each spring, shape (spring_count, 2)
@@ -48,8 +48,11 @@ class Frame:
             x, y, z = mass @ snapshot.position / mass.sum()
             center = (float(x), float(y), float(z))
         springs = snapshot.springs
+        place = snapshot.position if walls is None else walls.inside(snapshot.position)
+        if not snapshot.present.all():
+            place = np.where(snapshot.present[:, None], place, np.nan)
         return Frame(
-            position=snapshot.position if walls is None else walls.inside(snapshot.position),
+            position=place,
             radius=snapshot.radius,
             color=snapshot.color,
             between=springs.between,

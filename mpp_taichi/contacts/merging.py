@@ -1,0 +1,63 @@
+"""Spheres that meet become one, as planetesimals do."""
+
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.component import component, param
+from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
+from mpp_taichi.contacts._merging_drift import MergingDrift
+
+LOG_CAPACITY = 65_536  # events noted on the device before the host takes them
+
+
+@component
+class Merging(ContactSolver):
+    """Two spheres that meet become one with the mass, the momentum, the charge and the volume of both (`_merger.py`).
+
+    Meetings are found at their exact time on the straight ways of a drift, whatever the speed, and taken in the order of time;
+    what has merged may meet others within the same drift. The heavier one, or of equal ones that of the lower number, goes on
+    at the centre of mass; the other is gone. Off walls spheres bounce with the restitution of the wall. Momentum is kept, not
+    the angular momentum with which the two turned about each other, as spheres do not spin.
+    """
+
+    bounce_limit: int = param(1_000_000, minimum=1, help="bounces off walls in a drift, beyond which it is given up")
+
+    drifts = True
+    can_log = True
+
+    def bind(self, setup: ContactSetup, state: Any) -> None:
+        """Allocate for the spheres of `setup`; what they are now stands in the fields of `state`."""
+        self.setup = setup
+        capacity = LOG_CAPACITY if self.logs else 0
+        self.ways = MergingDrift(setup, state, self.forces, bounce_limit=self.bounce_limit, log_capacity=capacity)
+
+    def drift(self, state: Any, time: float, h: float) -> None:
+        """Move all spheres by h [time] along their velocities; what meets on the way merges."""
+        self.ways.drift(time, h)
+
+    def collect(self) -> ContactReport:
+        """What was counted since it was last asked."""
+        return self.ways.collect()
+
+    def take_log(self) -> np.ndarray | None:
+        """Mergers and bounces since this was last asked: time, what goes on, what is gone (−1 − w: surface w), momentum."""
+        return self.ways.log.take() if self.logs else None
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self.ways.destroy()
+
+    def failure(self, count: int) -> str:
+        """A sphere bounced too often, or too many met at once."""
+        return f"{count} drifts with more contacts than there is room for; try a smaller dt"
+
+    @property
+    def conserves_energy(self) -> bool:
+        """It does not: what spheres had against each other is lost."""
+        return False
+
+    @property
+    def gains_no_energy(self) -> bool:
+        """It may: the potential energy of two that attract each other is gone with them."""
+        return False
