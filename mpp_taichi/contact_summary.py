@@ -50,9 +50,9 @@ def contact_line(found: Mapping[str, Any]) -> str:
     if facts is None:
         return ""
     if "merge_count" in facts:
-        energies = f"{facts['dissipated_energy']:.6g} of kinetic energy lost, {facts['potential_change']:+.6g} of potential energy"
-        counted = f"{facts['merge_count']:,} merged, {facts['spheres_left']:,} spheres left, {facts['wall_count']:,} bounces off walls"
-        return f"{facts['solver']}: {counted}; {energies}"
+        counted = f"{facts['merge_count']:,} merged, {facts['spheres_left']:,} spheres left, {facts['wall_count']:,} with walls"
+        lost, gained = facts["dissipated_energy"], facts["potential_change"]
+        return f"{facts['solver']}: {counted}; {lost:.6g} of kinetic energy lost, {gained:+.6g} of potential energy"
     rate = facts["collisions_per_particle_and_time"]
     told = f" ({rate:.4g} per particle and time)" if rate else ""
     counted = f"{facts['pair_count']:,} collisions of spheres{told}, {facts['wall_count']:,} with walls"

@@ -190,7 +190,7 @@ class State:
             columns = values[:, : self.dimensions] if values.ndim == 2 else values
             getattr(self, name).from_numpy(np.ascontiguousarray(columns, dtype=kind))
 
-    def read_spheres(self) -> dict[str, np.ndarray]:
+    def read_spheres(self) -> dict[str, Any]:
         """What merging changes of each sphere, as a Snapshot has it."""
         found = {name: getattr(self, name).to_numpy().astype(np.float64) for name in ("mass", "radius", "charge")}
         into = self.merged_into.to_numpy()

@@ -13,7 +13,7 @@ from mpp_taichi.quick_compilation import quick_compilation
 from mpp_taichi.walls import _geometry
 
 ALL_PAIRS_UP_TO = 500  # spheres; more are faster on the cell grid
-EVENTS_PER_SPHERE = 8  # that the list has room for; with more a drift is cut into pieces
+EVENTS_PER_SPHERE, SPARE_EVENTS = 8, 64  # that the list has room for; with more a drift is cut into pieces
 TRIES = 64  # halvings of a piece with too many events
 SLOWEST = 4.0  # roundings of the velocities from which an approach to a wall is computed
 
@@ -23,33 +23,42 @@ class MergingDrift:
     """Straight ways, and on them a list of what comes: meetings (time, i, j), i < j, and walls (time, i, −1 − surface).
 
     The earliest entry happens; entries of the spheres it has changed are taken off the list, and what the outcome is going to
-    meet is put on it. Of entries at one time the lowest numbers come first. A sphere is in the list's terms where
-    state.position + state.velocity · t is, so that nothing else moves until the end. Who meets whom is looked for among all
-    pairs, or on the cell grid with |x_j − x_i| ≤ r_i + r_j + (|v_i| + |v_j|) h: none is missed at any speed, and the list, whose
-    order does not matter, is the same. Where there is no more room on it the drift ends at the last event, and a new one begins.
+    meet is put on it. Of entries at one time the lowest numbers come first. At the time t of the drift a sphere is at
+    state.position + state.velocity · t, changed or not, so that nothing else has to move before the end.
+
+    Who meets whom is looked for among all pairs, or on the cell grid with |x_j − x_i| ≤ r_i + r_j + (|v_i| + |v_j|) h: none is
+    missed at any speed, and the list, whose order does not matter, is the same. Where it has no more room, a piece of the drift
+    ends at the last event, and another begins.
     """
 
     def __init__(
-        self, setup: ContactSetup, state: Any, forces: Any, *, bounce_limit: int, log_capacity: int, all_pairs: bool | None = None
+        self,
+        setup: ContactSetup,
+        state: Any,
+        forces: Any,
+        *,
+        bounce_limit: int,
+        log_capacity: int,
+        all_pairs: bool | None = None,
     ) -> None:
         """Allocate for the spheres of `state`."""
         n = setup.particle_count
         self.particle_count, self.state = n, state
         self.surfaces = setup.enclosure.surfaces
         self.bounce_limit = bounce_limit
-        self.all_pairs = n <= ALL_PAIRS_UP_TO if all_pairs is None else all_pairs
+        self.all_pairs = n <= ALL_PAIRS_UP_TO
         self.merger = Merger(setup, state, forces, log_capacity=log_capacity)
         self.tally, self.log = self.merger.tally, self.merger.log
         self.grid = None if self.all_pairs else CellGrid(n, setup.dimensions)
         self.slowest = SLOWEST * float(np.finfo(np.float32 if state.position.dtype == ti.f32 else np.float64).eps)
-        self.capacity = EVENTS_PER_SPHERE * n + 64
-        self.time, self.reach, self.least = ti.field(float), ti.field(float), ti.field(float)
+        self.capacity = EVENTS_PER_SPHERE * n + SPARE_EVENTS
+        self.time, self.reach = ti.field(float), ti.field(float)
         self.i, self.j, self.count = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
         builder = ti.FieldsBuilder()
         for field in (self.time, self.i, self.j):
             builder.dense(ti.i, self.capacity).place(field)
         builder.dense(ti.i, n).place(self.reach)
-        builder.place(self.count, self.least)
+        builder.place(self.count)
         self._tree = builder.finalize()
 
     def destroy(self) -> None:

@@ -39,7 +39,7 @@ def _solver_model(name: str) -> type[BaseModel]:
     overlap = _word(("refuse", "separate"), "refuse", "a start with spheres in each other: refuse it, or push them apart")
     keys: dict[str, Any] = {"solver": (Literal[name], Describe(description="the method")), "overlap": overlap}
     if any(parameter.name == "restitution" for parameter in declared.parameters):
-        pairs = Describe([], description="pairs of particles or groups with a restitution of their own")
+        pairs: Any = Describe([], description="pairs of particles or groups with a restitution of their own")
         keys["pairs"] = (list[PairSpec], pairs)
     summary = declared.summary.split("\n\n")[0]
     return create_model(
