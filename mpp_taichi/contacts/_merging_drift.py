@@ -12,7 +12,7 @@ from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.quick_compilation import quick_compilation
 from mpp_taichi.walls import _geometry
 
-ALL_PAIRS_UP_TO = 500  # spheres; more are faster on the cell grid
+ALL_PAIRS_UP_TO = 800  # spheres; more are faster on the cell grid, by a launch on two cores
 EVENTS_PER_SPHERE, SPARE_EVENTS = 8, 64  # that the list has room for; with more a drift is cut into pieces
 TRIES = 64  # halvings of a piece with too many events
 SLOWEST = 4.0  # roundings of the velocities from which an approach to a wall is computed
