@@ -35,7 +35,7 @@ def bodies_of(mass, radius, position, velocity):
 
 
 def cloud(count, dimensions, seed=3):
-    """Spheres of unlike sizes in a box, none touching, on their way to its middle, so that a drift of 1 makes many of them meet."""
+    """Spheres of unlike sizes in a box, none touching, on their way to its middle, where many of them meet."""
     random = np.random.default_rng(seed)
     places, radii = [], []
     while len(places) < count:

@@ -24,7 +24,7 @@ class TrajectoryRecorder:
 
     `.npz` holds time and step (frame_count,), position and velocity (frame_count, particle_count, 3) in f64, and mass, radius,
     charge, name as in a `Snapshot`; the frames wait in raw files beside it until `close` packs them. `.xyz` and `.extxyz` are
-    text, one block a frame. Where spheres merge, `.npz` holds mass and radius of every frame, 0 for what is gone, and merged_into
+    text, one block a frame. Where spheres merge, `.npz` has mass and radius of every frame, 0 for what is gone, and merged_into
     as it is at the end; the text has those that are there. The file appears under its name only when it is whole. A context
     manager.
     """
