@@ -204,7 +204,7 @@ class Motion:
         self._require_life()
         position, velocity = self.state.read(replica)
         found = self._particles.moved(position=position, velocity=velocity, time=self.time, step=self.step_count)
-        return replace(found, **self.state.read_spheres()) if self.state.merges else found
+        return replace(found, **self.state.read_spheres(self._particles)) if self.state.merges else found
 
     def mechanics(self) -> dict[str, Any]:
         """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`."""

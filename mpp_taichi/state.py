@@ -183,19 +183,20 @@ class State:
             target.from_numpy(np.ascontiguousarray(values, dtype=self._dtype))
 
     def write_spheres(self, snapshot: Snapshot) -> None:
-        """Set what merging changes of each sphere; for one copy of a scene."""
+        """Set what merging changes of each sphere, the same in every replica."""
         for name in MERGED_ARRAYS:
             values = np.asarray(getattr(snapshot, name))
             kind = np.int32 if name == "merged_into" else self._dtype
             columns = values[:, : self.dimensions] if values.ndim == 2 else values
-            getattr(self, name).from_numpy(np.ascontiguousarray(columns, dtype=kind))
+            getattr(self, name).from_numpy(np.concatenate([columns] * self.replica_count).astype(kind))
 
-    def read_spheres(self) -> dict[str, Any]:
-        """What merging changes of each sphere, as a Snapshot has it."""
+    def read_spheres(self, particles: Snapshot) -> dict[str, Any]:
+        """What merging changes of each sphere, as a Snapshot has it; `particles` are those of the scene."""
         found = {name: getattr(self, name).to_numpy().astype(np.float64) for name in ("mass", "radius", "charge")}
         into = self.merged_into.to_numpy()
-        free = np.repeat((into < 0)[:, None], 3, axis=1)
+        free = particles.free.copy()
         free[:, : self.dimensions] = self.free.to_numpy() != 0.0
+        free[:, self.dimensions :] &= free[:, : self.dimensions].any(axis=1)[:, None]
         return found | {"free": free, "merged_into": into}
 
     def read(self, replica: int = 0) -> tuple[np.ndarray, np.ndarray]:

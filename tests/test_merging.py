@@ -1,5 +1,6 @@
 """Spheres that merge: one body with the mass, momentum and volume of both, at the exact time; the other is gone."""
 
+import dataclasses
 import json
 import math
 
@@ -7,7 +8,8 @@ import numpy as np
 import pytest
 import rebound
 
-from mpp_taichi import SceneError, Simulation
+from mpp_taichi import BackendError, SceneError, Simulation, StabilityError
+from mpp_taichi.assemble import assemble
 from mpp_taichi.cli.main import main
 from mpp_taichi.contacts import _merging_drift
 from mpp_taichi.scene.load import load_scene
@@ -94,7 +96,8 @@ def test_two_become_one_with_mass_momentum_volume_and_centre_of_mass_of_both(dim
     start = np.array([[-1.0, 0.1, 0.0], [1.0, -0.2, 0.1]]) * (np.arange(3) < dimensions)
     velocity = np.array([[2.0, 0.3, 0.1], [-1.5, 0.2, -0.2]]) * (np.arange(3) < dimensions)
     for order in ([0, 1], [1, 0]):
-        scene = spheres(bodies_of(mass[order], radius[order], start[order], velocity[order]), dimensions=dimensions)
+        bodies = bodies_of(mass[order], radius[order], start[order], velocity[order])
+        scene = spheres([body | {"charge": q} for body, q in zip(bodies, (0.25, 0.5))], dimensions=dimensions)
         with Simulation(scene, backend="cpu", precision=precision) as run:
             after, report = run.run().snapshot(), run.contact_report
         s, g = order.index(1), order.index(0)  # the heavier one goes on, whatever its number
@@ -108,7 +111,8 @@ def test_two_become_one_with_mass_momentum_volume_and_centre_of_mass_of_both(dim
         u = velocity[1] - velocity[0]
         assert report.dissipated_energy == pytest.approx(0.5 * mass.prod() / mass.sum() * (u @ u), rel=16 * UNIT[precision])
         assert (report.merge_count, report.pair_count, report.wall_count, report.unresolved) == (1, 1, 0, 0)
-        assert after.mass[g] == after.radius[g] == 0.0 and not after.velocity[g].any() and not after.free[g].any()
+        assert after.charge[s] == 0.75 and after.mass[g] == after.radius[g] == after.charge[g] == 0.0
+        assert not after.velocity[g].any() and not after.free[g].any()
 
 
 @pytest.mark.parametrize("integrator", ["leapfrog", "symplectic_euler", "velocity_verlet"])
@@ -129,8 +133,8 @@ def test_nothing_tunnels_and_a_miss_is_none(integrator):
 def test_a_chain_within_one_drift_goes_by_the_order_of_time(tmp_path):
     """A takes up B and then, slower, C; D crosses A's old way where A would have been, and the merged sphere comes too late."""
     names = [(1.0, 0.1, [0, 0, 0], [8, 0, 0]), (1.0, 0.1, [2.2, 0, 0], [0, 0, 0]), (2.0, 0.1, [5, 0, 0], [0, 0, 0])]
-    decoy = (1.0, 0.1, [4, -4, 0], [0, 8, 0])  # at (4, 0) at t = 0.5, like A alone; A and B are at 3.1 + 4 · 0.25 − … then
-    scene = spheres(bodies_of(*zip(*[*names, decoy])))
+    decoy = (1.0, 0.1, [4, -4, 0], [0, 8, 0])  # at (4, 0) at t = 0.5, like A alone; A and B together are at 3.1 then
+    scene = spheres(bodies_of(*zip(*[*names, decoy])), integrator="symplectic_euler")
     with Simulation(scene, backend="cpu", precision="f64", event_log=True) as run:
         after = run.run().snapshot()
         log = run.contacts.take_log()
@@ -237,6 +241,7 @@ def test_gravity_after_a_merger_is_that_of_the_merged_body_alone(plan, count):
         assert run.contact_report.merge_count == 1
         (gone,) = np.flatnonzero(~start.present)
         after = run.run(steps=60).snapshot()
+        assert (after.position[gone] == start.position[gone]).all() and not after.velocity[gone].any()
         mechanics = run.mechanics()
     kept = np.flatnonzero(start.present)
     rows = [getattr(start, key)[kept] for key in ("mass", "radius", "position", "velocity")]
@@ -352,6 +357,24 @@ def test_off_walls_spheres_bounce_with_the_restitution_of_the_wall():
     assert after.position[1, 1] == pytest.approx(touched + 0.5 * (2.0 - 1.05), abs=1e-14)
 
 
+def test_walls_are_met_as_often_as_a_drift_is_long():
+    """To and fro between walls, for the centre 0.8 apart, 0.1 each way: ten bounces in a drift, a triangular wave."""
+    walls = [{"plane": {"point": [0, y, 0], "normal": [0, n, 0]}} for y, n in ((0.0, 1.0), (1.0, -1.0))]
+    bodies = bodies_of([2.0], [0.1], [[0, 0.5, 0]], [[0.25, 8.0, 0]])
+    scene = spheres(bodies, walls=walls, integrator="symplectic_euler")
+    with Simulation(scene, backend="cpu", precision="f64") as run:
+        after = run.run().snapshot()
+        # Ten bounces, each rounded like its place and time.
+        assert np.allclose(after.position[0], [0.25, 0.5, 0], rtol=0, atol=1e-14) and after.velocity[0].tolist() == [
+            0.25,
+            8.0,
+            0.0,
+        ]
+        assert run.contact_report.wall_count == 10 and run.contact_report.wall_impulse == pytest.approx(
+            (160.0, 160.0), rel=1e-14
+        )
+
+
 def test_what_is_gone_is_neither_drawn_nor_written_nor_counted(tmp_path, capsys):
     scene = collapse(
         expect={"spheres_left": {"below": 30}, "total_mass": {"near": 1, "within": 1e-14}, "collision_count": {"above": 0}}
@@ -377,6 +400,22 @@ def test_what_is_gone_is_neither_drawn_nor_written_nor_counted(tmp_path, capsys)
     with np.load(tmp_path / "way.npz") as way:
         assert (way["mass"][0] > 0).all() and (way["mass"][-1] > 0).sum() == 30 - gone
         assert np.allclose(way["mass"].sum(axis=1), 1.0, rtol=0, atol=1e-14) and (way["merged_into"] == end.merged_into).all()
+
+
+def test_more_at_once_than_there_is_room_for_ends_the_run(monkeypatch):
+    """Ten in one heap, 45 pairs where 5 have room: no piece of the drift is short enough, and none is left out in silence."""
+    monkeypatch.setattr(_merging_drift, "EVENTS_PER_SPHERE", 0)
+    monkeypatch.setattr(_merging_drift, "SPARE_EVENTS", 5)
+    scene = spheres(bodies_of([1.0] * 10, [0.1] * 10, [[k, 0, 0] for k in range(10)], np.zeros((10, 3))))
+    heap = dataclasses.replace(assemble(load_scene(scene)), position=0.001 * np.arange(30.0).reshape(10, 3))
+    with Simulation(scene, backend="cpu", precision="f64", start=heap) as run:
+        with pytest.raises(StabilityError, match="more contacts than there is room for"):
+            run.run()
+    with (
+        Simulation(scene, backend="cpu", precision="f64") as run,
+        pytest.raises(BackendError, match="replicas has no contacts"),
+    ):
+        Simulation(scene, backend="cpu", precision="f64", replica_starts=[run.start] * 2)
 
 
 WALL = {"periodic_box": {"lower": [-9, -9, -9], "upper": [9, 9, 9]}}

@@ -76,6 +76,7 @@ class MergingDrift:
 
     def drift(self, time: float, h: float) -> None:
         """Move all spheres by h along their velocities; what meets on the way merges."""
+        h = self.state.rounded(h)  # what kernels make of it, so that its pieces add up to it
         with quick_compilation():
             if self.all_pairs:
                 done = self._drift_serial(time, h)
@@ -116,8 +117,9 @@ class MergingDrift:
                 break
             h /= 2.0
         else:
-            self.tally.unresolved[0] += 1
+            self.tally.unresolved[0] += 1  # which ends the run; the drift itself has to end, too
             self.count[None] = 0
+            h = rest
         return float(self._play_and_move(time, h))
 
     # Looking -----------------------------------------------------------------------------------------------------------
