@@ -260,7 +260,9 @@ def _errors(found: Mapping[str, Any]) -> str:
     turning = f"{momentum}, angular momentum {found['angular_momentum_error_max']:.2g}"
     if "merge_count" in found.get("contacts", {}):
         return f"{turning} (merged spheres do not spin)"
-    return turning if found["conserves_angular_momentum"] else f"{momentum}; angular momentum is not conserved in a periodic box"
+    return (
+        turning if found["conserves_angular_momentum"] else f"{momentum}; angular momentum is not conserved in a periodic box"
+    )
 
 
 def _balance(found: Mapping[str, Any]) -> str:
