@@ -54,11 +54,13 @@ class MergingDrift:
         self.capacity = EVENTS_PER_SPHERE * n + SPARE_EVENTS
         self.time, self.reach = ti.field(float), ti.field(float)
         self.i, self.j, self.count = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
+        self.there, self.left = ti.field(ti.i32), ti.field(ti.i32)  # who has not merged yet
         builder = ti.FieldsBuilder()
         for field in (self.time, self.i, self.j):
             builder.dense(ti.i, self.capacity).place(field)
-        builder.dense(ti.i, n).place(self.reach)
-        builder.place(self.count)
+        for field in (self.reach, self.there):
+            builder.dense(ti.i, n).place(field)
+        builder.place(self.count, self.left)
         self._tree = builder.finalize()
 
     def destroy(self) -> None:
@@ -92,12 +94,8 @@ class MergingDrift:
         done = 0.0
         ti.loop_config(serialize=True)
         for _ in range(1):
-            self._set_reaches(h)
-            self.count[None] = 0
-            for i in range(self.particle_count):
-                for j in range(i + 1, self.particle_count):
-                    self._see(i, j, h)
-                self._see_walls(i, time, 0.0, h)
+            self._begin_search(h)
+            self._see_all(time, h)
             if self.count[None] <= self.capacity:
                 done = self._play(time, h)
                 self._move(done)
@@ -128,17 +126,20 @@ class MergingDrift:
     def _prepare_search(self, h: float):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            self._set_reaches(h)
-            self.count[None] = 0
+            self._begin_search(h)
 
     @ti.func
-    def _set_reaches(self, h):
-        """Radius and way of each sphere; what is gone gets the least of them, which puts it where it costs least."""
-        least = ti.math.inf
+    def _begin_search(self, h):
+        """Radius and way of each sphere. What is gone gets the least of them, with which it costs the grid least."""
+        least, left = ti.math.inf, 0
         for i in range(self.particle_count):
             if self.merger.is_there(i):
                 self.reach[i] = self.state.radius[i] + self.state.velocity[i].norm() * h
                 least = ti.min(least, self.reach[i])
+                self.there[left] = i
+                left += 1
+        self.left[None] = left
+        self.count[None] = 0
         for i in range(self.particle_count):
             if not self.merger.is_there(i):
                 self.reach[i] = least
@@ -147,10 +148,15 @@ class MergingDrift:
     def _search_all(self, time: float, h: float):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            for i in range(self.particle_count):
-                for j in range(i + 1, self.particle_count):
-                    self._see(i, j, h)
-                self._see_walls(i, time, 0.0, h)
+            self._see_all(time, h)
+
+    @ti.func
+    def _see_all(self, time, h):
+        for a in range(self.left[None]):
+            i = self.there[a]
+            for b in range(a + 1, self.left[None]):
+                self._see(i, self.there[b], h)
+            self._see_walls(i, time, 0.0, h)
 
     @ti.kernel
     def _search(self, time: float, h: float):
@@ -163,14 +169,15 @@ class MergingDrift:
     @ti.func
     def _see_slots(self, slot, other, h, _):
         one, two = self.grid.order[slot], self.grid.order[other]
-        self._see(ti.min(one, two), ti.max(one, two), h)
+        if self.merger.is_there(two):
+            self._see(ti.min(one, two), ti.max(one, two), h)
 
     @ti.func
     def _see(self, i, j, h):
-        """List the meeting of i and j from the start of the drift on."""
+        """List the meeting of i and j, i < j, from the start of the drift on."""
         separation = self.state.position[j] - self.state.position[i]
         reach = self.reach[i] + self.reach[j]
-        if separation.dot(separation) <= reach * reach and self.merger.is_there(i) and self.merger.is_there(j):
+        if separation.dot(separation) <= reach * reach:
             self._list(self.merger.time_of_meeting(i, j, 0.0, h), i, j, h)
 
     @ti.func
@@ -186,7 +193,7 @@ class MergingDrift:
     def _see_walls(self, i, time, now, h):
         """List the next contact of i with each surface, from `now` on."""
         if ti.static(len(self.surfaces) > 0):
-            if self.merger.is_there(i) and self.state.free[i].max() > 0.0:
+            if self.state.free[i].max() > 0.0:
                 x, v, radius = self.merger.place(i, now), self.state.velocity[i], self.state.radius[i]
                 for s in ti.static(range(len(self.surfaces))):
                     t = _geometry.time_of_contact(self.surfaces[s], x, v, radius, time + now, h - now)

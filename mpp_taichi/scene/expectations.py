@@ -13,8 +13,8 @@ SUMMARY_QUANTITIES = {
     "angular_momentum_error_max": "largest change of the total angular momentum, relative to Σ of the sizes of r × m v",
     "center_of_mass_error_max": "largest distance of the centre of mass from uniform motion, relative to the system's size",
     "energy_balance_error_max": "largest change of energy + dissipated − work, relative to the energy turned over",
-    "dissipated_energy": "energy that drag and the damping of springs took out",
-    "work": "work of driving forces",
+    "dissipated_energy": "energy that drag, the damping of springs and contacts took out",
+    "work": "work of driving forces, and what merging changed of the potential energy",
     "steps": "steps done",
     "time": "time reached",
 }
