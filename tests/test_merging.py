@@ -37,7 +37,7 @@ def bodies_of(mass, radius, position, velocity):
 
 
 def cloud(count, dimensions, seed=3):
-    """Spheres of unlike sizes in a box, none touching, on their way to its middle, where many of them meet."""
+    """Spheres of unlike sizes in a box, none touching, on their way to its middle, which moves, where many of them meet."""
     random = np.random.default_rng(seed)
     places, radii = [], []
     while len(places) < count:
@@ -46,7 +46,7 @@ def cloud(count, dimensions, seed=3):
         if all(np.linalg.norm(x - y) > r + s for y, s in zip(places, radii)):
             places.append(x)
             radii.append(r)
-    velocity = 0.4 * random.normal(size=(count, 3)) * (np.arange(3) < dimensions) - np.array(places)
+    velocity = 0.4 * random.normal(size=(count, 3)) * (np.arange(3) < dimensions) - np.array(places) + [2.0, 0, 0]
     mass = random.integers(1, 5, count).astype(float)  # some are equal
     return mass, np.array(radii), np.array(places), velocity
 

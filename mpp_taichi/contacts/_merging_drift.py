@@ -26,9 +26,9 @@ class MergingDrift:
     meet is put on it. Of entries at one time the lowest numbers come first. At the time t of the drift a sphere is at
     state.position + state.velocity · t, changed or not, so that nothing else has to move before the end.
 
-    Who meets whom is looked for among all pairs, or on the cell grid with |x_j − x_i| ≤ r_i + r_j + (|v_i| + |v_j|) h: none is
-    missed at any speed, and the list, whose order does not matter, is the same. Where it has no more room, a piece of the drift
-    ends at the last event, and another begins.
+    Who meets whom is looked for among all pairs, or on the cell grid with |x_j − x_i| ≤ r_i + r_j + (|v_i − v| + |v_j − v|) h,
+    v the mean velocity: none is missed, and the list, whose order does not matter, is the same. Where it has no more room, a
+    piece of the drift ends at the last event, and another begins.
     """
 
     def __init__(
@@ -39,7 +39,6 @@ class MergingDrift:
         *,
         bounce_limit: int,
         log_capacity: int,
-        all_pairs: bool | None = None,
     ) -> None:
         """Allocate for the spheres of `state`."""
         n = setup.particle_count
@@ -130,14 +129,20 @@ class MergingDrift:
 
     @ti.func
     def _begin_search(self, h):
-        """Radius and way of each sphere. What is gone gets the least of them, with which it costs the grid least."""
-        least, left = ti.math.inf, 0
+        """Radius of each sphere, and its way beside the common motion. What is gone gets the least: it costs little."""
+        left = 0
+        common = ti.Vector.zero(float, self.merger.dimensions)
         for i in range(self.particle_count):
             if self.merger.is_there(i):
-                self.reach[i] = self.state.radius[i] + self.state.velocity[i].norm() * h
-                least = ti.min(least, self.reach[i])
+                common += self.state.velocity[i]
                 self.there[left] = i
                 left += 1
+        common /= ti.max(left, 1)
+        least = ti.math.inf
+        for k in range(left):
+            i = self.there[k]
+            self.reach[i] = self.state.radius[i] + (self.state.velocity[i] - common).norm() * h
+            least = ti.min(least, self.reach[i])
         self.left[None] = left
         self.count[None] = 0
         for i in range(self.particle_count):
