@@ -398,6 +398,8 @@ def test_what_is_gone_is_neither_drawn_nor_written_nor_counted(tmp_path, capsys)
     assert f"contact merging: {gone} merged, {30 - gone} spheres left" in printed.err
     assert len((tmp_path / "events.csv").read_text().splitlines()) == 1 + gone
     assert found["momentum_error_max"] < 100 * 4 * UNIT["f64"]  # a hundred steps, a few roundings each
+    path.write_text("particles: [{file: {path: end.npz}}]\nintegrator: {leapfrog: {dt: 1}}\n")
+    assert np.array_equal(assemble(load_scene(path)).mass, end.mass[end.present])
     drawn = np.isfinite(Frame.of(end).position).all(axis=1)
     assert (drawn == end.present).all()
     with np.load(tmp_path / "way.npz") as way:

@@ -6,29 +6,31 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.contacts._agenda import Agenda
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts._merger import Merger
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.quick_compilation import quick_compilation
 from mpp_taichi.walls import _geometry
 
-ALL_PAIRS_UP_TO = 800  # spheres; more are faster on the cell grid, by a launch on two cores
+ALL_PAIRS_UP_TO = 800  # spheres; on two cores both ways take as long at some 900
 EVENTS_PER_SPHERE, SPARE_EVENTS = 8, 64  # that the list has room for; with more a drift is cut into pieces
+ROOM = 1.001  # around the way of a sphere, for rounding
 TRIES = 64  # halvings of a piece with too many events
 SLOWEST = 4.0  # roundings of the velocities from which an approach to a wall is computed
 
 
 @ti.data_oriented
 class MergingDrift:
-    """Straight ways, and on them a list of what comes: meetings (time, i, j), i < j, and walls (time, i, −1 − surface).
+    """Straight ways, and on the agenda what comes: meetings (time, i, j), i < j, and walls (time, i, −1 − surface).
 
-    The earliest entry happens; entries of the spheres it has changed are taken off the list, and what the outcome is going to
-    meet is put on it. Of entries at one time the lowest numbers come first. At the time t of the drift a sphere is at
-    state.position + state.velocity · t, changed or not, so that nothing else has to move before the end.
+    The earliest entry happens; entries of the spheres it has changed are taken off, and what the outcome is going to meet is
+    entered. At the time t of the drift a sphere is at state.position + state.velocity · t, changed or not, so that nothing
+    else has to move before the end.
 
     Who meets whom is looked for among all pairs, or on the cell grid with |x_j − x_i| ≤ r_i + r_j + (|v_i − v| + |v_j − v|) h,
-    v the mean velocity: none is missed, and the list, whose order does not matter, is the same. Where it has no more room, a
-    piece of the drift ends at the last event, and another begins.
+    v the mean velocity: none is missed, and the agenda is the same. Where it has no more room, a piece of the drift
+    ends at the last event, and another begins.
     """
 
     def __init__(
@@ -50,16 +52,13 @@ class MergingDrift:
         self.tally, self.log = self.merger.tally, self.merger.log
         self.grid = None if self.all_pairs else CellGrid(n, setup.dimensions)
         self.slowest = SLOWEST * float(np.finfo(np.float32 if state.position.dtype == ti.f32 else np.float64).eps)
-        self.capacity = EVENTS_PER_SPHERE * n + SPARE_EVENTS
-        self.time, self.reach = ti.field(float), ti.field(float)
-        self.i, self.j, self.count = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
-        self.there, self.left = ti.field(ti.i32), ti.field(ti.i32)  # who has not merged yet
+        self.reach = ti.field(float)
+        self.there, self.left = ti.field(ti.i32), ti.field(ti.i32)  # who has not merged yet, and how many
         builder = ti.FieldsBuilder()
-        for field in (self.time, self.i, self.j):
-            builder.dense(ti.i, self.capacity).place(field)
+        self.agenda = Agenda(EVENTS_PER_SPHERE * n + SPARE_EVENTS, builder)
         for field in (self.reach, self.there):
             builder.dense(ti.i, n).place(field)
-        builder.place(self.count, self.left)
+        builder.place(self.left)
         self._tree = builder.finalize()
 
     def destroy(self) -> None:
@@ -95,7 +94,7 @@ class MergingDrift:
         for _ in range(1):
             self._begin_search(h)
             self._see_all(time, h)
-            if self.count[None] <= self.capacity:
+            if not self.agenda.is_too_short():
                 done = self._play(time, h)
                 self._move(done)
         return done
@@ -110,12 +109,12 @@ class MergingDrift:
             else:
                 self.grid.build(self.state.position, self.reach)
                 self._search(time, h)
-            if self.count[None] <= self.capacity:
+            if self.agenda.count[None] <= self.agenda.capacity:
                 break
             h /= 2.0
         else:
             self.tally.unresolved[0] += 1  # which ends the run; the drift itself has to end, too
-            self.count[None] = 0
+            self.agenda.count[None] = 0
             h = rest
         return float(self._play_and_move(time, h))
 
@@ -141,10 +140,10 @@ class MergingDrift:
         least = ti.math.inf
         for k in range(left):
             i = self.there[k]
-            self.reach[i] = self.state.radius[i] + (self.state.velocity[i] - common).norm() * h
+            self.reach[i] = self.state.radius[i] + ROOM * (self.state.velocity[i] - common).norm() * h
             least = ti.min(least, self.reach[i])
         self.left[None] = left
-        self.count[None] = 0
+        self.agenda.clear()
         for i in range(self.particle_count):
             if not self.merger.is_there(i):
                 self.reach[i] = least
@@ -183,16 +182,9 @@ class MergingDrift:
         separation = self.state.position[j] - self.state.position[i]
         reach = self.reach[i] + self.reach[j]
         if separation.dot(separation) <= reach * reach:
-            self._list(self.merger.time_of_meeting(i, j, 0.0, h), i, j, h)
-
-    @ti.func
-    def _list(self, t, i, j, h):
-        if t <= h:
-            k = ti.atomic_add(self.count[None], 1)  # in any order: the earliest is looked for, and ties go by number
-            if k < self.capacity:
-                self.time[k] = t
-                self.i[k] = i
-                self.j[k] = j
+            t = self.merger.time_of_meeting(i, j, 0.0, h)
+            if t <= h:
+                self.agenda.add(t, i, j)
 
     @ti.func
     def _see_walls(self, i, time, now, h):
@@ -208,7 +200,8 @@ class MergingDrift:
                         n = _geometry.normal(self.surfaces[s], x, time + now)
                         if -n.dot(v - w) <= self.slowest * (v.norm() + w.norm()):
                             t = ti.math.inf
-                    self._list(now + t, i, -1 - s, h)
+                    if now + t <= h:
+                        self.agenda.add(now + t, i, -1 - s)
 
     # Happening -----------------------------------------------------------------------------------------------------------
 
@@ -233,55 +226,28 @@ class MergingDrift:
         now, bounces = 0.0, 0
         running = True
         while running:
-            k = self._earliest()
+            k = self.agenda.earliest()
             if k < 0:
                 now = h
                 running = False
-            elif self.log.is_full() or self.count[None] > self.capacity:
+            elif self.log.is_full() or self.agenda.is_too_short():
                 running = False
             else:
-                now = self.time[k]
-                i, j = self.i[k], self.j[k]
+                now = self.agenda.time[k]
+                i, j = self.agenda.i[k], self.agenda.j[k]
                 changed = i
                 if j >= 0:
                     changed = self.merger.merge(i, j, time, now)
                 else:
                     self._bounce(i, -1 - j, time, now)
                     bounces += 1
-                self._take_off(i, j)
+                self.agenda.take_off(i, j)
                 if bounces > self.bounce_limit:
                     self.tally.give_up(1)
-                    self.count[None] = 0
+                    self.agenda.clear()
                 else:
                     self._look_ahead(changed, time, now, h)
         return now
-
-    @ti.func
-    def _earliest(self):
-        """Entry of the list that comes first; −1 where it is empty."""
-        best = -1
-        for k in range(ti.min(self.count[None], self.capacity)):
-            comes_first = best < 0
-            if not comes_first:
-                comes_first = self.time[k] < self.time[best]
-                if self.time[k] == self.time[best]:
-                    comes_first = self.i[k] < self.i[best] or (self.i[k] == self.i[best] and self.j[k] < self.j[best])
-            if comes_first:
-                best = k
-        return best
-
-    @ti.func
-    def _take_off(self, i, j):
-        """Remove every entry of sphere i, and of j if that is one."""
-        kept = 0
-        for k in range(ti.min(self.count[None], self.capacity)):
-            one, two = self.i[k], self.j[k]
-            if one != i and two != i and one != j and (two != j or j < 0):
-                self.time[kept] = self.time[k]
-                self.i[kept] = one
-                self.j[kept] = two
-                kept += 1
-        self.count[None] = kept
 
     @ti.func
     def _look_ahead(self, i, time, now, h):
@@ -289,7 +255,9 @@ class MergingDrift:
         for j in range(self.particle_count):
             if j != i and self.merger.is_there(j):
                 first, second = ti.min(i, j), ti.max(i, j)
-                self._list(self.merger.time_of_meeting(first, second, now, h), first, second, h)
+                t = self.merger.time_of_meeting(first, second, now, h)
+                if t <= h:
+                    self.agenda.add(t, first, second)
         self._see_walls(i, time, now, h)
 
     @ti.func

@@ -22,6 +22,7 @@ _UNREADABLE: tuple[type[Exception], ...] = (
 BYTES_ALLOWED = 1 << 31  # of one array
 _VECTORS = ("position", "velocity", "color", "free")
 _SCALARS = ("mass", "radius", "charge")
+_MERGED = "merged_into"  # of a snapshot: below 0 for what is there
 _CSV_COLUMNS = [*_SCALARS, *(f"{vector}_{axis}" for vector in ("position", "velocity", "free") for axis in "xyz")]
 _CSV_COLUMNS += ["color_r", "color_g", "color_b", "name"]
 _SUFFIXES = {"x": 0, "y": 1, "z": 2, "r": 0, "g": 1, "b": 2}
@@ -32,6 +33,7 @@ class File(Generator):
     """Particles read from a file whose columns are named like the arrays of a snapshot.
 
     `.npz`: arrays position (n, 3), mass (n,) and, if wanted, velocity, radius, charge, color, free, name; never pickles.
+    Of a state in which spheres have merged it gives those that are left.
     `.csv`: a header line, then numbers; vectors are three columns, position_x, position_y, position_z and so on.
     """
 
@@ -40,7 +42,10 @@ class File(Generator):
     def particle_count(self) -> int:
         """Read from the headers of the `.npz`, or by counting the lines of the `.csv`."""
         if FilePath(self.path).suffix == ".npz":
-            shape = self._headers().get("mass", ((),))[0]
+            headers = self._headers()
+            shape = headers.get("mass", ((),))[0]
+            if shape and headers.get(_MERGED, ((), None))[0] == shape[:1]:
+                return int(np.count_nonzero(self._read_npz()[_MERGED] < 0))
             return int(shape[0]) if shape else 0
         return max(sum(1 for line in self._text().splitlines() if line.strip()) - 1, 0)
 
@@ -59,6 +64,9 @@ class File(Generator):
         names = arrays.pop("name", np.array([""] * count))
         if names.shape != (count,) or names.dtype.kind != "U":
             raise PlacementError(f"{self._short}: name must be {count} texts")
+        if _MERGED in arrays:
+            left = self._checked(_MERGED, arrays.pop(_MERGED), (count,)) < 0
+            arrays, names, count = {key: array[left] for key, array in arrays.items()}, names[left], int(left.sum())
         known = {key: arrays[key] for key in [*_VECTORS, *_SCALARS] if key in arrays and key != "position"}
         return make_group(count, position=arrays["position"], name=tuple(str(name) for name in names), **known)
 
@@ -96,7 +104,7 @@ class File(Generator):
     def _read_npz(self) -> dict[str, np.ndarray]:
         wanted = {}
         for key, (shape, kind) in self._headers().items():
-            if key not in (*_VECTORS, *_SCALARS, "name"):
+            if key not in (*_VECTORS, *_SCALARS, "name", _MERGED):
                 continue
             if kind.hasobject:
                 raise PlacementError(f"{self._short}: {key} holds Python objects, which are never read")

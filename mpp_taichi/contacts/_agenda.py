@@ -1,0 +1,65 @@
+"""Agenda: what is going to happen to which spheres, and when; a list, of which the earliest is looked for."""
+
+from typing import Any
+
+import taichi as ti
+
+
+@ti.data_oriented
+class Agenda:
+    """Entries (time, i, j) with j < 0 for what i does alone. Few at a time, so that a list is faster than a heap."""
+
+    def __init__(self, capacity: int, builder: Any) -> None:
+        """Room for so many entries, in the fields of a builder."""
+        self.capacity = capacity
+        self.time = ti.field(float)
+        self.i, self.j, self.count = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
+        for field in (self.time, self.i, self.j):
+            builder.dense(ti.i, capacity).place(field)
+        builder.place(self.count)
+
+    @ti.func
+    def clear(self):
+        """Nothing is going to happen."""
+        self.count[None] = 0
+
+    @ti.func
+    def is_too_short(self):
+        """Whether an entry had no room."""
+        return self.count[None] > self.capacity
+
+    @ti.func
+    def add(self, time, i, j):
+        """Enter one; in any order, also from several threads, as the earliest is looked for and ties go by number."""
+        k = ti.atomic_add(self.count[None], 1)
+        if k < self.capacity:
+            self.time[k] = time
+            self.i[k] = i
+            self.j[k] = j
+
+    @ti.func
+    def earliest(self):
+        """Entry that comes first, of those at one time that of the lowest i, then j; −1 where there is none."""
+        best = -1
+        for k in range(ti.min(self.count[None], self.capacity)):
+            comes_first = best < 0
+            if not comes_first:
+                comes_first = self.time[k] < self.time[best]
+                if self.time[k] == self.time[best]:
+                    comes_first = self.i[k] < self.i[best] or (self.i[k] == self.i[best] and self.j[k] < self.j[best])
+            if comes_first:
+                best = k
+        return best
+
+    @ti.func
+    def take_off(self, i, j):
+        """Remove every entry of sphere i, and of j if that is one."""
+        kept = 0
+        for k in range(ti.min(self.count[None], self.capacity)):
+            one, two = self.i[k], self.j[k]
+            if one != i and two != i and one != j and (two != j or j < 0):
+                self.time[kept] = self.time[k]
+                self.i[kept] = one
+                self.j[kept] = two
+                kept += 1
+        self.count[None] = kept
