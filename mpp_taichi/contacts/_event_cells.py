@@ -6,6 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.contacts._event_grid import Grid
+from mpp_taichi.contacts._event_lines import Lines
 from mpp_taichi.contacts._event_spheres import Spheres
 from mpp_taichi.walls._roots import first_contact
 
@@ -17,7 +18,7 @@ NEAREST = -1
 class EventCells:
     """Which cell of a grid each sphere is in, and when it leaves it."""
 
-    def __init__(self, grid: Grid, spheres: Spheres, builder: Any) -> None:
+    def __init__(self, grid: Grid, spheres: Spheres, lines: Lines, builder: Any) -> None:
         """Place the fields; `write` fills them."""
         self.grid, self.spheres, self.count, self.dimensions = grid, spheres, spheres.count, spheres.dimensions
         # A third axis of one cell in two dimensions; and along an axis whose cells all touch nobody needs to leave one.
@@ -29,22 +30,19 @@ class EventCells:
         self.small_count = self.count - len(grid.big)
         self.head = ti.field(ti.i32)
         builder.dense(ti.i, int(np.prod(grid.cells))).place(self.head)
-        self.next = ti.field(ti.i32)
-        builder.dense(ti.i, self.count).place(self.next)
+        self.next, self.cell = lines.field(ti.i32), lines.field(ti.i32)
+        self.turns = lines.field(ti.i32, self.dimensions, seldom=True)
         self.near, self.image = ti.field(ti.i32), ti.field(ti.i32)
         # In a periodic box of one or two cells the same sphere is met from several sides.
         most = 27 if any(p and m < 3 for p, m in zip(self.periodic, self.cells)) else 1
         builder.dense(ti.i, most * self.count).place(self.near, self.image)
         self.touched = ti.field(spheres.wide)
         builder.place(self.touched)
-        self.cell = ti.Vector.field(self.dimensions, ti.i32)
-        self.turns = ti.Vector.field(self.dimensions, ti.i32)
-        builder.dense(ti.i, self.count).place(self.cell)
-        builder.dense(ti.i, self.count).place(self.turns)
 
     def write(self, cell: np.ndarray, turns: np.ndarray) -> None:
         """Put every sphere into its cell; arrays (n, dimensions) in the spheres' own order."""
-        self.cell.from_numpy(np.ascontiguousarray(cell))
+        number = np.ravel_multi_index(tuple(cell.T), self.grid.cells).astype(np.int32)
+        self.cell.from_numpy(number)
         self.turns.from_numpy(np.ascontiguousarray(turns))
         self._link()
 
@@ -58,11 +56,21 @@ class EventCells:
             self._enter(self.small_count - 1 - k)
 
     @ti.func
-    def index(self, cell):
-        """Of a cell within the grid."""
-        result = cell[0]
+    def steps(self, number):
+        """Where the cell of a number is, along each axis."""
+        result = ti.Vector([0, 0, 0])
+        for k in ti.static(range(self.dimensions - 1, 0, -1)):
+            result[k] = number % self.cells[k]
+            number //= self.cells[k]
+        result[0] = number
+        return result
+
+    @ti.func
+    def number(self, steps):
+        """Of the cell at these steps along the axes."""
+        result = steps[0]
         for k in ti.static(range(1, self.dimensions)):
-            result = result * self.cells[k] + cell[k]
+            result = result * self.cells[k] + steps[k]
         return result
 
     @ti.func
@@ -82,9 +90,9 @@ class EventCells:
 
     @ti.func
     def _gather_cells(self, i, side):
-        cell, first, last = ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0])
+        cell, first, last = self.steps(self.cell[i]), ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0])
         for k in ti.static(range(self.dimensions)):
-            cell[k], first[k], last[k] = self.cell[i][k], self.first_step[k], self.last_step[k]
+            first[k], last[k] = self.first_step[k], self.last_step[k]
             if side // 2 == k:
                 first[k] = last[k] = 2 * (side % 2) - 1
         count = 0
@@ -132,9 +140,10 @@ class EventCells:
         """When a sphere at x leaves its cell, and through which side: 2 × axis + (1 if upwards)."""
         soonest = ti.math.inf
         side = 0
+        steps = self.steps(self.cell[i])
         for k in ti.static(range(self.dimensions)):
             if ti.static(self.crossed[k]):
-                step = ti.cast(self.cell[i][k], float)
+                step = ti.cast(steps[k], float)
                 if ti.static(not self.periodic[k]):
                     step += ti.cast(self.turns[i][k], float) * self.cells[k]
                 below = x[k] - (ti.static(self.grid.low[k]) + step * ti.static(self.grid.edge[k]))
@@ -157,18 +166,21 @@ class EventCells:
         """Move sphere i into the next cell; along a periodic axis its position follows the torus."""
         if i < self.small_count:
             self._leave(i)
+        steps = self.steps(self.cell[i])
         for k in ti.static(range(self.dimensions)):
             if side // 2 == k:
-                cell = self.cell[i][k] + (1 if side % 2 == 1 else -1)
+                cell = steps[k] + (1 if side % 2 == 1 else -1)
                 turn = 0
                 if cell < 0:
                     turn = -1
                 elif cell >= self.cells[k]:
                     turn = 1
-                self.cell[i][k] = cell - turn * self.cells[k]
-                self.turns[i][k] += turn
-                if ti.static(self.periodic[k]):
-                    self.spheres.position[i][k] -= turn * ti.static(self.grid.period[k])
+                steps[k] = cell - turn * self.cells[k]
+                if turn != 0:
+                    self.turns[i][k] += turn
+                    if ti.static(self.periodic[k]):
+                        self.spheres.position[i][k] -= turn * ti.static(self.grid.period[k])
+        self.cell[i] = self.number(steps)
         if i < self.small_count:
             self._enter(i)
 
@@ -192,13 +204,13 @@ class EventCells:
 
     @ti.func
     def _enter(self, i):
-        c = self.index(self.cell[i])
+        c = self.cell[i]
         self.next[i] = self.head[c]
         self.head[c] = i
 
     @ti.func
     def _leave(self, i):
-        c = self.index(self.cell[i])
+        c = self.cell[i]
         if self.head[c] == i:
             self.head[c] = self.next[i]
         else:

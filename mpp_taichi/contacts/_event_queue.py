@@ -4,6 +4,8 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.contacts._event_lines import Lines
+
 # Events of a window that are dealt with before the width of its buckets is chosen again, in buckets.
 EVENTS_PER_BUCKET = 8
 # Factor by which a window at most becomes longer or shorter than the one before.
@@ -25,13 +27,12 @@ class EventQueue:
     Source: Paul, J. Comput. Phys. 221 (2007) 615 (physics/0606226).
     """
 
-    def __init__(self, count: int, builder: Any, wide: Any) -> None:
+    def __init__(self, count: int, lines: Lines, builder: Any, wide: Any) -> None:
         """Place the fields for `count` spheres."""
         self.count, self.bucket_count = count, max(count, 8)
         self.wide = wide
-        self.time, self.partner, self.stamp = ti.field(wide), ti.field(ti.i32), ti.field(ti.i32)
-        self.next, self.previous, self.place = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
-        builder.dense(ti.i, count).place(self.time, self.partner, self.stamp, self.next, self.previous, self.place)
+        self.time, self.partner, self.stamp = lines.field(wide), lines.field(ti.i32), lines.field(ti.i32)
+        self.next, self.previous, self.place = (lines.field(ti.i32) for _ in range(3))
         self.first = ti.field(ti.i32)
         builder.dense(ti.i, self.bucket_count).place(self.first)
         self.heap = ti.field(ti.i32)

@@ -10,6 +10,7 @@ from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts._event_cells import EventCells
 from mpp_taichi.contacts._event_collision import Collision
 from mpp_taichi.contacts._event_grid import Grid
+from mpp_taichi.contacts._event_lines import Lines
 from mpp_taichi.contacts._event_log import EventLog
 from mpp_taichi.contacts._event_prediction import Prediction
 from mpp_taichi.contacts._event_queue import EventQueue
@@ -54,17 +55,18 @@ class EventDriven(ContactSolver):
         order = grid.order_of(cell)
         self._order = order
         builder = ti.FieldsBuilder()
-        self.spheres = Spheres(setup, order, builder, self.wide)
-        self.cells = EventCells(grid, self.spheres, builder)
-        self.queue = EventQueue(self.count, builder, self.wide)
-        self.prediction = Prediction(self.spheres, self.cells, self.queue, setup.enclosure.surfaces, builder)
+        lines = Lines(self.count)
+        self.spheres = Spheres(setup, order, lines, self.wide)
+        self.cells = EventCells(grid, self.spheres, lines, builder)
+        self.queue = EventQueue(self.count, lines, builder, self.wide)
+        self.prediction = Prediction(self.spheres, self.cells, self.queue, setup.enclosure.surfaces, lines)
         self.collision = Collision(setup, self.spheres, self.cells, builder)
         self.log = EventLog(self.log_capacity if self.logs else 0, builder, self.wide)
         self.event_time = ti.field(self.wide)
         self.culprits = ti.field(ti.i32)
         builder.place(self.event_time)
         builder.dense(ti.i, 2).place(self.culprits)
-        self._tree = builder.finalize()
+        self._trees = lines.place(), builder.finalize()
         self.collision.write()
         self.event_count = 0
 
@@ -117,7 +119,8 @@ class EventDriven(ContactSolver):
 
     def destroy(self) -> None:
         """Give the memory back."""
-        self._tree.destroy()
+        for tree in self._trees:
+            tree.destroy()
 
     @ti.kernel
     def _run(self, end: ti.f64, limit: ti.i32) -> ti.i32:
