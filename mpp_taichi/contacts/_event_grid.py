@@ -10,9 +10,8 @@ from mpp_taichi.contacts._base import ContactSetup
 MARGIN = 1e-3
 # Sizes that are tried as the largest one for cells.
 CUTS = 32
-import os
 # Cells for each sphere, at most.
-CELLS = float(os.environ.get('CELLS', 2))
+CELLS = 2
 
 
 @dataclass(frozen=True)
