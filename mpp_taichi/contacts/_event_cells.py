@@ -35,7 +35,8 @@ class EventCells:
         self.near, self.image = ti.field(ti.i32), ti.field(ti.i32)
         # In a periodic box of one or two cells the same sphere is met from several sides.
         most = 27 if any(p and m < 3 for p, m in zip(self.periodic, self.cells)) else 1
-        builder.dense(ti.i, most * self.count).place(self.near, self.image)
+        # One entry more, for the end of a list that is written before it is known to be one.
+        builder.dense(ti.i, most * self.count + 1).place(self.near, self.image)
         self.touched = ti.field(spheres.wide)
         builder.place(self.touched)
 
@@ -78,7 +79,7 @@ class EventCells:
         """List in `near` whom sphere i may meet, in `image` on which side of a periodic box; returns how many.
 
         After a crossing only the cells that are new are looked through. Big spheres are in no cell: they may meet all, and
-        all them. To read a word of each sphere here lets the processor fetch them all at once; the list is in its cache.
+        all them.
         """
         count = 0
         if i < self.small_count:
@@ -96,7 +97,6 @@ class EventCells:
             if side // 2 == k:
                 first[k] = last[k] = 2 * (side % 2) - 1
         count = 0
-        touched = ti.cast(0, self.spheres.wide)
         for dx in range(first[0], last[0] + 1):
             for dy in range(first[1], last[1] + 1):
                 for dz in range(first[2], last[2] + 1):
@@ -110,13 +110,19 @@ class EventCells:
                             c -= self.cells[k]
                             image += ti.static(2 if self.periodic[k] else 0) << (2 * k)
                         index = index * self.cells[k] + c
-                    j = self.head[index]
-                    while j >= 0:
-                        self.near[count], self.image[count] = j, image
-                        touched += self.spheres.clock[j]
-                        count += 1
-                        j = self.next[j]
+                    self.near[count], self.image[count] = self.head[index], image
+                    count += 1 if self.head[index] >= 0 else 0
+        # Without branches in between, the processor reads all of these at once.
+        touched = ti.cast(0, self.spheres.wide)
+        for m in range(count):
+            touched += self.spheres.clock[self.near[m]]
         self.touched[None] = touched
+        m = 0
+        while m < count:
+            j = self.next[self.near[m]]
+            self.near[count], self.image[count] = j, self.image[m]
+            count += 1 if j >= 0 else 0
+            m += 1
         return count
 
     @ti.func

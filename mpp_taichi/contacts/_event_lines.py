@@ -29,7 +29,7 @@ class Lines:
         return result
 
     def place(self) -> Any:
-        """Give each field room in the first line that has some; the last line is as short as it may be. Returns their tree."""
+        """Give each field room in the first line that has some. Returns their tree."""
         lines: list[list[tuple[int, int, Any]]] = []
         for entry in (*self._often, *self._seldom):
             line = next((line for line in lines if _used(line) + entry[1] <= LINE), None)
@@ -42,7 +42,7 @@ class Lines:
             # The largest first, so that none needs a gap to be aligned.
             fields = [field for _, _, field in sorted(line, key=lambda entry: -entry[0])]
             room = (LINE - _used(line)) // 4
-            if room and line is not lines[-1]:
+            if room and (line is not lines[-1] or _used(line) > LINE // 2):
                 fields.append(ti.Vector.field(room, ti.i32))
             builder.dense(ti.i, self.count).place(*fields)
         return builder.finalize()

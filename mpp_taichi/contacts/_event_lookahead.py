@@ -1,73 +1,90 @@
-"""Looking ahead in an event-driven run: what the next events need is on its way to the processor before they happen."""
+"""Looking ahead in an event-driven run: what the next events need is fetched for many of them at once."""
 
-import os
 from typing import Any
 
+import numpy as np
 import taichi as ti
 
 from mpp_taichi.contacts._event_cells import EventCells
 from mpp_taichi.contacts._event_queue import EventQueue
 from mpp_taichi.contacts._event_spheres import Spheres
 
-# Buckets of the queue that are looked at together.
-BUCKETS = int(os.environ.get("K", 8))
-LEVEL = int(os.environ.get("LEVEL", 9))
-SMALLEST = int(os.environ.get("SMALLEST", 8000))
+BUCKETS = 32  # of the queue that are looked at together; there is about one event in each
+MOST = 256  # spheres that are looked at together
+# Fewer spheres than these stay in the caches of one core.
+FEWEST = 8192
 
 
 @ti.data_oriented
 class LookAhead:
-    """Reads what lies far away in memory for several events at once, so that the waits for it overlap."""
+    """Reads a word of each line that the events of the next buckets will need, and does nothing with it.
+
+    A processor waits for memory once for all reads that do not depend on each other, but an event's reads do: from the queue
+    to the sphere, to its cell, to its neighbours. Here every step of that way is taken for all events together. What it reads
+    may change until the event comes, or be none of the event's at all: results do not depend on it.
+    """
 
     def __init__(self, spheres: Spheres, cells: EventCells, queue: EventQueue, builder: Any) -> None:
-        """Of these spheres."""
+        """For the events of a queue; nothing is done for few spheres."""
         self.spheres, self.cells, self.queue = spheres, cells, queue
-        self.looked = ti.field(ti.i32)
-        self.sum = ti.field(ti.i32)
-        self.upcoming = ti.field(ti.i32)
-        builder.place(self.looked, self.sum)
-        builder.dense(ti.i, spheres.count + BUCKETS).place(self.upcoming)
-        self.is_worthwhile = spheres.count >= SMALLEST
+        self.is_worthwhile = spheres.count >= FEWEST
+        self.cell_count = int(np.prod(cells.cells))
+        around = np.stack(np.meshgrid(*[(-1, 0, 1)] * spheres.dimensions, indexing="ij"), -1).reshape(-1, spheres.dimensions)
+        stride = np.cumprod([1, *cells.cells[spheres.dimensions - 1 : 0 : -1]])[::-1]
+        self.around = tuple((around @ stride).tolist())
+        self.last = ti.field(ti.i32)
+        self.read = ti.field(spheres.wide)
+        builder.place(self.last, self.read)
+        self.upcoming, self.neighbour = ti.field(ti.i32), ti.field(ti.i32)
+        builder.dense(ti.i, BUCKETS + MOST).place(self.upcoming)
+        builder.dense(ti.i, MOST * len(self.around)).place(self.neighbour)
 
     @ti.func
     def look(self):
+        """To be called once the earliest event is known."""
         if ti.static(self.is_worthwhile):
             bucket = self.queue.bucket[None]
-            if bucket > self.looked[None] or bucket < self.looked[None] - BUCKETS:
-                self.looked[None] = bucket + BUCKETS
-                self._read(bucket + 1, ti.min(bucket + 1 + BUCKETS, self.queue.bucket_count))
+            if bucket > self.last[None] or bucket < self.last[None] - BUCKETS:
+                self.last[None] = bucket + BUCKETS
+                count = self._gather_events(bucket + 1, ti.min(bucket + 1 + BUCKETS, self.queue.bucket_count))
+                self.read[None] = self._read_partners(count) + self._read_neighbours(count)
 
     @ti.func
-    def _read(self, begin, end):
+    def _gather_events(self, begin, end):
+        """The spheres of these buckets."""
         count = 0
         for b in range(begin, end):
             i = self.queue.first[b]
             self.upcoming[count] = i
             count += 1 if i >= 0 else 0
         m = 0
-        while m < count:
+        while m < count and count < MOST:
             i = self.queue.next[self.upcoming[m]]
             self.upcoming[count] = i
             count += 1 if i >= 0 else 0
             m += 1
-        if ti.static(LEVEL > 1):
-            total = 0
-            for k in range(count):
-                i = self.upcoming[k]
-                j = self.queue.partner[i]
-                j = j if (j >= 0) & (j < self.spheres.count) else i
-                total += self.spheres.contacts[i] + self.spheres.stalled[i] + self.cells.cell[i][0] + self.cells.turns[i][0]
-                total += self.spheres.contacts[j] + self.spheres.stalled[j] + self.cells.cell[j][0] + self.cells.turns[j][0]
-                total += self.queue.partner[j]
-            self.sum[None] = total
-        if ti.static(LEVEL > 2):
-            for k in range(count):
-                i = self.upcoming[k]
-                j = self.queue.partner[i]
-                side = -2
-                if j > self.spheres.count:
-                    side = j - self.spheres.count - 1
-                self.cells.gather(i, side)
-                if ti.static(LEVEL > 3):
-                    if j >= 0 and j < self.spheres.count:
-                        self.cells.gather(j, -2)
+        return count
+
+    @ti.func
+    def _read_partners(self, count):
+        total = 0
+        for m in range(count):
+            i = self.upcoming[m]
+            j = self.queue.partner[i]
+            j = j if (j >= 0) & (j < self.spheres.count) else i
+            total += self.spheres.contacts[i] + self.spheres.contacts[j] + self.queue.next[j]
+        return ti.cast(total, self.spheres.wide)
+
+    @ti.func
+    def _read_neighbours(self, count):
+        """One sphere of each cell around; whether the box is periodic, and who else is in the cell, matters little."""
+        found = 0
+        for m in range(count):
+            cell = self.cells.cell[self.upcoming[m]]
+            for step in ti.static(self.around):
+                self.neighbour[found] = self.cells.head[ti.math.clamp(cell + step, 0, self.cell_count - 1)]
+                found += 1
+        total = ti.cast(0, self.spheres.wide)
+        for m in range(found):
+            total += self.spheres.clock[ti.max(self.neighbour[m], 0)]
+        return total

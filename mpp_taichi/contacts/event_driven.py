@@ -12,6 +12,7 @@ from mpp_taichi.contacts._event_collision import Collision
 from mpp_taichi.contacts._event_grid import Grid
 from mpp_taichi.contacts._event_lines import Lines
 from mpp_taichi.contacts._event_log import EventLog
+from mpp_taichi.contacts._event_lookahead import LookAhead
 from mpp_taichi.contacts._event_prediction import Prediction
 from mpp_taichi.contacts._event_queue import EventQueue
 from mpp_taichi.contacts._event_spheres import Spheres
@@ -60,6 +61,7 @@ class EventDriven(ContactSolver):
         self.cells = EventCells(grid, self.spheres, lines, builder)
         self.queue = EventQueue(self.count, lines, builder, self.wide)
         self.prediction = Prediction(self.spheres, self.cells, self.queue, setup.enclosure.surfaces, lines)
+        self.look_ahead = LookAhead(self.spheres, self.cells, self.queue, builder)
         self.collision = Collision(setup, self.spheres, self.cells, builder)
         self.log = EventLog(self.log_capacity if self.logs else 0, builder, self.wide)
         self.event_time = ti.field(self.wide)
@@ -131,6 +133,7 @@ class EventDriven(ContactSolver):
             while left > 0 and status == RUNNING:
                 left -= 1
                 i = self.queue.earliest()
+                self.look_ahead.look()
                 if i < 0:
                     status = ARRIVED
                 elif self.queue.time[i] > end:
