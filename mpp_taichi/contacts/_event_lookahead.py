@@ -12,7 +12,7 @@ from mpp_taichi.contacts._event_spheres import Spheres
 BUCKETS = 32  # of the queue that are looked at together; there is about one event in each
 MOST = 256  # spheres that are looked at together
 # Fewer spheres than these stay in the caches of one core.
-FEWEST = 8192
+FEWEST = 16384
 
 
 @ti.data_oriented
@@ -29,15 +29,17 @@ class LookAhead:
         self.spheres, self.cells, self.queue = spheres, cells, queue
         self.is_worthwhile = spheres.count >= FEWEST
         self.cell_count = int(np.prod(cells.cells))
-        around = np.stack(np.meshgrid(*[(-1, 0, 1)] * spheres.dimensions, indexing="ij"), -1).reshape(-1, spheres.dimensions)
-        stride = np.cumprod([1, *cells.cells[spheres.dimensions - 1 : 0 : -1]])[::-1]
-        self.around = tuple((around @ stride).tolist())
+        # From a cell to the middles of the rows of three cells that it is among.
+        m = cells.cells
+        self.rows = tuple(a * m[1] for a in (-1, 0, 1))
+        if spheres.dimensions == 3:
+            self.rows = tuple((a + b) * m[2] for a in self.rows for b in (-1, 0, 1))
         self.last = ti.field(ti.i32)
         self.read = ti.field(spheres.wide)
         builder.place(self.last, self.read)
         self.upcoming, self.neighbour = ti.field(ti.i32), ti.field(ti.i32)
         builder.dense(ti.i, BUCKETS + MOST).place(self.upcoming)
-        builder.dense(ti.i, MOST * len(self.around)).place(self.neighbour)
+        builder.dense(ti.i, MOST * 3 * len(self.rows)).place(self.neighbour)
 
     @ti.func
     def look(self):
@@ -81,10 +83,12 @@ class LookAhead:
         found = 0
         for m in range(count):
             cell = self.cells.cell[self.upcoming[m]]
-            for step in ti.static(self.around):
-                self.neighbour[found] = self.cells.head[ti.math.clamp(cell + step, 0, self.cell_count - 1)]
-                found += 1
+            for row in ti.static(self.rows):
+                for step in range(-1, 2):
+                    j = self.cells.head[ti.math.clamp(cell + row + step, 0, self.cell_count - 1)]
+                    self.neighbour[found] = ti.max(j, 0)
+                    found += 1
         total = ti.cast(0, self.spheres.wide)
         for m in range(found):
-            total += self.spheres.clock[ti.max(self.neighbour[m], 0)]
+            total += self.spheres.clock[self.neighbour[m]]
         return total

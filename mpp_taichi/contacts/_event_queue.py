@@ -5,6 +5,7 @@ from typing import Any
 import taichi as ti
 
 from mpp_taichi.contacts._event_lines import Lines
+from mpp_taichi.contacts._event_spheres import Spheres
 
 # Events of a window that are dealt with before the width of its buckets is chosen again, in buckets.
 EVENTS_PER_BUCKET = 8
@@ -18,7 +19,7 @@ class EventQueue:
 
     A bucket is a linked list; only that of the present is a heap, of a few events. What lies behind the window waits until
     the window moves on, and is then sorted in; the width of a bucket follows the rate of events. An event is named by its
-    sphere, so a new one replaces the old in O(1), and equal times come in the order of spheres, however the buckets lie.
+    sphere, so a new one replaces the old in O(1), and equal times come in the order of the scene's spheres, wherever these are.
 
     time      of the next event of each sphere; infinity: none
     partner   with whom: see `event_driven`
@@ -27,16 +28,16 @@ class EventQueue:
     Source: Paul, J. Comput. Phys. 221 (2007) 615 (physics/0606226).
     """
 
-    def __init__(self, count: int, lines: Lines, builder: Any, wide: Any) -> None:
-        """Place the fields for `count` spheres."""
-        self.count, self.bucket_count = count, max(count, 8)
-        self.wide = wide
+    def __init__(self, spheres: Spheres, lines: Lines, builder: Any) -> None:
+        """Place the fields, one event for each of these spheres."""
+        self.spheres, self.count, self.bucket_count = spheres, spheres.count, max(spheres.count, 8)
+        self.wide = wide = spheres.wide
         self.time, self.partner, self.stamp = lines.field(wide), lines.field(ti.i32), lines.field(ti.i32)
         self.next, self.previous, self.place = (lines.field(ti.i32) for _ in range(3))
         self.first = ti.field(ti.i32)
         builder.dense(ti.i, self.bucket_count).place(self.first)
         self.heap = ti.field(ti.i32)
-        builder.dense(ti.i, count).place(self.heap)
+        builder.dense(ti.i, self.count).place(self.heap)
         self.heap_size, self.bucket, self.taken = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
         self.start, self.width = ti.field(wide), ti.field(wide)
         builder.place(self.heap_size, self.bucket, self.taken)
@@ -197,7 +198,7 @@ class EventQueue:
 
     @ti.func
     def _before(self, i, j):
-        return self.time[i] < self.time[j] or (self.time[i] == self.time[j] and i < j)
+        return self.time[i] < self.time[j] or (self.time[i] == self.time[j] and self.spheres.is_earlier(i, j))
 
 
 # Where a sphere's event is, if it is not at a place in the heap.

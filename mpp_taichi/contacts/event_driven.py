@@ -59,7 +59,7 @@ class EventDriven(ContactSolver):
         lines = Lines(self.count)
         self.spheres = Spheres(setup, order, lines, self.wide)
         self.cells = EventCells(grid, self.spheres, lines, builder)
-        self.queue = EventQueue(self.count, lines, builder, self.wide)
+        self.queue = EventQueue(self.spheres, lines, builder)
         self.prediction = Prediction(self.spheres, self.cells, self.queue, setup.enclosure.surfaces, lines)
         self.look_ahead = LookAhead(self.spheres, self.cells, self.queue, builder)
         self.collision = Collision(setup, self.spheres, self.cells, builder)
