@@ -21,7 +21,7 @@ class Lines:
         self._seldom: list[tuple[int, int, Any]] = []
 
     def field(self, kind: Any, components: int = 0, *, seldom: bool = False) -> Any:
-        """A scalar or vector for each sphere, to be placed. What is asked for first shares the first line; `seldom` goes last."""
+        """A scalar or vector for each sphere. What is asked for first shares the first line; `seldom` goes last."""
         result = ti.Vector.field(components, kind) if components else ti.field(kind)
         real = ti.lang.impl.current_cfg().default_fp if kind is float else kind
         size = 8 if real == ti.f64 else 4

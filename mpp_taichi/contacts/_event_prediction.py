@@ -58,7 +58,7 @@ class Prediction:
             j = self.cells.near[m]
             if j != i:
                 s = self._until_sphere(i, j, self.cells.image[m], x, v, a, time, soonest)
-                if s < soonest or (s == soonest and found >= 0 and found < self.count and self.spheres.is_earlier(j, found)):
+                if s < soonest:
                     soonest, found = s, j
         if found != self.count:
             contact, partner, stamp = time + ti.cast(soonest, self.spheres.wide), found, 0

@@ -19,7 +19,8 @@ class EventQueue:
 
     A bucket is a linked list; only that of the present is a heap, of a few events. What lies behind the window waits until
     the window moves on, and is then sorted in; the width of a bucket follows the rate of events. An event is named by its
-    sphere, so a new one replaces the old in O(1), and equal times come in the order of the scene's spheres, wherever these are.
+    sphere, so a new one replaces the old in O(1), and equal times come in the order of the scene's spheres,
+    wherever these are: both spheres of a contact have it as an event.
 
     time      of the next event of each sphere; infinity: none
     partner   with whom: see `event_driven`
@@ -198,7 +199,21 @@ class EventQueue:
 
     @ti.func
     def _before(self, i, j):
-        return self.time[i] < self.time[j] or (self.time[i] == self.time[j] and self.spheres.is_earlier(i, j))
+        result = self.time[i] < self.time[j]
+        if self.time[i] == self.time[j]:
+            a, b = self._names(i), self._names(j)
+            result = a[0] < b[0] or (a[0] == b[0] and (a[1] < b[1] or (a[1] == b[1] and i < j)))
+        return result
+
+    @ti.func
+    def _names(self, i):
+        """The scene's numbers of those whom the event of sphere i is about, the lower one first."""
+        j = self.partner[i]
+        own = self.spheres.order[i]
+        other = own
+        if j >= 0 and j < self.count:
+            other = self.spheres.order[j]
+        return ti.Vector([ti.min(own, other), ti.max(own, other)])
 
 
 # Where a sphere's event is, if it is not at a place in the heap.

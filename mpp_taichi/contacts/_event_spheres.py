@@ -111,11 +111,6 @@ class Spheres:
         return result
 
     @ti.func
-    def is_earlier(self, i, j):
-        """Whether the scene names sphere i before sphere j: the order of what happens at one time."""
-        return self.order[i] < self.order[j]
-
-    @ti.func
     def is_held(self, i):
         """Whether nothing can push it."""
         return self.inverse_mass(i).max() == 0
