@@ -174,16 +174,19 @@ class EventQueue:
     @ti.func
     def _settle(self, i, place):
         """Put i where the heap has a hole, up or down from there."""
-        hole = place
-        parent = (hole - 1) // 2
-        while hole > 0 and self._before(i, self.heap[parent]):
-            self._set(hole, self.heap[parent])
-            hole = parent
+        hole, rises = place, True
+        # `and` would look at both of its sides, also where the heap has no such place.
+        while hole > 0 and rises:
             parent = (hole - 1) // 2
+            rises = self._before(i, self.heap[parent])
+            if rises:
+                self._set(hole, self.heap[parent])
+                hole = parent
         child = 2 * hole + 1
         while child < self.heap_size[None]:
-            if child + 1 < self.heap_size[None] and self._before(self.heap[child + 1], self.heap[child]):
-                child += 1
+            if child + 1 < self.heap_size[None]:
+                if self._before(self.heap[child + 1], self.heap[child]):
+                    child += 1
             if self._before(self.heap[child], i):
                 self._set(hole, self.heap[child])
                 hole = child

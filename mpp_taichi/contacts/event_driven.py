@@ -157,10 +157,11 @@ class EventDriven(ContactSolver):
         elif partner < 0:
             goes_on = self.collision.wall(i, -1 - partner, time)
             self._note(time, i, partner)
-        elif partner < self.count and self.queue.stamp[i] == self.spheres.contacts[partner]:
-            goes_on = self.collision.pair(i, partner, time)
-            self._note(time, i, partner)
-            other = partner
+        elif partner < self.count:
+            if self.queue.stamp[i] == self.spheres.contacts[partner]:
+                goes_on = self.collision.pair(i, partner, time)
+                self._note(time, i, partner)
+                other = partner
         if not goes_on:
             self.collision.unresolved[None] += 1
             self.culprits[0] = self.spheres.order[i]
