@@ -94,6 +94,25 @@ def test_head_on_at_a_thousand_radii_per_step_and_far_from_where_the_cells_were_
     assert np.allclose(run.velocity[2:4, 0], [3.0 - 1e-6, 3.0], rtol=0, atol=4 * ULP * 3)
 
 
+def test_contacts_at_one_time_come_in_the_order_of_the_scene():
+    """Wherever the spheres are, and so whatever cells they are in: five head-on pairs, and a ball between two at once."""
+    for way in (1, -1):
+        lane = np.repeat(1.5 * np.arange(5)[::way], 2)
+        position = np.stack([np.tile([-3.0, 3.0], 5), lane], 1)
+        velocity = np.stack([np.tile([1.0, -1.0], 5), np.zeros(10)], 1)
+        # In a last lane a ball at rest is first in the scene, and is met by the last two from either side.
+        position = np.concatenate([[[0.0, -1.5]], position, [[-2.5 * way, -1.5], [2.5 * way, -1.5]]])
+        velocity = np.concatenate([[[0.0, 0.0]], velocity, [[0.5 * way, 0.0], [-0.5 * way, 0.0]]])
+        run = EventRun(position, velocity, 0.5, log_capacity=100)
+        run.to(2.75)
+        log = run.solver.take_log()
+        assert log["time"].tolist() == [2.5] * 5
+        assert [sorted(pair) for pair in zip(log["i"].tolist(), log["j"].tolist())] == [[k, k + 1] for k in range(1, 10, 2)]
+        run.to(3.0)
+        log = run.solver.take_log()
+        assert (log["time"][0], {log["i"][0], log["j"][0]}) == (3.0, {0, 11})
+
+
 def folded(x, side):
     """A point on a line, in a box 0 … side whose walls reflect."""
     x = np.mod(x, 2 * side)
@@ -172,6 +191,21 @@ def test_an_elastic_gas_runs_backwards_and_its_bits_do_not_depend_on_who_looks()
     assert np.array_equal(run.position, there) and np.array_equal(run.velocity, speed)
     assert abs(run.energy / (np.sum(v**2) / 2) - 1) < report.pair_count * ULP
     assert np.abs(run.velocity.sum(0) - v.sum(0)).max() < report.pair_count * 4 * ULP
+
+
+def test_looking_ahead_changes_no_bit(monkeypatch):
+    """What is read early for large numbers of spheres is only read: a few spheres move the same with and without."""
+    rng = np.random.default_rng(7)
+    x = np.stack(np.meshgrid(*[np.arange(6) + 0.5] * 2, indexing="ij"), -1).reshape(-1, 2)
+    v = rng.normal(size=x.shape)
+    found = []
+    for fewest in (1, len(x) + 1):
+        monkeypatch.setattr("mpp_taichi.contacts._event_lookahead.FEWEST", fewest)
+        run = EventRun(x, v, 0.4, period=(6.0, 6.0, 0.0))
+        report = run.to(1.0)
+        assert report.pair_count > len(x) and (run.solver.look_ahead.read[None] != 0) == (fewest == 1)
+        found.append((run.position, run.velocity))
+    assert all(np.array_equal(a, b) for a, b in zip(*found))
 
 
 @pytest.mark.parametrize("precision, limit", [("f64", 1e-9), ("f32", 1e-5)])

@@ -6,6 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.contacts._event_grid import Grid
+from mpp_taichi.contacts._event_lines import Lines
 from mpp_taichi.contacts._event_spheres import Spheres
 from mpp_taichi.walls._roots import first_contact
 
@@ -17,7 +18,7 @@ NEAREST = -1
 class EventCells:
     """Which cell of a grid each sphere is in, and when it leaves it."""
 
-    def __init__(self, grid: Grid, spheres: Spheres, builder: Any) -> None:
+    def __init__(self, grid: Grid, spheres: Spheres, lines: Lines, builder: Any) -> None:
         """Place the fields; `write` fills them."""
         self.grid, self.spheres, self.count, self.dimensions = grid, spheres, spheres.count, spheres.dimensions
         # A third axis of one cell in two dimensions; and along an axis whose cells all touch nobody needs to leave one.
@@ -29,22 +30,20 @@ class EventCells:
         self.small_count = self.count - len(grid.big)
         self.head = ti.field(ti.i32)
         builder.dense(ti.i, int(np.prod(grid.cells))).place(self.head)
-        self.next = ti.field(ti.i32)
-        builder.dense(ti.i, self.count).place(self.next)
+        self.next, self.cell = lines.field(ti.i32), lines.field(ti.i32)
+        self.turns = lines.field(ti.i32, self.dimensions, seldom=True)
         self.near, self.image = ti.field(ti.i32), ti.field(ti.i32)
         # In a periodic box of one or two cells the same sphere is met from several sides.
         most = 27 if any(p and m < 3 for p, m in zip(self.periodic, self.cells)) else 1
-        builder.dense(ti.i, most * self.count).place(self.near, self.image)
+        # One entry more, for the end of a list that is written before it is known to be one.
+        builder.dense(ti.i, most * self.count + 1).place(self.near, self.image)
         self.touched = ti.field(spheres.wide)
         builder.place(self.touched)
-        self.cell = ti.Vector.field(self.dimensions, ti.i32)
-        self.turns = ti.Vector.field(self.dimensions, ti.i32)
-        builder.dense(ti.i, self.count).place(self.cell)
-        builder.dense(ti.i, self.count).place(self.turns)
 
     def write(self, cell: np.ndarray, turns: np.ndarray) -> None:
         """Put every sphere into its cell; arrays (n, dimensions) in the spheres' own order."""
-        self.cell.from_numpy(np.ascontiguousarray(cell))
+        number = np.ravel_multi_index(tuple(cell.T), self.grid.cells).astype(np.int32)
+        self.cell.from_numpy(number)
         self.turns.from_numpy(np.ascontiguousarray(turns))
         self._link()
 
@@ -58,11 +57,21 @@ class EventCells:
             self._enter(self.small_count - 1 - k)
 
     @ti.func
-    def index(self, cell):
-        """Of a cell within the grid."""
-        result = cell[0]
+    def steps(self, number):
+        """Where the cell of a number is, along each axis."""
+        result = ti.Vector([0, 0, 0])
+        for k in ti.static(range(self.dimensions - 1, 0, -1)):
+            result[k] = number % self.cells[k]
+            number //= self.cells[k]
+        result[0] = number
+        return result
+
+    @ti.func
+    def number(self, steps):
+        """Of the cell at these steps along the axes."""
+        result = steps[0]
         for k in ti.static(range(1, self.dimensions)):
-            result = result * self.cells[k] + cell[k]
+            result = result * self.cells[k] + steps[k]
         return result
 
     @ti.func
@@ -70,7 +79,7 @@ class EventCells:
         """List in `near` whom sphere i may meet, in `image` on which side of a periodic box; returns how many.
 
         After a crossing only the cells that are new are looked through. Big spheres are in no cell: they may meet all, and
-        all them. To read a word of each sphere here lets the processor fetch them all at once; the list is in its cache.
+        all them.
         """
         count = 0
         if i < self.small_count:
@@ -82,13 +91,12 @@ class EventCells:
 
     @ti.func
     def _gather_cells(self, i, side):
-        cell, first, last = ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0])
+        cell, first, last = self.steps(self.cell[i]), ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0])
         for k in ti.static(range(self.dimensions)):
-            cell[k], first[k], last[k] = self.cell[i][k], self.first_step[k], self.last_step[k]
+            first[k], last[k] = self.first_step[k], self.last_step[k]
             if side // 2 == k:
                 first[k] = last[k] = 2 * (side % 2) - 1
         count = 0
-        touched = ti.cast(0, self.spheres.wide)
         for dx in range(first[0], last[0] + 1):
             for dy in range(first[1], last[1] + 1):
                 for dz in range(first[2], last[2] + 1):
@@ -102,13 +110,19 @@ class EventCells:
                             c -= self.cells[k]
                             image += ti.static(2 if self.periodic[k] else 0) << (2 * k)
                         index = index * self.cells[k] + c
-                    j = self.head[index]
-                    while j >= 0:
-                        self.near[count], self.image[count] = j, image
-                        touched += self.spheres.clock[j]
-                        count += 1
-                        j = self.next[j]
+                    self.near[count], self.image[count] = self.head[index], image
+                    count += 1 if self.head[index] >= 0 else 0
+        # Without branches in between, the processor reads all of these at once.
+        touched = ti.cast(0, self.spheres.wide)
+        for m in range(count):
+            touched += self.spheres.clock[self.near[m]]
         self.touched[None] = touched
+        m = 0
+        while m < count:
+            j = self.next[self.near[m]]
+            self.near[count], self.image[count] = j, self.image[m]
+            count += 1 if j >= 0 else 0
+            m += 1
         return count
 
     @ti.func
@@ -132,9 +146,10 @@ class EventCells:
         """When a sphere at x leaves its cell, and through which side: 2 × axis + (1 if upwards)."""
         soonest = ti.math.inf
         side = 0
+        steps = self.steps(self.cell[i])
         for k in ti.static(range(self.dimensions)):
             if ti.static(self.crossed[k]):
-                step = ti.cast(self.cell[i][k], float)
+                step = ti.cast(steps[k], float)
                 if ti.static(not self.periodic[k]):
                     step += ti.cast(self.turns[i][k], float) * self.cells[k]
                 below = x[k] - (ti.static(self.grid.low[k]) + step * ti.static(self.grid.edge[k]))
@@ -157,18 +172,21 @@ class EventCells:
         """Move sphere i into the next cell; along a periodic axis its position follows the torus."""
         if i < self.small_count:
             self._leave(i)
+        steps = self.steps(self.cell[i])
         for k in ti.static(range(self.dimensions)):
             if side // 2 == k:
-                cell = self.cell[i][k] + (1 if side % 2 == 1 else -1)
+                cell = steps[k] + (1 if side % 2 == 1 else -1)
                 turn = 0
                 if cell < 0:
                     turn = -1
                 elif cell >= self.cells[k]:
                     turn = 1
-                self.cell[i][k] = cell - turn * self.cells[k]
-                self.turns[i][k] += turn
-                if ti.static(self.periodic[k]):
-                    self.spheres.position[i][k] -= turn * ti.static(self.grid.period[k])
+                steps[k] = cell - turn * self.cells[k]
+                if turn != 0:
+                    self.turns[i][k] += turn
+                    if ti.static(self.periodic[k]):
+                        self.spheres.position[i][k] -= turn * ti.static(self.grid.period[k])
+        self.cell[i] = self.number(steps)
         if i < self.small_count:
             self._enter(i)
 
@@ -192,13 +210,13 @@ class EventCells:
 
     @ti.func
     def _enter(self, i):
-        c = self.index(self.cell[i])
+        c = self.cell[i]
         self.next[i] = self.head[c]
         self.head[c] = i
 
     @ti.func
     def _leave(self, i):
-        c = self.index(self.cell[i])
+        c = self.cell[i]
         if self.head[c] == i:
             self.head[c] = self.next[i]
         else:

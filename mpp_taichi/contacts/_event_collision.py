@@ -73,14 +73,15 @@ class Collision:
 
         Returns whether time still goes on.
         """
-        self._bring_to(i, time)
-        self._bring_to(j, time)
+        last = ti.max(self._last_contact(i), self._last_contact(j))
+        self._begin(i, time)
+        self._begin(j, time)
         q = self.cells.nearest_image(self.spheres.position[i] - self.spheres.position[j])
         distance = q.norm()
         n = q / distance
         speed = n.dot(self.spheres.velocity[i] - self.spheres.velocity[j])
         softness = (n * n).dot(self.spheres.inverse_mass(i) + self.spheres.inverse_mass(j))
-        e = self._restitution(self.table[self.spheres.material[i], self.spheres.material[j]], i, j, time)
+        e = self._restitution(self.table[self.spheres.material[i], self.spheres.material[j]], last, time)
         self.impulse[None] = 0.0
         self._note_overlap(
             self.spheres.radius(i) + self.spheres.radius(j) - distance, ti.min(self.spheres.radius(i), self.spheres.radius(j))
@@ -93,13 +94,14 @@ class Collision:
             self.virial[None] += ti.cast(impulse * distance, self.spheres.wide)
             self.dissipated[None] += ti.cast((1 - e * e) * speed * speed / softness / 2, self.spheres.wide)
             self.impulse[None] = impulse
-        goes_on = self._note_contact(i, j, e, time)
-        return self._note_contact(j, i, e, time) and goes_on
+        goes_on = self._note_contact(i, j, e)
+        return self._note_contact(j, i, e) and goes_on
 
     @ti.func
     def wall(self, i, w, time):
         """A sphere bounces off surface w. Returns whether time still goes on."""
-        self._bring_to(i, time)
+        last = self._last_contact(i)
+        self._begin(i, time)
         x, now = self.spheres.position[i], ti.cast(time, float)
         n, velocity = ti.Vector.zero(float, self.spheres.dimensions), ti.Vector.zero(float, self.spheres.dimensions)
         e, depth = 1.0, 0.0
@@ -107,7 +109,7 @@ class Collision:
             if w == k:
                 n, velocity = normal(surface, x, now), surface_velocity(surface, x)
                 e, depth = ti.cast(surface.restitution, float), -gap(surface, x, self.spheres.radius(i), now)
-        e = self._restitution(e, i, i, time)
+        e = self._restitution(e, last, time)
         speed = n.dot(self.spheres.velocity[i] - velocity)
         softness = (n * n).dot(self.spheres.inverse_mass(i))
         self._note_overlap(depth, self.spheres.radius(i))
@@ -119,21 +121,33 @@ class Collision:
             self.wall_impulse[w] += ti.cast(impulse, self.spheres.wide)
             self.dissipated[None] += ti.cast((1 - e * e) * speed * speed / softness / 2, self.spheres.wide)
             self.impulse[None] = impulse
-        return self._note_contact(i, -1 - w, e, time)
+        return self._note_contact(i, -1 - w, e)
 
     @ti.func
-    def _restitution(self, e, i, j, time):
+    def _restitution(self, e, last, time):
         """Of this contact: 1 if the last one of either was less than the contact time ago."""
         result = e
         if ti.static(self.contact_time > 0):
-            last = ti.max(self.spheres.last_contact[i], self.spheres.last_contact[j])
             if time - last < ti.static(self.contact_time) and e < 1:
                 result = 1.0
                 self.elastic_count[None] += 1
         return result
 
     @ti.func
-    def _bring_to(self, i, time):
+    def _last_contact(self, i):
+        """When it was: contacts alone set a sphere's clock."""
+        result = ti.cast(-ti.math.inf, self.spheres.wide)
+        if self.spheres.contacts[i] != 0:
+            result = self.spheres.clock[i]
+        return result
+
+    @ti.func
+    def _begin(self, i, time):
+        """Bring sphere i to the time of a contact; `stalled` counts contacts between which no time went by."""
+        if time > self._last_contact(i):
+            self.spheres.stalled[i] = 0
+        else:
+            self.spheres.stalled[i] += 1
         x, v = self.spheres.position_at(i, time), self.spheres.velocity_at(i, time)
         self.spheres.position[i], self.spheres.velocity[i] = x, v
         self.spheres.clock[i] = time
@@ -144,13 +158,9 @@ class Collision:
             self.overlap[None] = ti.max(self.overlap[None], ti.cast(depth / radius, self.spheres.wide))
 
     @ti.func
-    def _note_contact(self, i, partner, e, time):
+    def _note_contact(self, i, partner, e):
         """Remember it; False if sphere i has had too many contacts without the time going on."""
-        if time > self.spheres.last_contact[i]:
-            self.spheres.stalled[i] = 0
-        else:
-            self.spheres.stalled[i] += 1
-        self.spheres.last_contact[i], self.spheres.last_partner[i] = time, partner
+        self.spheres.last_partner[i] = partner
         self.spheres.contacts[i] += 1
         limit = STALLED_INELASTIC if e < 1 else ti.static(STALLED_ELASTIC + 2 * self.spheres.count)
         return self.spheres.stalled[i] <= limit

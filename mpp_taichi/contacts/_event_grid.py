@@ -10,6 +10,8 @@ from mpp_taichi.contacts._base import ContactSetup
 MARGIN = 1e-3
 # Sizes that are tried as the largest one for cells.
 CUTS = 32
+# Cells for each sphere, at most.
+CELLS = 2
 
 
 @dataclass(frozen=True)
@@ -44,8 +46,8 @@ class Grid:
         low = np.where(period > 0, setup.enclosure.origin[:d], position.min(axis=0))
         extent = np.where(period > 0, period, np.ptp(position, axis=0))
         cut = _largest_in_cells(diameter, extent, period)
-        # A dilute gas has fewer contacts than crossings: a cell for each sphere is enough.
-        edge = max(cut * (1 + MARGIN), _edge_for_count(extent, setup.particle_count)) or 1.0
+        # A dilute gas has fewer contacts than crossings.
+        edge = max(cut * (1 + MARGIN), _edge_for_count(extent, CELLS * setup.particle_count)) or 1.0
         cells = np.maximum(np.floor(extent / edge), 1).astype(int)
         edges = np.where(period > 0, extent / cells, np.maximum(extent / cells, edge))
         big = np.flatnonzero(diameter > cut)
@@ -81,14 +83,14 @@ def _largest_in_cells(diameter: np.ndarray, extent: np.ndarray, period: np.ndarr
         )
         seen = (len(diameter) - big) * filled + big
         # The nearest image of a big one must stay the nearest as far as that matters, until one of the two has left its cell.
-        edge = max(cut * (1 + MARGIN), _edge_for_count(extent, len(diameter)))
+        edge = max(cut * (1 + MARGIN), _edge_for_count(extent, CELLS * len(diameter)))
         clear = all(p == 0 or p / 2 - 4 * edge > sizes[-1] for p in period)
         if seen < fewest and (big == 0 or clear):
             best, fewest = cut, seen
     return float(best)
 
 
-def _edge_for_count(extent: np.ndarray, count: int) -> float:
+def _edge_for_count(extent: np.ndarray, count: float) -> float:
     """Edge of cubes of which about `count` fill a box, whatever axes are thinner than the cubes."""
     sizes = np.sort(extent[extent > 0])[::-1]
     edge = 0.0

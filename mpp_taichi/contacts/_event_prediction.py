@@ -1,10 +1,9 @@
 """What comes next for one sphere of an event-driven run: a contact, or the side of its cell."""
 
-from typing import Any
-
 import taichi as ti
 
 from mpp_taichi.contacts._event_cells import EventCells
+from mpp_taichi.contacts._event_lines import Lines
 from mpp_taichi.contacts._event_queue import EventQueue
 from mpp_taichi.contacts._event_spheres import Spheres
 from mpp_taichi.types import Template
@@ -21,15 +20,14 @@ class Prediction:
     """Finds the earliest event of a sphere. Partners are numbered: sphere j: j; surface w: −1 − w; side s: count + 1 + s."""
 
     def __init__(
-        self, spheres: Spheres, cells: EventCells, queue: EventQueue, surfaces: tuple[Surface, ...], builder: Any
+        self, spheres: Spheres, cells: EventCells, queue: EventQueue, surfaces: tuple[Surface, ...], lines: Lines
     ) -> None:
         """Of these spheres, in these cells, between these surfaces."""
         self.spheres, self.cells, self.queue, self.surfaces = spheres, cells, queue, surfaces
         self.count = spheres.count
         # The contact that is next once the side of the cell is crossed.
-        self.contact_time = ti.field(spheres.wide)
-        self.contact_partner, self.contact_stamp = ti.field(ti.i32), ti.field(ti.i32)
-        builder.dense(ti.i, self.count).place(self.contact_time, self.contact_partner, self.contact_stamp)
+        self.contact_time = lines.field(spheres.wide)
+        self.contact_partner, self.contact_stamp = lines.field(ti.i32), lines.field(ti.i32)
 
     @ti.func
     def predict(self, i, time, crossed):

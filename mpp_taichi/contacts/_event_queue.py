@@ -4,6 +4,9 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.contacts._event_lines import Lines
+from mpp_taichi.contacts._event_spheres import Spheres
+
 # Events of a window that are dealt with before the width of its buckets is chosen again, in buckets.
 EVENTS_PER_BUCKET = 8
 # Factor by which a window at most becomes longer or shorter than the one before.
@@ -16,7 +19,8 @@ class EventQueue:
 
     A bucket is a linked list; only that of the present is a heap, of a few events. What lies behind the window waits until
     the window moves on, and is then sorted in; the width of a bucket follows the rate of events. An event is named by its
-    sphere, so a new one replaces the old in O(1), and equal times come in the order of spheres, however the buckets lie.
+    sphere, so a new one replaces the old in O(1), and equal times come in the order of the scene's spheres,
+    wherever these are: both spheres of a contact have it as an event.
 
     time      of the next event of each sphere; infinity: none
     partner   with whom: see `event_driven`
@@ -25,17 +29,16 @@ class EventQueue:
     Source: Paul, J. Comput. Phys. 221 (2007) 615 (physics/0606226).
     """
 
-    def __init__(self, count: int, builder: Any, wide: Any) -> None:
-        """Place the fields for `count` spheres."""
-        self.count, self.bucket_count = count, max(count, 8)
-        self.wide = wide
-        self.time, self.partner, self.stamp = ti.field(wide), ti.field(ti.i32), ti.field(ti.i32)
-        self.next, self.previous, self.place = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
-        builder.dense(ti.i, count).place(self.time, self.partner, self.stamp, self.next, self.previous, self.place)
+    def __init__(self, spheres: Spheres, lines: Lines, builder: Any) -> None:
+        """Place the fields, one event for each of these spheres."""
+        self.spheres, self.count, self.bucket_count = spheres, spheres.count, max(spheres.count, 8)
+        self.wide = wide = spheres.wide
+        self.time, self.partner, self.stamp = lines.field(wide), lines.field(ti.i32), lines.field(ti.i32)
+        self.next, self.previous, self.place = (lines.field(ti.i32) for _ in range(3))
         self.first = ti.field(ti.i32)
         builder.dense(ti.i, self.bucket_count).place(self.first)
         self.heap = ti.field(ti.i32)
-        builder.dense(ti.i, count).place(self.heap)
+        builder.dense(ti.i, self.count).place(self.heap)
         self.heap_size, self.bucket, self.taken = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
         self.start, self.width = ti.field(wide), ti.field(wide)
         builder.place(self.heap_size, self.bucket, self.taken)
@@ -171,16 +174,19 @@ class EventQueue:
     @ti.func
     def _settle(self, i, place):
         """Put i where the heap has a hole, up or down from there."""
-        hole = place
-        parent = (hole - 1) // 2
-        while hole > 0 and self._before(i, self.heap[parent]):
-            self._set(hole, self.heap[parent])
-            hole = parent
+        hole, rises = place, True
+        # `and` would look at both of its sides, also where the heap has no such place.
+        while hole > 0 and rises:
             parent = (hole - 1) // 2
+            rises = self._before(i, self.heap[parent])
+            if rises:
+                self._set(hole, self.heap[parent])
+                hole = parent
         child = 2 * hole + 1
         while child < self.heap_size[None]:
-            if child + 1 < self.heap_size[None] and self._before(self.heap[child + 1], self.heap[child]):
-                child += 1
+            if child + 1 < self.heap_size[None]:
+                if self._before(self.heap[child + 1], self.heap[child]):
+                    child += 1
             if self._before(self.heap[child], i):
                 self._set(hole, self.heap[child])
                 hole = child
@@ -196,7 +202,21 @@ class EventQueue:
 
     @ti.func
     def _before(self, i, j):
-        return self.time[i] < self.time[j] or (self.time[i] == self.time[j] and i < j)
+        result = self.time[i] < self.time[j]
+        if self.time[i] == self.time[j]:
+            a, b = self._names(i), self._names(j)
+            result = a[0] < b[0] or (a[0] == b[0] and (a[1] < b[1] or (a[1] == b[1] and i < j)))
+        return result
+
+    @ti.func
+    def _names(self, i):
+        """The scene's numbers of those whom the event of sphere i is about, the lower one first."""
+        j = self.partner[i]
+        own = self.spheres.order[i]
+        other = own
+        if j >= 0 and j < self.count:
+            other = self.spheres.order[j]
+        return ti.Vector([ti.min(own, other), ti.max(own, other)])
 
 
 # Where a sphere's event is, if it is not at a place in the heap.

@@ -6,6 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.contacts._event_lines import Lines
 
 
 @ti.data_oriented
@@ -17,7 +18,7 @@ class Spheres:
     stay short.
     """
 
-    def __init__(self, setup: ContactSetup, order: np.ndarray, builder: Any, wide: Any) -> None:
+    def __init__(self, setup: ContactSetup, order: np.ndarray, lines: Lines, wide: Any) -> None:
         """Place the fields; `write` fills them."""
         self.dimensions, self.count = setup.dimensions, setup.particle_count
         self.wide = wide
@@ -28,28 +29,20 @@ class Spheres:
         self.gravity = tuple(g if (inverse_mass[:, k] > 0).any() else 0.0 for k, g in enumerate(self.gravity))
         self.has_gravity = any(self.gravity)
         self.falls_together = not any(g != 0 and (inverse_mass[:, k] == 0).any() for k, g in enumerate(self.gravity))
-        self.position = ti.Vector.field(self.dimensions, float)
-        self.velocity = ti.Vector.field(self.dimensions, float)
-        self.clock = ti.field(wide)
-        self.contacts = ti.field(ti.i32)
-        near = [self.position, self.velocity, self.clock, self.contacts]
+        self.position = lines.field(float, self.dimensions)
+        self.velocity = lines.field(float, self.dimensions)
+        self.clock = lines.field(wide)
         radius = np.asarray(setup.radius, dtype=float)
         self.has_common_radius = bool((radius == radius[0]).all())
         self.common_radius = float(radius[0])
         if not self.has_common_radius:
-            self.own_radius = ti.field(float)
-            near.append(self.own_radius)
-        builder.dense(ti.i, self.count).place(*near)
-        self.last_contact = ti.field(wide)
-        self.last_partner, self.material = ti.field(ti.i32), ti.field(ti.i32)
-        self.stalled, self.order = ti.field(ti.i32), ti.field(ti.i32)
-        far = [self.last_contact, self.last_partner, self.material, self.stalled, self.order]
+            self.own_radius = lines.field(float)
+        self.contacts = lines.field(ti.i32)
+        self.last_partner, self.stalled, self.order, self.material = (lines.field(ti.i32, seldom=True) for _ in range(4))
         self.has_common_mass = bool((inverse_mass == inverse_mass[0]).all())
         self.common_mass = tuple(map(float, inverse_mass[0]))
         if not self.has_common_mass:
-            self.own_inverse_mass = ti.Vector.field(self.dimensions, float)
-            far.append(self.own_inverse_mass)
-        builder.dense(ti.i, self.count).place(*far)
+            self.own_inverse_mass = lines.field(float, self.dimensions, seldom=True)
         self._setup, self._order = setup, order
 
     def write(self, position: np.ndarray, velocity: np.ndarray, time: float) -> None:
@@ -66,7 +59,6 @@ class Spheres:
         self.material.from_numpy(np.asarray(self._setup.material)[order].astype(np.int32))
         self.order.from_numpy(order.astype(np.int32))
         self.clock.fill(time)
-        self.last_contact.fill(-np.inf)
         self.last_partner.fill(self.count)
         self.contacts.fill(0)
         self.stalled.fill(0)

@@ -10,7 +10,9 @@ from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts._event_cells import EventCells
 from mpp_taichi.contacts._event_collision import Collision
 from mpp_taichi.contacts._event_grid import Grid
+from mpp_taichi.contacts._event_lines import Lines
 from mpp_taichi.contacts._event_log import EventLog
+from mpp_taichi.contacts._event_lookahead import LookAhead
 from mpp_taichi.contacts._event_prediction import Prediction
 from mpp_taichi.contacts._event_queue import EventQueue
 from mpp_taichi.contacts._event_spheres import Spheres
@@ -55,17 +57,19 @@ class EventDriven(ContactSolver):
         order = grid.order_of(cell)
         self._order = order
         builder = ti.FieldsBuilder()
-        self.spheres = Spheres(setup, order, builder, self.wide)
-        self.cells = EventCells(grid, self.spheres, builder)
-        self.queue = EventQueue(self.count, builder, self.wide)
-        self.prediction = Prediction(self.spheres, self.cells, self.queue, setup.enclosure.surfaces, builder)
+        lines = Lines(self.count)
+        self.spheres = Spheres(setup, order, lines, self.wide)
+        self.cells = EventCells(grid, self.spheres, lines, builder)
+        self.queue = EventQueue(self.spheres, lines, builder)
+        self.prediction = Prediction(self.spheres, self.cells, self.queue, setup.enclosure.surfaces, lines)
+        self.look_ahead = LookAhead(self.spheres, self.cells, self.queue, builder)
         self.collision = Collision(setup, self.spheres, self.cells, builder)
         self.log = EventLog(self.log_capacity if self.logs else 0, builder, self.wide)
         self.event_time = ti.field(self.wide)
         self.culprits = ti.field(ti.i32)
         builder.place(self.event_time)
         builder.dense(ti.i, 2).place(self.culprits)
-        self._tree = builder.finalize()
+        self._trees = lines.place(), builder.finalize()
         self.collision.write()
         self.event_count = 0
 
@@ -118,7 +122,8 @@ class EventDriven(ContactSolver):
 
     def destroy(self) -> None:
         """Give the memory back."""
-        self._tree.destroy()
+        for tree in self._trees:
+            tree.destroy()
 
     @ti.kernel
     def _run(self, end: ti.f64, limit: ti.i32) -> ti.i32:
@@ -129,6 +134,7 @@ class EventDriven(ContactSolver):
             while left > 0 and status == RUNNING:
                 left -= 1
                 i = self.queue.earliest()
+                self.look_ahead.look()
                 if i < 0:
                     status = ARRIVED
                 elif self.queue.time[i] > end:
@@ -152,10 +158,11 @@ class EventDriven(ContactSolver):
         elif partner < 0:
             goes_on = self.collision.wall(i, -1 - partner, time)
             self._note(time, i, partner)
-        elif partner < self.count and self.queue.stamp[i] == self.spheres.contacts[partner]:
-            goes_on = self.collision.pair(i, partner, time)
-            self._note(time, i, partner)
-            other = partner
+        elif partner < self.count:
+            if self.queue.stamp[i] == self.spheres.contacts[partner]:
+                goes_on = self.collision.pair(i, partner, time)
+                self._note(time, i, partner)
+                other = partner
         if not goes_on:
             self.collision.unresolved[None] += 1
             self.culprits[0] = self.spheres.order[i]
