@@ -9,10 +9,10 @@ import pytest
 
 from mpp_taichi import Simulation, component
 from mpp_taichi.snapshot import Snapshot
-from scenes import INTEGRATORS, cluster, everything, irregular_network, kepler
+from scenes import KINDS_OF_STEP, cluster, everything, irregular_network, kepler
 
 PRECISIONS = {"f32": 2.0**-24, "f64": 2.0**-53}
-SPLITTINGS = [name for name in INTEGRATORS if component.declaration("integrators", name).base == "Splitting"]
+SPLITTINGS = [name for name in KINDS_OF_STEP if component.declaration("integrators", name).base == "Splitting"]
 
 
 def end_of(scene, *, steps=200, **options):
@@ -39,7 +39,7 @@ def growth(scene, steps, precision):
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
-@pytest.mark.parametrize("name", INTEGRATORS)
+@pytest.mark.parametrize("name", KINDS_OF_STEP)
 def test_serial_and_parallel_agree_to_round_off(name, precision):
     scene = everything(integrator=name)
     serial = end_of(scene, backend="cpu", precision=precision, plan="serial")

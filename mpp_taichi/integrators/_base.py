@@ -20,6 +20,8 @@ class Integrator:
     keeps_force      a step uses, at its start, the force that the step before ended with
     implicit         a step solves equations (see _implicit.py)
     adaptive         takes steps of its own choice (see _adaptive.py)
+    takes_velocity   keeps its order beside forces that depend on velocity; a class where it is not so says it with a literal
+                     False of its own, which scenes are checked by, and the method is refused beside such forces
     memory           work fields that a step hands on to the next
 
     Subclasses may make any of them a property; here they must stay plain attributes, or Taichi would take these instead.
@@ -32,6 +34,7 @@ class Integrator:
     keeps_force = False
     implicit = False
     adaptive = False
+    takes_velocity = True
     memory: tuple = ()
 
     @property

@@ -11,16 +11,38 @@ from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.types import Template
 
 # How v' = A + f(v) is solved inside a kick when a force depends on velocity: to the order of the whole method.
-KICK_METHODS = {1: _runge_kutta.EULER, 2: _runge_kutta.MIDPOINT, 4: _runge_kutta.CLASSICAL}
+KICK_METHODS = {
+    1: _runge_kutta.EULER,
+    2: _runge_kutta.MIDPOINT,
+    3: _runge_kutta.HEUN3,
+    4: _runge_kutta.CLASSICAL,
+    6: _runge_kutta.taylor(6),
+    8: _runge_kutta.taylor(8),
+}
+
+
+def of_leapfrogs(*weights: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """(drifts, kicks) of drift–kick–drift leapfrogs of w₁, …, w_m and back to w₁, drifts between them joined.
+
+    The middle one is 1 − 2 (w₁ + … + w_{m−1}), so that a step is a step to the last digit; `weights` are the others.
+    """
+    middle = 1.0 - 2.0 * math.fsum(weights)
+    kicks = (*weights, middle, *reversed(weights))
+    between = tuple((a + b) / 2 for a, b in zip(kicks, kicks[1:]))
+    return (kicks[0] / 2, *between, kicks[0] / 2), kicks
 
 
 class Splitting(Integrator):
     """Composition of drifts x += c h v and kicks v += d h a(x), taken in turn.
 
     With as many drifts as kicks plus one the step begins and ends with a drift; with one kick more than drifts it begins and
-    ends with a kick, and the last force serves the first kick of the next step. Forces that depend on velocity are integrated
-    inside each kick, positions frozen, by a Runge–Kutta method of the order of the splitting, so that the order is kept.
-    Every splitting is symplectic for conservative forces; palindromic tables are time-reversible.
+    ends with a kick, and the last force serves the first kick of the next step. Every splitting is symplectic for conservative
+    forces; palindromic tables are time-reversible.
+
+    Forces that depend on velocity are integrated inside each kick, positions frozen, by a Runge–Kutta method of the order of
+    the splitting, so that the order is kept; from order 6 on that holds for friction linear in velocity (see `taylor`).
+    Runge–Kutta–Nyström tables owe their order to [B,[B,[B,A]]] = 0 of kicks B and drifts A, which is so where a kick is by a
+    force of places and times alone: such tables say `takes_velocity = False`, and the other forces are refused beside them.
     """
 
     drifts: tuple = ()
