@@ -216,11 +216,12 @@ def test_order_with_drive_and_friction_and_the_amplification_matrix(name):
     scene = swinging_bob(name)
     drag = 0.3 if takes_friction(name) else 0.0
     errors, (_, _, counts) = [], LADDERS[name]
+    duration = 4 if name == "dop853" else 2  # elsewhere its terms of eighth and ninth order happen to cancel in part
     with Simulation(scene, backend="cpu", precision="f64") as simulation:
         for count in counts:
             simulation.dt = 1.0 / count
             simulation.restart()
-            simulation.run(steps=4 * count)
+            simulation.run(steps=duration * count)
             if not errors:
                 expected = bob_reference(simulation, drag)
             errors.append(np.abs(simulation.snapshot().position[2] - expected).max())

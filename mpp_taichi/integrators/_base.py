@@ -74,6 +74,10 @@ class Integrator:
         """Whether the last stage of a step and the opening one of the next can share a loop (`stage_and_opening`)."""
         return False
 
+    def looks_stages_up(self, total_force: Any) -> bool:
+        """Whether the parallel plan compiles the stages after the opening as one, looked up while running."""
+        return False
+
     @ti.func
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
         """Stage k of the step that began at `time`: 0 opens it, k + 1 follows the force at nodes[k].

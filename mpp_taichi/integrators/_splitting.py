@@ -19,6 +19,7 @@ KICK_METHODS = {
     6: _runge_kutta.taylor(6),
     8: _runge_kutta.taylor(8),
 }
+MOST_SLOPES = 16  # of all damped kicks of a step, in one kernel
 
 
 def of_leapfrogs(*weights: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -108,7 +109,13 @@ class Splitting(Integrator):
 
     def joins_steps(self, total_force: Any) -> bool:
         """The last drift of a step and the first of the next are one loop, where a step begins and ends with one."""
-        return not (self.begins_with_kick or total_force.has_pairs) and self.drifts[0] != 0.0 and self.drifts[-1] != 0.0
+        if self.begins_with_kick or total_force.has_pairs or self.looks_stages_up(total_force):
+            return False
+        return self.drifts[0] != 0.0 and self.drifts[-1] != 0.0
+
+    def looks_stages_up(self, total_force: Any) -> bool:
+        """Where there are many slopes of damped kicks: each of them holds all forces, and takes half a second to compile."""
+        return bool(total_force.depends_on_velocity) and self.evaluations * len(self.kick_method[1]) > MOST_SLOPES
 
     def loops(self, k: int, total_force: Any) -> int:
         """One for kick and drift, or for each slope of a damped kick; one more to drift after the others were looked at."""
@@ -117,7 +124,7 @@ class Splitting(Integrator):
             return 1 if drift != 0.0 else 0
         if total_force.depends_on_velocity:
             slopes = len(self.kick_method[1])
-            return slopes + (slopes == 1) + (drift != 0.0)
+            return slopes + (slopes == 1) + (drift != 0.0 or (k > 0 and self.looks_stages_up(total_force)))
         return 2 if drift != 0.0 and self.sums(k, total_force) else 1
 
     @ti.func
