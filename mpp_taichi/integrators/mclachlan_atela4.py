@@ -9,7 +9,7 @@ class MclachlanAtela4(Splitting):
     """Fourth-order Runge–Kutta–Nyström splitting with four forces per step: symplectic, not time-reversible.
 
     A kick comes first. Of order 3 only where the kinetic energy is not quadratic or forces depend on velocity: those are
-    refused. Source: McLachlan & Atela, Nonlinearity 5 (1992) 541, table 2.
+    refused. Source: McLachlan & Atela, Nonlinearity 5 (1992) 541.
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")
