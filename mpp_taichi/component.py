@@ -9,7 +9,7 @@ import ast
 import importlib
 import importlib.util
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -53,6 +53,7 @@ class Declaration:
     summary: str
     parameters: tuple[Parameter, ...]
     path: Path
+    flags: Mapping[str, bool]  # attributes that the class itself sets to True or False
 
 
 def param(default: Any = REQUIRED, **description: Any) -> Any:
@@ -127,7 +128,8 @@ def _read(kind: str, path: Path) -> Declaration:
         if isinstance(node, ast.ClassDef) and node.name == wanted:
             found = tuple(p for statement in node.body if (p := _read_parameter(statement)) is not None)
             base = ast.unparse(node.bases[0]) if node.bases else ""
-            return Declaration(kind, path.stem, wanted, base, ast.get_docstring(node) or "", found, path)
+            flags = dict(flag for statement in node.body if (flag := _read_flag(statement)) is not None)
+            return Declaration(kind, path.stem, wanted, base, ast.get_docstring(node) or "", found, path, flags)
     raise TypeError(f"{path} must hold one class {wanted}")
 
 
@@ -143,6 +145,14 @@ def _read_parameter(statement: ast.stmt) -> Parameter | None:
     keywords = {keyword.arg: ast.literal_eval(keyword.value) for keyword in call.keywords if keyword.arg}
     default = ast.literal_eval(call.args[0]) if call.args else REQUIRED
     return Parameter(name=statement.target.id, type=annotation, default=default, **keywords)
+
+
+def _read_flag(statement: ast.stmt) -> tuple[str, bool] | None:
+    if isinstance(statement, ast.Assign) and isinstance(statement.value, ast.Constant):
+        target, value = statement.targets[0], statement.value.value
+        if isinstance(target, ast.Name) and isinstance(value, bool):
+            return target.id, value
+    return None
 
 
 def load(kind: str, name: str) -> type:

@@ -88,7 +88,7 @@ class Stepper:
         elif self.integrator.implicit:
             for s in range(steps):
                 self.integrator.launch_step(self.state, self.total_force, self.launch_force, time + s * dt, dt)
-        elif self.launches_stages:
+        elif self.launches_stages or self.integrator.looks_stages_up(self.total_force):
             for s in range(steps):
                 self._launch_stages(time + s * dt, dt)
         elif self.integrator.joins_steps(self.total_force):
@@ -195,8 +195,12 @@ class Stepper:
         """The step's own stages and forces, each a launch."""
         self._stage(time, dt, 0)
         for k, node in enumerate(self.integrator.nodes):
-            self.launch_force(self.total_force, time + node * dt)
-            self._stage(time, dt, k + 1)
+            if self.integrator.wants_sum(self.total_force):
+                self.launch_force(self.total_force, time + node * dt)
+            if self.integrator.looks_stages_up(self.total_force):
+                self._stage_after_force(time, dt, k + 1)
+            else:
+                self._stage(time, dt, k + 1)
 
     def launch_force(self, total_force: TotalForce, time: float) -> None:
         """Accelerations by the forces that do not depend on velocity, all particles at once."""
@@ -211,6 +215,10 @@ class Stepper:
     @ti.kernel
     def _stage(self, time: float, dt: float, k: Template):
         self.integrator.stage(self.state, self.total_force, 0, time, dt, k)
+
+    @ti.kernel
+    def _stage_after_force(self, time: float, dt: float, k: ti.i32):
+        self.integrator.stage_after_force(self.state, self.total_force, 0, time, dt, k)
 
     @ti.kernel
     def _begin_sum(self, total_force: Template, time: float):

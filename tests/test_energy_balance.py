@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from compiled import random_snapshot
 from scipy.integrate import quad
-from test_integrators import INTEGRATORS, SLOPE_TOLERANCE, declared, slope
+from test_integrators import KINDS_OF_STEP, SLOPE_TOLERANCE, declared, slope
 
 from mpp_taichi import SceneError, Simulation, component
 from mpp_taichi.numerical_damping import OscillationCounter, numerical_damping
@@ -18,6 +18,7 @@ from mpp_taichi.recorders.table import TableRecorder
 FORCE, FREQUENCY, PHASE = 0.4, 2.0, 0.3  # of the drive, along x
 BOB = 12  # index of the oscillator's bob
 STIFFNESS, SPRING_DAMPING, DRAG = 6.0, 0.3, 0.1
+TAKE_FRICTION = [name for name in KINDS_OF_STEP if declared(name, "takes_velocity")]
 PIECES = 8  # looks at the balance in one run
 
 
@@ -76,7 +77,7 @@ def largest_errors(simulation, duration):
 
 
 @pytest.mark.parametrize(
-    ("name", "damping"), [*((name, "axial") for name in INTEGRATORS), ("leapfrog", "full"), ("rk4", "full")]
+    ("name", "damping"), [*((name, "axial") for name in TAKE_FRICTION), ("leapfrog", "full"), ("rk4", "full")]
 )
 def test_the_balance_closes_to_the_order_of_the_method(name, damping):
     """And so does the bob's way against the closed form, which needs the drive at the right time of every stage."""
@@ -245,7 +246,7 @@ def measured(scene, duration, settle=0.0):
     return numerical_damping([row["time"] for row in rows], losses, balance.oscillations)
 
 
-@pytest.mark.parametrize("name", [name for name in INTEGRATORS if not declared(name, "symplectic")])
+@pytest.mark.parametrize("name", [name for name in KINDS_OF_STEP if not declared(name, "symplectic")])
 def test_measured_numerical_damping_is_that_of_the_amplification_matrix(name):
     method = component.build("integrators", name, {"dt": 1.0})
     dt = {1: 0.02, 2: 0.1, 4: 0.2}[method.order]

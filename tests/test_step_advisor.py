@@ -20,7 +20,7 @@ from mpp_taichi.snapshot import Springs
 from mpp_taichi.stability import advise, network, spectrum, step_limit
 from mpp_taichi.stability.operator import damping_bonds, row_sum_bound, stiffness_bonds
 from mpp_taichi.stability.spectrum import LargestEigenvalue
-from scenes import INTEGRATORS, everything, kepler
+from scenes import INTEGRATORS, everything, kepler, takes_friction
 
 PENDULUM = "scenes/double_pendulum.yaml"
 
@@ -193,8 +193,13 @@ def test_the_limits_of_the_double_pendulum(name, limit):
     assert 0.85 * limit < advice.at(1.0).holding_step <= 0.9 * limit
 
 
-@pytest.mark.parametrize(("frequency", "damping"), [(1.0, 0.0), (1.0, 0.02), (1.0, 1.0), (1.0, 5.0), (0.0, 1.0)])
-@pytest.mark.parametrize("name", INTEGRATORS)
+OSCILLATORS = [(1.0, 0.0), (1.0, 0.02), (1.0, 1.0), (1.0, 5.0), (0.0, 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("name", "frequency", "damping"),
+    [(name, w, c) for name in INTEGRATORS for w, c in OSCILLATORS if c == 0.0 or takes_friction(name)],
+)
 def test_a_step_is_stable_up_to_the_limit_and_not_beyond(name, frequency, damping):
     method = component.build("integrators", name, {"dt": 1.0})
     limit = step_limit.largest_stable_step(method.amplification, frequency, damping)
@@ -208,8 +213,10 @@ def test_a_step_is_stable_up_to_the_limit_and_not_beyond(name, frequency, dampin
     # Eigenvalues are simple below the limit, so they are rounded by 1e-15 over their distance, 1e-2 and more.
     for part in (1e-2, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99):
         assert radius(min(limit, 1e3) * part) < 1.0 + 1e-9
-    if math.isfinite(limit):  # the slowest growth is that of Euler's (ω dt)² − γ dt: 4e-6 there
-        assert radius(1.01 * limit) > 1.0 + 1e-6
+    if math.isfinite(limit):
+        # The slowest growth is that of Euler's (ω dt)² − γ dt, 4e-6 at 1.01 of the limit. Accurate methods of many stages are
+        # unstable in a gap near ω dt = π alone, where cos passes −1: the narrowest, of srkn11b, is 3e-4 wide.
+        assert max(radius(part * limit) for part in (1.0001, 1.001, 1.01)) > 1.0 + 1e-6
 
 
 def test_a_narrow_gap_of_stability_is_not_stepped_over():

@@ -20,6 +20,8 @@ class Integrator:
     keeps_force      a step uses, at its start, the force that the step before ended with
     implicit         a step solves equations (see _implicit.py)
     adaptive         takes steps of its own choice (see _adaptive.py)
+    takes_velocity   keeps its order beside forces that depend on velocity; a class where it is not so says it with a literal
+                     False of its own, which scenes are checked by, and the method is refused beside such forces
     memory           work fields that a step hands on to the next
 
     Subclasses may make any of them a property; here they must stay plain attributes, or Taichi would take these instead.
@@ -32,6 +34,7 @@ class Integrator:
     keeps_force = False
     implicit = False
     adaptive = False
+    takes_velocity = True
     memory: tuple = ()
 
     @property
@@ -69,6 +72,10 @@ class Integrator:
 
     def joins_steps(self, total_force: Any) -> bool:
         """Whether the last stage of a step and the opening one of the next can share a loop (`stage_and_opening`)."""
+        return False
+
+    def looks_stages_up(self, total_force: Any) -> bool:
+        """Whether the parallel plan compiles the stages after the opening as one, looked up while running."""
         return False
 
     @ti.func

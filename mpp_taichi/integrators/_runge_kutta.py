@@ -1,5 +1,6 @@
 """Explicit Runge–Kutta methods: a tableau, and one step for all of them."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,17 @@ from mpp_taichi.types import Template
 # (a, b, c) of the methods that solve v' = a(v) inside a kick, by order (see _splitting).
 EULER = (((),), (1.0,))
 MIDPOINT = (((), (0.5,)), (0.0, 1.0))
+HEUN3 = (((), (1 / 3,), (0.0, 2 / 3)), (0.25, 0.0, 0.75))
 CLASSICAL = (((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
+
+
+def taylor(order: int) -> tuple[tuple, tuple]:
+    """(a, b) whose step is the Taylor polynomial of exp(h f) where f is linear; of second order where it is not.
+
+    Each slope is taken at v + h/(p − k) × the slope before, k = 0, …, p − 2, and the last one alone makes the step.
+    """
+    rows = [(0.0,) * k + (1.0 / (order - k),) for k in range(order - 1)]
+    return ((), *rows), (0.0,) * (order - 1) + (1.0,)
 
 
 def nystroem_rows(a: tuple, b: tuple) -> list[tuple[float, list[float], list[float]]]:
@@ -23,8 +34,8 @@ def nystroem_rows(a: tuple, b: tuple) -> list[tuple[float, list[float], list[flo
     stages = len(b)
     full = [list(row) + [0.0] * (stages - len(row)) for row in a]
     ends = [*full, list(b)]
-    bars = [[sum(row[j] * full[j][k] for j in range(stages)) for k in range(stages)] for row in ends]
-    return [(sum(row), row, bar) for row, bar in zip(ends, bars, strict=True)]
+    bars = [[math.fsum(row[j] * full[j][k] for j in range(stages)) for k in range(stages)] for row in ends]
+    return [(math.fsum(row), row, bar) for row, bar in zip(ends, bars, strict=True)]
 
 
 class RungeKutta(Integrator):
@@ -32,10 +43,25 @@ class RungeKutta(Integrator):
 
     Velocity-dependent forces keep the order. Not symplectic: energy drifts. Scratch: start positions, start velocities, one
     slope per stage.
+
+    A method may declare what a control of the step and a look between two steps want; a step of fixed length does without:
+
+    error_weights   rows e whose h Σ e_k k_k are estimates of the error of a step; slopes k of the stages, then that of the
+                    end of the step, which is the first of the next
+    dense_stages    rows a of further slopes, over all before them, for the dense output
+    dense_weights   one row (p₁, p₂, …) for each of these slopes: x(t + θh) = x + h Σ_k (p₁ θ + p₂ θ² + …)_k k_k
+    dense_order     of that polynomial: its error is of the order h^(dense_order + 1)
+
+    The slopes are those of (x, v). Sums over them are brought into stored slopes f as in `nystroem_rows`: the part of x is
+    h Σ e_k v₀ + h² Σ (e·A)_k f_k.
     """
 
     a: tuple = ()
     b: tuple = ()
+    error_weights: tuple = ()
+    dense_stages: tuple = ()
+    dense_weights: tuple = ()
+    dense_order = 0
 
     @property
     def nodes(self) -> tuple:
@@ -69,13 +95,35 @@ class RungeKutta(Integrator):
                 state.scratch_1[i] = state.velocity[i]
         else:
             for i in range(first, first + total_force.particle_count):
-                slope = ti.Vector.zero(float, state.dimensions)
-                if ti.static(total_force.has_velocity_independent):
-                    slope += state.acceleration[i]
-                if ti.static(total_force.depends_on_velocity):
-                    slope += total_force.local_acceleration(state, first, i, time + rows[k - 1][0] * dt, True)
-                state.scratch[1 + k][i] = slope
+                state.scratch[1 + k][i] = self.slope(state, total_force, first, i, time + rows[k - 1][0] * dt)
             self.move(state, total_force, first, dt, rows[k])
+
+    @ti.func
+    def slope(self, state: Template, total_force: Template, first, i, time):
+        """Acceleration of particle i where the state is; that without velocity has been summed."""
+        result = ti.Vector.zero(float, state.dimensions)
+        if ti.static(total_force.has_velocity_independent):
+            result += state.acceleration[i]
+        if ti.static(total_force.depends_on_velocity):
+            result += total_force.local_acceleration(state, first, i, time, True)
+        return result
+
+    @ti.func
+    def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
+        """A stage looked up while running: forces that depend on velocity are compiled once, only the sums for each stage."""
+        rows = ti.static(nystroem_rows(self.a, self.b))
+        node = 0.0
+        for c in ti.static(range(1, len(self.b) + 1)):
+            if k == c:
+                node = rows[c - 1][0]
+        for i in range(first, first + total_force.particle_count):
+            slope = self.slope(state, total_force, first, i, time + node * dt)
+            for c in ti.static(range(1, len(self.b) + 1)):
+                if k == c:
+                    state.scratch[1 + c][i] = slope
+        for c in ti.static(range(1, len(self.b) + 1)):
+            if k == c:
+                self.move(state, total_force, first, dt, rows[c])
 
     @ti.func
     def move(self, state: Template, total_force: Template, first, dt: Template, row: Template):

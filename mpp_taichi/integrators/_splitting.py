@@ -11,16 +11,39 @@ from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.types import Template
 
 # How v' = A + f(v) is solved inside a kick when a force depends on velocity: to the order of the whole method.
-KICK_METHODS = {1: _runge_kutta.EULER, 2: _runge_kutta.MIDPOINT, 4: _runge_kutta.CLASSICAL}
+KICK_METHODS = {
+    1: _runge_kutta.EULER,
+    2: _runge_kutta.MIDPOINT,
+    3: _runge_kutta.HEUN3,
+    4: _runge_kutta.CLASSICAL,
+    6: _runge_kutta.taylor(6),
+    8: _runge_kutta.taylor(8),
+}
+MOST_SLOPES = 16  # of all damped kicks of a step, in one kernel
+
+
+def of_leapfrogs(*weights: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """(drifts, kicks) of drift–kick–drift leapfrogs of w₁, …, w_m and back to w₁, drifts between them joined.
+
+    The middle one is 1 − 2 (w₁ + … + w_{m−1}), so that a step is a step to the last digit; `weights` are the others.
+    """
+    middle = 1.0 - 2.0 * math.fsum(weights)
+    kicks = (*weights, middle, *reversed(weights))
+    between = tuple((a + b) / 2 for a, b in zip(kicks, kicks[1:]))
+    return (kicks[0] / 2, *between, kicks[0] / 2), kicks
 
 
 class Splitting(Integrator):
     """Composition of drifts x += c h v and kicks v += d h a(x), taken in turn.
 
     With as many drifts as kicks plus one the step begins and ends with a drift; with one kick more than drifts it begins and
-    ends with a kick, and the last force serves the first kick of the next step. Forces that depend on velocity are integrated
-    inside each kick, positions frozen, by a Runge–Kutta method of the order of the splitting, so that the order is kept.
-    Every splitting is symplectic for conservative forces; palindromic tables are time-reversible.
+    ends with a kick, and the last force serves the first kick of the next step. Every splitting is symplectic for conservative
+    forces; palindromic tables are time-reversible.
+
+    Forces that depend on velocity are integrated inside each kick, positions frozen, by a Runge–Kutta method of the order of
+    the splitting, so that the order is kept; from order 6 on that holds for friction linear in velocity (see `taylor`).
+    Runge–Kutta–Nyström tables owe their order to [B,[B,[B,A]]] = 0 of kicks B and drifts A, which is so where a kick is by a
+    force of places and times alone: such tables say `takes_velocity = False`, and the other forces are refused beside them.
     """
 
     drifts: tuple = ()
@@ -86,7 +109,13 @@ class Splitting(Integrator):
 
     def joins_steps(self, total_force: Any) -> bool:
         """The last drift of a step and the first of the next are one loop, where a step begins and ends with one."""
-        return not (self.begins_with_kick or total_force.has_pairs) and self.drifts[0] != 0.0 and self.drifts[-1] != 0.0
+        if self.begins_with_kick or total_force.has_pairs or self.looks_stages_up(total_force):
+            return False
+        return self.drifts[0] != 0.0 and self.drifts[-1] != 0.0
+
+    def looks_stages_up(self, total_force: Any) -> bool:
+        """Where there are many slopes of damped kicks: each of them holds all forces, and takes half a second to compile."""
+        return bool(total_force.depends_on_velocity) and self.evaluations * len(self.kick_method[1]) > MOST_SLOPES
 
     def loops(self, k: int, total_force: Any) -> int:
         """One for kick and drift, or for each slope of a damped kick; one more to drift after the others were looked at."""
@@ -95,7 +124,7 @@ class Splitting(Integrator):
             return 1 if drift != 0.0 else 0
         if total_force.depends_on_velocity:
             slopes = len(self.kick_method[1])
-            return slopes + (slopes == 1) + (drift != 0.0)
+            return slopes + (slopes == 1) + (drift != 0.0 or (k > 0 and self.looks_stages_up(total_force)))
         return 2 if drift != 0.0 and self.sums(k, total_force) else 1
 
     @ti.func

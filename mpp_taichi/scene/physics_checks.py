@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mpp_taichi import component
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.faults import FAULTS_SHOWN
 from mpp_taichi.scene.layout import ParticleLayout
@@ -14,6 +15,8 @@ LARGEST_COORDINATE = 1e100
 """Positions, velocities: their squares and cubes must stay finite."""
 LARGEST_RATE = 1e60
 """Stiffness and damping over mass: their fourth powers, in the matrix of a step of fourth order, must stay finite."""
+TAKE_FRICTION = ("pefrl", "srkn6b", "kahan_li6", "kahan_li8", "dop853")
+"""What is named instead of a method that takes no forces that depend on velocity."""
 _PROPORTIONAL_TO_MASS = {"newtonian_gravity", "uniform_gravity"}
 _NEEDS_NO_MASS_WITHOUT_CHARGE = {"coulomb"}
 Fault = tuple[Location, str]
@@ -22,7 +25,8 @@ Fault = tuple[Location, str]
 def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *, moved: bool = False) -> None:
     """Raise SceneError with every arrangement that cannot be run; nothing that depends on the places when they have `moved`."""
     found: list[Fault] = []
-    for check in (_numbers, _masses, _rates) if moved else (_numbers, _masses, _rates, _coincidences, _center_of_mass):
+    always = (_numbers, _masses, _rates, _friction)
+    for check in always if moved else (*always, _coincidences, _center_of_mass):
         found += check(spec, snapshot, layout)
     lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]
     if len(found) > len(lines):
@@ -92,6 +96,19 @@ def _rates(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Itera
         for index in _first_of_each_entry(layout, too_light):
             masses = f"has the mass {snapshot.mass[index]:g} under {what} {largest[index]:g}"
             yield _at(layout, index, f"{masses}, their ratio must be at most {LARGEST_RATE:g}")
+
+
+def _friction(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    """Forces that depend on velocity, beside a method that would lose its order with them."""
+    name = spec.integrator.name
+    if component.declaration("integrators", name).flags.get("takes_velocity", True):
+        return
+    forces = [each.name for each in spec.forces if component.declaration("forces", each.name).flags.get("depends_on_velocity")]
+    if snapshot.springs.damping.any():
+        forces.append("damped springs")
+    if forces:
+        rule = f"would lose its order beside {', '.join(forces)}, for it takes no forces that depend on velocity"
+        yield spec.integrator.location, f"integrator.{name}: {rule}, allowed: {', '.join(TAKE_FRICTION)}, among others"
 
 
 def _coincidences(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
