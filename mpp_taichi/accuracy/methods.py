@@ -1,0 +1,71 @@
+"""Methods: what the integrators of the catalogue say of themselves, before any of them is compiled."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from mpp_taichi import component
+from mpp_taichi.accuracy.problem import Problem, defaults
+from mpp_taichi.backends import import_taichi
+from mpp_taichi.stability import advise
+
+LIMIT_SHARE = 0.95  # of the step that springs and drag allow
+ITERATIONS = 6.0  # forces of an implicit step, until they were counted
+LOOKS = 64  # at energies and positions in a run; a reference takes a multiple of so many steps
+
+
+@dataclass(frozen=True)
+class Method:
+    """One integrator, for one scene.
+
+    evaluations    forces per step
+    fewest_steps   that springs and drag allow over the span
+    """
+
+    name: str
+    order: int
+    symplectic: bool
+    implicit: bool
+    evaluations: float
+    fewest_steps: int
+
+
+def methods(problem: Problem) -> dict[str, Method]:
+    """Integrators that advance by steps of a given length and need nothing else to be said; the scene's own among them."""
+    import_taichi()
+    found = {}
+    own = problem.spec.integrator.name
+    for name in dict.fromkeys((own, *component.names("integrators"))):
+        declared = component.declaration("integrators", name)
+        takes_steps = declared.base != "Integrator" and any(parameter.name == "dt" for parameter in declared.parameters)
+        if takes_steps and (name == own or defaults(name) is not None):
+            found[name] = _method(problem, name)
+    return found
+
+
+def _method(problem: Problem, name: str) -> Method:
+    spec = problem.with_integrator(name, problem.own_dt)
+    made: Any = component.build("integrators", name, spec.integrator.parameters)
+    advice = advise(spec, problem.start, made, problem.own_dt)
+    fewest = 1
+    if advice is not None and not advice.never_stable and math.isfinite(advice.limit):
+        fewest = math.ceil(problem.span / (LIMIT_SHARE * advice.limit))
+    evaluations = ITERATIONS if made.implicit else float(made.evaluations)
+    return Method(name, made.order, bool(made.symplectic), bool(made.implicit), evaluations, fewest)
+
+
+def for_reference(found: dict[str, Method]) -> list[Method]:
+    """Explicit methods, the most promising first: by order, then symplectic, then more forces a step."""
+    explicit = [method for method in found.values() if not method.implicit]
+    return sorted(explicit, key=lambda method: (method.order, method.symplectic, method.evaluations), reverse=True)
+
+
+def equal_cost(problem: Problem, method: Method, own: Method) -> float:
+    """Steps with which a method spends as many forces as the scene's own setting."""
+    return problem.own_steps * own.evaluations / method.evaluations
+
+
+def first_steps(problem: Problem, method: Method, own: Method) -> int:
+    """Steps for the first run of a reference: as dear as the scene's own setting, and a multiple of the looks."""
+    steps = max(equal_cost(problem, method, own), float(method.fewest_steps))
+    return max(1, math.ceil(steps / LOOKS)) * LOOKS
