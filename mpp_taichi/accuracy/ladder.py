@@ -42,6 +42,8 @@ class Ladder:
     def open_rungs(self) -> list[int]:
         """Rungs to be tried next, at most one at each end."""
         if not self.errors:
+            if self.closed_above:
+                return []
             first = 0
             while self.steps(first) < max(self.least, FEWEST_STEPS):
                 first += 1

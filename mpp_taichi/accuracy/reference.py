@@ -122,7 +122,7 @@ class Convergence:
             bar_rms=bar[1],
             trusted=self._is_trusted(best),
             differences=[largest for largest, _ in found],
-            meaning=self._meaning(best),
+            meaning=self._meaning(),
         )
 
     def _bar(self, best: int, part: int) -> float:
@@ -140,18 +140,21 @@ class Convergence:
 
     def _is_trusted(self, best: int) -> bool:
         found = [largest for largest, _ in self.differences]
-        if len(found) < 2:
+        if len(found) < 2 or not found[best] < MEANING:
             return False
         falls = best > 0 and found[best - 1] >= FALLING * found[best]
         return falls or max(found[-2:]) < FLOOR
 
-    def _meaning(self, best: int) -> float | None:
-        if not self.differences:
-            return None
-        (_, coarse), (_, fine) = self.runs[best], self.runs[best + 1]
-        apart = np.linalg.norm(coarse.position - fine.position, axis=-1).max(axis=1) / self.size
-        lost = np.flatnonzero(~(apart < MEANING))
-        return float(fine.times[max(0, lost[0] - 1)]) if len(lost) else None
+    def _meaning(self) -> float | None:
+        """The longest that any pair stayed together."""
+        longest = 0.0
+        for (_, coarse), (_, fine) in zip(self.runs, self.runs[1:]):
+            apart = np.linalg.norm(coarse.position - fine.position, axis=-1).max(axis=1) / self.size
+            lost = np.flatnonzero(~(apart < MEANING))
+            if not len(lost):
+                return None
+            longest = max(longest, float(fine.times[max(0, lost[0] - 1)]))
+        return longest if self.differences else None
 
 
 def converge(machine: Machine, start: int, budget: Budget, *, share: float, add: Any) -> Convergence:

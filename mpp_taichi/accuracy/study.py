@@ -223,7 +223,9 @@ class Study:
         sweep.repeat(share=end)
         self.store.save()
         if sweep.left_out:
-            self.remarks.append(f"{bench.backend} {bench.precision}: {sweep.left_out} ladders end where the budget does")
+            self.remarks.append(
+                f"{bench.backend} {bench.precision}: {sweep.left_out} times the budget ended before a method did"
+            )
 
     def _ladder(self, method: Method) -> Ladder:
         anchor = equal_cost(self.problem, method, self.own)

@@ -134,7 +134,5 @@ def duration(seconds: float | None) -> str:
     """`0.8 s`, `1.2 ms`, `35 µs`."""
     if seconds is None:
         return "–"
-    for size, unit in ((1.0, "s"), (1e-3, "ms")):
-        if seconds >= size:
-            return f"{seconds / size:.2g} {unit}" if seconds < 100 * size else f"{seconds / size:.0f} {unit}"
-    return f"{seconds * 1e6:.2g} µs" if seconds < 1e-4 else f"{seconds * 1e6:.0f} µs"
+    size, unit = next((each for each in ((1.0, "s"), (1e-3, "ms")) if seconds >= each[0]), (1e-6, "µs"))
+    return f"{float(f'{seconds / size:.2g}'):g} {unit}"

@@ -19,6 +19,8 @@ from mpp_taichi.simulation import Simulation
 
 MOST_FOLLOWED = 1000  # particles whose positions are kept at every look
 LAUNCH_SECONDS = 0.1  # of one launch: short enough to stop in time
+LONG_LAUNCH = 0.02  # that tells how long a step takes
+TINY = 1e-6  # of the scene's own step: explicit methods take the same time for a step of any length
 LOST = 1e9  # times the first extent of the system: beyond it there is nothing more to learn
 ZERO_ENERGY = 1e-12  # an |E₀| below this share of kinetic + |potential| is what rounding left of zero
 
@@ -133,11 +135,17 @@ class Machine:
         return clock.perf_counter() - began
 
     def _try_out(self) -> float:
-        """Seconds per step, from launches that double until the clock can tell them."""
+        """Seconds per step, from launches that grow until the clock can tell them."""
         steps, limit = 1, self.simulation.launch_limit
-        while (seconds := self._launch(0.0, 1e-6 * self.problem.own_dt, steps)) < 2e-3 and 4 * steps <= limit:
+        dt = self.problem.own_dt if self.integrator.implicit else TINY * self.problem.own_dt
+        while (seconds := self._launch(0.0, dt, steps)) < 2e-3 and 4 * steps <= limit:
             steps *= 4
-        return seconds / steps
+        return min(seconds, self._launch(0.0, dt, steps)) / steps
+
+    def _learn(self, seconds_per_step: float, seconds: float) -> None:
+        """The least that was seen, as a busy machine only adds; but of an implicit method steps do differ."""
+        differs = self.integrator.implicit and seconds > LONG_LAUNCH
+        self.seconds_per_step = seconds_per_step if differs else min(self.seconds_per_step, seconds_per_step)
 
     def _advance(self, before: int, stop: int, dt: float, budget: Budget) -> tuple[float, int, bool]:
         """Seconds, iterations of the solver, and whether every step was solved."""
@@ -149,8 +157,7 @@ class Machine:
             count = min(stop - done, most)
             took = self._launch(done * dt, dt, count)
             seconds += took
-            if took > 1e-3:
-                self.seconds_per_step = took / count
+            self._learn(took / count, took)
             done += count
             if implicit:
                 report = self.simulation.stepper.solver_report()
