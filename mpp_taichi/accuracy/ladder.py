@@ -32,6 +32,7 @@ class Ladder:
     least: float
     floor: float
     errors: dict[int, float] = field(default_factory=dict)
+    single: bool = False  # the method chooses its steps itself
     closed_below: bool = False
     closed_above: bool = False
 
@@ -41,6 +42,8 @@ class Ladder:
 
     def open_rungs(self) -> list[int]:
         """Rungs to be tried next, at most one at each end."""
+        if self.single and self.errors:
+            return []
         if not self.errors:
             if self.closed_above:
                 return []

@@ -18,8 +18,9 @@ LOOKS = 64  # at energies and positions in a run; a reference takes a multiple o
 class Method:
     """One integrator, for one scene.
 
-    evaluations    forces per step
+    evaluations    forces per step; a guess for implicit methods, 1 for adaptive ones
     fewest_steps   that springs and drag allow over the span
+    adaptive       chooses its steps itself: there is one run of it, with as many looks as all runs have
     """
 
     name: str
@@ -28,6 +29,7 @@ class Method:
     implicit: bool
     evaluations: float
     fewest_steps: int
+    adaptive: bool = False
 
 
 def methods(problem: Problem) -> dict[str, Method]:
@@ -50,18 +52,29 @@ def _method(problem: Problem, name: str) -> Method:
     fewest = 1
     if advice is not None and not advice.never_stable and math.isfinite(advice.limit):
         fewest = math.ceil(problem.span / (LIMIT_SHARE * advice.limit))
-    evaluations = ITERATIONS if made.implicit else float(made.evaluations)
-    return Method(name, made.order, bool(made.symplectic), bool(made.implicit), evaluations, fewest)
+    evaluations = ITERATIONS if made.implicit else max(1.0, float(made.evaluations))
+    return Method(name, made.order, bool(made.symplectic), bool(made.implicit), evaluations, fewest, bool(made.adaptive))
 
 
 def for_reference(found: dict[str, Method]) -> list[Method]:
-    """Explicit methods, the most promising first: by order, then symplectic, then more forces a step."""
-    explicit = [method for method in found.values() if not method.implicit]
-    return sorted(explicit, key=lambda method: (method.order, method.symplectic, method.evaluations), reverse=True)
+    """Explicit methods whose step can be halved, the most promising first: by order, symplectic, and more forces a step."""
+    halved = [method for method in found.values() if not method.implicit and not method.adaptive]
+    return sorted(halved, key=_promise, reverse=True)
+
+
+def rank(found: dict[str, Method], method: Method) -> int:
+    """How many methods of the same order promise more; so that the best of every order come first."""
+    return sum(other.order == method.order and _promise(other) > _promise(method) for other in found.values())
+
+
+def _promise(method: Method) -> tuple[int, bool, float]:
+    return method.order, method.symplectic, method.evaluations
 
 
 def equal_cost(problem: Problem, method: Method, own: Method) -> float:
-    """Steps with which a method spends as many forces as the scene's own setting."""
+    """Steps with which a method spends as many forces as the scene's own setting; the looks of an adaptive one."""
+    if method.adaptive:
+        return float(LOOKS)
     return problem.own_steps * own.evaluations / method.evaluations
 
 

@@ -10,7 +10,7 @@ from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.chaos import Chaos
 from mpp_taichi.accuracy.front import ENERGY_BAR, Row, time_front
 from mpp_taichi.accuracy.ladder import Ladder
-from mpp_taichi.accuracy.methods import Method, equal_cost, first_steps, for_reference, methods
+from mpp_taichi.accuracy.methods import LOOKS, Method, equal_cost, first_steps, for_reference, methods
 from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.reference import Reference, converge
 from mpp_taichi.accuracy.sample import Configuration, Measured, Sample
@@ -90,7 +90,11 @@ class Study:
     @property
     def own_configuration(self) -> Configuration:
         """The scene's own setting."""
-        return Configuration(self.own.name, self.problem.own_steps, REFERENCE[1], REFERENCE[0])
+        return Configuration(self.own.name, self._own_steps, REFERENCE[1], REFERENCE[0])
+
+    @property
+    def _own_steps(self) -> int:
+        return LOOKS if self.own.adaptive else self.problem.own_steps
 
     def _row(self, sample: Sample, is_own: bool) -> Row:
         position = position_rms = Measured(None)
@@ -147,11 +151,11 @@ class Study:
         """Shorten a scene that takes too long for dozens of runs; the store remembers the span, whatever the next budget is."""
         if self.store.span is None:
             machine = bench.machine(self.own.name)
-            own_seconds = self.problem.own_steps * machine.seconds_per_step
+            own_seconds = self._own_steps * machine.seconds_per_step
             allowed = OWN_SHARE * self.budget.seconds
             if own_seconds > allowed:
-                steps = max(FEWEST_OWN_STEPS, int(allowed / machine.seconds_per_step))
-                self.problem = self.problem.shortened(min(self.problem.span, steps * self.problem.own_dt))
+                least = min(1.0, FEWEST_OWN_STEPS / self.problem.own_steps)
+                self.problem = self.problem.shortened(self.problem.span * max(least, allowed / own_seconds))
                 bench.shorten(self.problem)
             self.store.span = self.problem.span
         if self.problem.span < self.whole:
@@ -232,7 +236,7 @@ class Study:
         floor = ENERGY_BAR
         if self.quantity == "position" and self.reference is not None:
             floor = self.reference.bar
-        return Ladder(method.name, method.order, anchor, float(method.fewest_steps), floor)
+        return Ladder(method.name, method.order, anchor, float(method.fewest_steps), floor, single=method.adaptive)
 
 
 def describe(reference: Reference) -> str:

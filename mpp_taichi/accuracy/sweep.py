@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.ladder import Ladder
-from mpp_taichi.accuracy.methods import Method
+from mpp_taichi.accuracy.methods import Method, rank
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.workbench import Machine, Workbench
@@ -17,7 +17,7 @@ REPEATS = 5
 LONG_SECONDS = 0.2  # of a run whose own time counts, although it was looked at on the way
 DEAREST = 0.12  # part of the budget that one run may take
 IMPLICIT_COMPILE = 8.0  # times longer to compile than an explicit method
-FIRST_ORDER_LAST = 4.0  # methods of first order are begun as if they were so many times dearer: they tell least
+FIRST_ORDER_LAST = 8.0  # methods of first order are begun as if they were so many times dearer: they tell least
 HOPELESS = 100.0  # a rung is left when another row is as good for so many times fewer force evaluations
 
 
@@ -59,7 +59,7 @@ class Sweep:
             if not offers:
                 return
             begun = [offer for offer in offers if offer[1].integrator == first and not offer[1].errors]
-            seconds, ladder, rung = min(begun or offers, key=lambda offer: offer[0] * _dearness(offer[1]))
+            seconds, ladder, rung = min(begun or offers, key=lambda offer: offer[0] * self._dearness(offer[1]))
             if seconds > min(self.budget.left(share), DEAREST * self.budget.seconds):
                 ladder.close(rung)
                 self.left_out += 1
@@ -140,9 +140,11 @@ class Sweep:
         slow = IMPLICIT_COMPILE if self.methods[name].implicit else 1.0
         return slow * self.bench.expected_compile_seconds()
 
-
-def _dearness(ladder: Ladder) -> float:
-    return FIRST_ORDER_LAST if ladder.order <= 1 and not ladder.errors else 1.0
+    def _dearness(self, ladder: Ladder) -> float:
+        """What a ladder that is not begun yet waits by: the best method of each order comes before the second best."""
+        if ladder.errors:
+            return 1.0
+        return FIRST_ORDER_LAST if ladder.order <= 1 else 1.0 + rank(self.methods, self.methods[ladder.integrator])
 
 
 def timed(machine: Machine, sample: Sample, budget: Budget) -> None:

@@ -20,6 +20,7 @@ from mpp_taichi.simulation import Simulation
 MOST_FOLLOWED = 1000  # particles whose positions are kept at every look
 LAUNCH_SECONDS = 0.1  # of one launch: short enough to stop in time
 LONG_LAUNCH = 0.02  # that tells how long a step takes
+TRIAL = 8  # part of a look's time that an adaptive method is tried for
 TINY = 1e-6  # of the scene's own step: explicit methods take the same time for a step of any length
 LOST = 1e9  # times the first extent of the system: beyond it there is nothing more to learn
 ZERO_ENERGY = 1e-12  # an |E₀| below this share of kinetic + |potential| is what rounding left of zero
@@ -59,8 +60,9 @@ class Machine:
 
     @property
     def evaluations(self) -> float:
-        """Forces per step; of an implicit method as they were last counted."""
-        return float(self.integrator.evaluations) if not self.integrator.implicit else max(1.0, self._counted)
+        """Forces per step; of implicit and adaptive methods as they were last counted."""
+        counts = self.integrator.implicit or self.integrator.adaptive
+        return max(1.0, self._counted) if counts else float(self.integrator.evaluations)
 
     def run(self, steps: int, budget: Budget, *, follow: bool = False) -> tuple[Sample, Trace | None]:
         """Run the span in so many steps, and look on the way.
@@ -93,6 +95,12 @@ class Machine:
             sample.seconds.append(seconds)
         if self.integrator.implicit:
             self._counted = solver_steps / max(1, steps)
+        if self.integrator.adaptive:
+            taken, _, forces, stalled = self.integrator.counts(self.simulation.state)[0]
+            self._counted = forces / steps
+            sample.dt = self.problem.span / max(1, int(taken))
+            if stalled:
+                sample.status, sample.reason, sample.end = "diverged", "its steps became too short for the time to go on", None
         sample.evaluations = round(self.evaluations * steps)
         self._judge(sample, rows)
         if sample.status != "ok":
@@ -136,6 +144,8 @@ class Machine:
 
     def _try_out(self) -> float:
         """Seconds per step, from launches that grow until the clock can tell them."""
+        if self.integrator.adaptive:
+            return TRIAL * self._launch(0.0, self.problem.span / LOOKS / TRIAL, 1)
         steps, limit = 1, self.simulation.launch_limit
         dt = self.problem.own_dt if self.integrator.implicit else TINY * self.problem.own_dt
         while (seconds := self._launch(0.0, dt, steps)) < 2e-3 and 4 * steps <= limit:
@@ -144,7 +154,7 @@ class Machine:
 
     def _learn(self, seconds_per_step: float, seconds: float) -> None:
         """The least that was seen, as a busy machine only adds; but of an implicit method steps do differ."""
-        differs = self.integrator.implicit and seconds > LONG_LAUNCH
+        differs = self.integrator.adaptive or (self.integrator.implicit and seconds > LONG_LAUNCH)
         self.seconds_per_step = seconds_per_step if differs else min(self.seconds_per_step, seconds_per_step)
 
     def _advance(self, before: int, stop: int, dt: float, budget: Budget) -> tuple[float, int, bool]:
