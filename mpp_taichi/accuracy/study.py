@@ -23,6 +23,7 @@ log = logging.getLogger(__name__)
 
 REFERENCE = ("cpu", "f64")
 REFERENCE_SHARE = 0.3  # of the budget
+LEAST_REFERENCE_SHARE = 0.15
 FIRST_SHARE = 0.65  # until the end of the first backend and precision, where there are others
 ALL_SHARE = 0.96  # the rest is for writing
 REPEATS_SHARE = 0.25  # of a backend's and precision's own time
@@ -140,12 +141,14 @@ class Study:
         return [name for name, method in self.methods.items() if is_stiff or not method.implicit or name == self.own.name]
 
     def _best_names(self) -> list[str]:
-        """Methods for another precision: the scene's own, and those that are on the front where rounding allows."""
+        """Methods for another precision: those asked for, else the scene's own and those on the front where rounding allows."""
+        if self.wishes.integrators is not None:
+            return self._names()
         found = [self.own.name]
         for row in time_front(self.rows(), self.quantity or "energy"):
             if row.error(self.quantity or "energy").bound > ROUNDED_ERROR:
                 found.append(row.sample.configuration.integrator)
-        return [name for name in dict.fromkeys(found) if name in self._names() or name == self.own.name][:MOST_ROUNDED]
+        return list(dict.fromkeys(found))[:MOST_ROUNDED]
 
     def _choose_span(self, bench: Workbench) -> None:
         """Shorten a scene that takes too long for dozens of runs; the store remembers the span, whatever the next budget is."""
@@ -180,11 +183,15 @@ class Study:
             self.store.add(sample)
             self.conserves_energy = sample.energy is not None
 
-        found = converge(machine, steps, self.budget, share=REFERENCE_SHARE, add=add)
+        # However long the compiler took, some time must be left to halve a step twice.
+        share = max(REFERENCE_SHARE, self.budget.spent / self.budget.seconds + LEAST_REFERENCE_SHARE)
+        found = converge(machine, steps, self.budget, share=share, add=add)
         if found.runs:
             self.reference = found.reference()
             self.store.notes["reference"] = self.reference.facts()
             self.tell(f"reference: {describe(self.reference)}")
+            if not self.reference.trusted:
+                self.remarks.append("the reference was not shown to have converged; a longer budget, or a second call, goes on")
 
     def _reference_machine(self, bench: Workbench) -> tuple[Machine, int]:
         """The most promising method that the scene allows."""
@@ -227,9 +234,7 @@ class Study:
         sweep.repeat(share=end)
         self.store.save()
         if sweep.left_out:
-            self.remarks.append(
-                f"{bench.backend} {bench.precision}: {sweep.left_out} times the budget ended before a method did"
-            )
+            self.remarks.append(f"{bench.backend} {bench.precision}: the budget cut {sweep.left_out} ladders of steps short")
 
     def _ladder(self, method: Method) -> Ladder:
         anchor = equal_cost(self.problem, method, self.own)

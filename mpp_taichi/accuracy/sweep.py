@@ -16,7 +16,7 @@ log = logging.getLogger(__name__)
 REPEATS = 5
 LONG_SECONDS = 0.2  # of a run whose own time counts, although it was looked at on the way
 DEAREST = 0.12  # part of the budget that one run may take
-IMPLICIT_COMPILE = 8.0  # times longer to compile than an explicit method
+LONG_COMPILE = 8.0  # times longer that implicit and adaptive methods take to compile than the others
 FIRST_ORDER_LAST = 8.0  # methods of first order are begun as if they were so many times dearer: they tell least
 HOPELESS = 100.0  # a rung is left when another row is as good for so many times fewer force evaluations
 
@@ -60,7 +60,8 @@ class Sweep:
                 return
             begun = [offer for offer in offers if offer[1].integrator == first and not offer[1].errors]
             seconds, ladder, rung = min(begun or offers, key=lambda offer: offer[0] * self._dearness(offer[1]))
-            if seconds > min(self.budget.left(share), DEAREST * self.budget.seconds):
+            dear = self._run_seconds(ladder, rung) > DEAREST * self.budget.seconds
+            if dear or seconds > self.budget.left(share):
                 ladder.close(rung)
                 self.left_out += 1
             else:
@@ -128,16 +129,20 @@ class Sweep:
 
     def _expected(self, ladder: Ladder, rung: int) -> float:
         """Seconds that a rung takes: its run, once for the errors and once for the time, and the compiler."""
+        compiler = 0.0 if self._is_compiled(ladder.integrator) else self._compile_seconds(ladder.integrator)
+        return 2.0 * self._run_seconds(ladder, rung) + compiler
+
+    def _run_seconds(self, ladder: Ladder, rung: int) -> float:
         method, steps = self.methods[ladder.integrator], ladder.steps(rung)
         if self._is_compiled(method.name):
-            return 2.0 * steps * self.bench.machine(method.name).seconds_per_step
-        return 2.0 * steps * method.evaluations * (self.seconds_per_evaluation or 0.0) + self._compile_seconds(method.name)
+            return steps * self.bench.machine(method.name).seconds_per_step
+        return steps * method.evaluations * (self.seconds_per_evaluation or 0.0)
 
     def _is_compiled(self, name: str) -> bool:
         return name in self.bench.machines
 
     def _compile_seconds(self, name: str) -> float:
-        slow = IMPLICIT_COMPILE if self.methods[name].implicit else 1.0
+        slow = LONG_COMPILE if self.methods[name].implicit or self.methods[name].adaptive else 1.0
         return slow * self.bench.expected_compile_seconds()
 
     def _dearness(self, ladder: Ladder) -> float:

@@ -89,7 +89,7 @@ def sentence(found: dict[str, Any]) -> str:
     """The verdict for a person."""
     quantity = found["quantity"]
     if quantity is None:
-        return "nothing can be compared: positions mean nothing at the end, and the scene does not conserve energy"
+        return "nothing can be compared: no positions at the end are known well enough, and the scene does not keep its energy"
     parts = []
     if found["time_per_digit"] is not None:
         forces = found["evaluations_per_digit"]
