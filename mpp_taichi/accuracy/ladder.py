@@ -24,6 +24,7 @@ class Ladder:
     anchor       steps of rung 0
     least        steps below which the method is not stable
     floor        an error that nothing can be seen below
+    coarsest     an error from which coarser steps are of no interest
     """
 
     integrator: str
@@ -32,6 +33,7 @@ class Ladder:
     least: float
     floor: float
     errors: dict[int, float] = field(default_factory=dict)
+    coarsest: float = COARSEST
     single: bool = False  # the method chooses its steps itself
     closed_below: bool = False
     closed_above: bool = False
@@ -59,7 +61,7 @@ class Ladder:
     def note(self, rung: int, error: float) -> None:
         """What a rung gave; infinite for a run that broke."""
         self.errors[rung] = error
-        if rung == min(self.errors) and not error < COARSEST:
+        if rung == min(self.errors) and not error < self.coarsest:
             self.closed_below = True
         if rung == max(self.errors):
             coarser = self.errors.get(rung - 1)

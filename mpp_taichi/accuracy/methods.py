@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mpp_taichi import component
-from mpp_taichi.accuracy.problem import Problem, defaults
+from mpp_taichi.accuracy.problem import Problem, defaults, with_integrator
 from mpp_taichi.backends import import_taichi
 from mpp_taichi.stability import advise
 
@@ -46,7 +46,7 @@ def methods(problem: Problem) -> dict[str, Method]:
 
 
 def _method(problem: Problem, name: str) -> Method:
-    spec = problem.with_integrator(name, problem.own_dt)
+    spec = with_integrator(problem.spec, name, problem.own_dt)
     made: Any = component.build("integrators", name, spec.integrator.parameters)
     advice = advise(spec, problem.start, made, problem.own_dt)
     fewest = 1

@@ -37,13 +37,6 @@ class Problem:
         """The first part of it."""
         return replace(self, span=span)
 
-    def with_integrator(self, name: str, dt: float) -> SceneSpec:
-        """The scene run by another method, with that method's defaults; its own keeps the scene's parameters."""
-        own = self.spec.integrator
-        given = own.parameters if own.name == name else defaults(name)
-        assert given is not None
-        return replace(self.spec, integrator=ComponentSpec(name, {**given, "dt": dt}, own.location))
-
     def identity(self) -> str:
         """Hash of the physics: particles, springs and forces; not of names, colours, the integrator or what is shown."""
         digest = hashlib.sha256()
@@ -81,6 +74,14 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
     if until <= 0.0:
         raise SceneError(f"{place}: the scene has no run.duration: say how long, --until T")
     return Problem(spec, start, until)
+
+
+def with_integrator(spec: SceneSpec, name: str, dt: float) -> SceneSpec:
+    """The scene run by a method, with that method's defaults; its own keeps the scene's parameters."""
+    own = spec.integrator
+    given = own.parameters if own.name == name else defaults(name)
+    assert given is not None
+    return replace(spec, integrator=ComponentSpec(name, {**given, "dt": dt}, own.location), accuracy=None)
 
 
 def defaults(name: str) -> dict | None:

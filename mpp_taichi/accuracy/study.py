@@ -9,7 +9,7 @@ from mpp_taichi.accuracy import chaos as chaos_of
 from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.chaos import Chaos
 from mpp_taichi.accuracy.front import ENERGY_BAR, Row, time_front
-from mpp_taichi.accuracy.ladder import Ladder
+from mpp_taichi.accuracy.ladder import COARSEST, Ladder
 from mpp_taichi.accuracy.methods import LOOKS, Method, equal_cost, first_steps, for_reference, methods
 from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.reference import Reference, converge
@@ -29,17 +29,24 @@ ALL_SHARE = 0.96  # the rest is for writing
 REPEATS_SHARE = 0.25  # of a backend's and precision's own time
 OWN_SHARE = 1.0 / 60.0  # of the budget that the scene's own setting may take once; a longer scene is looked at in part
 FEWEST_OWN_STEPS = 64
+AROUND = 100.0  # times an aim: coarser steps than of such an error are of no interest to it
 MOST_ROUNDED = 4  # methods that are tried in a second precision: the best of the first
 ROUNDED_ERROR = 1e-8  # of runs in f64 that one in f32 could replace
 
 
 @dataclass(frozen=True)
 class Wishes:
-    """What is asked of a study: integrators to try, None for all, and (backend, precision) pairs in turn."""
+    """What is asked of a study: integrators to try, None for all, and (backend, precision) pairs in turn.
+
+    quantity   what methods are to be compared by, None for what can be; of energies no reference is needed
+    aim        the only error that is of interest: methods are tried around it, and those of first order not at all
+    """
 
     integrators: Sequence[str] | None = None
     devices: Sequence[tuple[str, str]] = (("cpu", "f64"), ("cpu", "f32"))
     reference: str | None = None
+    quantity: str | None = None
+    aim: float | None = None
 
 
 class Study:
@@ -78,9 +85,10 @@ class Study:
     @property
     def quantity(self) -> str | None:
         """What methods are compared by: positions where they mean something at the end, else the energy where it is kept."""
-        if self.reference is not None and self.reference.positions_mean_something:
+        asked = self.wishes.quantity
+        if asked != "energy" and self.reference is not None and self.reference.positions_mean_something:
             return "position"
-        return "energy" if self.conserves_energy else None
+        return "energy" if self.conserves_energy and asked != "position" else None
 
     def rows(self) -> list[Row]:
         """Every sample, with errors as far as they can be told; in the order of method, precision and step."""
@@ -105,18 +113,23 @@ class Study:
         energy, momentum, angular_momentum = (Measured.against(error, ENERGY_BAR) for error in kept)
         return Row(sample, position, position_rms, energy, momentum, angular_momentum, is_own)
 
+    def error(self, sample: Sample, quantity: str) -> Measured:
+        """Of a sample, one of QUANTITIES; infinite for a run that broke."""
+        return self._row(sample, False).error(quantity) if sample.status == "ok" else Measured(None)
+
     def _error(self, sample: Sample) -> float:
-        if sample.status != "ok" or self.quantity is None:
-            return float("inf")
-        return self._row(sample, False).error(self.quantity).bound
+        return float("inf") if self.quantity is None else self.error(sample, self.quantity).bound
 
     # --- what is done ---------------------------------------------------------------------------------------------------
 
     def _go(self) -> None:
         with Workbench(self.problem, backend=REFERENCE[0], precision=REFERENCE[1]) as bench:
             self._choose_span(bench)
-            self._find_reference(bench)
-            self._find_chaos(bench)
+            if self.wishes.quantity == "energy":
+                self.conserves_energy = bench.machine(self.own.name).simulation.conserves_energy
+            else:
+                self._find_reference(bench)
+                self._find_chaos(bench)
             first, *others = self.wishes.devices
             if first == REFERENCE:
                 self._sweep(bench, self._names(), begin=0.0, end=FIRST_SHARE if others else ALL_SHARE)
@@ -138,7 +151,9 @@ class Study:
         if self.wishes.integrators is not None:
             return [name for name in self.methods if name in self.wishes.integrators]
         is_stiff = any(method.fewest_steps > 1 for method in self.methods.values())
-        return [name for name, method in self.methods.items() if is_stiff or not method.implicit or name == self.own.name]
+        least = 1 if self.wishes.aim is None else 2
+        suits = [name for name, method in self.methods.items() if (is_stiff or not method.implicit) and method.order >= least]
+        return list(dict.fromkeys((self.own.name, *suits)))
 
     def _best_names(self) -> list[str]:
         """Methods for another precision: those asked for, else the scene's own and those on the front where rounding allows."""
@@ -241,7 +256,11 @@ class Study:
         floor = ENERGY_BAR
         if self.quantity == "position" and self.reference is not None:
             floor = self.reference.bar
-        return Ladder(method.name, method.order, anchor, float(method.fewest_steps), floor, single=method.adaptive)
+        coarsest = COARSEST
+        if self.wishes.aim is not None:
+            floor, coarsest = max(floor, self.wishes.aim), min(COARSEST, AROUND * self.wishes.aim)
+        fewest = float(method.fewest_steps)
+        return Ladder(method.name, method.order, anchor, fewest, floor, coarsest=coarsest, single=method.adaptive)
 
 
 def describe(reference: Reference) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from mpp_taichi import backends
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.methods import LOOKS
-from mpp_taichi.accuracy.problem import Problem
+from mpp_taichi.accuracy.problem import Problem, with_integrator
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.simulation import Simulation
 
@@ -41,7 +41,7 @@ class Machine:
         """Compile, with one step and one look; MppError where the scene does not allow the method."""
         began = clock.perf_counter()
         self.problem, self.name = problem, integrator
-        spec = problem.with_integrator(integrator, problem.own_dt)
+        spec = with_integrator(problem.spec, integrator, problem.own_dt)
         self.simulation = Simulation(spec, backend=backend, precision=precision)
         self.integrator = self.simulation.integrator
         self.backend, self.precision = backend, precision

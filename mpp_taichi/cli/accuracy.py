@@ -29,7 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--budget", type=span_of_time, default=BUDGET_SECONDS, metavar="60s", help="wall time it may take: 60s, 10min, 1h"
     )
     parser.add_argument(
-        "--target", type=_options.positive_number, default=TARGET, metavar="E", help="the error that the sentence is about"
+        "--target",
+        type=_options.positive_number,
+        metavar="E",
+        help="the error that the sentence is about; 1e-6 when nothing is said",
     )
     parser.add_argument(
         "--until", type=_options.positive_number, metavar="T", help="simulated time; the scene's own when absent"
@@ -74,7 +77,8 @@ def execute(arguments: argparse.Namespace) -> int:
                 study.run()
             except Interrupted as signal:
                 study.status, code = "interrupted", signal.code
-            found = _findings(study, arguments.target)
+            own = spec.accuracy.error if spec.accuracy is not None else TARGET
+            found = _findings(study, arguments.target or own)
             found["files"] = _write(folder, found, study)
         finally:
             lock.release()
