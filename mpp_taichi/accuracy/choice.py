@@ -169,7 +169,7 @@ def _decide(study: Study, target: float, asked: str | None, precisions: Sequence
 
 
 def offers_for(rows: Sequence[Row], quantity: str, aim: float) -> list[Offer]:
-    """What each method and precision would take to reach the aim, where its runs lie on both sides of it or reach it at once."""
+    """What each method and precision would take to reach the aim, where its runs lie on both sides of it, or all reach it."""
     groups: dict[tuple[str, str, str], list[Row]] = {}
     for row in rows:
         configuration = row.sample.configuration
