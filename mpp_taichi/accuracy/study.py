@@ -26,6 +26,7 @@ REFERENCE_SHARE = 0.3  # of the budget
 LEAST_REFERENCE_SHARE = 0.15
 FIRST_SHARE = 0.65  # until the end of the first backend and precision, where there are others
 ALL_SHARE = 0.96  # the rest is for writing
+WORTH_RETURNING = 0.2  # of the budget: so much left is used where ladders were cut short
 REPEATS_SHARE = 0.25  # of a backend's and precision's own time
 OWN_SHARE = 1.0 / 60.0  # of the budget that the scene's own setting may take once; a longer scene is looked at in part
 FEWEST_OWN_STEPS = 64
@@ -67,7 +68,8 @@ class Study:
         self.reference: Reference | None = None
         self.chaos: Chaos | None = None
         self.status = "unfinished"
-        self.remarks: list[str] = []
+        self.cut: dict[tuple[str, str], int] = {}  # ladders of steps that the budget cut short
+        self._remarks: list[str] = []
         self.conserves_energy = False
 
     def run(self) -> None:
@@ -81,6 +83,14 @@ class Study:
             self.store.save()
 
     # --- what was found -------------------------------------------------------------------------------------------------
+
+    @property
+    def remarks(self) -> list[str]:
+        """What was left undone."""
+        short = [
+            f"{' '.join(device)}: the budget cut {count} ladders of steps short" for device, count in self.cut.items() if count
+        ]
+        return [*self._remarks, *short]
 
     @property
     def quantity(self) -> str | None:
@@ -133,18 +143,24 @@ class Study:
             first, *others = self.wishes.devices
             if first == REFERENCE:
                 self._sweep(bench, self._names(), begin=0.0, end=FIRST_SHARE if others else ALL_SHARE)
-        remaining = [device for device in self.wishes.devices if device != REFERENCE]
         if self.quantity is None:
             return
-        for number, (backend, precision) in enumerate(remaining):
+        self._sweep_each([device for device in self.wishes.devices if device != REFERENCE])
+        if any(self.cut.values()) and self.budget.left(ALL_SHARE) > WORTH_RETURNING * self.budget.seconds:
+            self._sweep_each([device for device in self.wishes.devices if self.cut.get(device)])
+
+    def _sweep_each(self, devices: Sequence[tuple[str, str]]) -> None:
+        """Share out what is left of the budget; a backend that does not start is left out."""
+        for number, (backend, precision) in enumerate(devices):
             begin = self.budget.spent / self.budget.seconds
-            end = begin + (ALL_SHARE - begin) / (len(remaining) - number)
+            end = begin + (ALL_SHARE - begin) / (len(devices) - number)
+            names = self._names() if (backend, precision) == REFERENCE else self._best_names()
             try:
                 with Workbench(self.problem, backend=backend, precision=precision) as bench:
-                    self._sweep(bench, self._best_names(), begin=begin, end=end)
+                    self._sweep(bench, names, begin=begin, end=end)
             except BackendError as error:
-                self.remarks.append(f"{backend} {precision}: {error}")
-                self.tell(self.remarks[-1])
+                self._remarks.append(f"{backend} {precision}: {error}")
+                self.tell(self._remarks[-1])
 
     def _names(self) -> list[str]:
         """Those asked for; else all, implicit ones only where springs or drag limit the steps of the others."""
@@ -206,7 +222,9 @@ class Study:
             self.store.notes["reference"] = self.reference.facts()
             self.tell(f"reference: {describe(self.reference)}")
             if not self.reference.trusted:
-                self.remarks.append("the reference was not shown to have converged; a longer budget, or a second call, goes on")
+                self._remarks.append(
+                    "the reference was not shown to have converged; a longer budget, or a second call, goes on"
+                )
 
     def _reference_machine(self, bench: Workbench) -> tuple[Machine, int]:
         """The most promising method that the scene allows."""
@@ -248,8 +266,7 @@ class Study:
         sweep.climb(ladders, share=end - REPEATS_SHARE * (end - begin), first=self.own.name)
         sweep.repeat(share=end)
         self.store.save()
-        if sweep.left_out:
-            self.remarks.append(f"{bench.backend} {bench.precision}: the budget cut {sweep.left_out} ladders of steps short")
+        self.cut[bench.backend, bench.precision] = sweep.left_out
 
     def _ladder(self, method: Method) -> Ladder:
         anchor = equal_cost(self.problem, method, self.own)
