@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from mpp_taichi.errors import BackendError, CapacityError, MppError, OutputError, SceneError, StabilityError
 
 if TYPE_CHECKING:
+    from mpp_taichi.accuracy.choice import settle
     from mpp_taichi.scene.load import load_scene
     from mpp_taichi.scene.spec import SceneSpec
     from mpp_taichi.simulation import Simulation
@@ -31,6 +32,7 @@ __all__ = [
     "Snapshot",
     "StabilityError",
     "load_scene",
+    "settle",
 ]
 
 _LAZY = {
@@ -38,6 +40,7 @@ _LAZY = {
     "Simulation": "mpp_taichi.simulation",
     "Snapshot": "mpp_taichi.snapshot",
     "load_scene": "mpp_taichi.scene.load",
+    "settle": "mpp_taichi.accuracy.choice",
 }
 
 

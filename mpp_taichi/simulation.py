@@ -12,7 +12,7 @@ import numpy as np
 
 from mpp_taichi import backends, plans
 from mpp_taichi.contacts._base import ContactReport
-from mpp_taichi.errors import MppError
+from mpp_taichi.errors import MppError, SceneError
 from mpp_taichi.motion import Motion
 from mpp_taichi.phases import CompiledPhase, phase_at, phases_of
 from mpp_taichi.scene.estimate import check_capacity, estimate
@@ -73,6 +73,10 @@ class Simulation(Motion):
         """Read the scene, start the backend, allocate and fill the fields; kernels are compiled at the first step."""
         began = clock.perf_counter()
         self.spec = load_scene(scene, overrides=overrides)
+        if self.spec.accuracy is not None:
+            raise SceneError(
+                f"{self.spec.source}: accuracy: what reaches it is still to be chosen, by mpp_taichi.settle or the run verb"
+            )
         self.estimate = estimate(self.spec)
         check_capacity(self.estimate)
         self.phases = phases_of(self.spec)

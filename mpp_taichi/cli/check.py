@@ -47,16 +47,18 @@ def _scene_files(given: list[str]) -> list[Path]:
 def _check(scene: Path, arguments: argparse.Namespace) -> dict[str, Any]:
     from mpp_taichi.cli._request import Request
     from mpp_taichi.cli._session import run_scene
+    from mpp_taichi.cli._settle import settled
     from mpp_taichi.cli._signals import Interrupted
     from mpp_taichi.scene.load import load_scene
 
-    request = Request(
-        backend=arguments.backend, precision=arguments.precision, plan=arguments.plan, threads=arguments.threads, quiet=True
-    )
     if not arguments.quiet:
         say(f"checking {scene}")
     try:
-        outcome = run_scene(load_scene(scene), request)
+        spec, precision, _ = settled(load_scene(scene), arguments)
+        request = Request(
+            backend=arguments.backend, precision=precision, plan=arguments.plan, threads=arguments.threads, quiet=True
+        )
+        outcome = run_scene(spec, request)
     except MppError as error:
         explain_error(error)
         faults = list(error.faults) if isinstance(error, SceneError) else [str(error)]

@@ -29,9 +29,11 @@ def execute(arguments: argparse.Namespace) -> int:
 
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
     from mpp_taichi.cli._costs import measure
+    from mpp_taichi.cli._settle import settled
     from mpp_taichi.simulation import Simulation
 
     with output_reserved(arguments.json):
+        spec, arguments.precision, _ = settled(spec, arguments)
         if not arguments.quiet:
             say(f"compiling and timing variants of {spec.source}")
         simulation = Simulation(

@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import NoReturn
 
 from mpp_taichi import __version__
-from mpp_taichi.cli import check, explain, info, record, run, schema
+from mpp_taichi.cli import accuracy, check, explain, info, record, run, schema
 from mpp_taichi.cli._signals import Interrupted
 from mpp_taichi.cli._terminal import (
     CLOSED_OUTPUT_CODE,
@@ -32,12 +32,13 @@ from mpp_taichi.errors import MppError, OutputError, SceneError
 VERBS: dict[str, ModuleType] = {
     "run": run,
     "record": record,
+    "accuracy": accuracy,
     "explain": explain,
     "check": check,
     "info": info,
     "schema": schema,
 }
-LATER_VERBS = ("accuracy", "compare", "sweep", "convert")
+LATER_VERBS = ("compare", "sweep", "convert")
 INTERNAL_ERROR_CODE = 1
 LONGEST_MESSAGE = 300
 DEBUG_VARIABLE = "MPP_TAICHI_DEBUG"

@@ -41,6 +41,7 @@ def execute(arguments: argparse.Namespace) -> int:
         raise UsageError(f"record: a film of {seconds:g} s at {fps:g} frames a second has no frame")
     from mpp_taichi.cli._request import Request
     from mpp_taichi.cli._session import run_scene
+    from mpp_taichi.cli._settle import settled
 
     names = (
         "backend",
@@ -57,9 +58,11 @@ def execute(arguments: argparse.Namespace) -> int:
         "snapshot",
     )
     more = ("diagnostics", "modes", "speeds", "events", "every", "quiet", "allow_inaccurate", "force")
-    given = {name: getattr(arguments, name) for name in (*names, *more)}
     with output_reserved(arguments.json):
+        spec, arguments.precision, choice = settled(spec, arguments)
+        given = {name: getattr(arguments, name) for name in (*names, *more)}
         outcome = run_scene(spec, Request(**given, film_seconds=arguments.duration))
+        outcome.summary |= choice
     if not arguments.quiet:
         say("\n".join(outcome.lines()))
     if arguments.json:

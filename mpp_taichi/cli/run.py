@@ -53,10 +53,13 @@ def execute(arguments: argparse.Namespace) -> int:
 
         return dry_run(spec, arguments)
     from mpp_taichi.cli._session import run_scene
+    from mpp_taichi.cli._settle import settled
 
     with output_reserved(arguments.json):
+        spec, arguments.precision, choice = settled(spec, arguments)
         request = request_of(arguments, spec)
         outcome = run_scene(spec, request)
+        outcome.summary |= choice
     if not arguments.quiet:
         say("\n".join(outcome.lines()))
     if arguments.json:

@@ -12,6 +12,7 @@ def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     _check_run(spec, tree, faults)
     _check_camera(spec, tree, faults)
     _check_expect(spec, faults)
+    _check_accuracy(spec, tree, faults)
     check_contacts(spec, tree, faults)
     check_integrator(spec, faults)
     names = [entry.name for entry in spec.forces]
@@ -30,6 +31,17 @@ def _check_run(spec: SceneSpec, tree: Node, faults: Faults) -> None:
         place = tree.value["integrator"].value[spec.integrator.name].value["dt"].location
         longest = f"must be at most run.duration = {spec.run.duration:g}"
         faults.add(place, key, f"a step of {step:g} is longer than the run, {longest}")
+
+
+def _check_accuracy(spec: SceneSpec, tree: Node, faults: Faults) -> None:
+    if spec.accuracy is None:
+        return
+    place = tree.value["accuracy"].place
+    if spec.run.duration is None:
+        faults.add(place, "accuracy", "needs run.duration: the step is to be chosen")
+    for key in ("contacts", "timeline"):
+        if tree.get(key) is not None:
+            faults.add(place, "accuracy", f"cannot be chosen for a scene with {key}; give it an integrator with a step")
 
 
 def _check_camera(spec: SceneSpec, tree: Node, faults: Faults) -> None:

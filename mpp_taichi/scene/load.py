@@ -115,6 +115,7 @@ def _specification(validated: Any, tree: Node, name: str, context: Context, faul
         record=validated.record,
         expect=expectations.build(validated.expect, tree.get("expect")),
         modes=validated.modes,
+        accuracy=validated.accuracy,
         resolved=tree.plain(),
     )
 
@@ -126,6 +127,8 @@ def _integrator(validated: Any, tree: Node, faults: Faults) -> ComponentSpec:
         entry = _entry(validated.integrator, tree.value["integrator"])
     elif event_driven:
         entry = ComponentSpec("event_driven", {"dt": None}, tree.value["contacts"].place)
+    elif validated.accuracy is not None and validated.run.duration is not None:
+        entry = ComponentSpec("leapfrog", {"dt": validated.run.duration / contacts.LOOKS}, tree.value["accuracy"].place)
     else:
         faults.add(tree.location, "integrator", "missing key 'integrator' (the method that advances time)")
         return ComponentSpec("leapfrog", {"dt": 1.0}, tree.location)

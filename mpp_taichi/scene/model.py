@@ -20,6 +20,7 @@ from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.fields import Context, Field, Number, Text, Whole, Wrong
 from mpp_taichi.scene.parameters import STRICT, parameter_fields
 from mpp_taichi.scene.spec import EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec, ViewSpec
+from mpp_taichi.scene.target import Target
 
 # Keys of a scene that hold components, and the folder those come from.
 KINDS = {
@@ -30,7 +31,7 @@ KINDS = {
     "integrator": "integrators",
     "expect": "diagnostics",
 }
-LATER_KEYS = ("inspect", "sliders", "accuracy")
+LATER_KEYS = ("inspect", "sliders")
 Selection = tuple[tuple[str, tuple[str, ...]], ...]  # kind → names of the components in the model
 
 
@@ -126,6 +127,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
             integrator | None,
             Describe(None, description="the method that advances time; needs none where contacts are event_driven"),
         ),
+        accuracy=_key(Target(), None, "the error allowed, from which integrator, step and precision are chosen"),
         move_to_center_of_mass=_key(fields.Flag(), False, "start with the centre of mass at rest at the origin"),
         run=(RunSpec, Describe(RunSpec(), description="how long to run")),
         timeline=(_list_of(EventSpec), Describe([], description="what changes at a time; a list of {at, set}")),

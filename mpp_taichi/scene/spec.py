@@ -7,6 +7,7 @@ from pydantic import ConfigDict, Field
 
 from mpp_taichi.scene.fields import Counts, Flag, ListOf, Number, Reference, Settings, Text, Whole
 from mpp_taichi.scene.location import Location
+from mpp_taichi.scene.target import TargetSpec
 
 __all__ = [
     *("CameraSpec", "ComponentSpec", "ContactsSpec", "Event", "EventSpec", "Expectation", "Location", "ModesSpec"),
@@ -184,6 +185,7 @@ class SceneSpec:
     modes: ModesSpec | None
     resolved: dict[str, Any]  # plain YAML-able mapping, itself a scene: extends and overrides applied, expressions kept
     timeline: tuple[Event, ...] = ()  # this scene itself is the first phase
+    accuracy: TargetSpec | None = None  # while it is not settled, the integrator is where the choice begins
 
     def effects(self, spring_count: int) -> list[str]:
         """What acts, as scenes call it: forces, springs where there are some, contacts and walls."""

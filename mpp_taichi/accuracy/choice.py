@@ -1,0 +1,225 @@
+"""Choice: the integrator, step and precision that reach a scene's `accuracy:` in the least time, found by pilot runs and kept.
+
+The pilot is a study of the scene. Of every method in every precision the step is interpolated that just reaches the target, in
+logarithms of error, steps and time between two of its runs; the fastest of them is run once more with that step, to see that
+it does. The choice is written down: the next run takes it as it is, on whatever machine, and so repeats bit for bit.
+"""
+
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.front import Row
+from mpp_taichi.accuracy.problem import pose, with_integrator
+from mpp_taichi.accuracy.sample import Configuration, Measured
+from mpp_taichi.accuracy.store import Store, identity
+from mpp_taichi.accuracy.study import Study, Wishes, describe
+from mpp_taichi.accuracy.verdict import duration
+from mpp_taichi.accuracy.workbench import Workbench
+from mpp_taichi.errors import MppError, OutputError, StabilityError
+from mpp_taichi.scene.load import load_scene
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.whole_file import whole_file
+
+PILOT_SECONDS = 30.0
+SAFETY = 0.7  # of the target: what the interpolated step aims at
+TRIALS = 3  # runs with the step chosen, each corrected by the one before
+LOOKS_OF_ADAPTIVE = 1000  # in a run, of a method that needs no step
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What was chosen, and why.
+
+    error      measured with that very step over `span` [time], the part of the run that the pilot looked at
+    seconds    of the stepping over that span, in the pilot
+    """
+
+    scene: str  # identity of its physics
+    whole_span: float
+    target: float
+    asked: str | None
+    quantity: str
+    integrator: str
+    precision: str
+    dt: float
+    error: float
+    span: float
+    seconds: float
+    why: str
+
+    def line(self) -> str:
+        """For a person."""
+        method = f"{self.integrator} in {self.precision}, dt = {self.dt:.6g}"
+        return f"accuracy {self.target:g} of {self.quantity}: {method}; {self.why}"
+
+    def settle(self, spec: SceneSpec) -> SceneSpec:
+        """The scene with what was chosen in place of its target."""
+        made = with_integrator(spec, self.integrator, self.dt)
+        parameters = {key: value for key, value in made.integrator.parameters.items() if value is not None}
+        resolved = {key: value for key, value in spec.resolved.items() if key != "accuracy"}
+        return replace(made, resolved={**resolved, "integrator": {self.integrator: parameters}})
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A method at a precision with the steps that reach an aim, as its runs suggest."""
+
+    integrator: str
+    precision: str
+    backend: str
+    steps: float
+    seconds: float
+
+
+def settle(
+    scene: str | Path | Mapping[str, Any] | SceneSpec,
+    *,
+    folder: str | Path,
+    overrides: Mapping[str, Any] | Sequence[str] = (),
+) -> tuple[SceneSpec, str]:
+    """A scene whose `accuracy:` is replaced by what reaches it, and the precision to run it in; the choice is kept in `folder`.
+
+    Raises:
+        StabilityError: nothing that was tried reaches the target.
+    """
+    spec = load_scene(scene, overrides=overrides)
+    if spec.accuracy is None:
+        raise MppError(f"{spec.source}: the scene has no accuracy: to choose for")
+    found = choose(spec, Path(folder))
+    return found.settle(spec), found.precision
+
+
+def choose(
+    spec: SceneSpec,
+    folder: Path,
+    *,
+    precisions: Sequence[str] = ("f64", "f32"),
+    seconds: float = PILOT_SECONDS,
+    integrators: Sequence[str] | None = None,
+    look: Callable[[], None] = lambda: None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Choice:
+    """The choice for a scene's target: the one that is kept in the folder for it, or a new one.
+
+    Raises:
+        StabilityError: nothing that was tried reaches the target.
+    """
+    from mpp_taichi import __version__
+
+    problem, target = pose(spec), spec.accuracy
+    assert target is not None
+    path = folder / "choice.json"
+    known = _known(path)
+    wanted = (problem.identity(), problem.span, target.error, target.quantity)
+    if known is not None and (known.scene, known.whole_span, known.target, known.asked) == wanted:
+        if known.precision in precisions:
+            return known
+    tell(f"accuracy {target.error:g}: choosing integrator, step and precision by pilot runs, about {seconds:.0f} s")
+    devices = [("cpu", precision) for precision in precisions]
+    wishes = Wishes(integrators, devices, quantity=target.quantity, aim=SAFETY * target.error)
+    store = Store(folder, identity(problem, problem.span, __version__))
+    study = Study(problem, store, Budget(seconds, look), wishes)
+    study.run()
+    found = _decide(study, target.error, target.quantity, precisions)
+    with whole_file(path, "the choice") as temporary:
+        temporary.write_text(json.dumps(asdict(found), indent=1), encoding="utf-8")
+    return found
+
+
+def _known(path: Path) -> Choice | None:
+    if not path.is_file():
+        return None
+    try:
+        return Choice(**json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError) as error:
+        raise OutputError(f"{path}: not a choice of this program: {error}; remove it") from error
+
+
+def _decide(study: Study, target: float, asked: str | None, precisions: Sequence[str]) -> Choice:
+    quantity = study.quantity
+    place = f"{study.problem.spec.source}: accuracy"
+    if quantity is None and asked == "energy":
+        raise StabilityError(f"{place}: the scene does not keep its energy; ask of position")
+    if quantity is None:
+        known = "there is no reference" if study.reference is None else describe(study.reference)
+        raise StabilityError(f"{place}: positions at the end are not known well enough ({known}); ask of energy")
+    # What a part of the run may have: errors of positions grow up to quadratically, those of energies linearly.
+    part = study.problem.span / study.whole
+    allowed = target * part ** (2 if quantity == "position" else 1)
+    rows = [row for row in study.rows() if row.sample.configuration.precision in precisions]
+    offers = sorted(offers_for(rows, quantity, SAFETY * allowed), key=lambda offer: offer.seconds)
+    for offer in offers:
+        found = _tried(study, offer, quantity, allowed)
+        if found is None:
+            continue
+        configuration, dt, error, seconds = found
+        return Choice(
+            *(study.problem.identity(), study.whole, target, asked, quantity),
+            *(configuration.integrator, configuration.precision, dt),
+            *(error.bound, study.problem.span, seconds),
+            why=_why(offers, offer, error, study, seconds),
+        )
+    best = min((row.error(quantity).bound for row in rows if row.sample.status == "ok"), default=math.inf)
+    raise StabilityError(f"{place}: nothing that was tried reaches {target:g} of {quantity}; the best was {best:.1e}")
+
+
+def offers_for(rows: Sequence[Row], quantity: str, aim: float) -> list[Offer]:
+    """What each method and precision would take to reach the aim, where its runs lie on both sides of it, or all reach it."""
+    groups: dict[tuple[str, str, str], list[Row]] = {}
+    for row in rows:
+        configuration = row.sample.configuration
+        if row.sample.status == "ok" and row.seconds is not None and math.isfinite(row.error(quantity).bound):
+            groups.setdefault((configuration.integrator, configuration.precision, configuration.backend), []).append(row)
+    offers = []
+    for names, group in groups.items():
+        group.sort(key=lambda row: row.sample.configuration.steps)
+        reaching = next((k for k, row in enumerate(group) if row.error(quantity).bound <= aim), None)
+        if reaching is not None:
+            offers.append(Offer(*names, *_between(group[reaching - 1] if reaching else None, group[reaching], quantity, aim)))
+    return offers
+
+
+def _between(coarse: Row | None, fine: Row, quantity: str, aim: float) -> tuple[float, float]:
+    """Steps and seconds where the error is the aim, as powers of each other."""
+    assert fine.seconds is not None
+    if coarse is None or coarse.seconds is None or fine.error(quantity).value is None:
+        return float(fine.sample.configuration.steps), fine.seconds
+    part = math.log(aim / fine.error(quantity).bound) / math.log(coarse.error(quantity).bound / fine.error(quantity).bound)
+
+    def mixed(of_fine: float, of_coarse: float) -> float:
+        return of_fine ** (1.0 - part) * of_coarse**part
+
+    steps = mixed(fine.sample.configuration.steps, coarse.sample.configuration.steps)
+    return steps, mixed(fine.seconds, coarse.seconds)
+
+
+def _tried(study: Study, offer: Offer, quantity: str, allowed: float) -> tuple[Configuration, float, Measured, float] | None:
+    """Run an offer, with more steps where it is not good enough; None where it never is."""
+    method, steps = study.methods[offer.integrator], math.ceil(offer.steps)
+    budget = Budget(study.budget.seconds)
+    with Workbench(study.problem, backend=offer.backend, precision=offer.precision) as bench:
+        machine = bench.machine(offer.integrator)
+        for _ in range(TRIALS):
+            sample, _ = machine.run(steps, budget)
+            error = study.error(sample, quantity)
+            if sample.status == "ok" and error.bound <= allowed:
+                dt = study.whole / LOOKS_OF_ADAPTIVE if method.adaptive else study.problem.span / steps
+                return sample.configuration, dt, error, machine.time(steps, budget)
+            if method.adaptive or not math.isfinite(error.bound):
+                return None
+            steps = math.ceil(steps * (error.bound / (SAFETY * allowed)) ** (1.0 / method.order))
+    return None
+
+
+def _why(offers: Sequence[Offer], chosen: Offer, error: Measured, study: Study, seconds: float) -> str:
+    part = "" if study.problem.span == study.whole else f" over the first t = {study.problem.span:.4g}"
+    said = f"its error was {error}{part}, in {duration(seconds)}"
+    other = next((offer for offer in offers if offer.integrator != chosen.integrator), None)
+    if other is not None:
+        said += f"; {other.integrator} in {other.precision} would take {other.seconds / chosen.seconds:.2g} times as long"
+    return said

@@ -1,0 +1,76 @@
+"""Ladder: the steps that one method is tried with, one after another, from where it is as dear as the scene's own setting.
+
+Rung k has N₀ qᵏ steps, with q = √10 for low orders, 2 for those above 4, whose errors fall too fast for more. It grows to both
+sides until the method is no longer stable or accurate at one end, and no longer gains at the other.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+FEWEST_STEPS = 4
+COARSEST = 0.3  # an error from which coarser steps are of no interest
+GAIN = 1.5  # times less error that a rung must bring, or round-off is reached
+
+
+def ratio(order: int) -> float:
+    """Between the numbers of steps of two rungs."""
+    return math.sqrt(10.0) if order <= 4 else 2.0
+
+
+@dataclass(eq=False)
+class Ladder:
+    """Rungs of one method at one precision.
+
+    anchor       steps of rung 0
+    least        steps below which the method is not stable
+    floor        an error that nothing can be seen below
+    coarsest     an error from which coarser steps are of no interest
+    """
+
+    integrator: str
+    order: int
+    anchor: float
+    least: float
+    floor: float
+    errors: dict[int, float] = field(default_factory=dict)
+    coarsest: float = COARSEST
+    single: bool = False  # the method chooses its steps itself
+    closed_below: bool = False
+    closed_above: bool = False
+
+    def steps(self, rung: int) -> int:
+        """Steps of a rung."""
+        return max(1, round(self.anchor * ratio(self.order) ** rung))
+
+    def open_rungs(self) -> list[int]:
+        """Rungs to be tried next, at most one at each end."""
+        if self.single and self.errors:
+            return []
+        if not self.errors:
+            if self.closed_above:
+                return []
+            first = 0
+            while self.steps(first) < max(self.least, FEWEST_STEPS):
+                first += 1
+            return [first]
+        below, above = min(self.errors) - 1, max(self.errors) + 1
+        if self.steps(below) < max(FEWEST_STEPS, self.least) or self.steps(below) == self.steps(below + 1):
+            self.closed_below = True
+        return [rung for rung, closed in ((below, self.closed_below), (above, self.closed_above)) if not closed]
+
+    def note(self, rung: int, error: float) -> None:
+        """What a rung gave; infinite for a run that broke."""
+        self.errors[rung] = error
+        if rung == min(self.errors) and not error < self.coarsest:
+            self.closed_below = True
+        if rung == max(self.errors):
+            coarser = self.errors.get(rung - 1)
+            gained = coarser is None or not math.isfinite(coarser) or coarser > COARSEST or error * GAIN < coarser
+            self.closed_above = error <= self.floor or not gained
+
+    def close(self, rung: int) -> None:
+        """A rung that is not tried: too dear; no finer one is either."""
+        if not self.errors or rung > max(self.errors):
+            self.closed_above = True
+        if not self.errors or rung < min(self.errors):
+            self.closed_below = True

@@ -1,0 +1,84 @@
+"""Methods: what the integrators of the catalogue say of themselves, before any of them is compiled."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from mpp_taichi import component
+from mpp_taichi.accuracy.problem import Problem, defaults, with_integrator
+from mpp_taichi.backends import import_taichi
+from mpp_taichi.stability import advise
+
+LIMIT_SHARE = 0.95  # of the step that springs and drag allow
+ITERATIONS = 6.0  # forces of an implicit step, until they were counted
+LOOKS = 64  # at energies and positions in a run; a reference takes a multiple of so many steps
+
+
+@dataclass(frozen=True)
+class Method:
+    """One integrator, for one scene.
+
+    evaluations    forces per step; a guess for implicit methods, 1 for adaptive ones
+    fewest_steps   that springs and drag allow over the span
+    adaptive       chooses its steps itself: there is one run of it, with as many looks as all runs have
+    """
+
+    name: str
+    order: int
+    symplectic: bool
+    implicit: bool
+    evaluations: float
+    fewest_steps: int
+    adaptive: bool = False
+
+
+def methods(problem: Problem) -> dict[str, Method]:
+    """Integrators that advance by steps of a given length and need nothing else to be said; the scene's own among them."""
+    import_taichi()
+    found = {}
+    own = problem.spec.integrator.name
+    for name in dict.fromkeys((own, *component.names("integrators"))):
+        declared = component.declaration("integrators", name)
+        takes_steps = declared.base != "Integrator" and any(parameter.name == "dt" for parameter in declared.parameters)
+        if takes_steps and (name == own or defaults(name) is not None):
+            found[name] = _method(problem, name)
+    return found
+
+
+def _method(problem: Problem, name: str) -> Method:
+    spec = with_integrator(problem.spec, name, problem.own_dt)
+    made: Any = component.build("integrators", name, spec.integrator.parameters)
+    advice = advise(spec, problem.start, made, problem.own_dt)
+    fewest = 1
+    if advice is not None and not advice.never_stable and math.isfinite(advice.limit):
+        fewest = math.ceil(problem.span / (LIMIT_SHARE * advice.limit))
+    evaluations = ITERATIONS if made.implicit else max(1.0, float(made.evaluations))
+    return Method(name, made.order, bool(made.symplectic), bool(made.implicit), evaluations, fewest, bool(made.adaptive))
+
+
+def for_reference(found: dict[str, Method]) -> list[Method]:
+    """Explicit methods whose step can be halved, the most promising first: by order, symplectic, and more forces a step."""
+    halved = [method for method in found.values() if not method.implicit and not method.adaptive]
+    return sorted(halved, key=_promise, reverse=True)
+
+
+def rank(found: dict[str, Method], method: Method) -> int:
+    """How many methods of the same order promise more; so that the best of every order come first."""
+    return sum(other.order == method.order and _promise(other) > _promise(method) for other in found.values())
+
+
+def _promise(method: Method) -> tuple[int, bool, float]:
+    return method.order, method.symplectic, method.evaluations
+
+
+def equal_cost(problem: Problem, method: Method, own: Method) -> float:
+    """Steps with which a method spends as many forces as the scene's own setting; the looks of an adaptive one."""
+    if method.adaptive:
+        return float(LOOKS)
+    return problem.own_steps * own.evaluations / method.evaluations
+
+
+def first_steps(problem: Problem, method: Method, own: Method) -> int:
+    """Steps for the first run of a reference: as dear as the scene's own setting, and a multiple of the looks."""
+    steps = max(equal_cost(problem, method, own), float(method.fewest_steps))
+    return max(1, math.ceil(steps / LOOKS)) * LOOKS

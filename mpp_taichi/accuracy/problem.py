@@ -1,0 +1,97 @@
+"""Problem: the scene as it is studied, what identifies it, and the methods that may run it."""
+
+import hashlib
+import json
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mpp_taichi import component
+from mpp_taichi.assemble import assemble
+from mpp_taichi.component import REQUIRED
+from mpp_taichi.errors import SceneError
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
+from mpp_taichi.scene.timeline import time_after
+from mpp_taichi.snapshot import Snapshot
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A scene over a span of time, from its start; the integrator of `spec` is the scene's own."""
+
+    spec: SceneSpec
+    start: Snapshot
+    span: float  # [time]
+
+    @property
+    def own_dt(self) -> float:
+        """The step of the scene's own setting [time]."""
+        return float(self.spec.integrator.parameters["dt"])
+
+    @property
+    def own_steps(self) -> int:
+        """Steps of the scene's own size over the span; the step that fits a whole number of times is taken."""
+        return steps_of(self.span, self.own_dt)
+
+    def shortened(self, span: float) -> "Problem":
+        """The first part of it."""
+        return replace(self, span=span)
+
+    def identity(self) -> str:
+        """Hash of the physics: particles, springs and forces; not of names, colours, the integrator or what is shown."""
+        digest = hashlib.sha256()
+        springs = self.start.springs
+        start = self.start
+        arrays = (start.position, start.velocity, start.mass, start.charge, start.free)
+        for array in (*arrays, springs.between, springs.stiffness, springs.damping, springs.rest_length):
+            digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
+        forces = [[force.name, force.parameters] for force in self.spec.forces]
+        rest = [forces, self.spec.dimensions, self.spec.spring_damping]
+        digest.update(json.dumps(rest, sort_keys=True, default=str).encode())
+        return digest.hexdigest()[:16]
+
+
+def pose(spec: SceneSpec, until: float | None = None) -> Problem:
+    """The problem that a scene poses.
+
+    Raises:
+        SceneError: it is none that a step-by-step comparison could answer, or nothing says how long it is.
+    """
+    place = spec.integrator.location
+    if spec.contacts is not None:
+        raise SceneError(
+            f"{place}: accuracy does not measure scenes with contacts: their error is that of contacts, not of a step"
+        )
+    if spec.timeline:
+        raise SceneError(f"{place}: accuracy does not measure scenes with a timeline; measure each of its phases as a scene")
+    if "dt" not in spec.integrator.parameters:
+        raise SceneError(f"{place}: accuracy compares steps, and {spec.integrator.name} has no dt")
+    start = assemble(spec)
+    if not start.free.any():
+        raise SceneError(f"{place}: accuracy has nothing to measure: no particle moves")
+    if until is None:
+        until = spec.run.duration if spec.run.duration is not None else time_after(spec, spec.run.steps or 0)
+    if until <= 0.0:
+        raise SceneError(f"{place}: the scene has no run.duration: say how long, --until T")
+    return Problem(spec, start, until)
+
+
+def with_integrator(spec: SceneSpec, name: str, dt: float) -> SceneSpec:
+    """The scene run by a method, with that method's defaults; its own keeps the scene's parameters."""
+    own = spec.integrator
+    given = own.parameters if own.name == name else defaults(name)
+    assert given is not None
+    return replace(spec, integrator=ComponentSpec(name, {**given, "dt": dt}, own.location), accuracy=None)
+
+
+def defaults(name: str) -> dict | None:
+    """Parameters of an integrator besides dt; None where one of them has no default."""
+    others = [parameter for parameter in component.declaration("integrators", name).parameters if parameter.name != "dt"]
+    if any(parameter.default is REQUIRED for parameter in others):
+        return None
+    return {parameter.name: parameter.default for parameter in others}
+
+
+def steps_of(span: float, dt: float) -> int:
+    """Whole steps of about `dt` that fill the span."""
+    return max(1, round(span / dt))

@@ -1,0 +1,220 @@
+"""Report: one HTML page about a study, with plots, readable without a network, in light and in dark; well-formed XML too."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import Any
+from xml.sax.saxutils import escape
+
+from mpp_taichi.accuracy import svg, table
+from mpp_taichi.accuracy.front import Row
+from mpp_taichi.accuracy.svg import Mark, Plot, Series
+from mpp_taichi.accuracy.verdict import duration
+
+LIGHT = ("#2a6fcf", "#0f8a5f", "#b97a00", "#5b3db0", "#d23c3c", "#c2528b", "#0a7f8c", "#7a5a36")
+DARK = ("#6ea8ff", "#3ccb98", "#e8b13a", "#a994ff", "#ff7d7d", "#f08cc0", "#4cc6d4", "#c9a47a")
+EPSILON = 2.0**-52
+DECADES_APART = 2  # energy errors of two runs in the plot of energies
+EXPLANATION = (
+    "* on the front of error and time, + on that of error and force evaluations, o the scene’s own setting. Position: largest "
+    "error of a particle at the end, and the root mean square over them, relative to the size of the system. Energy, momentum, "
+    "angular momentum: largest relative error of the run. Times: medians of the stepping alone."
+)
+STYLE = """
+:root { color-scheme: light dark; --paper: #ffffff; --field: #fafafa; --ink: #1c1f24; --quiet: #5a616b; --line: #d9dde3; %s }
+@media (prefers-color-scheme: dark) { :root { --paper: #14171b; --field: #1a1e23; --ink: #e8eaed; --quiet: #a3abb6;
+  --line: #353b44; %s } }
+body { background: var(--paper); color: var(--ink); font: 15px/1.5 system-ui, sans-serif; max-width: 1360px;
+  margin: 1.5rem auto; padding: 0 1rem; }
+h1 { font-size: 1.5rem; margin: 0 0 .3rem } h2 { font-size: 1.1rem; margin: 1.6rem 0 .4rem }
+.said { font-size: 1.15rem; max-width: 60rem } .quiet { color: var(--quiet) }
+.plots { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%%, 520px), 1fr)); gap: 1rem }
+figure { margin: 0 } figcaption { color: var(--quiet); font-size: .85rem }
+svg { width: 100%%; height: auto; font: 12px system-ui, sans-serif }
+svg text { fill: var(--quiet) } svg .label { fill: var(--ink); font-size: 13px }
+.field { fill: var(--field) } .grid { stroke: var(--line); stroke-width: 1 }
+.ring { fill: none; stroke: var(--ink); stroke-width: 1.5 }
+polyline { fill: none; stroke-width: 1.6 } .hollow { fill: var(--paper); stroke-width: 1.6 }
+.l-front { stroke: var(--quiet) }
+.legend { display: flex; flex-wrap: wrap; gap: .3rem 1.1rem; list-style: none; padding: 0 }
+.legend svg { width: 26px; height: 14px; vertical-align: middle; margin-right: .35rem }
+.wide { overflow-x: auto } table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums }
+th, td { padding: .15rem .7rem; text-align: right; border-bottom: 1px solid var(--line); white-space: nowrap }
+th:nth-child(-n+3), td:nth-child(-n+3) { text-align: left } .front td { font-weight: 600 } .broken td { color: var(--quiet) }
+"""
+
+
+def page(found: dict[str, Any], rows: Sequence[Row]) -> str:
+    """The page; `found` is the study as plain data with `verdict` and `sentence`."""
+    numbers = {name: k for k, name in enumerate(dict.fromkeys(row.sample.configuration.integrator for row in rows))}
+    title = f"What accuracy costs: {found['title'] or found['scene']}"
+    plots = _plots(found, rows, numbers)
+    figures = [f"<figure>{svg.draw(plot)}<figcaption>{escape(' '.join(plot.notes))}</figcaption></figure>" for plot in plots]
+    parts = [
+        "<!DOCTYPE html>",
+        '<html lang="en" xmlns="http://www.w3.org/1999/xhtml"><head><meta charset="utf-8"/>',
+        '<meta name="viewport" content="width=device-width, initial-scale=1"/>',
+        f"<title>{escape(title)}</title><style>{_style()}</style></head><body>",
+        f"<h1>{escape(title)}</h1>",
+        f'<p class="said">{escape(_capital(found["sentence"]))}.</p>',
+        *(f'<p class="quiet">{escape(line)}</p>' for line in circumstances(found)),
+        _legend(rows, numbers),
+        f'<div class="plots">{"".join(figures)}</div>',
+        "<h2>Every run</h2>",
+        f'<p class="quiet">{escape(EXPLANATION)}</p>',
+        _table(rows, found["verdict"]),
+        "<h2>Where and with what</h2>",
+        f'<p class="quiet">{escape(machine(found))}</p>',
+        "</body></html>",
+    ]
+    return "\n".join(parts)
+
+
+def circumstances(found: dict[str, Any]) -> list[str]:
+    """What the reference is, what chaos there is, and what was left undone: lines for a person."""
+    reference, chaos = found["reference"], found["chaos"]
+    span = f"Over t = {found['span']:.6g}"
+    if found["span"] < found["whole_span"]:
+        span += f", the first part of the scene's {found['whole_span']:.6g}"
+    lines = [f"{span}; {found['particle_count']:,} particles."]
+    if reference is None:
+        lines.append("There is no reference: the budget ended before.")
+    else:
+        shown = f"its end positions are good to {reference['bar']:.0e} of the system's size ({reference['size']:.4g})"
+        if not reference["trusted"]:
+            shown = f"it was not shown to have converged; two of its runs differ by {reference['bar']:.0e} of the system's size"
+        lines.append(f"Reference: {reference['integrator']}, f64, {reference['steps']:,} steps; {shown}.")
+        if reference["meaning"] is not None:
+            lines.append(f"Positions mean something until t = {reference['meaning']:.4g}; beyond that, energies are compared.")
+    if chaos is not None and chaos["lyapunov_time"] is not None:
+        lines.append(
+            f"The motion is chaotic: Lyapunov time {chaos['lyapunov_time']:.3g}. Round-off reaches a thousandth of the "
+            f"system's size after t = {chaos['horizon_f64']:.3g} in f64, {chaos['horizon_f32']:.3g} in f32."
+        )
+    return [*lines, *(f"Left undone: {remark}." for remark in found["remarks"])]
+
+
+def machine(found: dict[str, Any]) -> str:
+    """Machine, versions and effort in one line."""
+    known = found["known"]
+    versions = ", ".join(f"{name} {known[name]}" for name in ("mpp_taichi", "taichi", "numpy", "python"))
+    effort = f"{found['spent_seconds']:.0f} s of a budget of {found['budget_seconds']:.0f} s, {len(found['rows'])} runs"
+    again = f", {found['resumed_samples']} of them from before" if found["resumed_samples"] else ""
+    return f"{known['cpu']}, {known['system']}; {versions}; {effort}{again}; {found['status']}"
+
+
+def _plots(found: dict[str, Any], rows: Sequence[Row], numbers: dict[str, int]) -> list[Plot]:
+    quantity = found["quantity"]
+    if quantity is None:
+        return []
+    told = f"error of {'position at the end' if quantity == 'position' else 'energy'}"
+    verdict = found["verdict"]
+    ringed = "Rings: the front. Hollow: at most so much, the reference is no better. Dashed: f32."
+    return [
+        Plot(
+            "Error against time",
+            "time of the stepping [s]",
+            told,
+            _work(rows, numbers, quantity, verdict["time_front"], lambda row: row.seconds or math.nan),
+            (ringed,),
+        ),
+        Plot(
+            "Error against force evaluations",
+            "force evaluations",
+            told,
+            _work(rows, numbers, quantity, verdict["evaluations_front"], lambda row: float(row.sample.evaluations)),
+            (ringed,),
+        ),
+        *([_drift(rows, numbers, verdict)] if any(row.sample.energy_errors for row in rows) else []),
+    ]
+
+
+def _groups(rows: Sequence[Row]) -> dict[tuple[str, str, str], list[Row]]:
+    groups: dict[tuple[str, str, str], list[Row]] = {}
+    for row in rows:
+        configuration = row.sample.configuration
+        if row.sample.status == "ok":
+            groups.setdefault((configuration.integrator, configuration.precision, configuration.backend), []).append(row)
+    return groups
+
+
+def _work(rows: Sequence[Row], numbers: dict[str, int], quantity: str, front: Sequence[str], cost: Any) -> list[Series]:
+    series = []
+    for (integrator, precision, backend), group in _groups(rows).items():
+        points = []
+        for row in sorted(group, key=lambda row: row.sample.dt, reverse=True):
+            error = row.error(quantity)
+            if not error.bound < 10.0:
+                continue
+            said = f"{integrator} {precision} {backend}, dt = {row.sample.dt:.3g}: {error}, {duration(row.seconds)}"
+            strong = row.sample.configuration.key in front
+            points.append(Mark(cost(row), error.bound, said, strong=strong, bound=error.value is None))
+        series.append(Series(f"{integrator} {precision} {backend}", numbers[integrator], points, dashed=precision == "f32"))
+    return series
+
+
+def _drift(rows: Sequence[Row], numbers: dict[str, int], verdict: dict[str, Any]) -> Plot:
+    """The largest energy error up to each time, of some rows, and what round-off alone would leave."""
+    shown = _some(rows, verdict)
+    series = []
+    for row in shown:
+        configuration = row.sample.configuration
+        name = f"{configuration.integrator} {configuration.precision}, dt = {row.sample.dt:.3g}"
+        highest = itertools.accumulate(row.sample.energy_errors, max)
+        points = [Mark(time, error, name) for time, error in zip(row.sample.times, highest)]
+        number, dashed = numbers[configuration.integrator], configuration.precision == "f32"
+        series.append(Series(name, number, points, marked=False, dashed=dashed))
+    if shown:
+        finest = max(shown, key=lambda row: row.sample.configuration.steps).sample
+        points = [Mark(time, EPSILON * math.sqrt(time / finest.dt)) for time in finest.times if time > 0.0]
+        series.append(Series("√t: a random walk of round-off", -1, points, marked=False, dashed=True))
+    said = "The scene’s own setting, and of the front one run for each decade of error. Grey: 2⁻⁵² √steps, the random walk of "
+    said += "round-off in f64 at the finest of these steps."
+    return Plot("Energy error over time", "t", "largest relative energy error until then", series, (said,))
+
+
+def _some(rows: Sequence[Row], verdict: dict[str, Any]) -> list[Row]:
+    """The scene's own setting, and the front's rows whose energy errors are decades apart."""
+    found: dict[int, Row] = {}
+    for row in rows:
+        energy = row.sample.energy
+        if energy and row.sample.configuration.key in verdict["time_front"]:
+            found.setdefault(round(math.log10(energy) / DECADES_APART), row)
+    return [*found.values(), *(row for row in rows if row.is_own and row.sample.energy and row not in found.values())]
+
+
+def _legend(rows: Sequence[Row], numbers: dict[str, int]) -> str:
+    used = {row.sample.configuration.integrator for row in rows if row.sample.status == "ok"}
+    entries = []
+    for name, number in numbers.items():
+        if name in used:
+            line = f'<polyline class="l{number % 8}" points="0,7 26,7"/>'
+            entries.append(f'<li><svg viewBox="0 0 26 14">{line}{svg.marker(number, 13, 7)}</svg>{escape(name)}</li>')
+    return f'<ul class="legend">{"".join(entries)}</ul>'
+
+
+def _table(rows: Sequence[Row], verdict: dict[str, Any]) -> str:
+    fronts = {name: verdict.get(f"{name}_front", ()) for name in ("time", "evaluations")}
+    head = "".join(f"<th>{escape(name)}</th>" for name in table.HEAD)
+    body = []
+    for row in rows:
+        cells = table.cells(row, fronts)
+        style = "broken" if row.sample.status != "ok" else "front" if row.sample.configuration.key in fronts["time"] else ""
+        last = len(cells) - 1
+        span = len(table.HEAD) - last
+        tags = "".join(
+            f'<td colspan="{span}">{escape(text)}</td>' if span > 1 and k == last else f"<td>{escape(text)}</td>"
+            for k, text in enumerate(cells)
+        )
+        body.append(f'<tr class="{style}">{tags}</tr>')
+    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table></div>'
+
+
+def _style() -> str:
+    light, dark = (" ".join(f"--s{k}: {color};" for k, color in enumerate(colors)) for colors in (LIGHT, DARK))
+    series = "".join(f".c{k} {{ fill: var(--s{k}); stroke: var(--s{k}) }} .l{k} {{ stroke: var(--s{k}) }}\n" for k in range(8))
+    return STYLE.replace("%%", "%").replace("%s", light, 1).replace("%s", dark, 1) + series + ".hollow { fill: var(--paper) }"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,92 @@
+"""Sample: one way to run a scene, and what came out of it."""
+
+import math
+import statistics
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """One way to run the scene: `steps` equal steps over the span that is looked at."""
+
+    integrator: str
+    steps: int
+    precision: str
+    backend: str
+
+    @property
+    def key(self) -> str:
+        """`leapfrog-f64-cpu-12400`: the name of the sample, also of its file."""
+        return f"{self.integrator}-{self.precision}-{self.backend}-{self.steps}"
+
+
+@dataclass(eq=False)
+class Sample:
+    """What a run gave. Errors are relative, see `workbench`; None where a quantity is not conserved.
+
+    evaluations   force evaluations of the whole run: of an implicit method the iterations of its solver
+    status        "ok"; "diverged" or "refused", and `reason` says why
+    seconds       of the stepping alone, one number for each repeat
+    energy_errors over the run, one for each of `times`
+    end           positions at the end, (particle_count, 3) [length]; None unless the run came there
+    """
+
+    configuration: Configuration
+    dt: float
+    evaluations: int = 0
+    status: str = "ok"
+    reason: str = ""
+    compile_seconds: float = 0.0
+    seconds: list[float] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    energy_errors: list[float] = field(default_factory=list)
+    energy: float | None = None
+    momentum: float | None = None
+    angular_momentum: float | None = None
+    end: np.ndarray | None = None
+
+    @property
+    def median_seconds(self) -> float | None:
+        """Of the repeats."""
+        return statistics.median(self.seconds) if self.seconds else None
+
+    def facts(self) -> dict[str, Any]:
+        """As plain data, without `end`."""
+        found = {key: value for key, value in vars(self).items() if key not in ("configuration", "end")}
+        return {**vars(self.configuration), **found}
+
+    @staticmethod
+    def of(facts: dict[str, Any], end: np.ndarray | None) -> "Sample":
+        """What `facts` gave, read back."""
+        names = ("integrator", "steps", "precision", "backend")
+        rest = {key: value for key, value in facts.items() if key not in names}
+        return Sample(configuration=Configuration(**{name: facts[name] for name in names}), end=end, **rest)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """An error as far as it can be told: `value`, or no value but `at_most`, the bar of what it was measured against."""
+
+    value: float | None
+    at_most: float | None = None
+
+    @staticmethod
+    def against(value: float | None, bar: float) -> "Measured":
+        """An error is told where it is above the bar."""
+        if value is None or not math.isfinite(value):
+            return Measured(None)
+        return Measured(value) if value > bar else Measured(None, bar)
+
+    @property
+    def bound(self) -> float:
+        """The value, else what it is at most, else infinity."""
+        return self.value if self.value is not None else self.at_most if self.at_most is not None else math.inf
+
+    def __str__(self) -> str:
+        """`2.1e-07`, `≤ 1e-13`, or a dash."""
+        if self.value is not None:
+            return f"{self.value:.1e}"
+        return "–" if self.at_most is None else f"≤ {self.at_most:.0e}"

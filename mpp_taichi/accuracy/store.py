@@ -1,0 +1,98 @@
+"""Store: samples kept in a file, so that a second study goes on where the first one ended.
+
+A file belongs to one scene (its physics, not its name), one machine and one set of versions; others have files of their own.
+"""
+
+import hashlib
+import json
+import platform
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.accuracy.problem import Problem
+from mpp_taichi.accuracy.sample import Configuration, Sample
+from mpp_taichi.availability import TAICHI_VERSION, availability
+from mpp_taichi.errors import OutputError
+from mpp_taichi.whole_file import whole_file
+
+FORMAT = 1
+
+
+def identity(problem: Problem, asked_span: float, version: str) -> dict[str, Any]:
+    """What the samples of a store have in common: scene, machine and versions."""
+    return {
+        "format": FORMAT,
+        "scene": problem.identity(),
+        "asked_span": asked_span,
+        "cpu": availability("cpu")["device"],
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "taichi": TAICHI_VERSION,
+        "mpp_taichi": version,
+    }
+
+
+class Store:
+    """Samples by configuration, each written as soon as it is there; positions at the end in a file of their own."""
+
+    def __init__(self, folder: Path, known: dict[str, Any], *, fresh: bool = False) -> None:
+        """Read what is there for the same scene, machine and versions, unless a `fresh` start is asked for.
+
+        Raises:
+            OutputError: the file is there and cannot be read.
+        """
+        name = hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:12]
+        self.known, self.path, self.folder = known, folder / f"samples-{name}.json", folder / f"samples-{name}"
+        self.span: float | None = None
+        self.notes: dict[str, Any] = {}
+        self._samples: dict[str, Sample] = {}
+        self.resumed = 0
+        if not fresh and self.path.is_file():
+            self._read()
+
+    def __iter__(self) -> Iterator[Sample]:
+        """All of them, in the order in which they were made."""
+        return iter(self._samples.values())
+
+    def get(self, configuration: Configuration) -> Sample | None:
+        """The sample of a configuration, if it was ever made."""
+        return self._samples.get(configuration.key)
+
+    def add(self, sample: Sample) -> None:
+        """Keep a sample, or what was added to it."""
+        key = sample.configuration.key
+        self._samples[key] = sample
+        if sample.end is not None:
+            with whole_file(self.folder / f"{key}.npy", "the positions of a sample") as temporary:
+                np.save(temporary, sample.end)
+
+    def save(self) -> None:
+        """Write the samples."""
+        text = json.dumps(
+            {
+                "known": self.known,
+                "span": self.span,
+                "notes": self.notes,
+                "samples": [sample.facts() for sample in self._samples.values()],
+            }
+        )
+        with whole_file(self.path, "the samples") as temporary:
+            temporary.write_text(text, encoding="utf-8")
+
+    def _read(self) -> None:
+        try:
+            found = json.loads(self.path.read_text(encoding="utf-8"))
+            self.span, self.notes = found["span"], found["notes"]
+            for facts in found["samples"]:
+                sample = Sample.of(facts, None)
+                path = self.folder / f"{sample.configuration.key}.npy"
+                if sample.status == "ok":
+                    sample.end = np.load(path, allow_pickle=False)
+                self._samples[sample.configuration.key] = sample
+        except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
+            raise OutputError(f"{self.path}: not the samples of a study: {error}; --fresh starts anew") from error
+        self.resumed = len(self._samples)

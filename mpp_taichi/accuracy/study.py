@@ -1,0 +1,317 @@
+"""Study: what accuracy costs in one scene — reference, chaos, sweep and repeats, within a budget of wall time."""
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mpp_taichi.accuracy import chaos as chaos_of
+from mpp_taichi.accuracy.budget import Budget, OutOfTime
+from mpp_taichi.accuracy.chaos import Chaos
+from mpp_taichi.accuracy.front import ENERGY_BAR, Row, time_front
+from mpp_taichi.accuracy.ladder import COARSEST, Ladder
+from mpp_taichi.accuracy.methods import LOOKS, Method, equal_cost, first_steps, for_reference, methods
+from mpp_taichi.accuracy.problem import Problem
+from mpp_taichi.accuracy.reference import Reference, converge
+from mpp_taichi.accuracy.sample import Configuration, Measured, Sample
+from mpp_taichi.accuracy.store import Store
+from mpp_taichi.accuracy.sweep import Sweep, timed
+from mpp_taichi.accuracy.workbench import Machine, Workbench
+from mpp_taichi.errors import BackendError, MppError
+
+log = logging.getLogger(__name__)
+
+REFERENCE = ("cpu", "f64")
+REFERENCE_SHARE = 0.3  # of the budget
+LEAST_REFERENCE_SHARE = 0.15
+FIRST_SHARE = 0.65  # until the end of the first backend and precision, where there are others
+ALL_SHARE = 0.96  # the rest is for writing
+WORTH_RETURNING = 0.2  # of the budget: so much left is used where ladders were cut short
+REPEATS_SHARE = 0.25  # of a backend's and precision's own time
+OWN_SHARE = 1.0 / 60.0  # of the budget that the scene's own setting may take once; a longer scene is looked at in part
+FEWEST_OWN_STEPS = 64
+AROUND = 100.0  # times an aim: coarser steps than of such an error are of no interest to it
+MOST_ROUNDED = 4  # methods that are tried in a second precision: the best of the first
+ROUNDED_ERROR = 1e-8  # of runs in f64 that one in f32 could replace
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What is asked of a study: integrators to try, None for all, and (backend, precision) pairs in turn.
+
+    quantity   what methods are to be compared by, None for what can be; of energies no reference is needed
+    aim        the only error that is of interest: methods are tried around it, and those of first order not at all
+    """
+
+    integrators: Sequence[str] | None = None
+    devices: Sequence[tuple[str, str]] = (("cpu", "f64"), ("cpu", "f32"))
+    reference: str | None = None
+    quantity: str | None = None
+    aim: float | None = None
+
+
+class Study:
+    """Runs what a budget allows and knows at any time what was found so far.
+
+    `tell` is given a line for a person whenever something new begins.
+    """
+
+    def __init__(
+        self, problem: Problem, store: Store, budget: Budget, wishes: Wishes, tell: Callable[[str], None] = lambda _: None
+    ) -> None:
+        """Nothing is run yet; a store that knows the scene says over what span it was looked at."""
+        self.whole = problem.span
+        self.problem = problem if store.span is None else problem.shortened(store.span)
+        self.store, self.budget, self.wishes, self.tell = store, budget, wishes, tell
+        self.methods = methods(problem)
+        self.own = self.methods[problem.spec.integrator.name]
+        self.reference: Reference | None = None
+        self.chaos: Chaos | None = None
+        self.status = "unfinished"
+        self.cut: dict[tuple[str, str], int] = {}  # ladders of steps that the budget cut short
+        self._remarks: list[str] = []
+        self.conserves_energy = False
+
+    def run(self) -> None:
+        """Do it; what is not done when the budget ends, or an exception passes, is left for the next time."""
+        try:
+            self._go()
+            self.status = "complete" if not self.remarks else "partial"
+        except OutOfTime:
+            self.status = "out of time"
+        finally:
+            self.store.save()
+
+    # --- what was found -------------------------------------------------------------------------------------------------
+
+    @property
+    def remarks(self) -> list[str]:
+        """What was left undone."""
+        short = [
+            f"{' '.join(device)}: the budget cut {count} ladders of steps short" for device, count in self.cut.items() if count
+        ]
+        return [*self._remarks, *short]
+
+    @property
+    def quantity(self) -> str | None:
+        """What methods are compared by: positions where they mean something at the end, else the energy where it is kept."""
+        asked = self.wishes.quantity
+        if asked != "energy" and self.reference is not None and self.reference.positions_mean_something:
+            return "position"
+        return "energy" if self.conserves_energy and asked != "position" else None
+
+    def rows(self) -> list[Row]:
+        """Every sample, with errors as far as they can be told; in the order of method, precision and step."""
+        own = self.own_configuration.key
+        made = sorted(self.store, key=lambda each: (each.configuration.integrator, each.configuration.precision, -each.dt))
+        return [self._row(sample, sample.configuration.key == own) for sample in made]
+
+    @property
+    def own_configuration(self) -> Configuration:
+        """The scene's own setting."""
+        return Configuration(self.own.name, self._own_steps, REFERENCE[1], REFERENCE[0])
+
+    @property
+    def _own_steps(self) -> int:
+        return LOOKS if self.own.adaptive else self.problem.own_steps
+
+    def _row(self, sample: Sample, is_own: bool) -> Row:
+        position = position_rms = Measured(None)
+        if self.reference is not None and self.reference.positions_mean_something:
+            position, position_rms = self.reference.errors(sample)
+        kept = (sample.energy, sample.momentum, sample.angular_momentum)
+        energy, momentum, angular_momentum = (Measured.against(error, ENERGY_BAR) for error in kept)
+        return Row(sample, position, position_rms, energy, momentum, angular_momentum, is_own)
+
+    def error(self, sample: Sample, quantity: str) -> Measured:
+        """Of a sample, one of QUANTITIES; infinite for a run that broke."""
+        return self._row(sample, False).error(quantity) if sample.status == "ok" else Measured(None)
+
+    def _error(self, sample: Sample) -> float:
+        return float("inf") if self.quantity is None else self.error(sample, self.quantity).bound
+
+    # --- what is done ---------------------------------------------------------------------------------------------------
+
+    def _go(self) -> None:
+        with Workbench(self.problem, backend=REFERENCE[0], precision=REFERENCE[1]) as bench:
+            self._choose_span(bench)
+            if self.wishes.quantity == "energy":
+                self.conserves_energy = bench.machine(self.own.name).simulation.conserves_energy
+            else:
+                self._find_reference(bench)
+                self._find_chaos(bench)
+            first, *others = self.wishes.devices
+            if first == REFERENCE:
+                self._sweep(bench, self._names(), begin=0.0, end=FIRST_SHARE if others else ALL_SHARE)
+        if self.quantity is None:
+            return
+        self._sweep_each([device for device in self.wishes.devices if device != REFERENCE])
+        if any(self.cut.values()) and self.budget.left(ALL_SHARE) > WORTH_RETURNING * self.budget.seconds:
+            self._sweep_each([device for device in self.wishes.devices if self.cut.get(device)])
+
+    def _sweep_each(self, devices: Sequence[tuple[str, str]]) -> None:
+        """Share out what is left of the budget; a backend that does not start is left out."""
+        for number, (backend, precision) in enumerate(devices):
+            begin = self.budget.spent / self.budget.seconds
+            end = begin + (ALL_SHARE - begin) / (len(devices) - number)
+            names = self._names() if (backend, precision) == REFERENCE else self._best_names()
+            try:
+                with Workbench(self.problem, backend=backend, precision=precision) as bench:
+                    self._sweep(bench, names, begin=begin, end=end)
+            except BackendError as error:
+                self._remarks.append(f"{backend} {precision}: {error}")
+                self.tell(self._remarks[-1])
+
+    def _names(self) -> list[str]:
+        """Those asked for; else all, implicit ones only where springs or drag limit the steps of the others."""
+        if self.wishes.integrators is not None:
+            return [name for name in self.methods if name in self.wishes.integrators]
+        is_stiff = any(method.fewest_steps > 1 for method in self.methods.values())
+        least = 1 if self.wishes.aim is None else 2
+        suits = [name for name, method in self.methods.items() if (is_stiff or not method.implicit) and method.order >= least]
+        return list(dict.fromkeys((self.own.name, *suits)))
+
+    def _best_names(self) -> list[str]:
+        """Methods for another precision: those asked for, else the scene's own and those on the front where rounding allows."""
+        if self.wishes.integrators is not None:
+            return self._names()
+        found = [self.own.name]
+        for row in time_front(self.rows(), self.quantity or "energy"):
+            if row.error(self.quantity or "energy").bound > ROUNDED_ERROR:
+                found.append(row.sample.configuration.integrator)
+        return list(dict.fromkeys(found))[:MOST_ROUNDED]
+
+    def _choose_span(self, bench: Workbench) -> None:
+        """Shorten a scene that takes too long for dozens of runs; the store remembers the span, whatever the next budget is."""
+        if self.store.span is None:
+            machine = bench.machine(self.own.name)
+            own_seconds = self._own_steps * machine.seconds_per_step
+            allowed = OWN_SHARE * self.budget.seconds
+            if own_seconds > allowed:
+                least = min(1.0, FEWEST_OWN_STEPS / self.problem.own_steps)
+                self.problem = self.problem.shortened(self.problem.span * max(least, allowed / own_seconds))
+                bench.shorten(self.problem)
+            self.store.span = self.problem.span
+        if self.problem.span < self.whole:
+            self.tell(
+                f"looking at the first t = {self.problem.span:.6g} of {self.whole:.6g}: all of it does not fit the budget often"
+            )
+
+    def _find_reference(self, bench: Workbench) -> None:
+        known = self.store.notes.get("reference")
+        if known is not None and known["trusted"]:
+            kept = self.store.get(Configuration(known["integrator"], known["steps"], REFERENCE[1], REFERENCE[0]))
+            if kept is not None and kept.end is not None:
+                self.reference = Reference(**known, end=kept.end)
+                self.conserves_energy = kept.energy is not None
+                return
+        machine, steps = self._reference_machine(bench)
+        if known is not None and known["integrator"] == machine.name:
+            steps = max(steps, known["steps"] // 2)
+
+        def add(sample: Sample) -> None:
+            timed(machine, sample, self.budget)
+            self.store.add(sample)
+            self.conserves_energy = sample.energy is not None
+
+        # However long the compiler took, some time must be left to halve a step twice.
+        share = max(REFERENCE_SHARE, self.budget.spent / self.budget.seconds + LEAST_REFERENCE_SHARE)
+        found = converge(machine, steps, self.budget, share=share, add=add)
+        if found.runs:
+            self.reference = found.reference()
+            self.store.notes["reference"] = self.reference.facts()
+            self.tell(f"reference: {describe(self.reference)}")
+            if not self.reference.trusted:
+                self._remarks.append(
+                    "the reference was not shown to have converged; a longer budget, or a second call, goes on"
+                )
+
+    def _reference_machine(self, bench: Workbench) -> tuple[Machine, int]:
+        """The most promising method that the scene allows."""
+        promising = for_reference(self.methods)
+        if self.wishes.reference is not None:
+            promising = [self.methods[self.wishes.reference]]
+        for method in promising:
+            try:
+                return bench.machine(method.name), first_steps(self.problem, method, self.own)
+            except BackendError:
+                raise
+            except MppError as error:
+                log.info("%s is no reference here: %s", method.name, error)
+        raise MppError("no integrator of the catalogue can serve as a reference for this scene")
+
+    def _find_chaos(self, bench: Workbench) -> None:
+        known = self.store.notes.get("chaos")
+        if known is not None:
+            self.chaos = Chaos(known["lyapunov_time"], known["rise"], known["span"])
+            return
+        if self.reference is None:
+            return
+        method = self.methods[self.reference.integrator]
+        steps = max(first_steps(self.problem, method, self.own), self.reference.steps // 4)
+        machine = bench.machine(method.name)
+        if 2.0 * steps * machine.seconds_per_step < self.budget.left(FIRST_SHARE) / 2.0:
+            self.chaos = chaos_of.measure(machine, steps, self.reference.size, self.budget)
+            self.store.notes["chaos"] = vars(self.chaos)
+
+    def _sweep(self, bench: Workbench, names: list[str], *, begin: float, end: float) -> None:
+        if self.quantity is None:
+            return
+        self.tell(f"{bench.backend} {bench.precision}: {', '.join(names)}")
+        sweep = Sweep(bench, self.store, self.budget, self.methods, self._error)
+        if bench.machines:
+            machine = next(iter(bench.machines.values()))
+            sweep.seconds_per_evaluation = machine.seconds_per_step / machine.evaluations
+        ladders = [self._ladder(self.methods[name]) for name in names]
+        sweep.climb(ladders, share=end - REPEATS_SHARE * (end - begin), first=self.own.name)
+        sweep.repeat(share=end)
+        self.store.save()
+        self.cut[bench.backend, bench.precision] = sweep.left_out
+
+    def _ladder(self, method: Method) -> Ladder:
+        anchor = equal_cost(self.problem, method, self.own)
+        floor = ENERGY_BAR
+        if self.quantity == "position" and self.reference is not None:
+            floor = self.reference.bar
+        coarsest = COARSEST
+        if self.wishes.aim is not None:
+            floor, coarsest = max(floor, self.wishes.aim), min(COARSEST, AROUND * self.wishes.aim)
+        fewest = float(method.fewest_steps)
+        return Ladder(method.name, method.order, anchor, fewest, floor, coarsest=coarsest, single=method.adaptive)
+
+
+def describe(reference: Reference) -> str:
+    """`pefrl with 12800 steps, good to 3e-14`."""
+    good = f"good to {reference.bar:.0e} of the system's size" if reference.trusted else "not shown to have converged"
+    return f"{reference.integrator} in f64, {reference.steps:,} steps, {good}"
+
+
+def facts(study: Study) -> dict[str, Any]:
+    """Everything found, as plain data."""
+    reference, chaos = study.reference, study.chaos
+    return {
+        "scene": study.problem.spec.source,
+        "title": study.problem.spec.title,
+        "status": study.status,
+        "known": study.store.known,
+        "particle_count": study.problem.start.particle_count,
+        "span": study.problem.span,
+        "whole_span": study.whole,
+        "quantity": study.quantity,
+        "reference": None if reference is None else reference.facts(),
+        "chaos": None if chaos is None else chaos.facts(),
+        "remarks": study.remarks,
+        "budget_seconds": study.budget.seconds,
+        "spent_seconds": study.budget.spent,
+        "resumed_samples": study.store.resumed,
+        "rows": [row_facts(row) for row in study.rows()],
+    }
+
+
+def row_facts(row: Row) -> dict[str, Any]:
+    """One row as plain data: each error as {value, at_most}, of which one at most is a number."""
+    names = ("position", "position_rms", "energy", "momentum", "angular_momentum")
+    errors = {name: vars(getattr(row, name)) for name in names}
+    sample = {key: value for key, value in row.sample.facts().items() if key not in names}
+    key = row.sample.configuration.key
+    return {"key": key, "is_own": row.is_own, **sample, "median_seconds": row.seconds, "errors": errors}

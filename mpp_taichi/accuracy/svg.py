@@ -1,0 +1,167 @@
+"""SVG: line plots with logarithmic axes, written by hand, without scripts; colours come from the style sheet of the page."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from xml.sax.saxutils import escape, quoteattr
+
+NAMESPACE = "http://www.w3.org/2000/svg"
+WIDTH, HEIGHT = 640, 400
+LEFT, RIGHT, TOP, BOTTOM = 70, 16, 14, 52
+MARKERS = ("circle", "square", "diamond", "triangle", "cross", "plus")
+RADIUS = 4.0
+Axis = tuple[float, float]  # from one decimal logarithm to another
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A point of a plot, in its own units, with what is said of it under the pointer."""
+
+    x: float
+    y: float
+    said: str = ""
+    strong: bool = False  # on the front
+    bound: bool = False  # at most so much: drawn hollow, with an arrow
+
+
+@dataclass(frozen=True)
+class Series:
+    """Points that belong together; `number` chooses colour and marker, `joined` draws a line, `marked` the points."""
+
+    name: str
+    number: int
+    points: Sequence[Mark]
+    joined: bool = True
+    marked: bool = True
+    dashed: bool = False
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Axes and series. Axes are logarithmic; points without a logarithm are left out."""
+
+    title: str
+    x_label: str
+    y_label: str
+    series: Sequence[Series]
+    notes: Sequence[str] = field(default_factory=tuple)
+
+
+def draw(plot: Plot) -> str:
+    """The plot as an <svg> element."""
+    shown = [mark for series in plot.series for mark in series.points if _is_shown(mark)]
+    if not shown:
+        return f"<p>{escape(plot.title)}: nothing to draw.</p>"
+    x_axis, y_axis = _span([mark.x for mark in shown]), _span([mark.y for mark in shown])
+    frame = _Frame(x_axis, y_axis)
+    parts = [
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" xmlns="{NAMESPACE}" aria-label={quoteattr(plot.title)}>',
+        f"<title>{escape(plot.title)}</title>",
+        *_axes(frame, plot),
+        *(line for series in plot.series for line in _series(frame, series)),
+        "</svg>",
+    ]
+    return "\n".join(parts)
+
+
+def marker(number: int, x: float, y: float, *, hollow: bool = False, radius: float = RADIUS, said: str = "") -> str:
+    """One marker; shape and colour go by the number, so that neither is needed to tell series apart."""
+    style = f"c{number % 8}" + (" hollow" if hollow else "")
+    shape = MARKERS[number % len(MARKERS)]
+    r = radius
+    if shape == "circle":
+        body = f'<circle class="{style}" cx="{x:.1f}" cy="{y:.1f}" r="{r:.1f}">'
+        end = "</circle>"
+    else:
+        outline = {
+            "square": [(-r, -r), (r, -r), (r, r), (-r, r)],
+            "diamond": [(0, -1.3 * r), (1.3 * r, 0), (0, 1.3 * r), (-1.3 * r, 0)],
+            "triangle": [(0, -1.2 * r), (1.2 * r, r), (-1.2 * r, r)],
+            "cross": _cross(r, turned=True),
+            "plus": _cross(r, turned=False),
+        }[shape]
+        points = " ".join(f"{x + dx:.1f},{y + dy:.1f}" for dx, dy in outline)
+        body, end = f'<polygon class="{style}" points="{points}">', "</polygon>"
+    return f"{body}<title>{escape(said)}</title>{end}" if said else body + end
+
+
+def _cross(r: float, *, turned: bool) -> list[tuple[float, float]]:
+    w = 0.4 * r
+    arms = [(-w, -r), (w, -r), (w, -w), (r, -w), (r, w), (w, w), (w, r), (-w, r), (-w, w), (-r, w), (-r, -w), (-w, -w)]
+    if not turned:
+        return arms
+    half = math.sqrt(0.5)
+    return [(half * (x - y), half * (x + y)) for x, y in arms]
+
+
+class _Frame:
+    """From decades to pixels."""
+
+    def __init__(self, x_axis: Axis, y_axis: Axis) -> None:
+        self.x_axis, self.y_axis = x_axis, y_axis
+
+    def x(self, value: float) -> float:
+        low, high = self.x_axis
+        return LEFT + (math.log10(value) - low) / (high - low) * (WIDTH - LEFT - RIGHT)
+
+    def y(self, value: float) -> float:
+        low, high = self.y_axis
+        return HEIGHT - BOTTOM - (math.log10(value) - low) / (high - low) * (HEIGHT - TOP - BOTTOM)
+
+
+def _is_shown(mark: Mark) -> bool:
+    return all(math.isfinite(value) and value > 0.0 for value in (mark.x, mark.y))
+
+
+def _span(values: Sequence[float]) -> Axis:
+    """A little more than the values take, and never less than a decade."""
+    low, high = math.log10(min(values)), math.log10(max(values))
+    room = max(0.04 * (high - low), 0.5 * (1.0 - (high - low)), 0.0)
+    return low - room, high + room
+
+
+def _axes(frame: _Frame, plot: Plot) -> list[str]:
+    bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
+    parts = [f'<rect class="field" x="{LEFT}" y="{TOP}" width="{right - LEFT}" height="{bottom - TOP}"/>']
+    for decade in _ticks(frame.x_axis):
+        x = frame.x(10.0**decade)
+        parts.append(f'<line class="grid" x1="{x:.1f}" y1="{TOP}" x2="{x:.1f}" y2="{bottom}"/>')
+        parts.append(f'<text class="tick" x="{x:.1f}" y="{bottom + 17}" text-anchor="middle">{_power(decade)}</text>')
+    for decade in _ticks(frame.y_axis):
+        y = frame.y(10.0**decade)
+        parts.append(f'<line class="grid" x1="{LEFT}" y1="{y:.1f}" x2="{right}" y2="{y:.1f}"/>')
+        parts.append(f'<text class="tick" x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{_power(decade)}</text>')
+    middle_x, middle_y = (LEFT + right) / 2, (TOP + bottom) / 2
+    parts.append(f'<text class="label" x="{middle_x:.0f}" y="{HEIGHT - 10}" text-anchor="middle">{escape(plot.x_label)}</text>')
+    turned = f'transform="rotate(-90 16 {middle_y:.0f})"'
+    label = f'<text class="label" x="16" y="{middle_y:.0f}" {turned} text-anchor="middle">{escape(plot.y_label)}</text>'
+    return [*parts, label]
+
+
+def _ticks(axis: Axis) -> list[int]:
+    low, high = math.ceil(axis[0]), math.floor(axis[1])
+    every = max(1, -(-(high - low) // 8))
+    return list(range(low, high + 1, every))
+
+
+def _power(decade: int) -> str:
+    sign = "−" if decade < 0 else ""
+    return f'10<tspan dy="-5" font-size="9">{sign}{abs(decade)}</tspan>'
+
+
+def _series(frame: _Frame, series: Series) -> list[str]:
+    points = [mark for mark in series.points if _is_shown(mark)]
+    style = f"l{series.number % 8}" if series.number >= 0 else "l-front"
+    places = [(frame.x(mark.x), frame.y(mark.y)) for mark in points]
+    parts = []
+    if series.joined and len(points) > 1:
+        path = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
+        dashes = ' stroke-dasharray="5 4"' if series.dashed else ""
+        parts.append(f'<polyline class="{style}"{dashes} points="{path}"><title>{escape(series.name)}</title></polyline>')
+    if series.marked:
+        for mark, (x, y) in zip(points, places):
+            radius = RADIUS + (1.5 if mark.strong else 0.0)
+            parts.append(marker(series.number, x, y, hollow=mark.bound, radius=radius, said=mark.said))
+            if mark.strong:
+                parts.append(f'<circle class="ring" cx="{x:.1f}" cy="{y:.1f}" r="{RADIUS + 4.5:.1f}"/>')
+    return parts

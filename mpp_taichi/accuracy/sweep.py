@@ -1,0 +1,158 @@
+"""Sweep: the rungs of many ladders on one workbench, the cheapest first; then repeats, interleaved, for the times."""
+
+import logging
+from collections.abc import Callable
+
+from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.ladder import Ladder
+from mpp_taichi.accuracy.methods import Method, rank
+from mpp_taichi.accuracy.sample import Configuration, Sample
+from mpp_taichi.accuracy.store import Store
+from mpp_taichi.accuracy.workbench import Machine, Workbench
+from mpp_taichi.errors import BackendError, MppError
+
+log = logging.getLogger(__name__)
+
+REPEATS = 5
+LONG_SECONDS = 0.2  # of a run whose own time counts, although it was looked at on the way
+DEAREST = 0.12  # part of the budget that one run may take
+LONG_COMPILE = 8.0  # times longer that implicit and adaptive methods take to compile than the others
+FIRST_ORDER_LAST = 8.0  # methods of first order are begun as if they were so many times dearer: they tell least
+HOPELESS = 100.0  # a rung is left when another row is as good for so many times fewer force evaluations
+
+
+class Sweep:
+    """One backend and precision of a study; `error_of` gives the error of a sample that decides where ladders end."""
+
+    def __init__(
+        self,
+        bench: Workbench,
+        store: Store,
+        budget: Budget,
+        methods: dict[str, Method],
+        error_of: Callable[[Sample], float],
+    ) -> None:
+        """Nothing is run yet."""
+        self.bench, self.store, self.budget, self.methods, self.error_of = bench, store, budget, methods, error_of
+        self.seconds_per_evaluation: float | None = None
+        self.left_out = 0
+
+    def configuration(self, integrator: str, steps: int) -> Configuration:
+        """Of this workbench."""
+        return Configuration(integrator, steps, self.bench.precision, self.bench.backend)
+
+    def climb(self, ladders: list[Ladder], *, share: float, first: str) -> None:
+        """Run rungs until none is open or the share of the budget is spent; the method `first` begins.
+
+        Raises:
+            OutOfTime: all of the budget is spent.
+        """
+        waiting = list(ladders)
+        while waiting:
+            self.budget.check()
+            offers = []
+            for ladder in list(waiting):
+                rungs = self._recall(ladder)
+                if not rungs:
+                    waiting.remove(ladder)
+                offers += [(self._expected(ladder, rung), ladder, rung) for rung in rungs]
+            if not offers:
+                return
+            begun = [offer for offer in offers if offer[1].integrator == first and not offer[1].errors]
+            seconds, ladder, rung = min(begun or offers, key=lambda offer: offer[0] * self._dearness(offer[1]))
+            dear = self._run_seconds(ladder, rung) > DEAREST * self.budget.seconds
+            if dear or seconds > self.budget.left(share):
+                ladder.close(rung)
+                self.left_out += 1
+            else:
+                self._try(ladder, rung, waiting)
+
+    def repeat(self, *, share: float) -> None:
+        """Time every run again, one after another, until each has REPEATS times or the share of the budget is spent."""
+        for _ in range(REPEATS):
+            for sample in sorted(self._mine(), key=lambda each: each.median_seconds or 0.0):
+                name = sample.configuration.integrator
+                wanted = sample.status == "ok" and len(sample.seconds) < REPEATS
+                expected = sum(sample.seconds[:1]) + (0.0 if self._is_compiled(name) else self._compile_seconds(name))
+                if wanted and expected < self.budget.left(share):
+                    sample.seconds.append(self.bench.machine(name).time(sample.configuration.steps, self.budget))
+
+    def measure(self, configuration: Configuration) -> Sample:
+        """Run once, kept in the store; a method that the scene does not allow is a sample with the reason."""
+        try:
+            machine = self.bench.machine(configuration.integrator)
+        except BackendError:
+            raise
+        except MppError as error:
+            dt = self.bench.problem.span / configuration.steps
+            sample = Sample(configuration, dt, status="refused", reason=str(error).splitlines()[0])
+        else:
+            sample, _ = machine.run(configuration.steps, self.budget)
+            timed(machine, sample, self.budget)
+            self.seconds_per_evaluation = machine.seconds_per_step / machine.evaluations
+        self.store.add(sample)
+        return sample
+
+    # --- inside ---------------------------------------------------------------------------------------------------------
+
+    def _recall(self, ladder: Ladder) -> list[int]:
+        """Rungs that are still to be run, after what the store knows was noted."""
+        while True:
+            rungs = ladder.open_rungs()
+            known = [(rung, self.store.get(self.configuration(ladder.integrator, ladder.steps(rung)))) for rung in rungs]
+            found = [(rung, sample) for rung, sample in known if sample is not None]
+            if not found:
+                return rungs
+            rung, sample = found[0]
+            if sample.status == "refused":
+                return []
+            self._note(ladder, rung, sample)
+
+    def _try(self, ladder: Ladder, rung: int, waiting: list[Ladder]) -> None:
+        sample = self.measure(self.configuration(ladder.integrator, ladder.steps(rung)))
+        log.info("%s: error %.1e", sample.configuration.key, self.error_of(sample))
+        if sample.status == "refused":
+            waiting.remove(ladder)
+        else:
+            self._note(ladder, rung, sample)
+
+    def _note(self, ladder: Ladder, rung: int, sample: Sample) -> None:
+        """Tell the ladder; where others are as good for far less, it ends above."""
+        error = self.error_of(sample)
+        ladder.note(rung, error)
+        if any(sample.evaluations > HOPELESS * each.evaluations and self.error_of(each) <= error for each in self._mine()):
+            ladder.closed_above = True
+
+    def _mine(self) -> list[Sample]:
+        here = (self.bench.backend, self.bench.precision)
+        return [each for each in self.store if (each.configuration.backend, each.configuration.precision) == here]
+
+    def _expected(self, ladder: Ladder, rung: int) -> float:
+        """Seconds that a rung takes: its run, once for the errors and once for the time, and the compiler."""
+        compiler = 0.0 if self._is_compiled(ladder.integrator) else self._compile_seconds(ladder.integrator)
+        return 2.0 * self._run_seconds(ladder, rung) + compiler
+
+    def _run_seconds(self, ladder: Ladder, rung: int) -> float:
+        method, steps = self.methods[ladder.integrator], ladder.steps(rung)
+        if self._is_compiled(method.name):
+            return steps * self.bench.machine(method.name).seconds_per_step
+        return steps * method.evaluations * (self.seconds_per_evaluation or 0.0)
+
+    def _is_compiled(self, name: str) -> bool:
+        return name in self.bench.machines
+
+    def _compile_seconds(self, name: str) -> float:
+        slow = LONG_COMPILE if self.methods[name].implicit or self.methods[name].adaptive else 1.0
+        return slow * self.bench.expected_compile_seconds()
+
+    def _dearness(self, ladder: Ladder) -> float:
+        """What a ladder that is not begun yet waits by: the best method of each order comes before the second best."""
+        if ladder.errors:
+            return 1.0
+        return FIRST_ORDER_LAST if ladder.order <= 1 else 1.0 + rank(self.methods, self.methods[ladder.integrator])
+
+
+def timed(machine: Machine, sample: Sample, budget: Budget) -> None:
+    """Take the time of the stepping alone, where looks on the way were a part of the time that was taken."""
+    if sample.status == "ok" and sample.seconds and sample.seconds[0] < LONG_SECONDS:
+        sample.seconds = [machine.time(sample.configuration.steps, budget)]

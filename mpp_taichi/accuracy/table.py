@@ -1,0 +1,44 @@
+"""Table: rows of a study as text for a terminal."""
+
+from collections.abc import Sequence
+
+from mpp_taichi.accuracy.front import Row
+from mpp_taichi.accuracy.verdict import duration
+
+HEAD = ("", "integrator", "", "dt", "forces", "time", "position", "(rms)", "energy", "momentum", "ang. mom.")
+
+
+def cells(row: Row, fronts: dict[str, Sequence[str]]) -> tuple[str, ...]:
+    """A row as texts; the first cell holds * for the front in time, + for that in evaluations, o for the scene's own."""
+    sample = row.sample
+    key = sample.configuration.key
+    marks = ("*" if key in fronts["time"] else "") + ("+" if key in fronts["evaluations"] else "") + ("o" if row.is_own else "")
+    where = sample.configuration.precision
+    if sample.configuration.backend != "cpu":
+        where += f" {sample.configuration.backend}"
+    if sample.status != "ok":
+        return (marks, sample.configuration.integrator, where, f"{sample.dt:.3g}", "", f"{sample.status}: {sample.reason}")
+    errors = (row.position, row.position_rms, row.energy, row.momentum, row.angular_momentum)
+    return (
+        marks,
+        sample.configuration.integrator,
+        where,
+        f"{sample.dt:.3g}",
+        f"{sample.evaluations:,}",
+        duration(row.seconds),
+        *(str(error) for error in errors),
+    )
+
+
+def lines(rows: Sequence[Row], fronts: dict[str, Sequence[str]]) -> list[str]:
+    """The table, columns aligned; a reason may be as long as it is."""
+    table = [HEAD, *(cells(row, fronts) for row in rows)]
+    full = [row for row in table if len(row) == len(HEAD)]
+    widths = [max(len(row[column]) for row in full) for column in range(len(HEAD))]
+    return [
+        "  ".join(_fit(text, width, column) for column, (text, width) in enumerate(zip(row, widths))).rstrip() for row in table
+    ]
+
+
+def _fit(text: str, width: int, column: int) -> str:
+    return text.ljust(width) if column < 3 else text.rjust(width)

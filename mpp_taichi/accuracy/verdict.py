@@ -1,0 +1,138 @@
+"""Verdict: what a study found, as numbers and as one plain sentence."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from mpp_taichi.accuracy.front import Row, evaluation_front, price_of_a_digit, time_front
+
+ALIKE = 1.1  # times as long: medians on a busy machine tell no finer
+
+
+def verdict(rows: Sequence[Row], quantity: str | None, target: float) -> dict[str, Any]:
+    """The numbers that the sentence is made of.
+
+    time_per_digit, evaluations_per_digit   factors for ten times less error, along the front
+    choice       the row to take for the target, see `choice`; absent where none reaches it
+    best         the smallest error there is, where none does
+    own          the scene's own setting: its error, and `step_ratio`, by how much its step could be longer (above 1) or
+                 must be shorter (below 1) for the target; from its method's own errors, interpolated or by its order
+    """
+    if quantity is None:
+        return {"target": target, "quantity": None}
+    found: dict[str, Any] = {"target": target, "quantity": quantity}
+    for name, rows_of_front, cost in (
+        ("time", time_front(rows, quantity), lambda row: row.seconds),
+        ("evaluations", evaluation_front(rows, quantity), lambda row: float(row.sample.evaluations)),
+    ):
+        told = [row for row in rows_of_front if row.error(quantity).value is not None]
+        errors = [row.error(quantity).bound for row in told]
+        found[f"{name}_per_digit"] = price_of_a_digit(errors, [cost(row) for row in told])
+        found[f"{name}_front"] = [row.sample.configuration.key for row in rows_of_front]
+    if (chosen := choice(rows, quantity, target)) is not None:
+        found["choice"] = _described(chosen, quantity)
+    elif ends := time_front(rows, quantity):
+        found["best"] = _described(ends[-1], quantity)
+    own = next((row for row in rows if row.is_own), None)
+    if own is not None:
+        ratio = step_ratio(own, rows, quantity, target)
+        found["own"] = {**_described(own, quantity), "status": own.sample.status, "step_ratio": ratio}
+    return found
+
+
+def choice(rows: Sequence[Row], quantity: str, target: float) -> Row | None:
+    """The fastest row that reaches the target, by its median; of those as fast within ALIKE that with the smallest error."""
+    reached = [row for row in rows if row.sample.status == "ok" and row.seconds and row.error(quantity).bound <= target]
+    if not reached:
+        return None
+    fastest = min(row.seconds or math.inf for row in reached)
+    alike = [row for row in reached if (row.seconds or math.inf) <= ALIKE * fastest]
+    return min(alike, key=lambda row: (row.error(quantity).bound, row.sample.evaluations, row.seconds))
+
+
+def step_ratio(own: Row, rows: Sequence[Row], quantity: str, target: float) -> float | None:
+    """The step that the scene's own method needs for the target over the scene's own step.
+
+    Between two measured steps of the method, errors are taken as a power of the step; beyond the last one, as its order says.
+    """
+    mine = own.sample.configuration
+    points = []
+    for row in rows:
+        theirs = row.sample.configuration
+        same = (theirs.integrator, theirs.precision, theirs.backend) == (mine.integrator, mine.precision, mine.backend)
+        if same and row.error(quantity).value is not None:
+            points.append((row.sample.dt, row.error(quantity).bound))
+    points.sort(reverse=True)
+    for (coarse_dt, coarse), (fine_dt, fine) in zip(points, points[1:]):
+        if fine <= target <= coarse:
+            power = math.log(coarse / fine) / math.log(coarse_dt / fine_dt) if coarse > fine else math.inf
+            return fine_dt * (target / fine) ** (1.0 / power) / own.sample.dt
+    return None
+
+
+def _described(row: Row, quantity: str) -> dict[str, Any]:
+    configuration, error = row.sample.configuration, row.error(quantity)
+    return {
+        "key": configuration.key,
+        "integrator": configuration.integrator,
+        "precision": configuration.precision,
+        "backend": configuration.backend,
+        "dt": row.sample.dt,
+        "seconds": row.seconds,
+        "evaluations": row.sample.evaluations,
+        "error": error.value,
+        "error_at_most": error.at_most,
+    }
+
+
+def sentence(found: dict[str, Any]) -> str:
+    """The verdict for a person."""
+    quantity = found["quantity"]
+    if quantity is None:
+        return "nothing can be compared: no positions at the end are known well enough, and the scene does not keep its energy"
+    parts = []
+    if found["time_per_digit"] is not None:
+        forces = found["evaluations_per_digit"]
+        also = f" and {_factor(forces)} the force evaluations" if forces is not None else ""
+        parts.append(f"ten times less error costs {_factor(found['time_per_digit'])} the time{also}")
+    target = f"{found['target']:.0e}".replace("e-0", "e-")
+    if choice := found.get("choice"):
+        parts.append(
+            f"for {target} of {quantity} take {choice['integrator']} in {choice['precision']} with dt = {choice['dt']:.3g}, "
+            f"{duration(choice['seconds'])}"
+        )
+    elif best := found.get("best"):
+        error = best["error"] if best["error"] is not None else best["error_at_most"]
+        parts.append(f"nothing that was tried reaches {target} of {quantity}; {best['integrator']} came to {error:.1e}")
+    if own := found.get("own"):
+        parts.append(_own(own, found))
+    return "; ".join(part for part in parts if part) or "too little was measured to say what accuracy costs"
+
+
+def _own(own: dict[str, Any], found: dict[str, Any]) -> str:
+    target = f"{found['target']:.0e}".replace("e-0", "e-")
+    setting = f"this scene's own setting ({own['integrator']}, dt = {own['dt']:.3g})"
+    if own["status"] != "ok":
+        return f"{setting} does not hold"
+    if own["error"] is None and own["error_at_most"] is None:
+        return ""
+    error = f"{own['error']:.1e}" if own["error"] is not None else f"at most {own['error_at_most']:.0e}"
+    if own["step_ratio"] is None:
+        relation = f"misses {target}" if own["error"] is not None and own["error"] > found["target"] else f"reaches {target}"
+        return f"{setting} {relation}: its error is {error}"
+    ratio = own["step_ratio"]
+    if ratio < 1.0:
+        return f"{setting} has the error {error}: its step is {_factor(1.0 / ratio)} coarser than {target} allows"
+    return f"{setting} has the error {error}: its step is {_factor(ratio)} finer than {target} needs"
+
+
+def _factor(value: float) -> str:
+    return f"{value:.0f}×" if value >= 10.0 else f"{value:.1f}×" if value >= 1.05 else f"{value:.2f}×"
+
+
+def duration(seconds: float | None) -> str:
+    """`0.8 s`, `1.2 ms`, `35 µs`."""
+    if seconds is None:
+        return "–"
+    size, unit = next((each for each in ((1.0, "s"), (1e-3, "ms")) if seconds >= each[0]), (1e-6, "µs"))
+    return f"{float(f'{seconds / size:.2g}'):g} {unit}"

@@ -1,0 +1,252 @@
+"""Workbench: a problem compiled for several methods on one device, run with any step, and timed.
+
+A step is an argument of the kernels, so one compilation of a method serves all its steps. A device has one precision at a
+time: a workbench of another precision ends the one before it.
+"""
+
+import math
+import time as clock
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpp_taichi import backends
+from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.methods import LOOKS
+from mpp_taichi.accuracy.problem import Problem, with_integrator
+from mpp_taichi.accuracy.sample import Configuration, Sample
+from mpp_taichi.simulation import Simulation
+
+MOST_FOLLOWED = 1000  # particles whose positions are kept at every look
+LAUNCH_SECONDS = 0.1  # of one launch: short enough to stop in time
+LONG_LAUNCH = 0.02  # that tells how long a step takes
+TRIAL = 8  # part of a look's time that an adaptive method is tried for
+TINY = 1e-6  # of the scene's own step: explicit methods take the same time for a step of any length
+LOST = 1e9  # times the first extent of the system: beyond it there is nothing more to learn
+ZERO_ENERGY = 1e-12  # an |E₀| below this share of kinetic + |potential| is what rounding left of zero
+
+
+@dataclass(eq=False)
+class Trace:
+    """What is only kept of some runs: positions [length] of the followed particles at every look, (looks, followed, 3)."""
+
+    times: np.ndarray
+    position: np.ndarray
+
+
+class Machine:
+    """One method, compiled."""
+
+    def __init__(self, problem: Problem, integrator: str, *, backend: str, precision: str) -> None:
+        """Compile, with one step and one look; MppError where the scene does not allow the method."""
+        began = clock.perf_counter()
+        self.problem, self.name = problem, integrator
+        spec = with_integrator(problem.spec, integrator, problem.own_dt)
+        self.simulation = Simulation(spec, backend=backend, precision=precision)
+        self.integrator = self.simulation.integrator
+        self.backend, self.precision = backend, precision
+        self.extent = float(np.abs(problem.start.position).max()) + problem.span * float(np.abs(problem.start.velocity).max())
+        self._begin()
+        self._launch(0.0, problem.own_dt, 1)
+        self._look(0.0, 0)
+        self._begin()
+        self.compile_seconds = clock.perf_counter() - began
+        self.seconds_per_step = self._try_out()
+
+    @property
+    def order(self) -> int:
+        """Of the global error."""
+        return self.integrator.order
+
+    @property
+    def evaluations(self) -> float:
+        """Forces per step; of implicit and adaptive methods as they were last counted."""
+        counts = self.integrator.implicit or self.integrator.adaptive
+        return max(1.0, self._counted) if counts else float(self.integrator.evaluations)
+
+    def run(self, steps: int, budget: Budget, *, follow: bool = False) -> tuple[Sample, Trace | None]:
+        """Run the span in so many steps, and look on the way.
+
+        Relative errors: of the energy |E − E₀| / |E₀| (over kinetic + |potential| where E₀ is zero), of the momenta over the
+        largest Σ m |v| and Σ m |x| |v| seen; the largest of the run, and of the energy at every look.
+
+        Raises:
+            OutOfTime: the budget ended first.
+        """
+        dt = self.problem.span / steps
+        sample = Sample(Configuration(self.name, steps, self.precision, self.backend), dt, compile_seconds=self.compile_seconds)
+        stops = sorted({round(k * steps / LOOKS) for k in range(LOOKS + 1)})
+        self._begin()
+        rows, places, seconds, solver_steps = [], [], 0.0, 0
+        for before, stop in zip((0, *stops), stops):
+            took, iterations, solved = self._advance(before, stop, dt, budget)
+            seconds += took
+            solver_steps += iterations
+            found, position = self._look(stop * dt, stop)
+            if not solved or not np.isfinite(position).all() or float(np.abs(position).max()) > LOST * max(self.extent, 1e-300):
+                what = "grew out of bounds" if solved else "had a step that its solver could not solve"
+                sample.status, sample.reason = "diverged", f"it {what} before t = {stop * dt:.4g}"
+                break
+            rows.append(found)
+            if follow:
+                places.append(position[self._followed()])
+        else:
+            sample.end = position
+            sample.seconds.append(seconds)
+        if self.integrator.implicit:
+            self._counted = solver_steps / max(1, steps)
+        if self.integrator.adaptive:
+            taken, _, forces, stalled = self.integrator.counts(self.simulation.state)[0]
+            self._counted = forces / steps
+            sample.dt = self.problem.span / max(1, int(taken))
+            if stalled:
+                sample.status, sample.reason, sample.end = "diverged", "its steps became too short for the time to go on", None
+        sample.evaluations = round(self.evaluations * steps)
+        self._judge(sample, rows)
+        if sample.status != "ok":
+            return sample, None
+        trace = Trace(np.array([row["time"] for row in rows]), np.array(places)) if follow else None
+        return sample, trace
+
+    def time(self, steps: int, budget: Budget) -> float:
+        """Seconds of the stepping alone."""
+        self._begin()
+        return self._advance(0, steps, self.problem.span / steps, budget)[0]
+
+    def advance_from(
+        self, state: tuple[np.ndarray, ...], before: int, stop: int, dt: float, budget: Budget
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Positions [length] and velocities [length / time] at step `stop`, from those at step `before`."""
+        self.simulation.state.write(*state)
+        self.simulation.stepper.prepare(before * dt)
+        self._advance(before, stop, dt, budget)
+        return self.simulation.state.read()
+
+    def close(self) -> None:
+        """Give the memory back."""
+        self.simulation.close()
+
+    # --- inside ---------------------------------------------------------------------------------------------------------
+
+    _counted = 1.0
+
+    def _begin(self) -> None:
+        self.simulation.restart()
+        self.simulation.stepper.prepare(0.0)
+
+    def _launch(self, time: float, dt: float, steps: int) -> float:
+        ti = backends.import_taichi()
+        ti.sync()
+        began = clock.perf_counter()
+        self.simulation.stepper.advance(time, dt, steps)
+        ti.sync()
+        return clock.perf_counter() - began
+
+    def _try_out(self) -> float:
+        """Seconds per step, from launches that grow until the clock can tell them."""
+        if self.integrator.adaptive:
+            return TRIAL * self._launch(0.0, self.problem.span / LOOKS / TRIAL, 1)
+        steps, limit = 1, self.simulation.launch_limit
+        dt = self.problem.own_dt if self.integrator.implicit else TINY * self.problem.own_dt
+        while (seconds := self._launch(0.0, dt, steps)) < 2e-3 and 4 * steps <= limit:
+            steps *= 4
+        return min(seconds, self._launch(0.0, dt, steps)) / steps
+
+    def _learn(self, seconds_per_step: float, seconds: float) -> None:
+        """The least that was seen, as a busy machine only adds; but of an implicit method steps do differ."""
+        differs = self.integrator.adaptive or (self.integrator.implicit and seconds > LONG_LAUNCH)
+        self.seconds_per_step = seconds_per_step if differs else min(self.seconds_per_step, seconds_per_step)
+
+    def _advance(self, before: int, stop: int, dt: float, budget: Budget) -> tuple[float, int, bool]:
+        """Seconds, iterations of the solver, and whether every step was solved."""
+        seconds, iterations, done = 0.0, 0, before
+        implicit = self.integrator.implicit
+        while done < stop:
+            budget.check()
+            most = max(1, min(self.simulation.launch_limit, int(LAUNCH_SECONDS / self.seconds_per_step)))
+            count = min(stop - done, most)
+            took = self._launch(done * dt, dt, count)
+            seconds += took
+            self._learn(took / count, took)
+            done += count
+            if implicit:
+                report = self.simulation.stepper.solver_report()
+                iterations += report.newton_iterations + report.linear_iterations
+                if report.unsolved:
+                    return seconds, iterations, False
+        return seconds, iterations, True
+
+    def _followed(self) -> np.ndarray:
+        return followed(self.problem)
+
+    def _look(self, time: float, step: int) -> tuple[dict, np.ndarray]:
+        from mpp_taichi.energy import mechanics  # Taichi code: not before a backend was started
+
+        position, velocity = self.simulation.state.read()
+        there = self.problem.start.moved(position=position, velocity=velocity, time=time, step=step)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return mechanics(there, self.simulation.energy_meter.potential_energy(time)), position
+
+    def _judge(self, sample: Sample, rows: list[dict]) -> None:
+        if not rows:
+            return
+        first, simulation = rows[0], self.simulation
+        if simulation.conserves_energy:
+            largest = max(row["kinetic_energy"] + abs(row["potential_energy"]) for row in rows)
+            energy = abs(first["total_energy"])
+            scale = energy if energy > ZERO_ENERGY * largest else largest
+            sample.times = [row["time"] for row in rows]
+            sample.energy_errors = [_ratio(abs(row["total_energy"] - first["total_energy"]), scale) for row in rows]
+            sample.energy = max(sample.energy_errors)
+        kept = {"momentum": simulation.conserves_momentum, "angular_momentum": simulation.conserves_angular_momentum}
+        for name in (name for name, stays in kept.items() if stays):
+            scale = max(row[f"{name}_scale"] for row in rows)
+            setattr(sample, name, max(_ratio(float(np.linalg.norm(row[name] - first[name])), scale) for row in rows))
+
+
+def followed(problem: Problem) -> np.ndarray:
+    """Indices of the moving particles whose positions are kept: all, or so many of them, evenly chosen."""
+    moving = np.flatnonzero(problem.start.free.any(axis=1))
+    return moving[:: -(-len(moving) // MOST_FOLLOWED)]
+
+
+def _ratio(change: float, scale: float) -> float:
+    return change / scale if scale > 0.0 else 0.0 if change == 0.0 else math.inf
+
+
+class Workbench:
+    """The machines of one device and precision, compiled as they are asked for."""
+
+    def __init__(self, problem: Problem, *, backend: str, precision: str) -> None:
+        """Nothing is compiled yet."""
+        self.problem, self.backend, self.precision = problem, backend, precision
+        self.machines: dict[str, Machine] = {}
+        self.compile_seconds: list[float] = []
+
+    def machine(self, integrator: str) -> Machine:
+        """A method, compiled when it is asked for first; MppError where it is not allowed."""
+        if integrator not in self.machines:
+            made = Machine(self.problem, integrator, backend=self.backend, precision=self.precision)
+            self.machines[integrator] = made
+            self.compile_seconds.append(made.compile_seconds)
+        return self.machines[integrator]
+
+    def expected_compile_seconds(self) -> float:
+        """Of the next method."""
+        return float(np.median(self.compile_seconds)) if self.compile_seconds else 2.0
+
+    def shorten(self, problem: Problem) -> None:
+        """Go on with a shorter span of the same scene."""
+        self.problem = problem
+        for machine in self.machines.values():
+            machine.problem = problem
+
+    def __enter__(self) -> "Workbench":
+        """Use as a context manager."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close every machine."""
+        for machine in self.machines.values():
+            machine.close()
+        self.machines.clear()

@@ -1,0 +1,29 @@
+"""Scenes with an `accuracy:`: what is chosen for them before they run."""
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi.cli import _options
+from mpp_taichi.cli._terminal import say
+
+if TYPE_CHECKING:
+    from mpp_taichi.scene.spec import SceneSpec
+
+
+def settled(spec: "SceneSpec", arguments: argparse.Namespace) -> tuple["SceneSpec", str | None, dict[str, Any]]:
+    """The scene as it is to be run, its precision, and the facts of the choice; as they are where a scene has no target."""
+    if spec.accuracy is None:
+        return spec, arguments.precision, {}
+    from dataclasses import asdict
+
+    from mpp_taichi.accuracy.choice import choose
+    from mpp_taichi.cli._request import OUTPUT_FOLDER
+    from mpp_taichi.cli._signals import Interruption
+
+    tell = (lambda _: None) if arguments.quiet else say
+    precisions = (arguments.precision,) if arguments.precision else ("f64", "f32")
+    folder = OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.accuracy"
+    with Interruption() as interruption:
+        found = choose(spec, folder, precisions=precisions, look=interruption.raise_if_any, tell=tell)
+    tell(found.line())
+    return found.settle(spec), found.precision, {"accuracy": asdict(found)}

@@ -1,0 +1,155 @@
+"""Say what accuracy costs in time: a scene run by many methods, steps and precisions, each measured against a reference.
+
+Prints a table with the front of error and time marked and a sentence that sums it up, and writes DIR/accuracy.json and
+DIR/accuracy.html, a page with plots that needs no network. Runs that are done are kept in DIR: a second call goes on where
+the first one ended.
+"""
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi import __version__, component
+from mpp_taichi.cli import _options
+from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, put_json, say
+
+if TYPE_CHECKING:
+    from mpp_taichi.accuracy.study import Study, Wishes
+
+BUDGET_SECONDS = 60.0
+TARGET = 1e-6
+UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    _options.add_scene(parser)
+    parser.add_argument(
+        "--budget", type=span_of_time, default=BUDGET_SECONDS, metavar="60s", help="wall time it may take: 60s, 10min, 1h"
+    )
+    parser.add_argument(
+        "--target",
+        type=_options.positive_number,
+        metavar="E",
+        help="the error that the sentence is about; 1e-6 when nothing is said",
+    )
+    parser.add_argument(
+        "--until", type=_options.positive_number, metavar="T", help="simulated time; the scene's own when absent"
+    )
+    parser.add_argument("--integrators", type=names, metavar="A,B", help="methods to try; all that suit when absent")
+    parser.add_argument("--precisions", type=names, default=["f64", "f32"], metavar="P,Q", help="f64,f32 when absent")
+    parser.add_argument("--backends", type=names, default=["cpu"], metavar="B,C", help="cpu when absent")
+    parser.add_argument(
+        "--out", type=_options.output_path, metavar="DIR", help="folder to write; out/SCENE.accuracy when absent"
+    )
+    parser.add_argument("--fresh", action="store_true", help="forget the runs that are kept in DIR")
+    _options.add_report(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Measure, say, write; the code is 0 also when the budget ended first."""
+    from mpp_taichi.accuracy.problem import pose
+    from mpp_taichi.scene.load import load_scene
+
+    spec = load_scene(arguments.scene, overrides=arguments.overrides)
+    wishes = _wishes(arguments)
+    problem = pose(spec, arguments.until)
+    from mpp_taichi.cli._request import OUTPUT_FOLDER
+    from mpp_taichi.cli._signals import Interrupted, Interruption
+    from mpp_taichi.recorders._lock import OutputLock
+
+    folder = arguments.out or OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.accuracy"
+    code = 0
+    with output_reserved(arguments.json), Interruption() as interruption:
+        from mpp_taichi.accuracy.budget import Budget
+        from mpp_taichi.accuracy.store import Store, identity
+        from mpp_taichi.accuracy.study import Study
+
+        lock = OutputLock(folder / "accuracy.json")
+        try:
+            store = Store(folder, identity(problem, problem.span, __version__), fresh=arguments.fresh)
+            tell = (lambda _: None) if arguments.quiet else say
+            study = Study(problem, store, Budget(arguments.budget, interruption.raise_if_any), wishes, tell)
+            if store.resumed:
+                tell(f"{store.resumed} runs are known from before")
+            try:
+                study.run()
+            except Interrupted as signal:
+                study.status, code = "interrupted", signal.code
+            own = spec.accuracy.error if spec.accuracy is not None else TARGET
+            found = _findings(study, arguments.target or own)
+            found["files"] = _write(folder, found, study)
+        finally:
+            lock.release()
+    _report(found, study, arguments)
+    return code
+
+
+def _findings(study: "Study", target: float) -> dict[str, Any]:
+    from mpp_taichi.accuracy.study import facts
+    from mpp_taichi.accuracy.verdict import sentence, verdict
+
+    found = facts(study)
+    found["verdict"] = verdict(study.rows(), study.quantity, target)
+    found["sentence"] = sentence(found["verdict"])
+    return found
+
+
+def _write(folder: Path, found: dict[str, Any], study: "Study") -> list[str]:
+    """accuracy.json and accuracy.html."""
+    from mpp_taichi.accuracy.report import page
+    from mpp_taichi.whole_file import whole_file
+
+    texts = {
+        "accuracy.json": json.dumps(plain(found), indent=1, allow_nan=False),
+        "accuracy.html": page(found, study.rows()),
+    }
+    for name, text in texts.items():
+        with whole_file(folder / name, "the report") as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return [str(folder / name) for name in texts]
+
+
+def _report(found: dict[str, Any], study: "Study", arguments: argparse.Namespace) -> None:
+    from mpp_taichi.accuracy.report import circumstances, machine
+    from mpp_taichi.accuracy.table import lines
+
+    if arguments.json:
+        put_json(found)
+    elif not arguments.quiet:
+        verdict = found["verdict"]
+        fronts = {name: verdict.get(f"{name}_front", ()) for name in ("time", "evaluations")}
+        put("\n".join([*lines(study.rows(), fronts), "", *circumstances(found), machine(found)]))
+        put(f"\n{found['sentence']}")
+        put(f"\nwrote {', '.join(found['files'])}")
+
+
+def _wishes(arguments: argparse.Namespace) -> "Wishes":
+    from mpp_taichi.accuracy.study import Wishes
+    from mpp_taichi.availability import BACKENDS
+
+    allowed = {"integrators": component.names("integrators"), "precisions": ["f64", "f32"], "backends": list(BACKENDS)}
+    for option, known in allowed.items():
+        for name in getattr(arguments, option) or ():
+            if name not in known:
+                raise UsageError(f"--{option} {name}: allowed are {', '.join(known)}")
+    devices = [(backend, precision) for backend in arguments.backends for precision in arguments.precisions]
+    return Wishes(arguments.integrators, devices)
+
+
+def names(text: str) -> list[str]:
+    """`a,b,c`."""
+    found = [name.strip() for name in text.split(",") if name.strip()]
+    if not found:
+        raise argparse.ArgumentTypeError(f"{text!r} names nothing")
+    return list(dict.fromkeys(found))
+
+
+def span_of_time(text: str) -> float:
+    """`90`, `60s`, `1.5min` or `1h`, in seconds."""
+    number = text.strip().rstrip("abcdefghijklmnopqrstuvwxyz")
+    unit = text.strip()[len(number) :] or "s"
+    if unit not in UNITS:
+        raise argparse.ArgumentTypeError(f"{text!r}: the unit must be one of {', '.join(UNITS)}")
+    return _options.positive_number(number) * UNITS[unit]

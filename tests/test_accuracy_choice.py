@@ -1,0 +1,140 @@
+"""`accuracy:` in a scene: what is chosen reaches the target, is kept, and repeats bit for bit."""
+
+import json
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import yaml
+
+import mpp_taichi as mpp
+from mpp_taichi.accuracy import choice as choosing
+from mpp_taichi.accuracy.choice import choose, offers_for
+from mpp_taichi.accuracy.front import Row
+from mpp_taichi.accuracy.sample import Configuration, Measured, Sample
+from mpp_taichi.accuracy.study import Study
+from mpp_taichi.cli.main import main
+from mpp_taichi.scene.load import load_scene
+from scenes import kepler
+
+SPAN = 20.0
+METHODS = ("leapfrog", "pefrl")
+
+
+def scene_of(target):
+    scene = {**kepler(0.3), "run": {"duration": SPAN}, "accuracy": target}
+    del scene["integrator"]  # chosen
+    return scene
+
+
+def row(steps, error, *, seconds, integrator="leapfrog"):
+    sample = Sample(Configuration(integrator, steps, "f64", "cpu"), 1.0 / steps, evaluations=steps, seconds=[seconds])
+    return Row(sample, *[Measured(error)] * 5)
+
+
+def relative_separation(snapshot):
+    return snapshot.position[1] - snapshot.position[0]
+
+
+def kepler_separation(time):
+    """From pericentre 1 − e with the speed √((1 + e)/(1 − e)), where μ = 1.001: a is not quite 1."""
+    mu, distance, speed = 1.001, 0.7, math.sqrt(1.3 / 0.7)
+    a = 1.0 / (2.0 / distance - speed**2 / mu)
+    e = 1.0 - distance / a
+    anomaly = mean = math.sqrt(mu / a**3) * time
+    for _ in range(60):
+        anomaly -= (anomaly - e * math.sin(anomaly) - mean) / (1.0 - e * math.cos(anomaly))
+    return np.array([a * (math.cos(anomaly) - e), a * math.sqrt(1.0 - e * e) * math.sin(anomaly), 0.0])
+
+
+@pytest.fixture(scope="module")
+def chosen(tmp_path_factory):
+    """A choice for 1e-6 of positions, among two methods in f64."""
+    folder = tmp_path_factory.mktemp("choice")
+    spec = load_scene(scene_of(1e-6))
+    found = choose(spec, folder, integrators=METHODS, precisions=("f64",), seconds=20.0)
+    return SimpleNamespace(folder=folder, spec=spec, found=found)
+
+
+def test_the_choice_reaches_its_target_and_not_much_more(chosen):
+    found = chosen.found
+    assert (found.integrator, found.quantity, found.precision) == ("pefrl", "position", "f64")  # as cheap, and of fourth order
+    with mpp.Simulation(found.settle(chosen.spec), precision=found.precision) as simulation:
+        simulation.run()
+        error = np.linalg.norm(relative_separation(simulation.snapshot()) - kepler_separation(SPAN))
+    # The planet has all but 10⁻³ of the separation's error; the size of the system, √(⟨r²⟩/2) of both bodies, is 0.70 to 0.72.
+    assert 1e-6 / 3.0 < error / 0.71 < 1.1e-6
+    assert found.error < 1e-6 and "leapfrog in f64 would take" in found.why
+
+
+def test_a_settled_scene_is_a_scene_without_target(chosen):
+    settled = chosen.found.settle(chosen.spec)
+    again = load_scene(settled.resolved)
+    assert again.accuracy is None and settled.accuracy is None
+    assert again.integrator.name == "pefrl" and again.integrator.parameters == settled.integrator.parameters
+
+
+def test_the_choice_is_kept(chosen, monkeypatch):
+    monkeypatch.setattr(Study, "run", lambda self: pytest.fail("chosen anew"))
+    assert choose(chosen.spec, chosen.folder, precisions=("f64",)) == chosen.found
+    settled, precision = mpp.settle(chosen.spec, folder=chosen.folder)
+    assert (settled.integrator.parameters["dt"], precision) == (chosen.found.dt, "f64")
+    kept = json.loads((chosen.folder / "choice.json").read_text(encoding="utf-8"))
+    assert kept["integrator"] == "pefrl" and kept["target"] == 1e-6
+
+
+def test_another_target_is_another_choice(chosen, monkeypatch):
+    monkeypatch.setattr(Study, "run", lambda self: (_ for _ in ()).throw(InterruptedError))
+    with pytest.raises(InterruptedError):
+        choose(load_scene(scene_of(1e-5)), chosen.folder)
+
+
+def test_a_run_takes_the_choice_and_repeats_it(chosen, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "kepler.yaml").write_text(yaml.safe_dump(scene_of(1e-6)), encoding="utf-8")
+    folder = tmp_path / "out" / "kepler.accuracy"
+    folder.mkdir(parents=True)
+    (folder / "choice.json").write_bytes((chosen.folder / "choice.json").read_bytes())
+    ends = []
+    for name in ("a.npz", "b.npz"):
+        assert main(["run", "kepler.yaml", "--headless", "--json", "-q", "--snapshot", name]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert told["integrator"] == "pefrl" and told["accuracy"]["dt"] == told["dt"] == chosen.found.dt
+        ends.append(np.load(name)["position"])
+    assert np.array_equal(*ends)
+
+
+def test_an_energy_is_reached_as_well(tmp_path):
+    spec = load_scene(scene_of({"energy": 1e-5}))
+    found = choose(spec, tmp_path, integrators=("leapfrog",), precisions=("f64",), seconds=15.0)
+    assert found.quantity == "energy"
+    with mpp.Simulation(found.settle(spec), precision="f64") as simulation:
+        start = simulation.diagnostics()["total_energy"]
+        errors = []
+        for _ in range(97):  # other times than the pilot's 64
+            simulation.run(duration=SPAN / 97)
+            errors.append(abs(simulation.diagnostics()["total_energy"] / start - 1.0))
+    assert 1e-5 / 3.0 < max(errors) < 1.5e-5
+
+
+def test_offers_are_where_the_error_is_the_aim():
+    slow = [row(steps, 1.0 / steps**2, seconds=1e-3 * steps) for steps in (10, 100, 1000)]
+    fast = [row(steps, 1.0 / steps**4, seconds=3e-3 * steps, integrator="pefrl") for steps in (3, 30)]
+    never = [row(10, 1e-2, seconds=1e-9, integrator="euler")]
+    offers = {offer.integrator: offer for offer in offers_for([*slow, *fast, *never], "position", 1e-5)}
+    assert set(offers) == {"leapfrog", "pefrl"}
+    assert offers["leapfrog"].steps == pytest.approx(1e5**0.5) and offers["leapfrog"].seconds == pytest.approx(1e-3 * 1e5**0.5)
+    assert offers["pefrl"].steps == pytest.approx(1e5**0.25) and offers["pefrl"].seconds == pytest.approx(3e-3 * 1e5**0.25)
+
+
+def test_an_impossible_target_ends_with_the_best_there_was(tmp_path):
+    spec = load_scene(scene_of({"energy": 1e-18}))
+    with pytest.raises(mpp.StabilityError, match="nothing that was tried reaches 1e-18 of energy; the best was"):
+        choose(spec, tmp_path, integrators=("leapfrog",), precisions=("f64",), seconds=6.0)
+
+
+def test_a_target_must_be_settled_before_a_simulation():
+    with pytest.raises(mpp.SceneError, match="still to be chosen"):
+        mpp.Simulation(scene_of(1e-6))
+    assert choosing.SAFETY < 1.0
