@@ -10,6 +10,8 @@ from scipy.integrate import solve_ivp
 from test_integrators import ROUND_OFF, declared, kepler_reference, slope
 
 from mpp_taichi import SceneError, Simulation, component
+from mpp_taichi.accuracy.methods import methods
+from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.assemble import assemble
 from mpp_taichi.integrators._splitting import KICK_METHODS
 from mpp_taichi.scene.load import load_scene
@@ -265,3 +267,10 @@ def test_friction_that_an_event_brings_is_refused_as_well():
     scene["timeline"] = [{"at": 0.5, "set": {"springs[0].link.damping": 0.1}}]
     with pytest.raises(SceneError, match=r"integrator.srkn14a: would lose its order beside damped springs"):
         Simulation(scene, backend="cpu")
+
+
+def test_a_comparison_leaves_out_what_the_scene_would_be_refused_with():
+    scene = everything() | {"run": {"duration": 0.1}}
+    still = everything(damping=0.0, drag=0.0) | {"run": {"duration": 0.1}}
+    compared, without = (set(methods(pose(load_scene(each)))) for each in (scene, still))
+    assert without - compared == set(REFUSING) and {"kahan_li8", "dop853"} <= compared

@@ -7,6 +7,7 @@ from typing import Any
 from mpp_taichi import component
 from mpp_taichi.accuracy.problem import Problem, defaults, with_integrator
 from mpp_taichi.backends import import_taichi
+from mpp_taichi.scene.physics_checks import refused_friction
 from mpp_taichi.stability import advise
 
 LIMIT_SHARE = 0.95  # of the step that springs and drag allow
@@ -33,13 +34,15 @@ class Method:
 
 
 def methods(problem: Problem) -> dict[str, Method]:
-    """Integrators that advance by steps of a given length and need nothing else to be said; the scene's own among them."""
+    """Integrators that advance by steps, take the scene's forces and need nothing else to be said; its own among them."""
     import_taichi()
     found = {}
     own = problem.spec.integrator.name
     for name in dict.fromkeys((own, *component.names("integrators"))):
         declared = component.declaration("integrators", name)
-        takes_steps = declared.base != "Integrator" and any(parameter.name == "dt" for parameter in declared.parameters)
+        takes_steps = name != "event_driven" and any(parameter.name == "dt" for parameter in declared.parameters)
+        if refused_friction(name, problem.spec, problem.start):
+            continue
         if takes_steps and (name == own or defaults(name) is not None):
             found[name] = _method(problem, name)
     return found

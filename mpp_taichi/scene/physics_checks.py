@@ -98,14 +98,18 @@ def _rates(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Itera
             yield _at(layout, index, f"{masses}, their ratio must be at most {LARGEST_RATE:g}")
 
 
-def _friction(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
-    """Forces that depend on velocity, beside a method that would lose its order with them."""
-    name = spec.integrator.name
-    if component.declaration("integrators", name).flags.get("takes_velocity", True):
-        return
+def refused_friction(integrator: str, spec: SceneSpec, snapshot: Snapshot) -> list[str]:
+    """What of the scene depends on velocity, where a method would lose its order with it; else nothing."""
+    if component.declaration("integrators", integrator).flags.get("takes_velocity", True):
+        return []
     forces = [each.name for each in spec.forces if component.declaration("forces", each.name).flags.get("depends_on_velocity")]
-    if snapshot.springs.damping.any():
-        forces.append("damped springs")
+    return [*forces, "damped springs"] if snapshot.springs.damping.any() else forces
+
+
+def _friction(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
+    """Forces that depend on velocity, beside a method that takes none."""
+    name = spec.integrator.name
+    forces = refused_friction(name, spec, snapshot)
     if forces:
         rule = f"would lose its order beside {', '.join(forces)}, for it takes no forces that depend on velocity"
         yield spec.integrator.location, f"integrator.{name}: {rule}, allowed: {', '.join(TAKE_FRICTION)}, among others"
