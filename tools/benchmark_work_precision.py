@@ -1,0 +1,302 @@
+"""Error against time on three problems: our methods beside REBOUND, SciPy and heyoka.
+
+    python tools/benchmark_work_precision.py [--repeats 5] [--json FILE] [--html FILE]
+
+Problems: Kepler's at e = 0.6 over 100 orbits, the figure eight over 20 periods, the outer solar system over 50 orbits of Jupiter.
+The error is that of the positions at the end, the largest of a body over the root mean square distance from the centre of
+mass, against heyoka in long double at its tightest tolerance, which is run twice with different tolerances and has to agree. Times are
+the processor's, of one thread, of the stepping alone: medians of repeats; all runs of a problem take turns. REBOUND runs leapfrog,
+WHFast (not for the figure eight, which has no central body) and IAS15, SciPy DOP853, heyoka its Taylor method. For each decade the
+fastest run of every contender that reaches it is compared. heyoka and rebound are installed with `pip install .[bench]`.
+"""
+
+import argparse
+import json
+import os
+import platform
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]  # so that it also runs from a checkout
+
+from benchmark_adaptive import JUPITER_YEAR, MASS, POSITION, VELOCITY  # noqa: E402
+from benchmark_adaptive import G as SUN_G  # noqa: E402
+
+DECADES = range(2, 13)
+# Steps for the whole span from which a method begins, as a share of the problem's own number; each next run has √10 times as many.
+METHODS = {
+    "leapfrog": 1, "pefrl": 4, "srkn6b": 6, "srkn14a": 14, "kahan_li8": 17, "rkn8": 17, "dop853": 12,
+    "adaptive_leapfrog": 0, "ias15": 0,
+}  # fmt: skip
+FINEST = 3e6  # evaluations of the force, of the dearest run
+SHOWN = ("best of ours", "rebound leapfrog", "rebound whfast", "rebound ias15", "scipy dop853", "heyoka")
+
+
+def kepler():
+    """Two bodies from the greatest distance."""
+    e, mass = 0.6, np.array([1.0, 1e-3])
+    speed = np.sqrt(mass.sum() * (1 - e) / (1 + e))
+    x, v = np.array([[0, 0, 0], [1 + e, 0, 0]], float), np.array([[0, 0, 0], [0, speed, 0]], float)
+    return "Kepler, e = 0.6, 100 orbits", 1.0, mass, x, v, 100 * 2 * np.pi / np.sqrt(mass.sum()), 100
+
+
+def figure_eight():
+    """Chenciner & Montgomery's."""
+    p, w = np.array([0.97000436, -0.24308753, 0]), np.array([-0.93240737, -0.86473146, 0])
+    x, v = np.array([p, -p, np.zeros(3)]), np.array([-w / 2, -w / 2, w])
+    return "figure eight, 20 periods", 1.0, np.ones(3), x, v, 20 * 6.32591398, 20
+
+
+def outer_solar_system():
+    """Sun, giants and Pluto."""
+    return "outer solar system, 50 orbits of Jupiter", SUN_G, MASS, POSITION, VELOCITY, 50 * JUPITER_YEAR, 50
+
+
+class Problem:
+    """Bodies about their centre of mass, a span, and where they are at its end."""
+
+    def __init__(self, make):
+        """With its reference."""
+        self.name, self.g, self.mass, x, v, self.span, self.periods = make()
+        weight = self.mass / self.mass.sum()
+        self.x, self.v = x - weight @ x, v - weight @ v
+        self.size = float(np.sqrt((self.x**2).sum(1).mean()))
+        self.end, coarser = self._heyoka(np.longdouble, 0.0), self._heyoka(np.longdouble, 1e-17)
+        self.bar = float(self.error(coarser))
+
+    def error(self, positions):
+        """Largest of a body, over the size of the system."""
+        return np.linalg.norm((positions - self.end).astype(float), axis=1).max() / self.size
+
+    def _heyoka(self, kind, tolerance):
+        run = self.heyoka(kind, tolerance)
+        run.propagate_until(kind(self.span))
+        return np.array(run.state).reshape(-1, 6)[:, :3]
+
+    def heyoka(self, kind, tolerance):
+        """Its integrator; tolerance 0 is its tightest."""
+        import heyoka
+
+        state = np.concatenate([np.r_[x, v] for x, v in zip(self.x, self.v)]).astype(kind)
+        system = heyoka.model.nbody(len(self.mass), masses=list(self.mass), Gconst=self.g)
+        return heyoka.taylor_adaptive(system, state, tol=kind(tolerance), fp_type=kind)
+
+
+def ours(problem, method):
+    """Runs of one of our methods: (label, run) with run() → positions, seconds."""
+    from mpp_taichi import Simulation
+
+    evaluations = METHODS[method]
+    if evaluations:
+        settings = []
+        count = 20.0 * problem.periods / evaluations * (1 if evaluations > 1 else 3)
+        while count * evaluations < FINEST:
+            settings.append({"dt": problem.span / round(count)})
+            count *= np.sqrt(10)
+    elif method == "ias15":
+        settings = [{"dt": problem.span / 2, "epsilon": epsilon} for epsilon in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)]
+    else:
+        settings = [{"dt": problem.span / 2, "step": step} for step in 0.1 / np.sqrt(10.0) ** np.arange(7)]
+
+    def runner(setting):
+        scene = {
+            "particles": [
+                {"body": {"mass": float(m), "position": x.tolist(), "velocity": v.tolist()}}
+                for m, x, v in zip(problem.mass, problem.x, problem.v)
+            ],
+            "forces": [{"newtonian_gravity": {"strength": problem.g}}],
+            "integrator": {method: setting},
+        }
+
+        def run():
+            with Simulation(scene, backend="cpu", precision="f64", plan="serial") as simulation:
+                mark = simulation.mark()
+                simulation.run(steps=1)  # compiles
+                simulation.return_to(mark)
+                began = time.process_time()
+                simulation.try_steps(round(problem.span / simulation.dt))
+                seconds = time.process_time() - began
+                return simulation.snapshot().position, seconds
+
+        return run
+
+    return [(f"{method} {setting.get('epsilon') or setting.get('step') or setting['dt']:.3g}", runner(s)) for s in settings
+            for setting in [s]]  # fmt: skip
+
+
+def rebound_runs(problem, name):
+    """Runs of one of REBOUND's integrators."""
+    import rebound
+
+    if name == "ias15":
+        settings = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9]
+    else:
+        settings = [problem.span / (problem.periods * count) for count in 20 * np.sqrt(10.0) ** np.arange(8)]
+
+    def runner(setting):
+        def run():
+            s = rebound.Simulation()
+            s.G, s.integrator = problem.g, name
+            for m, x, v in zip(problem.mass, problem.x, problem.v):
+                s.add(m=m, x=x[0], y=x[1], z=x[2], vx=v[0], vy=v[1], vz=v[2])
+            if name == "ias15":
+                s.integrator.epsilon = setting
+            else:
+                s.dt = problem.span / round(problem.span / setting)
+            began = time.process_time()
+            s.integrate(problem.span, exact_finish_time=int(name == "ias15"))
+            s.synchronize()
+            seconds = time.process_time() - began
+            return np.array([p.xyz for p in s.particles]), seconds
+
+        return run
+
+    return [(f"{name} {setting:.3g}", runner(setting)) for setting in settings]
+
+
+def scipy_runs(problem):
+    """DOP853 with tolerances."""
+    from scipy.integrate import solve_ivp
+
+    n, shape = len(problem.mass), problem.x.shape
+    i, j = np.triu_indices(n, 1)
+
+    def derivative(_, y):
+        x, v = y.reshape(2, *shape)
+        d = x[j] - x[i]
+        pull = problem.g * d / (d * d).sum(1)[:, None] ** 1.5
+        a = np.zeros(shape)
+        np.add.at(a, i, problem.mass[j, None] * pull)
+        np.add.at(a, j, -problem.mass[i, None] * pull)
+        return np.concatenate([v, a]).ravel()
+
+    def runner(tolerance):
+        def run():
+            began = time.process_time()
+            found = solve_ivp(derivative, (0, problem.span), np.concatenate([problem.x, problem.v]).ravel(), "DOP853",
+                              t_eval=[problem.span], rtol=tolerance, atol=tolerance * 1e-3 * problem.size)  # fmt: skip
+            return found.y[:, -1].reshape(2, *shape)[0], time.process_time() - began
+
+        return run
+
+    return [(f"dop853 {tolerance:g}", runner(tolerance)) for tolerance in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-14)]
+
+
+def heyoka_runs(problem):
+    """Its Taylor method in f64, compilation apart."""
+
+    def runner(tolerance):
+        def run():
+            integrator = problem.heyoka(float, tolerance)
+            began = time.process_time()
+            integrator.propagate_until(problem.span)
+            seconds = time.process_time() - began
+            return np.array(integrator.state).reshape(-1, 6)[:, :3], seconds
+
+        return run
+
+    return [(f"taylor {tolerance:g}", runner(tolerance)) for tolerance in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14, 1e-16)]
+
+
+def measure(problem, repeats):
+    """{contender: [(label, error, seconds)]}."""
+    runs = {method: ours(problem, method) for method in METHODS}
+    runs |= {f"rebound {name}": rebound_runs(problem, name) for name in ("leapfrog", "whfast", "ias15")
+             if name != "whfast" or "eight" not in problem.name}  # fmt: skip
+    runs |= {"scipy dop853": scipy_runs(problem), "heyoka": heyoka_runs(problem)}
+    found = {}
+    for turn in range(repeats):
+        for contender, entries in runs.items():
+            for label, run in entries:
+                row = found.setdefault((contender, label), {"seconds": []})
+                if turn and min(row["seconds"]) > 1.0:
+                    continue  # what takes seconds varies little
+                positions, seconds = run()
+                row["error"] = max(float(problem.error(positions)), problem.bar)
+                row["seconds"].append(seconds)
+    table = {}
+    for (contender, label), row in found.items():
+        table.setdefault(contender, []).append((label, row["error"], float(np.median(row["seconds"]))))
+    return table
+
+
+def fastest(rows, error):
+    """The fastest run at most so wrong, or None."""
+    return min((row for row in rows if row[1] <= error), key=lambda row: row[2], default=None)
+
+
+def show(problem, table):
+    """The table of decades; returns its rows."""
+    mine = [row for method in METHODS for row in table[method]]
+    groups = {"best of ours": mine, **{name: table[name] for name in SHOWN[1:] if name in table}}
+    print(f"\n{problem.name}: ms to an error of the position (reference good to {problem.bar:.1e})")
+    print(f"{'error':>8}" + "".join(f"{name:>18}" for name in groups) + "   which of ours")
+    rows = []
+    for k in DECADES:
+        best = {name: fastest(rows_, 10.0**-k) for name, rows_ in groups.items()}
+        cells = "".join(f"{1e3 * row[2]:18.3f}" if row else f"{'-':>18}" for row in best.values())
+        reached = [row[2] for name, row in best.items() if row and name != "best of ours"]
+        own = best["best of ours"]
+        on_front = own is not None and (not reached or own[2] <= min(reached))
+        print(f"{10.0**-k:8.0e}{cells}   {own[0] if own else '-'}{'  on the front' if on_front else ''}", flush=True)
+        rows.append({"error": 10.0**-k, "on_front": bool(on_front), "fastest": best})
+    return rows
+
+
+def page(results):
+    """One HTML page of plots, by the report's own drawing."""
+    from mpp_taichi.accuracy.svg import Mark, Plot, Series, draw
+
+    parts = ["<!doctype html><meta charset='utf-8'><title>Work and precision</title><style>body{font:16px sans-serif;max-width:60em;"
+             "margin:auto}svg{max-width:40em;display:block}text{font-size:12px}"
+             + "".join(f".c{k}{{stroke:{c};fill:{c}}}" for k, c in enumerate(
+                 ("#2f6fd0", "#1b9e57", "#b8860b", "#6a3fb5", "#d1403f", "#c94f9a", "#137f8a", "#7a5c3a")))
+             + "path,polyline{fill:none!important}</style>"]  # fmt: skip
+    for name, table in results.items():
+        mine = sorted((row for method in METHODS for row in table[method]), key=lambda row: row[2])
+        front, least = [], np.inf
+        for row in mine:
+            if row[1] < least:
+                least = row[1]
+                front.append(row)
+        groups = {"our front": front, **{other: table[other] for other in SHOWN[1:] if other in table}}
+        series = [
+            Series(other, k, [Mark(row[2], row[1], f"{row[0]}: {row[1]:.1e}, {1e3 * row[2]:.3g} ms") for row in rows])
+            for k, (other, rows) in enumerate(groups.items())
+        ]
+        legend = " · ".join(f"<b class='c{k}' style='stroke:none'>{other}</b>" for k, other in enumerate(groups))
+        plot = Plot(name, "time of the stepping [s]", "error of position at the end", series)
+        parts.append(f"<h2>{name}</h2><p>{legend}</p>{draw(plot)}")
+    return "\n".join(parts)
+
+
+def main():
+    """Run, print, write; exit code 1 when the bar is not met."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--html", type=Path)
+    options = parser.parse_args()
+    from mpp_taichi import backends
+
+    backends.start("cpu", "f64", threads=1)
+    results, decades = {}, {}
+    for make in (kepler, figure_eight, outer_solar_system):
+        problem = Problem(make)
+        results[problem.name] = measure(problem, options.repeats)
+        decades[problem.name] = show(problem, results[problem.name])
+    whole = [name for name, rows in decades.items() if all(row["on_front"] for row in rows)]
+    print(f"\n{'ok  ' if len(whole) >= 2 else 'FAIL'} on the front at every decade on {len(whole)} of 3 problems, at least 2")
+    if options.json:
+        machine = {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count(), "system": platform.platform()}
+        options.json.write_text(json.dumps({"machine": machine, "results": results, "decades": decades}, indent=1), encoding="utf-8")
+    if options.html:
+        options.html.write_text(page(results), encoding="utf-8")
+    return 0 if len(whole) >= 2 else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
