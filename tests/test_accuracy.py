@@ -345,6 +345,15 @@ def test_a_study_ends_with_its_budget_and_keeps_what_there_is(tmp_path):
     assert again.resumed == len(study.rows())
 
 
+def test_a_run_is_left_when_the_budget_is_spent(tmp_path):
+    problem = pose(load_scene({**kepler(ECCENTRICITY, dt=0.01), "run": {"duration": SPAN}}))
+    budget = CountedBudget(30.0)  # less than the 64 launches of a run
+    study = Study(problem, Store(tmp_path, identity(problem, SPAN, "test")), budget, Wishes(reference="leapfrog"))
+    study.run()
+    assert study.status == "out of time" and budget.spent == 30.0
+    assert study.rows() == [] and study.quantity is None
+
+
 def test_another_scene_machine_or_version_is_another_store(tmp_path):
     problems = [pose(load_scene({**kepler(e, dt=0.01), "run": {"duration": SPAN}})) for e in (0.3, 0.3, 0.31)]
     paths = [Store(tmp_path, identity(problem, SPAN, "1")).path for problem in problems]

@@ -10,10 +10,13 @@ import yaml
 
 import mpp_taichi as mpp
 from mpp_taichi.accuracy import choice as choosing
-from mpp_taichi.accuracy.choice import choose, offers_for
+from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.choice import Offer, choose, offers_for
 from mpp_taichi.accuracy.front import Row
+from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.sample import Configuration, Measured, Sample
-from mpp_taichi.accuracy.study import Study
+from mpp_taichi.accuracy.store import Store, identity
+from mpp_taichi.accuracy.study import Study, Wishes
 from mpp_taichi.cli.main import main
 from mpp_taichi.scene.load import load_scene
 from scenes import kepler
@@ -82,6 +85,18 @@ def test_the_choice_is_kept(chosen, monkeypatch):
     assert (settled.integrator.parameters["dt"], precision) == (chosen.found.dt, "f64")
     kept = json.loads((chosen.folder / "choice.json").read_text(encoding="utf-8"))
     assert kept["integrator"] == "pefrl" and kept["target"] == 1e-6
+
+
+def test_a_step_that_misses_is_made_finer_until_it_does_not(chosen):
+    problem = pose(chosen.spec)
+    store = Store(chosen.folder, identity(problem, SPAN, mpp.__version__))
+    study = Study(problem, store, Budget(20.0), Wishes(METHODS, (("cpu", "f64"),), aim=0.7e-6))
+    study.run()
+    steps = SPAN / chosen.found.dt
+    too_coarse = Offer("pefrl", "f64", "cpu", steps / 2.0, 1.0)  # of fourth order: an error 16 times too large
+    configuration, dt, error, _ = choosing._tried(study, too_coarse, "position", 1e-6)
+    assert error.bound <= 1e-6 and dt == SPAN / configuration.steps
+    assert configuration.steps == pytest.approx(steps, rel=0.1)
 
 
 def test_another_target_is_another_choice(chosen, monkeypatch):

@@ -164,6 +164,10 @@ def _decide(study: Study, target: float, asked: str | None, precisions: Sequence
             *(error.bound, study.problem.span, seconds),
             why=_why(offers, offer, error, study, seconds),
         )
+    if quantity == "position" and study.reference is not None and study.reference.bar > allowed:
+        raise StabilityError(
+            f"{place}: {target:g} of position is beyond the reference itself, which is {describe(study.reference)}"
+        )
     best = min((row.error(quantity).bound for row in rows if row.sample.status == "ok"), default=math.inf)
     raise StabilityError(f"{place}: nothing that was tried reaches {target:g} of {quantity}; the best was {best:.1e}")
 
