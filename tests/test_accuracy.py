@@ -335,7 +335,7 @@ class CountedBudget(Budget):
 def test_a_study_ends_with_its_budget_and_keeps_what_there_is(tmp_path):
     problem = pose(load_scene({**kepler(ECCENTRICITY, dt=0.01), "run": {"duration": SPAN}}))
     store = Store(tmp_path, identity(problem, SPAN, "test"))
-    budget = CountedBudget(500.0)  # a run is 64 launches: some 7 runs
+    budget = CountedBudget(700.0)  # a run is 64 launches: some 10 runs
     study = Study(problem, store, budget, Wishes(("leapfrog",), (("cpu", "f64"),), reference="leapfrog"))
     study.run()
     assert study.status in ("out of time", "partial")

@@ -34,6 +34,7 @@ class Series:
     joined: bool = True
     marked: bool = True
     dashed: bool = False
+    labelled: bool = False  # with its name at the end
 
 
 @dataclass(frozen=True)
@@ -158,6 +159,9 @@ def _series(frame: _Frame, series: Series) -> list[str]:
         path = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
         dashes = ' stroke-dasharray="5 4"' if series.dashed else ""
         parts.append(f'<polyline class="{style}"{dashes} points="{path}"><title>{escape(series.name)}</title></polyline>')
+    if series.labelled and places:
+        x, y = places[-1]
+        parts.append(f'<text class="tick" x="{x:.1f}" y="{y - 5:.1f}" text-anchor="end">{escape(series.name)}</text>')
     if series.marked:
         for mark, (x, y) in zip(points, places):
             radius = RADIUS + (1.5 if mark.strong else 0.0)
