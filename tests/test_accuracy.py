@@ -166,20 +166,22 @@ def test_errors_below_the_bar_are_never_numbers(kepler_study):
 
 @pytest.mark.parametrize("integrator", ORDERS)
 def test_errors_fall_with_the_order_of_the_method(kepler_study, integrator):
-    # Of rk4 the error is C dt⁴ (1 + 7 dt), measured: below 1e-6, where dt < 0.013, the slope is within 0.1 of 4. The symmetric
-    # methods have dt² there. Three times the bar leaves a third of a point in doubt, at the end of two decades of dt or more.
-    least = 3.0 * kepler_study.found["reference"]["bar"]
+    # Below these errors the next term, of dt² more in symmetric methods and 7 dt more in rk4, moves the slope by less than 0.1;
+    # thirty times the bar of the reference leaves 3 % in doubt, 0.015 of a slope over one decade of steps.
+    largest = {"leapfrog": 1e-3, "yoshida4": 1e-4, "rk4": 1e-6}[integrator]
+    least = 30.0 * kepler_study.found["reference"]["bar"]
     mine = [row for row in kepler_study.rows if row["integrator"] == integrator and row["status"] == "ok"]
-    points = [(row["dt"], error) for row in mine if (error := row["errors"]["position"]["value"]) and least < error < 1e-6]
-    assert len(points) >= 3
+    points = [(row["dt"], error) for row in mine if (error := row["errors"]["position"]["value"]) and least < error < largest]
+    assert max(error for _, error in points) > 99.0 * min(error for _, error in points)
     slope = np.polyfit(*np.log10(points).T, 1)[0]
     assert slope == pytest.approx(ORDERS[integrator], abs=0.1)
 
 
 def test_evaluations_are_forces_times_steps_and_times_are_medians(kepler_study):
-    per_step = {"leapfrog": 1, "yoshida4": 3, "rk4": 4, "pefrl": 4}
+    per_step = {"leapfrog": 1, "yoshida4": 3, "rk4": 4}
     for row in kepler_study.rows:
-        assert row["evaluations"] == per_step[row["integrator"]] * row["steps"]
+        if row["integrator"] in per_step:  # the reference is there as well
+            assert row["evaluations"] == per_step[row["integrator"]] * row["steps"]
         assert row["median_seconds"] == np.median(row["seconds"])
         assert row["dt"] * row["steps"] == pytest.approx(SPAN, rel=1e-15)
 

@@ -151,7 +151,12 @@ def _decide(study: Study, target: float, asked: str | None, precisions: Sequence
     # What a part of the run may have: errors of positions grow up to quadratically, those of energies linearly.
     part = study.problem.span / study.whole
     allowed = target * part ** (2 if quantity == "position" else 1)
-    rows = [row for row in study.rows() if row.sample.configuration.precision in precisions]
+    allowed_methods = study.wishes.integrators or study.methods  # the reference has runs, too
+    rows = [
+        row
+        for row in study.rows()
+        if row.sample.configuration.precision in precisions and row.sample.configuration.integrator in allowed_methods
+    ]
     offers = sorted(offers_for(rows, quantity, SAFETY * allowed), key=lambda offer: offer.seconds)
     for offer in offers:
         found = _tried(study, offer, quantity, allowed)
