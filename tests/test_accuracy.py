@@ -32,7 +32,7 @@ from scenes import kepler
 ECCENTRICITY = 0.3
 SPAN = 7.0  # no whole number of periods, at which errors of phase would hide
 ORDERS = {"leapfrog": 2, "yoshida4": 4, "rk4": 4}
-BUDGET = "40s"
+BUDGET = "120s"  # it needs 3 on a quiet machine, and ends when all is done
 
 
 def three_bodies(span):
@@ -166,20 +166,22 @@ def test_errors_below_the_bar_are_never_numbers(kepler_study):
 
 @pytest.mark.parametrize("integrator", ORDERS)
 def test_errors_fall_with_the_order_of_the_method(kepler_study, integrator):
-    # Of rk4 the error is C dt⁴ (1 + 7 dt), measured: below 1e-6, where dt < 0.013, the slope is within 0.1 of 4. The symmetric
-    # methods have dt² there. Three times the bar leaves a third of a point in doubt, at the end of two decades of dt or more.
-    least = 3.0 * kepler_study.found["reference"]["bar"]
+    # Below these errors the next term, of dt² more in symmetric methods and 7 dt more in rk4, moves the slope by less than 0.1;
+    # thirty times the bar of the reference leaves 3 % in doubt, 0.015 of a slope over one decade of steps.
+    largest = {"leapfrog": 1e-3, "yoshida4": 1e-4, "rk4": 1e-6}[integrator]
+    least = 30.0 * kepler_study.found["reference"]["bar"]
     mine = [row for row in kepler_study.rows if row["integrator"] == integrator and row["status"] == "ok"]
-    points = [(row["dt"], error) for row in mine if (error := row["errors"]["position"]["value"]) and least < error < 1e-6]
-    assert len(points) >= 3
+    points = [(row["dt"], error) for row in mine if (error := row["errors"]["position"]["value"]) and least < error < largest]
+    assert max(error for _, error in points) > 99.0 * min(error for _, error in points)
     slope = np.polyfit(*np.log10(points).T, 1)[0]
     assert slope == pytest.approx(ORDERS[integrator], abs=0.1)
 
 
 def test_evaluations_are_forces_times_steps_and_times_are_medians(kepler_study):
-    per_step = {"leapfrog": 1, "yoshida4": 3, "rk4": 4, "pefrl": 4}
+    per_step = {"leapfrog": 1, "yoshida4": 3, "rk4": 4}
     for row in kepler_study.rows:
-        assert row["evaluations"] == per_step[row["integrator"]] * row["steps"]
+        if row["integrator"] in per_step:  # the reference is there as well
+            assert row["evaluations"] == per_step[row["integrator"]] * row["steps"]
         assert row["median_seconds"] == np.median(row["seconds"])
         assert row["dt"] * row["steps"] == pytest.approx(SPAN, rel=1e-15)
 
@@ -335,7 +337,7 @@ class CountedBudget(Budget):
 def test_a_study_ends_with_its_budget_and_keeps_what_there_is(tmp_path):
     problem = pose(load_scene({**kepler(ECCENTRICITY, dt=0.01), "run": {"duration": SPAN}}))
     store = Store(tmp_path, identity(problem, SPAN, "test"))
-    budget = CountedBudget(500.0)  # a run is 64 launches: some 7 runs
+    budget = CountedBudget(700.0)  # a run is 64 launches: some 10 runs
     study = Study(problem, store, budget, Wishes(("leapfrog",), (("cpu", "f64"),), reference="leapfrog"))
     study.run()
     assert study.status in ("out of time", "partial")
@@ -343,6 +345,15 @@ def test_a_study_ends_with_its_budget_and_keeps_what_there_is(tmp_path):
     assert 3 <= len(study.rows()) and study.quantity == "position"
     again = Store(tmp_path, identity(problem, SPAN, "test"))
     assert again.resumed == len(study.rows())
+
+
+def test_a_run_is_left_when_the_budget_is_spent(tmp_path):
+    problem = pose(load_scene({**kepler(ECCENTRICITY, dt=0.01), "run": {"duration": SPAN}}))
+    budget = CountedBudget(30.0)  # less than the 64 launches of a run
+    study = Study(problem, Store(tmp_path, identity(problem, SPAN, "test")), budget, Wishes(reference="leapfrog"))
+    study.run()
+    assert study.status == "out of time" and budget.spent == 30.0
+    assert study.rows() == [] and study.quantity is None
 
 
 def test_another_scene_machine_or_version_is_another_store(tmp_path):
@@ -401,7 +412,7 @@ def test_an_orbit_is_not_chaotic():
 def test_beyond_the_horizon_energies_are_compared(tmp_path):
     problem = pose(load_scene(three_bodies(400.0)))
     store = Store(tmp_path, identity(problem, 400.0, "test"))
-    study = Study(problem, store, Budget(5.0), Wishes(("leapfrog",), (("cpu", "f64"),), reference="leapfrog"))
+    study = Study(problem, store, CountedBudget(1000.0), Wishes(("leapfrog",), (("cpu", "f64"),), reference="leapfrog"))
     study.run()
     assert study.quantity == "energy" and not study.reference.positions_mean_something
     assert study.reference.meaning < 400.0 and study.chaos.lyapunov_time is not None

@@ -10,10 +10,13 @@ import yaml
 
 import mpp_taichi as mpp
 from mpp_taichi.accuracy import choice as choosing
-from mpp_taichi.accuracy.choice import choose, offers_for
+from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.choice import Offer, choose, offers_for
 from mpp_taichi.accuracy.front import Row
+from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.sample import Configuration, Measured, Sample
-from mpp_taichi.accuracy.study import Study
+from mpp_taichi.accuracy.store import Store, identity
+from mpp_taichi.accuracy.study import Study, Wishes
 from mpp_taichi.cli.main import main
 from mpp_taichi.scene.load import load_scene
 from scenes import kepler
@@ -53,7 +56,7 @@ def chosen(tmp_path_factory):
     """A choice for 1e-6 of positions, among two methods in f64."""
     folder = tmp_path_factory.mktemp("choice")
     spec = load_scene(scene_of(1e-6))
-    found = choose(spec, folder, integrators=METHODS, precisions=("f64",), seconds=20.0)
+    found = choose(spec, folder, integrators=METHODS, precisions=("f64",), seconds=90.0)
     return SimpleNamespace(folder=folder, spec=spec, found=found)
 
 
@@ -84,6 +87,18 @@ def test_the_choice_is_kept(chosen, monkeypatch):
     assert kept["integrator"] == "pefrl" and kept["target"] == 1e-6
 
 
+def test_a_step_that_misses_is_made_finer_until_it_does_not(chosen):
+    problem = pose(chosen.spec)
+    store = Store(chosen.folder, identity(problem, SPAN, mpp.__version__))
+    study = Study(problem, store, Budget(20.0), Wishes(METHODS, (("cpu", "f64"),), aim=0.7e-6))
+    study.run()
+    steps = SPAN / chosen.found.dt
+    too_coarse = Offer("pefrl", "f64", "cpu", steps / 2.0, 1.0)  # of fourth order: an error 16 times too large
+    configuration, dt, error, _ = choosing._tried(study, too_coarse, "position", 1e-6)
+    assert error.bound <= 1e-6 and dt == SPAN / configuration.steps
+    assert configuration.steps == pytest.approx(steps, rel=0.1)
+
+
 def test_another_target_is_another_choice(chosen, monkeypatch):
     monkeypatch.setattr(Study, "run", lambda self: (_ for _ in ()).throw(InterruptedError))
     with pytest.raises(InterruptedError):
@@ -107,7 +122,7 @@ def test_a_run_takes_the_choice_and_repeats_it(chosen, tmp_path, monkeypatch, ca
 
 def test_an_energy_is_reached_as_well(tmp_path):
     spec = load_scene(scene_of({"energy": 1e-5}))
-    found = choose(spec, tmp_path, integrators=("leapfrog",), precisions=("f64",), seconds=15.0)
+    found = choose(spec, tmp_path, integrators=("leapfrog",), precisions=("f64",), seconds=60.0)
     assert found.quantity == "energy"
     with mpp.Simulation(found.settle(spec), precision="f64") as simulation:
         start = simulation.diagnostics()["total_energy"]
@@ -131,7 +146,7 @@ def test_offers_are_where_the_error_is_the_aim():
 def test_an_impossible_target_ends_with_the_best_there_was(tmp_path):
     spec = load_scene(scene_of({"energy": 1e-18}))
     with pytest.raises(mpp.StabilityError, match="nothing that was tried reaches 1e-18 of energy; the best was"):
-        choose(spec, tmp_path, integrators=("leapfrog",), precisions=("f64",), seconds=6.0)
+        choose(spec, tmp_path, integrators=("leapfrog",), precisions=("f64",), seconds=4.0)
 
 
 def test_a_target_must_be_settled_before_a_simulation():

@@ -151,7 +151,12 @@ def _decide(study: Study, target: float, asked: str | None, precisions: Sequence
     # What a part of the run may have: errors of positions grow up to quadratically, those of energies linearly.
     part = study.problem.span / study.whole
     allowed = target * part ** (2 if quantity == "position" else 1)
-    rows = [row for row in study.rows() if row.sample.configuration.precision in precisions]
+    allowed_methods = study.wishes.integrators or study.methods  # the reference has runs, too
+    rows = [
+        row
+        for row in study.rows()
+        if row.sample.configuration.precision in precisions and row.sample.configuration.integrator in allowed_methods
+    ]
     offers = sorted(offers_for(rows, quantity, SAFETY * allowed), key=lambda offer: offer.seconds)
     for offer in offers:
         found = _tried(study, offer, quantity, allowed)
@@ -163,6 +168,10 @@ def _decide(study: Study, target: float, asked: str | None, precisions: Sequence
             *(configuration.integrator, configuration.precision, dt),
             *(error.bound, study.problem.span, seconds),
             why=_why(offers, offer, error, study, seconds),
+        )
+    if quantity == "position" and study.reference is not None and study.reference.bar > allowed:
+        raise StabilityError(
+            f"{place}: {target:g} of position is beyond the reference itself, which is {describe(study.reference)}"
         )
     best = min((row.error(quantity).bound for row in rows if row.sample.status == "ok"), default=math.inf)
     raise StabilityError(f"{place}: nothing that was tried reaches {target:g} of {quantity}; the best was {best:.1e}")

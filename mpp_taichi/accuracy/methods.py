@@ -12,6 +12,7 @@ from mpp_taichi.stability import advise
 
 LIMIT_SHARE = 0.95  # of the step that springs and drag allow
 ITERATIONS = 6.0  # forces of an implicit step, until they were counted
+FEWEST_STEPS = 8.0
 LOOKS = 64  # at energies and positions in a run; a reference takes a multiple of so many steps
 
 
@@ -82,6 +83,9 @@ def equal_cost(problem: Problem, method: Method, own: Method) -> float:
 
 
 def first_steps(problem: Problem, method: Method, own: Method) -> int:
-    """Steps for the first run of a reference: as dear as the scene's own setting, and a multiple of the looks."""
-    steps = max(equal_cost(problem, method, own), float(method.fewest_steps))
-    return max(1, math.ceil(steps / LOOKS)) * LOOKS
+    """Steps for the first run of a reference: a quarter as dear as the scene's own setting; coarse runs show convergence too.
+
+    A multiple of the looks, or a power of two below, so that runs of twice the steps are looked at at the same times.
+    """
+    steps = max(equal_cost(problem, method, own) / 4.0, float(method.fewest_steps), FEWEST_STEPS)
+    return math.ceil(steps / LOOKS) * LOOKS if steps > LOOKS else 2 ** math.ceil(math.log2(steps))

@@ -149,11 +149,12 @@ class Convergence:
         """The longest that any pair stayed together."""
         longest = 0.0
         for (_, coarse), (_, fine) in zip(self.runs, self.runs[1:]):
-            apart = np.linalg.norm(coarse.position - fine.position, axis=-1).max(axis=1) / self.size
+            every = (len(fine.times) - 1) // (len(coarse.times) - 1)  # a run of few steps has fewer looks
+            apart = np.linalg.norm(coarse.position - fine.position[::every], axis=-1).max(axis=1) / self.size
             lost = np.flatnonzero(~(apart < MEANING))
             if not len(lost):
                 return None
-            longest = max(longest, float(fine.times[max(0, lost[0] - 1)]))
+            longest = max(longest, float(coarse.times[max(0, lost[0] - 1)]))
         return longest if self.differences else None
 
 

@@ -163,7 +163,7 @@ def _drift(rows: Sequence[Row], numbers: dict[str, int], verdict: dict[str, Any]
         highest = itertools.accumulate(row.sample.energy_errors, max)
         points = [Mark(time, error, name) for time, error in zip(row.sample.times, highest)]
         number, dashed = numbers[configuration.integrator], configuration.precision == "f32"
-        series.append(Series(name, number, points, marked=False, dashed=dashed))
+        series.append(Series(name, number, points, marked=False, dashed=dashed, labelled=True))
     if shown:
         finest = max(shown, key=lambda row: row.sample.configuration.steps).sample
         points = [Mark(time, EPSILON * math.sqrt(time / finest.dt)) for time in finest.times if time > 0.0]

@@ -10,6 +10,7 @@ WIDTH, HEIGHT = 640, 400
 LEFT, RIGHT, TOP, BOTTOM = 70, 16, 14, 52
 MARKERS = ("circle", "square", "diamond", "triangle", "cross", "plus")
 RADIUS = 4.0
+LINE_HEIGHT = 12.0
 Axis = tuple[float, float]  # from one decimal logarithm to another
 
 
@@ -34,6 +35,7 @@ class Series:
     joined: bool = True
     marked: bool = True
     dashed: bool = False
+    labelled: bool = False  # with its name at the end
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,7 @@ def draw(plot: Plot) -> str:
         f"<title>{escape(plot.title)}</title>",
         *_axes(frame, plot),
         *(line for series in plot.series for line in _series(frame, series)),
+        *_labels(frame, plot.series),
         "</svg>",
     ]
     return "\n".join(parts)
@@ -147,6 +150,21 @@ def _ticks(axis: Axis) -> list[int]:
 def _power(decade: int) -> str:
     sign = "−" if decade < 0 else ""
     return f'10<tspan dy="-5" font-size="9">{sign}{abs(decade)}</tspan>'
+
+
+def _labels(frame: _Frame, series: Sequence[Series]) -> list[str]:
+    """Names at the ends of lines, each moved down until it is clear of those before it."""
+    parts, taken = [], list[float]()
+    for each in series:
+        points = [mark for mark in each.points if _is_shown(mark)]
+        if not (each.labelled and points):
+            continue
+        x, y = frame.x(points[-1].x), frame.y(points[-1].y) - 5.0
+        while any(abs(y - other) < LINE_HEIGHT for other in taken):
+            y += LINE_HEIGHT
+        taken.append(y)
+        parts.append(f'<text class="tick" x="{x:.1f}" y="{y:.1f}" text-anchor="end">{escape(each.name)}</text>')
+    return parts
 
 
 def _series(frame: _Frame, series: Series) -> list[str]:

@@ -16,7 +16,7 @@ def verdict(rows: Sequence[Row], quantity: str | None, target: float) -> dict[st
     choice       the row to take for the target, see `choice`; absent where none reaches it
     best         the smallest error there is, where none does
     own          the scene's own setting: its error, and `step_ratio`, by how much its step could be longer (above 1) or
-                 must be shorter (below 1) for the target; from its method's own errors, interpolated or by its order
+                 must be shorter (below 1) for the target; from its method's own errors
     """
     if quantity is None:
         return {"target": target, "quantity": None}
@@ -53,7 +53,7 @@ def choice(rows: Sequence[Row], quantity: str, target: float) -> Row | None:
 def step_ratio(own: Row, rows: Sequence[Row], quantity: str, target: float) -> float | None:
     """The step that the scene's own method needs for the target over the scene's own step.
 
-    Between two measured steps of the method, errors are taken as a power of the step; beyond the last one, as its order says.
+    Between two measured steps of the method, errors are taken as a power of the step; None where the target is not between two.
     """
     mine = own.sample.configuration
     points = []
