@@ -2,12 +2,12 @@
 
     python tools/benchmark_work_precision.py [--repeats 5] [--json FILE] [--html FILE]
 
-Problems: Kepler's at e = 0.6 over 100 orbits, the figure eight over 20 periods, the outer solar system over 50 orbits of Jupiter.
-The error is that of the positions at the end, the largest of a body over the root mean square distance from the centre of
-mass, against heyoka in long double at its tightest tolerance, which is run twice with different tolerances and has to agree. Times are
-the processor's, of one thread, of the stepping alone: medians of repeats; all runs of a problem take turns. REBOUND runs leapfrog,
-WHFast (not for the figure eight, which has no central body) and IAS15, SciPy DOP853, heyoka its Taylor method. For each decade the
-fastest run of every contender that reaches it is compared. heyoka and rebound are installed with `pip install .[bench]`.
+Problems: Kepler's at e = 0.6 over 100 orbits, the figure eight over 20 periods, the outer solar system over 50 orbits of
+Jupiter. The error is that of the positions at the end, the largest of a body over the root mean square distance from the
+centre of mass, against heyoka in long double at its tightest tolerance; what a looser one makes of it is the error bar. Times
+are the processor's, of one thread, of the stepping alone: medians of repeats; all runs of a problem take turns. REBOUND runs
+leapfrog, WHFast (not for the figure eight, which has no central body) and IAS15, SciPy DOP853, heyoka its Taylor method. For
+each decade the fastest run of every contender that reaches it is compared. `pip install .[bench]` brings them.
 """
 
 import argparse
@@ -25,8 +25,11 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]  # s
 from benchmark_adaptive import JUPITER_YEAR, MASS, POSITION, VELOCITY  # noqa: E402
 from benchmark_adaptive import G as SUN_G  # noqa: E402
 
+COLOURS = ("#2f6fd0", "#1b9e57", "#b8860b", "#6a3fb5", "#d1403f", "#c94f9a", "#137f8a", "#7a5c3a")
+STYLE = "body{font:16px sans-serif;max-width:60em;margin:auto}svg{max-width:40em;display:block}text{font-size:12px}"
+LINES = "path,polyline{fill:none!important}"
 DECADES = range(2, 13)
-# Steps for the whole span from which a method begins, as a share of the problem's own number; each next run has √10 times as many.
+# Force evaluations of a step; 0: the method chooses its steps. Each run has √10 times as many steps as the one before.
 METHODS = {
     "leapfrog": 1, "pefrl": 4, "srkn6b": 6, "srkn14a": 14, "kahan_li8": 17, "rkn8": 17, "dop853": 12,
     "adaptive_leapfrog": 0, "ias15": 0,
@@ -123,8 +126,8 @@ def ours(problem, method):
 
         return run
 
-    return [(f"{method} {setting.get('epsilon') or setting.get('step') or setting['dt']:.3g}", runner(s)) for s in settings
-            for setting in [s]]  # fmt: skip
+    named = [(setting.get("epsilon") or setting.get("step") or setting["dt"], setting) for setting in settings]
+    return [(f"{method} {value:.3g}", runner(setting)) for value, setting in named]
 
 
 def rebound_runs(problem, name):
@@ -250,11 +253,8 @@ def page(results):
     """One HTML page of plots, by the report's own drawing."""
     from mpp_taichi.accuracy.svg import Mark, Plot, Series, draw
 
-    parts = ["<!doctype html><meta charset='utf-8'><title>Work and precision</title><style>body{font:16px sans-serif;max-width:60em;"
-             "margin:auto}svg{max-width:40em;display:block}text{font-size:12px}"
-             + "".join(f".c{k}{{stroke:{c};fill:{c}}}" for k, c in enumerate(
-                 ("#2f6fd0", "#1b9e57", "#b8860b", "#6a3fb5", "#d1403f", "#c94f9a", "#137f8a", "#7a5c3a")))
-             + "path,polyline{fill:none!important}</style>"]  # fmt: skip
+    colours = "".join(f".c{k}{{stroke:{c};fill:{c}}}" for k, c in enumerate(COLOURS))
+    parts = [f"<!doctype html><meta charset='utf-8'><title>Work and precision</title><style>{STYLE}{colours}{LINES}</style>"]
     for name, table in results.items():
         mine = sorted((row for method in METHODS for row in table[method]), key=lambda row: row[2])
         front, least = [], np.inf
@@ -291,8 +291,14 @@ def main():
     whole = [name for name, rows in decades.items() if all(row["on_front"] for row in rows)]
     print(f"\n{'ok  ' if len(whole) >= 2 else 'FAIL'} on the front at every decade on {len(whole)} of 3 problems, at least 2")
     if options.json:
-        machine = {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count(), "system": platform.platform()}
-        options.json.write_text(json.dumps({"machine": machine, "results": results, "decades": decades}, indent=1), encoding="utf-8")
+        machine = {
+            "processor": platform.processor() or platform.machine(),
+            "cores": os.cpu_count(),
+            "system": platform.platform(),
+        }
+        options.json.write_text(
+            json.dumps({"machine": machine, "results": results, "decades": decades}, indent=1), encoding="utf-8"
+        )
     if options.html:
         options.html.write_text(page(results), encoding="utf-8")
     return 0 if len(whole) >= 2 else 1
