@@ -1,6 +1,6 @@
 """Error against time on three problems: our methods beside REBOUND, SciPy and heyoka.
 
-    python tools/benchmark_work_precision.py [--repeats 5] [--json FILE] [--html FILE]
+    python tools/benchmark_work_precision.py [--repeats 5] [--json FILE] [--html FILE] [--from JSON]
 
 Problems: Kepler's at e = 0.6 over 100 orbits, the figure eight over 20 periods, the outer solar system over 50 orbits of
 Jupiter. The error is that of the positions at the end, the largest of a body over the root mean square distance from the
@@ -8,6 +8,7 @@ centre of mass, against heyoka in long double at its tightest tolerance; what a 
 are the processor's, of one thread, of the stepping alone: medians of repeats; all runs of a problem take turns. REBOUND runs
 leapfrog, WHFast (not for the figure eight, which has no central body) and IAS15, SciPy DOP853, heyoka its Taylor method. For
 each decade the fastest run of every contender that reaches it is compared. `pip install .[bench]` brings them.
+With --from the page is drawn again from the numbers of an earlier run.
 """
 
 import argparse
@@ -25,9 +26,6 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]  # s
 from benchmark_adaptive import JUPITER_YEAR, MASS, POSITION, VELOCITY  # noqa: E402
 from benchmark_adaptive import G as SUN_G  # noqa: E402
 
-COLOURS = ("#2f6fd0", "#1b9e57", "#b8860b", "#6a3fb5", "#d1403f", "#c94f9a", "#137f8a", "#7a5c3a")
-STYLE = "body{font:16px sans-serif;max-width:60em;margin:auto}svg{max-width:40em;display:block}text{font-size:12px}"
-LINES = "path,polyline{fill:none!important}"
 DECADES = range(2, 13)
 # Force evaluations of a step; 0: the method chooses its steps. Each run has √10 times as many steps as the one before.
 METHODS = {
@@ -145,13 +143,15 @@ def rebound_runs(problem, name):
             s.G, s.integrator = problem.g, name
             for m, x, v in zip(problem.mass, problem.x, problem.v):
                 s.add(m=m, x=x[0], y=x[1], z=x[2], vx=v[0], vy=v[1], vz=v[2])
+            steps = round(problem.span / setting)
+            began = time.process_time()
             if name == "ias15":
                 s.integrator.epsilon = setting
+                s.integrate(problem.span)
             else:
-                s.dt = problem.span / round(problem.span / setting)
-            began = time.process_time()
-            s.integrate(problem.span, exact_finish_time=int(name == "ias15"))
-            s.synchronize()
+                s.dt = problem.span / steps
+                s.steps(steps)  # `integrate` may take one more, where the sum of the steps is rounded down
+                s.synchronize()
             seconds = time.process_time() - began
             return np.array([p.xyz for p in s.particles]), seconds
 
@@ -251,10 +251,10 @@ def show(problem, table):
 
 def page(results):
     """One HTML page of plots, by the report's own drawing."""
-    from mpp_taichi.accuracy.svg import Mark, Plot, Series, draw
+    from mpp_taichi.accuracy.report import style_sheet
+    from mpp_taichi.accuracy.svg import Mark, Plot, Series, draw, marker
 
-    colours = "".join(f".c{k}{{stroke:{c};fill:{c}}}" for k, c in enumerate(COLOURS))
-    parts = [f"<!doctype html><meta charset='utf-8'><title>Work and precision</title><style>{STYLE}{colours}{LINES}</style>"]
+    parts = [f"<!doctype html><meta charset='utf-8'><title>Work and precision</title><style>{style_sheet()}</style>"]
     for name, table in results.items():
         mine = sorted((row for method in METHODS for row in table[method]), key=lambda row: row[2])
         front, least = [], np.inf
@@ -267,9 +267,9 @@ def page(results):
             Series(other, k, [Mark(row[2], row[1], f"{row[0]}: {row[1]:.1e}, {1e3 * row[2]:.3g} ms") for row in rows])
             for k, (other, rows) in enumerate(groups.items())
         ]
-        legend = " · ".join(f"<b class='c{k}' style='stroke:none'>{other}</b>" for k, other in enumerate(groups))
+        keys = "".join(f'<li><svg viewBox="0 0 26 14">{marker(k, 13, 7)}</svg>{other}</li>' for k, other in enumerate(groups))
         plot = Plot(name, "time of the stepping [s]", "error of position at the end", series)
-        parts.append(f"<h2>{name}</h2><p>{legend}</p>{draw(plot)}")
+        parts.append(f"<h2>{name}</h2><ul class='legend'>{keys}</ul>{draw(plot)}")
     return "\n".join(parts)
 
 
@@ -279,7 +279,11 @@ def main():
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--html", type=Path)
+    parser.add_argument("--from", dest="earlier", type=Path)
     options = parser.parse_args()
+    if options.earlier:
+        options.html.write_text(page(json.loads(options.earlier.read_text("utf-8"))["results"]), encoding="utf-8")
+        return 0
     from mpp_taichi import backends
 
     backends.start("cpu", "f64", threads=1)

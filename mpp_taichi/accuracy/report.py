@@ -54,7 +54,7 @@ def page(found: dict[str, Any], rows: Sequence[Row]) -> str:
         "<!DOCTYPE html>",
         '<html lang="en" xmlns="http://www.w3.org/1999/xhtml"><head><meta charset="utf-8"/>',
         '<meta name="viewport" content="width=device-width, initial-scale=1"/>',
-        f"<title>{escape(title)}</title><style>{_style()}</style></head><body>",
+        f"<title>{escape(title)}</title><style>{style_sheet()}</style></head><body>",
         f"<h1>{escape(title)}</h1>",
         f'<p class="said">{escape(_capital(found["sentence"]))}.</p>',
         *(f'<p class="quiet">{escape(line)}</p>' for line in circumstances(found)),
@@ -210,7 +210,8 @@ def _table(rows: Sequence[Row], verdict: dict[str, Any]) -> str:
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table></div>'
 
 
-def _style() -> str:
+def style_sheet() -> str:
+    """Of a page, with the colours of its series in light and dark."""
     light, dark = (" ".join(f"--s{k}: {color};" for k, color in enumerate(colors)) for colors in (LIGHT, DARK))
     series = "".join(f".c{k} {{ fill: var(--s{k}); stroke: var(--s{k}) }} .l{k} {{ stroke: var(--s{k}) }}\n" for k in range(8))
     return STYLE.replace("%%", "%").replace("%s", light, 1).replace("%s", dark, 1) + series + ".hollow { fill: var(--paper) }"
