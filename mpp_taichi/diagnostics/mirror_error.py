@@ -3,13 +3,13 @@
 import numpy as np
 
 from mpp_taichi.component import component, param
-from mpp_taichi.diagnostics._base import Diagnostic, NoResultError
+from mpp_taichi.diagnostics._at_end import AtEnd
 from mpp_taichi.diagnostics._between_looks import AXES
 from mpp_taichi.snapshot import Snapshot
 
 
 @component
-class MirrorError(Diagnostic):
+class MirrorError(AtEnd):
     """Largest distance of a particle from the nearest mirror image of any, at the end of the run [length].
 
     0 for what is symmetric about the plane across `axis` at `at`, whatever the numbering.
@@ -17,18 +17,11 @@ class MirrorError(Diagnostic):
 
     axis: str = param("y", choices=("x", "y", "z"), help="across the mirror")
     at: float = param(0.0, unit="length", help="where the mirror stands")
-    _value: float | None = None
 
-    def observe(self, time: float, snapshot: Snapshot) -> None:
-        """Keep the last look."""
+    def measure(self, snapshot: Snapshot) -> float:
+        """The distance."""
         places = snapshot.position[snapshot.present]
         image = places.copy()
         column = AXES.index(self.axis)
         image[:, column] = 2.0 * self.at - image[:, column]
-        self._value = max(float(np.min(np.linalg.norm(image - place, axis=1))) for place in places)
-
-    def result(self) -> float:
-        """The distance at the last look."""
-        if self._value is None:
-            raise NoResultError("the run was never looked at")
-        return self._value
+        return max(float(np.min(np.linalg.norm(image - place, axis=1))) for place in places)

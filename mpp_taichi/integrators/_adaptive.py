@@ -23,6 +23,10 @@ class Adaptive(Integrator):
     TALLY = 4
     STEPS, REFUSED, EVALUATIONS, STALLED = range(4)
 
+    def scratch_count(self, velocity_dependent: bool) -> int:
+        """What it keeps has names of its own."""
+        return 0
+
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """The exact one: no step is too long, as `dt` is not the step. exp of M = [[0, 1], [−ω², −γ]] by its eigenvalues λ, μ:
 
@@ -63,3 +67,30 @@ class Adaptive(Integrator):
     @ti.func
     def show(self, state: Template, total_force: Template, first, time: Template):
         """Positions and velocities at a time within the last step."""
+
+    @ti.func
+    def start_clock(self, state: Template, r, time):
+        """Of replica r: no step taken, nothing counted."""
+        for c in ti.static(range(self.TALLY)):
+            state.tally[self.TALLY * r + c] = 0
+        state.clock[self.CLOCK * r] = time
+        state.clock[self.CLOCK * r + 1] = 0.0
+
+    @ti.func
+    def is_short_of(self, state: Template, r, end):
+        """Whether replica r has to take another step, and can."""
+        reached = state.clock[self.CLOCK * r] + state.clock[self.CLOCK * r + 1]
+        return reached < end and state.tally[self.TALLY * r + self.STALLED] == 0
+
+    @ti.func
+    def share_of_step(self, state: Template, r, time):
+        """Where in the last step of replica r a time is, 0 … 1; 0 before the first."""
+        h = state.clock[self.CLOCK * r + 1]
+        return ti.cast((time - state.clock[self.CLOCK * r]) / h if h > 0.0 else 0.0, float)
+
+    @ti.func
+    def evaluate(self, state: Template, total_force: Template, first, time, shape: Template):
+        """Counted: state.acceleration = what does not depend on velocity."""
+        state.tally[self.TALLY * (first // total_force.particle_count) + self.EVALUATIONS] += 1
+        if ti.static(total_force.has_velocity_independent):
+            total_force.accumulate(state, first, ti.cast(time, float), shape)

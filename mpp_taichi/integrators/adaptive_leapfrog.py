@@ -32,10 +32,6 @@ class AdaptiveLeapfrog(Adaptive):
     VECTORS = ("start_position", "start_velocity", "start_acceleration", "end_position", "end_velocity", "end_acceleration")
     memory = ("clock", "tally", "density", *VECTORS)
 
-    def scratch_count(self, velocity_dependent: bool) -> int:
-        """What it keeps has names of its own."""
-        return 0
-
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
         """Both ends of the last step, the clock, and for each replica ρ and the energy E."""
         vectors = {name: ("vector", start.particle_count) for name in self.VECTORS}
@@ -45,9 +41,8 @@ class AdaptiveLeapfrog(Adaptive):
     def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
         """Take the state as it is at `time`; the first half step of the density is an Euler step."""
         r = first // total_force.particle_count
-        for c in ti.static(range(self.TALLY)):
-            state.tally[self.TALLY * r + c] = 0
-        self._evaluate(state, total_force, first, time, shape)
+        self.start_clock(state, r, time)
+        self.evaluate(state, total_force, first, time, shape)
         kinetic, potential, pull = ti.cast(0.0, state.wide), ti.cast(0.0, state.wide), ti.cast(0.0, state.wide)
         for i in range(first, first + total_force.particle_count):
             state.end_position[i] = state.position[i]
@@ -65,17 +60,12 @@ class AdaptiveLeapfrog(Adaptive):
         if pull > 0.0 and potential < 0.0:
             density = ti.sqrt(pull / -potential)
         state.density[2 * r] = density - 0.5 * self.step * self._growth(state, total_force, first)
-        state.clock[self.CLOCK * r] = time
-        state.clock[self.CLOCK * r + 1] = 0.0
 
     @ti.func
     def advance_to(self, state: Template, total_force: Template, first, end: Template, shape: Template):
         """Take steps until one ends at `end` or later."""
         r = first // total_force.particle_count
-        while (
-            state.clock[self.CLOCK * r] + state.clock[self.CLOCK * r + 1] < end
-            and state.tally[self.TALLY * r + self.STALLED] == 0
-        ):
+        while self.is_short_of(state, r, end):
             begin = state.clock[self.CLOCK * r] + state.clock[self.CLOCK * r + 1]
             density = state.density[2 * r] + self.step * self._growth(state, total_force, first)
             h = self.step / density
@@ -95,9 +85,7 @@ class AdaptiveLeapfrog(Adaptive):
         slope of one interpolant would bend between two steps by more than the run's own error.
         """
         r = first // total_force.particle_count
-        length = state.clock[self.CLOCK * r + 1]
-        s = ti.cast((time - state.clock[self.CLOCK * r]) / length if length > 0.0 else 0.0, float)
-        h = ti.cast(length, float)
+        s, h = self.share_of_step(state, r, time), ti.cast(state.clock[self.CLOCK * r + 1], float)
         for i in range(first, first + total_force.particle_count):
             v, end_v = state.start_velocity[i], state.end_velocity[i]
             state.position[i] = self._cubic(state.start_position[i], state.end_position[i], h * v, h * end_v, s)
@@ -118,16 +106,11 @@ class AdaptiveLeapfrog(Adaptive):
             state.start_acceleration[i] = state.end_acceleration[i]
             state.velocity[i] = state.end_velocity[i] + 0.5 * h * state.end_acceleration[i]
             state.position[i] = state.end_position[i] + h * state.velocity[i]
-        self._evaluate(state, total_force, first, begin + h, shape)
+        self.evaluate(state, total_force, first, begin + h, shape)
         for i in range(first, first + total_force.particle_count):
             state.end_position[i] = state.position[i]
             state.end_acceleration[i] = state.acceleration[i]
             state.end_velocity[i] = state.velocity[i] + 0.5 * h * state.acceleration[i]
-
-    @ti.func
-    def _evaluate(self, state: Template, total_force: Template, first, time, shape: Template):
-        state.tally[self.TALLY * (first // total_force.particle_count) + self.EVALUATIONS] += 1
-        total_force.accumulate(state, first, ti.cast(time, float), shape)
 
     @ti.func
     def _growth(self, state: Template, total_force: Template, first):

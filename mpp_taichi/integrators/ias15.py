@@ -47,10 +47,6 @@ class Ias15(Adaptive):
         *(f"b{k}" for k in range(TERMS)), *(f"e{k}" for k in range(TERMS)),
     )  # fmt: skip
 
-    def scratch_count(self, velocity_dependent: bool) -> int:
-        """What it keeps has names of its own."""
-        return 0
-
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
         """Coefficients b, their predictions e and differences g, the true state with what rounding left over, and the clock."""
         vectors = [name for name in self.memory if name not in ("clock", "tally")] + [f"g{k}" for k in range(TERMS)]
@@ -67,9 +63,8 @@ class Ias15(Adaptive):
     def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
         """The first step is a small part of the time in which the acceleration would change the speed; it soon grows."""
         r = first // total_force.particle_count
-        for c in ti.static(range(self.TALLY)):
-            state.tally[self.TALLY * r + c] = 0
-        self._evaluate(state, total_force, first, time, shape)
+        self.start_clock(state, r, time)
+        self.evaluate(state, total_force, first, time, shape)
         fastest, most, widest = ti.cast(0.0, state.wide), ti.cast(0.0, state.wide), ti.cast(0.0, state.wide)
         for i in range(first, first + total_force.particle_count):
             fastest = ti.max(fastest, ti.cast(state.velocity[i].norm(), state.wide))
@@ -80,8 +75,6 @@ class Ias15(Adaptive):
             following = fastest / most
         elif most > 0.0 and widest > 0.0:
             following = ti.sqrt(widest / most)
-        state.clock[self.CLOCK * r] = time
-        state.clock[self.CLOCK * r + 1] = 0.0
         state.clock[self.CLOCK * r + 2] = FIRST_SHARE * following
         zero = ti.Vector.zero(float, state.dimensions)
         for i in range(first, first + total_force.particle_count):
@@ -97,10 +90,7 @@ class Ias15(Adaptive):
     def advance_to(self, state: Template, total_force: Template, first, end: Template, shape: Template):
         """Take steps until one ends at `end` or later."""
         r = first // total_force.particle_count
-        while (
-            state.clock[self.CLOCK * r] + state.clock[self.CLOCK * r + 1] < end
-            and state.tally[self.TALLY * r + self.STALLED] == 0
-        ):
+        while self.is_short_of(state, r, end):
             if state.clock[self.CLOCK * r + 1] > 0.0:
                 self._enter_next(state, total_force, first)
             self._take_step(state, total_force, first, shape)
@@ -109,9 +99,8 @@ class Ias15(Adaptive):
     def show(self, state: Template, total_force: Template, first, time: Template):
         """The step's polynomial at a time within it."""
         r = first // total_force.particle_count
-        h = state.clock[self.CLOCK * r + 1]
-        s = ti.cast((time - state.clock[self.CLOCK * r]) / h if h > 0.0 else 0.0, float)
-        self._place(state, total_force, first, s, ti.cast(h, float), True)
+        h = ti.cast(state.clock[self.CLOCK * r + 1], float)
+        self._place(state, total_force, first, self.share_of_step(state, r, time), h, True)
 
     @ti.func
     def _take_step(self, state: Template, total_force: Template, first, shape: Template):
@@ -122,7 +111,7 @@ class Ias15(Adaptive):
         for i in range(first, first + total_force.particle_count):
             state.position[i] = state.start_position[i]
             state.velocity[i] = state.start_velocity[i]
-        self._evaluate(state, total_force, first, begin, shape)
+        self.evaluate(state, total_force, first, begin, shape)
         for i in range(first, first + total_force.particle_count):
             state.start_acceleration[i] = self._found(state, total_force, first, i, begin)
         trying = 1
@@ -146,12 +135,6 @@ class Ias15(Adaptive):
                 state.tally[self.TALLY * r + self.STEPS] += 1
                 state.clock[self.CLOCK * r + 1] = h
                 state.clock[self.CLOCK * r + 2] = following
-
-    @ti.func
-    def _evaluate(self, state: Template, total_force: Template, first, time, shape: Template):
-        state.tally[self.TALLY * (first // total_force.particle_count) + self.EVALUATIONS] += 1
-        if ti.static(total_force.has_velocity_independent):
-            total_force.accumulate(state, first, ti.cast(time, float), shape)
 
     @ti.func
     def _found(self, state: Template, total_force: Template, first, i, time):
@@ -198,7 +181,7 @@ class Ias15(Adaptive):
                         node = NODES[c]
                 self._place(state, total_force, first, node, h, total_force.depends_on_velocity)
                 now = begin + ti.cast(node * h, state.wide)
-                self._evaluate(state, total_force, first, now, shape)
+                self.evaluate(state, total_force, first, now, shape)
                 state.measure[2 * r] = 0.0
                 state.measure[2 * r + 1] = 0.0
                 for i in range(first, first + total_force.particle_count):
