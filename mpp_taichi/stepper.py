@@ -42,6 +42,8 @@ class Stepper:
         self.launches_stages = plan == "parallel" and on_cpu and total_force.has_pairs
         self.grain = CPU_GRAIN if on_cpu else 1
         self._bad: Any = ti.field(ti.i32, shape=())
+        if integrator.adaptive:
+            integrator.set_control(state)
 
     def prepare(self, time: float) -> None:
         """Compute the force that the first step expects to find, after the state was set from outside."""
@@ -58,6 +60,7 @@ class Stepper:
             if self.integrator.implicit:
                 self._start_implicit(force, time)
         if self.integrator.adaptive:
+            self.integrator.set_control(self.state)
             self._begin_adaptive(time, self.integrator.dt)
         if self.contacts is not None:
             self.contacts.prepare(time)

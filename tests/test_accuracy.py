@@ -115,7 +115,7 @@ def test_a_coarse_reference_is_found_out_and_its_bar_still_holds():
     assert not alone.trusted and math.isinf(alone.bar) and not alone.positions_mean_something
     coarse = Convergence(with_leapfrog.problem, 2)
     for steps in (64, 128, 256):
-        coarse.add(*with_leapfrog.run(steps, budget, follow=True))
+        coarse.add(*with_leapfrog.run(with_leapfrog.configuration(steps), budget, follow=True))
     reference = coarse.reference()
     true = np.linalg.norm(reference.end - kepler_end(SPAN), axis=1).max() / reference.size
     assert reference.bar >= true > 1e-3  # and so it is of no use for positions, however well it converges
@@ -197,7 +197,8 @@ def test_a_run_that_blows_up_is_a_row_with_the_reason():
         "run": {"duration": 100.0},
     }
     # ω = 10, dt = 0.25 is beyond 2/ω: the larger eigenvalue is −(5.25 − ...)⁄2 ± …, modulus 4, so 400 steps overflow any bound.
-    sample, _ = machine_of(scene, "leapfrog").run(400, Budget(1e9))
+    machine = machine_of(scene, "leapfrog")
+    sample, _ = machine.run(machine.configuration(400), Budget(1e9))
     assert sample.status == "diverged" and "out of bounds before t =" in sample.reason and sample.end is None
 
 
@@ -309,7 +310,7 @@ def test_a_study_goes_on_where_it_ended(kepler_copy, monkeypatch):
     made = []
     run = Machine.run
     monkeypatch.setattr(
-        Machine, "run", lambda self, steps, *rest, **more: made.append(steps) or run(self, steps, *rest, **more)
+        Machine, "run", lambda self, asked, *rest, **more: made.append(asked.steps) or run(self, asked, *rest, **more)
     )
     assert run_verb(*kepler_copy.words) == 0
     assert sorted(made) == sorted(facts["steps"] for facts in lost)
@@ -497,7 +498,8 @@ def test_a_workbench_of_one_precision_ends_before_the_next(tmp_path):
     ends = {}
     for precision in ("f64", "f32"):
         with Workbench(problem, backend="cpu", precision=precision) as bench:
-            sample, _ = bench.machine("leapfrog").run(140, Budget(1e9))
+            machine = bench.machine("leapfrog")
+            sample, _ = machine.run(machine.configuration(140), Budget(1e9))
             ends[precision] = sample.end
     apart = np.abs(ends["f64"] - ends["f32"]).max()
     assert 0.0 < apart < 140 * 2.0**-23 * 10.0  # 140 steps, each rounded, errors of phase grow with time

@@ -139,8 +139,10 @@ def test_offers_are_where_the_error_is_the_aim():
     never = [row(10, 1e-2, seconds=1e-9, integrator="euler")]
     offers = {offer.integrator: offer for offer in offers_for([*slow, *fast, *never], "position", 1e-5)}
     assert set(offers) == {"leapfrog", "pefrl"}
-    assert offers["leapfrog"].steps == pytest.approx(1e5**0.5) and offers["leapfrog"].seconds == pytest.approx(1e-3 * 1e5**0.5)
-    assert offers["pefrl"].steps == pytest.approx(1e5**0.25) and offers["pefrl"].seconds == pytest.approx(3e-3 * 1e5**0.25)
+    for name, cost, order in (("leapfrog", 1e-3, 2), ("pefrl", 3e-3, 4)):
+        offer = offers[name]
+        assert offer.fineness == pytest.approx(1e5 ** (1 / order)) and offer.power == pytest.approx(order)
+        assert offer.seconds == pytest.approx(cost * offer.fineness)
 
 
 def test_an_impossible_target_ends_with_the_best_there_was(tmp_path):

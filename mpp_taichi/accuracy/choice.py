@@ -14,6 +14,7 @@ from typing import Any
 
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.front import Row
+from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import pose, with_integrator
 from mpp_taichi.accuracy.sample import Configuration, Measured
 from mpp_taichi.accuracy.store import Store, identity
@@ -27,6 +28,7 @@ from mpp_taichi.whole_file import whole_file
 
 PILOT_SECONDS = 30.0
 SAFETY = 0.7  # of the target: what the interpolated step aims at
+TOO_GOOD = 3.0  # times smaller an error than asked for: a coarser step is tried, too
 TRIALS = 3  # runs with the step chosen, each corrected by the one before
 LOOKS_OF_ADAPTIVE = 1000  # in a run, of a method that needs no step
 
@@ -51,15 +53,19 @@ class Choice:
     span: float
     seconds: float
     why: str
+    control: str = ""
+    tolerance: float | None = None
 
     def line(self) -> str:
         """For a person."""
-        method = f"{self.integrator} in {self.precision}, dt = {self.dt:.6g}"
+        setting = f"dt = {self.dt:.6g}" if self.tolerance is None else f"{self.control} = {self.tolerance:.3g}"
+        method = f"{self.integrator} in {self.precision}, {setting}"
         return f"accuracy {self.target:g} of {self.quantity}: {method}; {self.why}"
 
     def settle(self, spec: SceneSpec) -> SceneSpec:
         """The scene with what was chosen in place of its target."""
-        made = with_integrator(spec, self.integrator, self.dt)
+        asked = {} if self.tolerance is None else {self.control: self.tolerance}
+        made = with_integrator(spec, self.integrator, self.dt, **asked)
         parameters = {key: value for key, value in made.integrator.parameters.items() if value is not None}
         resolved = {key: value for key, value in spec.resolved.items() if key != "accuracy"}
         return replace(made, resolved={**resolved, "integrator": {self.integrator: parameters}})
@@ -67,13 +73,18 @@ class Choice:
 
 @dataclass(frozen=True)
 class Offer:
-    """A method at a precision with the steps that reach an aim, as its runs suggest."""
+    """A method at a precision with the fineness that reaches an aim, as its runs suggest.
+
+    fineness   steps over the span, or 1 / tolerance of an adaptive method
+    power      by which the error falls with it; None where one run alone is known
+    """
 
     integrator: str
     precision: str
     backend: str
-    steps: float
+    fineness: float
     seconds: float
+    power: float | None = None
 
 
 def settle(
@@ -168,6 +179,8 @@ def _decide(study: Study, target: float, asked: str | None, precisions: Sequence
             *(configuration.integrator, configuration.precision, dt),
             *(error.bound, study.problem.span, seconds),
             why=_why(offers, offer, error, study, seconds),
+            control=configuration.control,
+            tolerance=configuration.tolerance,
         )
     if quantity == "position" and study.reference is not None and study.reference.bar > allowed:
         raise StabilityError(
@@ -186,43 +199,51 @@ def offers_for(rows: Sequence[Row], quantity: str, aim: float) -> list[Offer]:
             groups.setdefault((configuration.integrator, configuration.precision, configuration.backend), []).append(row)
     offers = []
     for names, group in groups.items():
-        group.sort(key=lambda row: row.sample.configuration.steps)
+        group.sort(key=lambda row: row.sample.configuration.fineness)
         reaching = next((k for k, row in enumerate(group) if row.error(quantity).bound <= aim), None)
         if reaching is not None:
             offers.append(Offer(*names, *_between(group[reaching - 1] if reaching else None, group[reaching], quantity, aim)))
     return offers
 
 
-def _between(coarse: Row | None, fine: Row, quantity: str, aim: float) -> tuple[float, float]:
-    """Steps and seconds where the error is the aim, as powers of each other."""
+def _between(coarse: Row | None, fine: Row, quantity: str, aim: float) -> tuple[float, float, float | None]:
+    """Fineness and seconds where the error is the aim, as powers of each other, and the power of the error."""
     assert fine.seconds is not None
+    finest = fine.sample.configuration.fineness
     if coarse is None or coarse.seconds is None or fine.error(quantity).value is None:
-        return float(fine.sample.configuration.steps), fine.seconds
-    part = math.log(aim / fine.error(quantity).bound) / math.log(coarse.error(quantity).bound / fine.error(quantity).bound)
+        return finest, fine.seconds, None
+    fall = math.log(coarse.error(quantity).bound / fine.error(quantity).bound)
+    part = math.log(aim / fine.error(quantity).bound) / fall
+    coarsest = coarse.sample.configuration.fineness
 
     def mixed(of_fine: float, of_coarse: float) -> float:
         return of_fine ** (1.0 - part) * of_coarse**part
 
-    steps = mixed(fine.sample.configuration.steps, coarse.sample.configuration.steps)
-    return steps, mixed(fine.seconds, coarse.seconds)
+    return mixed(finest, coarsest), mixed(fine.seconds, coarse.seconds), fall / math.log(finest / coarsest)
 
 
 def _tried(study: Study, offer: Offer, quantity: str, allowed: float) -> tuple[Configuration, float, Measured, float] | None:
-    """Run an offer, with more steps where it is not good enough; None where it never is."""
-    method, steps = study.methods[offer.integrator], math.ceil(offer.steps)
+    """Run an offer, a finer one where it is not good enough, a coarser one where it is far too good; None where it never is."""
+    method, fineness = study.methods[offer.integrator], offer.fineness
+    power = offer.power if method.adaptive else method.order
     budget = Budget(study.budget.seconds)
+    reached = None
     with Workbench(study.problem, backend=offer.backend, precision=offer.precision) as bench:
         machine = bench.machine(offer.integrator)
         for _ in range(TRIALS):
-            sample, _ = machine.run(steps, budget)
+            steps, tolerance = (LOOKS, 1.0 / fineness) if method.adaptive else (math.ceil(fineness), None)
+            configuration = machine.configuration(steps, tolerance)
+            sample, _ = machine.run(configuration, budget)
             error = study.error(sample, quantity)
             if sample.status == "ok" and error.bound <= allowed:
                 dt = study.whole / LOOKS_OF_ADAPTIVE if method.adaptive else study.problem.span / steps
-                return sample.configuration, dt, error, machine.time(steps, budget)
-            if method.adaptive or not math.isfinite(error.bound):
-                return None
-            steps = math.ceil(steps * (error.bound / (SAFETY * allowed)) ** (1.0 / method.order))
-    return None
+                if reached is None or fineness < reached[0]:
+                    reached = fineness, (configuration, dt, error, machine.time(configuration, budget))
+            is_close = error.bound <= allowed and (error.value is None or error.value > allowed / TOO_GOOD)
+            if power is None or not math.isfinite(error.bound) or is_close or (reached and error.bound > allowed):
+                break
+            fineness *= (error.bound / (SAFETY * allowed)) ** (1.0 / power)
+    return reached and reached[1]
 
 
 def _why(offers: Sequence[Offer], chosen: Offer, error: Measured, study: Study, seconds: float) -> str:

@@ -1,7 +1,8 @@
 """Ladder: the steps that one method is tried with, one after another, from where it is as dear as the scene's own setting.
 
 Rung k has N₀ qᵏ steps, with q = √10 for low orders, 2 for those above 4, whose errors fall too fast for more. It grows to both
-sides until the method is no longer stable or accurate at one end, and no longer gains at the other.
+sides until the method is no longer stable or accurate at one end, and no longer gains at the other. An adaptive method has at
+rung k the tolerance of its default over qᵏ, with a q for which its steps become two or three times shorter.
 """
 
 import math
@@ -10,6 +11,7 @@ from dataclasses import dataclass, field
 FEWEST_STEPS = 4
 COARSEST = 0.3  # an error from which coarser steps are of no interest
 GAIN = 1.5  # times less error that a rung must bring, or round-off is reached
+LOOSEST = 1e-2  # tolerance
 
 
 def ratio(order: int) -> float:
@@ -25,6 +27,7 @@ class Ladder:
     least        steps below which the method is not stable
     floor        an error that nothing can be seen below
     coarsest     an error from which coarser steps are of no interest
+    tolerance    of rung 0 of an adaptive method, which has `anchor` looks at every rung; else None
     """
 
     integrator: str
@@ -34,18 +37,22 @@ class Ladder:
     floor: float
     errors: dict[int, float] = field(default_factory=dict)
     coarsest: float = COARSEST
-    single: bool = False  # the method chooses its steps itself
+    tolerance: float | None = None
     closed_below: bool = False
     closed_above: bool = False
 
     def steps(self, rung: int) -> int:
         """Steps of a rung."""
-        return max(1, round(self.anchor * ratio(self.order) ** rung))
+        return max(1, round(self.anchor * (ratio(self.order) ** rung if self.tolerance is None else 1.0)))
+
+    def asked(self, rung: int) -> float | None:
+        """Tolerance of a rung; the step of IAS15 goes with its seventh root."""
+        if self.tolerance is None:
+            return None
+        return self.tolerance / (100.0 if self.order > 10 else 10.0 if self.order > 2 else math.sqrt(10.0)) ** rung
 
     def open_rungs(self) -> list[int]:
         """Rungs to be tried next, at most one at each end."""
-        if self.single and self.errors:
-            return []
         if not self.errors:
             if self.closed_above:
                 return []
@@ -54,7 +61,10 @@ class Ladder:
                 first += 1
             return [first]
         below, above = min(self.errors) - 1, max(self.errors) + 1
-        if self.steps(below) < max(FEWEST_STEPS, self.least) or self.steps(below) == self.steps(below + 1):
+        coarser = self.asked(below)
+        if coarser is not None:
+            self.closed_below |= coarser > LOOSEST
+        elif self.steps(below) < max(FEWEST_STEPS, self.least) or self.steps(below) == self.steps(below + 1):
             self.closed_below = True
         return [rung for rung, closed in ((below, self.closed_below), (above, self.closed_above)) if not closed]
 

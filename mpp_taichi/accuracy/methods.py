@@ -22,7 +22,8 @@ class Method:
 
     evaluations    forces per step; a guess for implicit methods, 1 for adaptive ones
     fewest_steps   that springs and drag allow over the span
-    adaptive       chooses its steps itself: there is one run of it, with as many looks as all runs have
+    controlled_by  of a method that chooses its steps itself the parameter that says how accurate it is to be; else nothing
+    tolerance      its default
     """
 
     name: str
@@ -31,7 +32,13 @@ class Method:
     implicit: bool
     evaluations: float
     fewest_steps: int
-    adaptive: bool = False
+    controlled_by: str = ""
+    tolerance: float | None = None
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether it chooses its steps itself; all runs of it have as many looks as those of others."""
+        return self.tolerance is not None
 
 
 def methods(problem: Problem) -> dict[str, Method]:
@@ -57,7 +64,8 @@ def _method(problem: Problem, name: str) -> Method:
     if advice is not None and not advice.never_stable and math.isfinite(advice.limit):
         fewest = math.ceil(problem.span / (LIMIT_SHARE * advice.limit))
     evaluations = ITERATIONS if made.implicit else max(1.0, float(made.evaluations))
-    return Method(name, made.order, bool(made.symplectic), bool(made.implicit), evaluations, fewest, bool(made.adaptive))
+    control = (made.controlled_by, float(getattr(made, made.controlled_by))) if made.adaptive else ()
+    return Method(name, made.order, bool(made.symplectic), bool(made.implicit), evaluations, fewest, *control)
 
 
 def for_reference(found: dict[str, Method]) -> list[Method]:

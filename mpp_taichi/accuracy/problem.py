@@ -76,12 +76,12 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
     return Problem(spec, start, until)
 
 
-def with_integrator(spec: SceneSpec, name: str, dt: float) -> SceneSpec:
-    """The scene run by a method, with that method's defaults; its own keeps the scene's parameters."""
+def with_integrator(spec: SceneSpec, name: str, dt: float, **chosen: float) -> SceneSpec:
+    """The scene run by a method, with that method's defaults and what was chosen; its own keeps the scene's parameters."""
     own = spec.integrator
     given = own.parameters if own.name == name else defaults(name)
     assert given is not None
-    return replace(spec, integrator=ComponentSpec(name, {**given, "dt": dt}, own.location), accuracy=None)
+    return replace(spec, integrator=ComponentSpec(name, {**given, "dt": dt, **chosen}, own.location), accuracy=None)
 
 
 def defaults(name: str) -> dict | None:

@@ -45,6 +45,8 @@ class Reference:
     trusted: bool
     differences: list[float] = field(default_factory=list)
     meaning: float | None = None
+    control: str = ""  # of an adaptive method, as in Configuration
+    tolerance: float | None = None
 
     def errors(self, sample: Sample) -> tuple[Measured, Measured]:
         """Position of a sample at the end, largest and root mean square over the particles, relative to the size."""
@@ -169,7 +171,7 @@ def converge(machine: Machine, start: int, budget: Budget, *, share: float, add:
         if convergence.runs and predicted > budget.left(share):
             return convergence
         budget.check()
-        sample, trace = machine.run(steps, budget, follow=True)
+        sample, trace = machine.run(machine.configuration(steps), budget, follow=True)
         add(sample)
         if trace is not None:
             convergence.add(sample, trace)

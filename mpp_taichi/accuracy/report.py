@@ -146,7 +146,7 @@ def _work(rows: Sequence[Row], numbers: dict[str, int], quantity: str, front: Se
             error = row.error(quantity)
             if not error.bound < 10.0:
                 continue
-            said = f"{integrator} {precision} {backend}, dt = {row.sample.dt:.3g}: {error}, {duration(row.seconds)}"
+            said = f"{integrator} {precision} {backend}, {row.sample.setting}: {error}, {duration(row.seconds)}"
             strong = row.sample.configuration.key in front
             points.append(Mark(cost(row), error.bound, said, strong=strong, bound=error.value is None))
         series.append(Series(f"{integrator} {precision} {backend}", numbers[integrator], points, dashed=precision == "f32"))
@@ -159,13 +159,13 @@ def _drift(rows: Sequence[Row], numbers: dict[str, int], verdict: dict[str, Any]
     series = []
     for row in shown:
         configuration = row.sample.configuration
-        name = f"{configuration.integrator} {configuration.precision}, dt = {row.sample.dt:.3g}"
+        name = f"{configuration.integrator} {configuration.precision}, {row.sample.setting}"
         highest = itertools.accumulate(row.sample.energy_errors, max)
         points = [Mark(time, error, name) for time, error in zip(row.sample.times, highest)]
         number, dashed = numbers[configuration.integrator], configuration.precision == "f32"
         series.append(Series(name, number, points, marked=False, dashed=dashed, labelled=True))
     if shown:
-        finest = max(shown, key=lambda row: row.sample.configuration.steps).sample
+        finest = min(shown, key=lambda row: row.sample.dt).sample
         points = [Mark(time, EPSILON * math.sqrt(time / finest.dt)) for time in finest.times if time > 0.0]
         series.append(Series("√t: a random walk of round-off", -1, points, marked=False, dashed=True))
     said = "The scene’s own setting, and of the front one run for each decade of error. Grey: 2⁻⁵² √steps, the random walk of "

@@ -10,17 +10,29 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Configuration:
-    """One way to run the scene: `steps` equal steps over the span that is looked at."""
+    """One way to run the scene: `steps` equal steps over the span that is looked at.
+
+    An adaptive method takes steps of its own choice by `tolerance`, the value of its parameter `control`, and `steps` is how
+    often it is looked at.
+    """
 
     integrator: str
     steps: int
     precision: str
     backend: str
+    control: str = ""
+    tolerance: float | None = None
 
     @property
     def key(self) -> str:
-        """`leapfrog-f64-cpu-12400`: the name of the sample, also of its file."""
-        return f"{self.integrator}-{self.precision}-{self.backend}-{self.steps}"
+        """`leapfrog-f64-cpu-12400`, `ias15-f64-cpu-64-epsilon-1e-09`: the name of the sample, also of its file."""
+        asked = "" if self.tolerance is None else f"-{self.control}-{self.tolerance:.6g}"
+        return f"{self.integrator}-{self.precision}-{self.backend}-{self.steps}{asked}"
+
+    @property
+    def fineness(self) -> float:
+        """What grows where the error falls: the steps, or of an adaptive method 1 / tolerance."""
+        return float(self.steps) if self.tolerance is None else 1.0 / self.tolerance
 
 
 @dataclass(eq=False)
@@ -49,6 +61,12 @@ class Sample:
     end: np.ndarray | None = None
 
     @property
+    def setting(self) -> str:
+        """`dt = 0.01`, or `epsilon = 1e-09` of a method that chooses its steps."""
+        asked = self.configuration.tolerance
+        return f"dt = {self.dt:.3g}" if asked is None else f"{self.configuration.control} = {asked:.3g}"
+
+    @property
     def median_seconds(self) -> float | None:
         """Of the repeats."""
         return statistics.median(self.seconds) if self.seconds else None
@@ -61,7 +79,7 @@ class Sample:
     @staticmethod
     def of(facts: dict[str, Any], end: np.ndarray | None) -> "Sample":
         """What `facts` gave, read back."""
-        names = ("integrator", "steps", "precision", "backend")
+        names = ("integrator", "steps", "precision", "backend", "control", "tolerance")
         rest = {key: value for key, value in facts.items() if key not in names}
         return Sample(configuration=Configuration(**{name: facts[name] for name in names}), end=end, **rest)
 

@@ -18,7 +18,7 @@ from mpp_taichi.availability import TAICHI_VERSION, availability
 from mpp_taichi.errors import OutputError
 from mpp_taichi.whole_file import whole_file
 
-FORMAT = 1
+FORMAT = 2
 
 
 def identity(problem: Problem, asked_span: float, version: str) -> dict[str, Any]:

@@ -37,9 +37,11 @@ class Sweep:
         self.seconds_per_evaluation: float | None = None
         self.left_out = 0
 
-    def configuration(self, integrator: str, steps: int) -> Configuration:
+    def configuration(self, ladder: Ladder, rung: int) -> Configuration:
         """Of this workbench."""
-        return Configuration(integrator, steps, self.bench.precision, self.bench.backend)
+        control = self.methods[ladder.integrator].controlled_by
+        here = (self.bench.precision, self.bench.backend)
+        return Configuration(ladder.integrator, ladder.steps(rung), *here, control, ladder.asked(rung))
 
     def climb(self, ladders: list[Ladder], *, share: float, first: str) -> None:
         """Run rungs until none is open or the share of the budget is spent; the method `first` begins.
@@ -75,7 +77,7 @@ class Sweep:
                 wanted = sample.status == "ok" and len(sample.seconds) < REPEATS
                 expected = sum(sample.seconds[:1]) + (0.0 if self._is_compiled(name) else self._compile_seconds(name))
                 if wanted and expected < self.budget.left(share):
-                    sample.seconds.append(self.bench.machine(name).time(sample.configuration.steps, self.budget))
+                    sample.seconds.append(self.bench.machine(name).time(sample.configuration, self.budget))
 
     def measure(self, configuration: Configuration) -> Sample:
         """Run once, kept in the store; a method that the scene does not allow is a sample with the reason."""
@@ -87,7 +89,7 @@ class Sweep:
             dt = self.bench.problem.span / configuration.steps
             sample = Sample(configuration, dt, status="refused", reason=str(error).splitlines()[0])
         else:
-            sample, _ = machine.run(configuration.steps, self.budget)
+            sample, _ = machine.run(configuration, self.budget)
             timed(machine, sample, self.budget)
             self.seconds_per_evaluation = machine.seconds_per_step / machine.evaluations
         self.store.add(sample)
@@ -99,7 +101,7 @@ class Sweep:
         """Rungs that are still to be run, after what the store knows was noted."""
         while True:
             rungs = ladder.open_rungs()
-            known = [(rung, self.store.get(self.configuration(ladder.integrator, ladder.steps(rung)))) for rung in rungs]
+            known = [(rung, self.store.get(self.configuration(ladder, rung))) for rung in rungs]
             found = [(rung, sample) for rung, sample in known if sample is not None]
             if not found:
                 return rungs
@@ -109,7 +111,7 @@ class Sweep:
             self._note(ladder, rung, sample)
 
     def _try(self, ladder: Ladder, rung: int, waiting: list[Ladder]) -> None:
-        sample = self.measure(self.configuration(ladder.integrator, ladder.steps(rung)))
+        sample = self.measure(self.configuration(ladder, rung))
         log.info("%s: error %.1e", sample.configuration.key, self.error_of(sample))
         if sample.status == "refused":
             waiting.remove(ladder)
@@ -155,4 +157,4 @@ class Sweep:
 def timed(machine: Machine, sample: Sample, budget: Budget) -> None:
     """Take the time of the stepping alone, where looks on the way were a part of the time that was taken."""
     if sample.status == "ok" and sample.seconds and sample.seconds[0] < LONG_SECONDS:
-        sample.seconds = [machine.time(sample.configuration.steps, budget)]
+        sample.seconds = [machine.time(sample.configuration, budget)]

@@ -23,7 +23,7 @@ def cells(row: Row, fronts: dict[str, Sequence[str]]) -> tuple[str, ...]:
         marks,
         sample.configuration.integrator,
         where,
-        f"{sample.dt:.3g}",
+        sample.setting.removeprefix("dt = "),
         f"{sample.evaluations:,}",
         duration(row.seconds),
         *(str(error) for error in errors),

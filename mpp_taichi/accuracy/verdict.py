@@ -78,6 +78,7 @@ def _described(row: Row, quantity: str) -> dict[str, Any]:
         "precision": configuration.precision,
         "backend": configuration.backend,
         "dt": row.sample.dt,
+        "setting": row.sample.setting,
         "seconds": row.seconds,
         "evaluations": row.sample.evaluations,
         "error": error.value,
@@ -98,7 +99,7 @@ def sentence(found: dict[str, Any]) -> str:
     target = f"{found['target']:.0e}".replace("e-0", "e-")
     if choice := found.get("choice"):
         parts.append(
-            f"for {target} of {quantity} take {choice['integrator']} in {choice['precision']} with dt = {choice['dt']:.3g}, "
+            f"for {target} of {quantity} take {choice['integrator']} in {choice['precision']} with {choice['setting']}, "
             f"{duration(choice['seconds'])}"
         )
     elif best := found.get("best"):
@@ -111,7 +112,7 @@ def sentence(found: dict[str, Any]) -> str:
 
 def _own(own: dict[str, Any], found: dict[str, Any]) -> str:
     target = f"{found['target']:.0e}".replace("e-0", "e-")
-    setting = f"this scene's own setting ({own['integrator']}, dt = {own['dt']:.3g})"
+    setting = f"this scene's own setting ({own['integrator']}, {own['setting']})"
     if own["status"] != "ok":
         return f"{setting} does not hold"
     if own["error"] is None and own["error_at_most"] is None:

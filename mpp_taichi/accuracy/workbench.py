@@ -45,6 +45,7 @@ class Machine:
         self.simulation = Simulation(spec, backend=backend, precision=precision)
         self.integrator = self.simulation.integrator
         self.backend, self.precision = backend, precision
+        self._own_tolerance = getattr(self.integrator, self.integrator.controlled_by) if self.integrator.adaptive else None
         self.extent = float(np.abs(problem.start.position).max()) + problem.span * float(np.abs(problem.start.velocity).max())
         self._begin()
         self._launch(0.0, problem.own_dt, 1)
@@ -64,8 +65,15 @@ class Machine:
         counts = self.integrator.implicit or self.integrator.adaptive
         return max(1.0, self._counted) if counts else float(self.integrator.evaluations)
 
-    def run(self, steps: int, budget: Budget, *, follow: bool = False) -> tuple[Sample, Trace | None]:
-        """Run the span in so many steps, and look on the way.
+    def configuration(self, steps: int, tolerance: float | None = None) -> Configuration:
+        """So many steps; of an adaptive method so many looks, with its own tolerance when none is given."""
+        control = getattr(self.integrator, "controlled_by", "")
+        if control and tolerance is None:
+            tolerance = self._own_tolerance
+        return Configuration(self.name, steps, self.precision, self.backend, control, tolerance)
+
+    def run(self, configuration: Configuration, budget: Budget, *, follow: bool = False) -> tuple[Sample, Trace | None]:
+        """Run the span in the steps of a configuration of this method and device, and look on the way.
 
         Relative errors: of the energy |E − E₀| / |E₀| (over kinetic + |potential| where E₀ is zero), of the momenta over the
         largest Σ m |v| and Σ m |x| |v| seen; the largest of the run, and of the energy at every look.
@@ -73,10 +81,11 @@ class Machine:
         Raises:
             OutOfTime: the budget ended first.
         """
+        steps = configuration.steps
         dt = self.problem.span / steps
-        sample = Sample(Configuration(self.name, steps, self.precision, self.backend), dt, compile_seconds=self.compile_seconds)
+        sample = Sample(configuration, dt, compile_seconds=self.compile_seconds)
         stops = sorted({round(k * steps / LOOKS) for k in range(LOOKS + 1)})
-        self._begin()
+        self._begin(configuration.tolerance)
         rows, places, seconds, solver_steps = [], [], 0.0, 0
         for before, stop in zip((0, *stops), stops):
             took, iterations, solved = self._advance(before, stop, dt, budget)
@@ -108,10 +117,10 @@ class Machine:
         trace = Trace(np.array([row["time"] for row in rows]), np.array(places)) if follow else None
         return sample, trace
 
-    def time(self, steps: int, budget: Budget) -> float:
+    def time(self, configuration: Configuration, budget: Budget) -> float:
         """Seconds of the stepping alone."""
-        self._begin()
-        return self._advance(0, steps, self.problem.span / steps, budget)[0]
+        self._begin(configuration.tolerance)
+        return self._advance(0, configuration.steps, self.problem.span / configuration.steps, budget)[0]
 
     def advance_from(
         self, state: tuple[np.ndarray, ...], before: int, stop: int, dt: float, budget: Budget
@@ -130,7 +139,9 @@ class Machine:
 
     _counted = 1.0
 
-    def _begin(self) -> None:
+    def _begin(self, tolerance: float | None = None) -> None:
+        if self.integrator.adaptive:
+            setattr(self.integrator, self.integrator.controlled_by, self._own_tolerance if tolerance is None else tolerance)
         self.simulation.restart()
         self.simulation.stepper.prepare(0.0)
 

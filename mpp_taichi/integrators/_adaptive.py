@@ -16,9 +16,14 @@ class Adaptive(Integrator):
     two looks the true state is there, and `position` and `velocity` hold what is shown. For each replica `clock` has the begin
     and length of the last step, and the length of the next [time]; `tally` the steps taken, the steps refused, the evaluations
     of the force, and whether the step fell below what the time can resolve.
+
+    The parameter `controlled_by` says how accurate a run is. Kernels read it from `control`, two numbers for each replica, so
+    that one compilation serves all its values.
     """
 
     adaptive = True
+    controlled_by = ""
+    CONTROL = 2
     CLOCK = 3
     TALLY = 4
     STEPS, REFUSED, EVALUATIONS, STALLED = range(4)
@@ -38,6 +43,14 @@ class Adaptive(Integrator):
         if abs(root) < 1e-8 * max(damping, 1e-300):
             return np.real(np.exp(one) * (np.eye(2) + matrix - one * np.eye(2)))
         return np.real((np.exp(one) * (matrix - other * np.eye(2)) - np.exp(other) * (matrix - one * np.eye(2))) / (2 * root))
+
+    def control(self) -> tuple[float, float]:
+        """The two numbers that kernels read, from the parameter `controlled_by`."""
+        return float(getattr(self, self.controlled_by)), 0.0
+
+    def set_control(self, state: Any) -> None:
+        """Before a run begins: what `controlled_by` has become."""
+        state.control.from_numpy(np.tile(np.array(self.control()), state.replica_count))
 
     def times(self, state: Any) -> np.ndarray:
         """End of the last step [time], of each replica."""

@@ -29,13 +29,20 @@ class AdaptiveLeapfrog(Adaptive):
 
     order = 2
     time_reversible = True
+    controlled_by = "step"
     VECTORS = ("start_position", "start_velocity", "start_acceleration", "end_position", "end_velocity", "end_acceleration")
     memory = ("clock", "tally", "density", *VECTORS)
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
         """Both ends of the last step, the clock, and for each replica ρ and the energy E."""
         vectors = {name: ("vector", start.particle_count) for name in self.VECTORS}
-        return {"clock": ("wide", self.CLOCK), "tally": ("index", self.TALLY), "density": ("wide", 2), **vectors}
+        return {
+            "clock": ("wide", self.CLOCK),
+            "tally": ("index", self.TALLY),
+            "control": ("wide", self.CONTROL),
+            "density": ("wide", 2),
+            **vectors,
+        }
 
     @ti.func
     def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
@@ -59,16 +66,17 @@ class AdaptiveLeapfrog(Adaptive):
         density = ti.cast(1.0, state.wide)
         if pull > 0.0 and potential < 0.0:
             density = ti.sqrt(pull / -potential)
-        state.density[2 * r] = density - 0.5 * self.step * self._growth(state, total_force, first)
+        state.density[2 * r] = density - 0.5 * state.control[self.CONTROL * r] * self._growth(state, total_force, first)
 
     @ti.func
     def advance_to(self, state: Template, total_force: Template, first, end: Template, shape: Template):
         """Take steps until one ends at `end` or later."""
         r = first // total_force.particle_count
+        eta = state.control[self.CONTROL * r]
         while self.is_short_of(state, r, end):
             begin = state.clock[self.CLOCK * r] + state.clock[self.CLOCK * r + 1]
-            density = state.density[2 * r] + self.step * self._growth(state, total_force, first)
-            h = self.step / density
+            density = state.density[2 * r] + eta * self._growth(state, total_force, first)
+            h = eta / density
             if not (density > 0.0 and begin + 1e-3 * h > begin):
                 state.tally[self.TALLY * r + self.STALLED] = 1
             else:

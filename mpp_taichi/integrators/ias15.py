@@ -42,6 +42,7 @@ class Ias15(Adaptive):
     )
 
     order = 15
+    controlled_by = "epsilon"
     memory = (
         "clock", "tally", "start_position", "start_velocity", "start_acceleration", "position_rest", "velocity_rest",
         *(f"b{k}" for k in range(TERMS)), *(f"e{k}" for k in range(TERMS)),
@@ -51,11 +52,21 @@ class Ias15(Adaptive):
         """Coefficients b, their predictions e and differences g, the true state with what rounding left over, and the clock."""
         vectors = [name for name in self.memory if name not in ("clock", "tally")] + [f"g{k}" for k in range(TERMS)]
         fields = {name: ("vector", start.particle_count) for name in vectors}
-        return {"clock": ("wide", self.CLOCK), "tally": ("index", self.TALLY), "measure": ("wide", 2), **fields}
+        return {
+            "clock": ("wide", self.CLOCK),
+            "tally": ("index", self.TALLY),
+            "control": ("wide", self.CONTROL),
+            "measure": ("wide", 2),
+            **fields,
+        }
 
-    def _smallest_epsilon(self) -> float:
-        """As given, but no shorter steps than those whose derivatives stand out from round-off: 0.73 of τ in f32."""
-        return max(self.epsilon, 200.0 * _rounding())
+    def control(self) -> tuple[float, float]:
+        """(5040 ε)^(1/7), and how far from its solution a step may be.
+
+        ε is as given, but no shorter steps than those whose derivatives stand out from round-off: 0.73 of τ in f32.
+        """
+        epsilon = max(self.epsilon, 200.0 * _rounding())
+        return (5040.0 * epsilon) ** (1.0 / 7.0), max(epsilon, 1e4 * _rounding())
 
     # A run -------------------------------------------------------------------------------------------------------------
 
@@ -119,7 +130,7 @@ class Ias15(Adaptive):
             self._differences(state, total_force, first)
             error = self._iterate(state, total_force, first, begin, ti.cast(h, float), shape)
             share = self._longest_share(state, total_force, first)
-            if not error <= ti.static(max(self._smallest_epsilon(), 1e4 * _rounding())):  # what is no number fails, too
+            if not error <= state.control[self.CONTROL * r + 1]:  # what is no number fails, too
                 share = ti.min(share, ti.static(0.5 / LARGEST_CHANGE))
             following = ti.min(h * share, h * LARGEST_CHANGE)
             if begin + 1e-3 * following == begin:
@@ -267,7 +278,7 @@ class Ias15(Adaptive):
                 ti.atomic_max(state.measure[2 * r], ti.select(ti.math.isnan(slowness), ti.cast(0.0, state.wide), -slowness))
         result = ti.cast(LARGEST_CHANGE, state.wide)
         if ti.math.isinf(state.measure[2 * r]) == 0:
-            result = ti.sqrt(-state.measure[2 * r]) * ti.static((5040.0 * self._smallest_epsilon()) ** (1.0 / 7.0))
+            result = ti.sqrt(-state.measure[2 * r]) * state.control[self.CONTROL * r]
         return result
 
     @ti.func

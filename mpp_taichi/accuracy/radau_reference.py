@@ -1,0 +1,46 @@
+"""A reference by Gauss–Radau: IAS15 sums without loss, so that round-off leaves it where it has spoilt runs of equal steps."""
+
+import itertools
+from dataclasses import replace
+from typing import Any
+
+from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.methods import LOOKS
+from mpp_taichi.accuracy.reference import Reference, distance
+from mpp_taichi.accuracy.workbench import Machine
+
+NAME = "ias15"
+TOLERANCES = (1e-9, 3e-10, 1e-10)  # steps of 1, 0.84 and 0.72: each at round-off, and each with roundings of its own
+MIDDLE = 1
+
+
+def finer(machine: Machine, known: Reference, budget: Budget, *, add: Any) -> Reference:
+    """The reference that IAS15 gives, or the known one where it is no better or contradicts it.
+
+    Its bar is the largest difference of three runs with different steps, whose roundings are independent of one another; and
+    the run must lie within the bar of the known reference, which is another method.
+    """
+    ends = []
+    for tolerance in TOLERANCES:
+        sample, _ = machine.run(machine.configuration(LOOKS, tolerance), budget)
+        add(sample)
+        if sample.end is None:
+            return known
+        ends.append(sample.end)
+    pairs = [distance(one, other, known.size) for one, other in itertools.combinations(ends, 2)]
+    bar, bar_rms = (max(pair[part] for pair in pairs) for part in (0, 1))
+    agree = distance(ends[MIDDLE], known.end, known.size)[0] <= known.bar + bar
+    if not agree or bar >= known.bar:
+        return known
+    return replace(
+        known,
+        integrator=NAME,
+        order=machine.order,
+        steps=LOOKS,
+        end=ends[MIDDLE],
+        bar=max(bar, 2.0**-52),
+        bar_rms=max(bar_rms, 2.0**-52),
+        differences=[pair[0] for pair in pairs],
+        control=machine.integrator.controlled_by,
+        tolerance=TOLERANCES[MIDDLE],
+    )
