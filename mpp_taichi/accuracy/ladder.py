@@ -2,7 +2,7 @@
 
 Rung k has N₀ qᵏ steps, with q = √10 for low orders, 2 for those above 4, whose errors fall too fast for more. It grows to both
 sides until the method is no longer stable or accurate at one end, and no longer gains at the other. An adaptive method has at
-rung k the tolerance of its default over qᵏ, with a q for which its steps become two or three times shorter.
+rung k the tolerance of its default over 10ᵏ; where it is a step, of a method of second order, over √10ᵏ.
 """
 
 import math
@@ -46,10 +46,8 @@ class Ladder:
         return max(1, round(self.anchor * (ratio(self.order) ** rung if self.tolerance is None else 1.0)))
 
     def asked(self, rung: int) -> float | None:
-        """Tolerance of a rung; the step of IAS15 goes with its seventh root."""
-        if self.tolerance is None:
-            return None
-        return self.tolerance / (100.0 if self.order > 10 else 10.0 if self.order > 2 else math.sqrt(10.0)) ** rung
+        """Tolerance of a rung."""
+        return None if self.tolerance is None else self.tolerance / (10.0 if self.order > 2 else math.sqrt(10.0)) ** rung
 
     def open_rungs(self) -> list[int]:
         """Rungs to be tried next, at most one at each end."""
