@@ -133,6 +133,17 @@ def test_an_energy_is_reached_as_well(tmp_path):
     assert 1e-5 / 3.0 < max(errors) < 1.5e-5
 
 
+def test_no_step_beyond_what_the_springs_allow_is_chosen(tmp_path):
+    """Of sixth order at the largest stable step the error is far below 1e-2; a coarser one would not hold."""
+    spring = {"link": {"between": [0, 1], "stiffness": 100.0, "rest_length": 1.0}}
+    bodies = [{"body": {"mass": 1.0, "position": [0, 0, 0], "free": False}}, {"body": {"mass": 1.0, "position": [1.1, 0, 0]}}]
+    scene = {"title": "Oscillator", "particles": bodies, "springs": [spring], "run": {"duration": 2.0}, "accuracy": 1e-2}
+    spec = load_scene(scene)
+    found = choose(spec, tmp_path, integrators=("srkn14a",), precisions=("f64",), seconds=60.0)
+    with mpp.Simulation(found.settle(spec), precision=found.precision) as simulation:
+        simulation.run()
+
+
 def test_offers_are_where_the_error_is_the_aim():
     slow = [row(steps, 1.0 / steps**2, seconds=1e-3 * steps) for steps in (10, 100, 1000)]
     fast = [row(steps, 1.0 / steps**4, seconds=3e-3 * steps, integrator="pefrl") for steps in (3, 30)]

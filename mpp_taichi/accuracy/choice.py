@@ -242,7 +242,12 @@ def _tried(study: Study, offer: Offer, quantity: str, allowed: float) -> tuple[C
             is_close = error.bound <= allowed and (error.value is None or error.value > allowed / TOO_GOOD)
             if power is None or not math.isfinite(error.bound) or is_close or (reached and error.bound > allowed):
                 break
-            fineness *= (error.bound / (SAFETY * allowed)) ** (1.0 / power)
+            wanted = fineness * (error.bound / (SAFETY * allowed)) ** (1.0 / power)
+            if not method.adaptive:
+                wanted = max(wanted, float(method.fewest_steps))  # a coarser one would not hold
+            if wanted == fineness:
+                break
+            fineness = wanted
     return reached and reached[1]
 
 
