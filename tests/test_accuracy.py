@@ -424,7 +424,7 @@ def test_beyond_the_horizon_energies_are_compared(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("scene", "said"), [("newtons_cradle", "scenes with contacts"), ("membrane_release", "scenes with a timeline")]
+    ("scene", "said"), [("accretion", "scenes in which spheres merge"), ("membrane_release", "scenes with a timeline")]
 )
 def test_scenes_that_cannot_be_compared_are_refused_in_a_line(request, capfd, scene, said):
     code = run_verb(request.config.root_folder / "scenes" / f"{scene}.yaml")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
-from mpp_taichi.accuracy.workbench import Machine
+from mpp_taichi.accuracy.workbench import Machine, Phase
 
 APART = 1e-8  # of the size of the system, and of its typical velocity
 PIECES = 96
@@ -22,7 +22,6 @@ ACCURATE = 1e-3  # of the size: what is called a position that means something
 ROUND_OFF = {"f32": 2.0**-23, "f64": 2.0**-52}
 LEAST_LENGTH = 1e-300  # so that two runs that meet have a logarithm
 SEED = 1
-Phase = tuple[np.ndarray, ...]  # positions [length] and velocities [length / time]
 
 
 @dataclass(frozen=True)
@@ -62,16 +61,16 @@ def measure(machine: Machine, steps: int, size: float, budget: Budget) -> Chaos:
     free[:, problem.spec.dimensions :] = 0.0
     one: Phase = (problem.start.position, problem.start.velocity * problem.start.free)
     random = np.random.default_rng(SEED)
-    away = tuple(random.standard_normal(free.shape) * free for _ in range(2))
+    away: Phase = (random.standard_normal(free.shape) * free, random.standard_normal(free.shape) * free)
     speed = max(size / problem.span, _rms(one[1]))
     length = _length(away, size, speed)
     logarithms: list[float] = []
     for number in range(PIECES):
-        other = tuple(here + each * (APART / length) for here, each in zip(one, away))
+        other: Phase = (one[0] + away[0] * (APART / length), one[1] + away[1] * (APART / length))
         before, stop = number * piece, (number + 1) * piece
         one = machine.advance_from(one, before, stop, dt, budget)
         other = machine.advance_from(other, before, stop, dt, budget)
-        away = tuple(there - here for there, here in zip(other, one))
+        away = (other[0] - one[0], other[1] - one[1])
         length = _length(away, size, speed)
         if not math.isfinite(length):
             break

@@ -7,6 +7,7 @@ it does. The choice is written down: the next run takes it as it is, on whatever
 
 import json
 import math
+import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -30,6 +31,9 @@ PILOT_SECONDS = 30.0
 SAFETY = 0.7  # of the target: what the interpolated step aims at
 TOO_GOOD = 3.0  # times smaller an error than asked for: a coarser step is tried, too
 TRIALS = 3  # runs with the step chosen, each corrected by the one before
+MOST_TRIED, ALIKE = 3, 1.5  # offers that are run, if they seem no more than so many times slower than the first
+REPEATS = 3
+Tried = tuple[Configuration, float, Measured, float]  # with its step, its error and its seconds
 LOOKS_OF_ADAPTIVE = 1000  # in a run, of a method that needs no step
 
 
@@ -169,16 +173,19 @@ def _decide(study: Study, target: float, asked: str | None, precisions: Sequence
         if row.sample.configuration.precision in precisions and row.sample.configuration.integrator in allowed_methods
     ]
     offers = sorted(offers_for(rows, quantity, SAFETY * allowed), key=lambda offer: offer.seconds)
+    tried: list[tuple[Offer, Tried]] = []
     for offer in offers:
-        found = _tried(study, offer, quantity, allowed)
-        if found is None:
-            continue
-        configuration, dt, error, seconds = found
+        if tried and (len(tried) == MOST_TRIED or offer.seconds > ALIKE * tried[0][0].seconds):
+            break
+        if (found := _tried(study, offer, quantity, allowed)) is not None:
+            tried.append((offer, found))
+    if tried:
+        offer, (configuration, dt, error, seconds) = min(tried, key=lambda each: each[1][3])
         return Choice(
             *(study.problem.identity(), study.whole, target, asked, quantity),
             *(configuration.integrator, configuration.precision, dt),
             *(error.bound, study.problem.span, seconds),
-            why=_why(offers, offer, error, study, seconds),
+            why=_why(offers, tried, offer, error, study),
             control=configuration.control,
             tolerance=configuration.tolerance,
         )
@@ -222,7 +229,7 @@ def _between(coarse: Row | None, fine: Row, quantity: str, aim: float) -> tuple[
     return mixed(finest, coarsest), mixed(fine.seconds, coarse.seconds), fall / math.log(finest / coarsest)
 
 
-def _tried(study: Study, offer: Offer, quantity: str, allowed: float) -> tuple[Configuration, float, Measured, float] | None:
+def _tried(study: Study, offer: Offer, quantity: str, allowed: float) -> Tried | None:
     """Run an offer, a finer one where it is not good enough, a coarser one where it is far too good; None where it never is."""
     method, fineness = study.methods[offer.integrator], offer.fineness
     power = offer.power if method.adaptive else method.order
@@ -238,7 +245,8 @@ def _tried(study: Study, offer: Offer, quantity: str, allowed: float) -> tuple[C
             if sample.status == "ok" and error.bound <= allowed:
                 dt = study.whole / LOOKS_OF_ADAPTIVE if method.adaptive else study.problem.span / steps
                 if reached is None or fineness < reached[0]:
-                    reached = fineness, (configuration, dt, error, machine.time(configuration, budget))
+                    seconds = statistics.median(machine.time(configuration, budget) for _ in range(REPEATS))
+                    reached = fineness, (configuration, dt, error, seconds)
             is_close = error.bound <= allowed and (error.value is None or error.value > allowed / TOO_GOOD)
             if power is None or not math.isfinite(error.bound) or is_close or (reached and error.bound > allowed):
                 break
@@ -251,10 +259,12 @@ def _tried(study: Study, offer: Offer, quantity: str, allowed: float) -> tuple[C
     return reached and reached[1]
 
 
-def _why(offers: Sequence[Offer], chosen: Offer, error: Measured, study: Study, seconds: float) -> str:
+def _why(offers: Sequence[Offer], tried: Sequence[tuple[Offer, Tried]], chosen: Offer, error: Measured, study: Study) -> str:
+    measured = {offer: found[3] for offer, found in tried}
     part = "" if study.problem.span == study.whole else f" over the first t = {study.problem.span:.4g}"
-    said = f"its error was {error}{part}, in {duration(seconds)}"
-    other = next((offer for offer in offers if offer.integrator != chosen.integrator), None)
-    if other is not None:
-        said += f"; {other.integrator} in {other.precision} would take {other.seconds / chosen.seconds:.2g} times as long"
+    said = f"its error was {error}{part}, in {duration(measured[chosen])}"
+    others = [measured.get(offer, offer.seconds) for offer in offers if offer.integrator != chosen.integrator]
+    if others:
+        other = next(offer for offer in offers if measured.get(offer, offer.seconds) == min(others))
+        said += f"; {other.integrator} in {other.precision} would take {min(others) / measured[chosen]:.2g} times as long"
     return said

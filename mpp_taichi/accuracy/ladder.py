@@ -28,6 +28,7 @@ class Ladder:
     floor        an error that nothing can be seen below
     coarsest     an error from which coarser steps are of no interest
     tolerance    of rung 0 of an adaptive method, which has `anchor` looks at every rung; else None
+    patient      go on where a rung brings little: errors of contacts fall irregularly
     """
 
     integrator: str
@@ -38,6 +39,7 @@ class Ladder:
     errors: dict[int, float] = field(default_factory=dict)
     coarsest: float = COARSEST
     tolerance: float | None = None
+    patient: bool = False
     closed_below: bool = False
     closed_above: bool = False
 
@@ -73,7 +75,9 @@ class Ladder:
             self.closed_below = True
         if rung == max(self.errors):
             coarser = self.errors.get(rung - 1)
-            gained = coarser is None or not math.isfinite(coarser) or coarser > COARSEST or error * GAIN < coarser
+            gained = (
+                self.patient or coarser is None or not math.isfinite(coarser) or coarser > COARSEST or error * GAIN < coarser
+            )
             self.closed_above = error <= self.floor or not gained
 
     def close(self, rung: int) -> None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mpp_taichi import component
+from mpp_taichi.accuracy.contact_methods import EXACT, ORDERS, solvers
 from mpp_taichi.accuracy.problem import Problem, defaults, with_integrator
 from mpp_taichi.backends import import_taichi
 from mpp_taichi.scene.physics_checks import refused_friction
@@ -44,6 +45,9 @@ class Method:
 def methods(problem: Problem) -> dict[str, Method]:
     """Integrators that advance by steps, take the scene's forces and need nothing else to be said; its own among them."""
     import_taichi()
+    if problem.spec.contacts is not None:
+        orders = {**ORDERS, EXACT: 0}
+        return {name: Method(name, orders[name], True, False, 1.0, 1) for name in solvers(problem.spec)}
     found = {}
     own = problem.spec.integrator.name
     for name in dict.fromkeys((own, *component.names("integrators"))):

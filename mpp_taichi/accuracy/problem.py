@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mpp_taichi import component
+from mpp_taichi.accuracy.contact_methods import with_solver
 from mpp_taichi.assemble import assemble
 from mpp_taichi.component import REQUIRED
 from mpp_taichi.errors import SceneError
+from mpp_taichi.scene.contacts import merges
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.scene.timeline import time_after
 from mpp_taichi.snapshot import Snapshot
@@ -37,8 +39,14 @@ class Problem:
         """The first part of it."""
         return replace(self, span=span)
 
+    @property
+    def own_method(self) -> str:
+        """The integrator, or with contacts their solver."""
+        contacts = self.spec.contacts
+        return self.spec.integrator.name if contacts is None else contacts.solver.name
+
     def identity(self) -> str:
-        """Hash of the physics: particles, springs and forces; not of names, colours, the integrator or what is shown."""
+        """Hash of the physics: particles, springs, forces and contacts; not of names, colours, methods or what is shown."""
         digest = hashlib.sha256()
         springs = self.start.springs
         start = self.start
@@ -46,7 +54,12 @@ class Problem:
         for array in (*arrays, springs.between, springs.stiffness, springs.damping, springs.rest_length):
             digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
         forces = [[force.name, force.parameters] for force in self.spec.forces]
-        rest = [forces, self.spec.dimensions, self.spec.spring_damping]
+        rest: list = [forces, self.spec.dimensions, self.spec.spring_damping]
+        if self.spec.contacts is not None:
+            digest.update(np.ascontiguousarray(start.radius, dtype=np.float64).tobytes())
+            restitution = self.spec.contacts.solver.parameters.get("restitution")
+            walls = [[wall.name, wall.parameters] for wall in self.spec.walls]
+            rest += [restitution, [repr(pair) for pair in self.spec.contacts.pairs], walls]
         digest.update(json.dumps(rest, sort_keys=True, default=str).encode())
         return digest.hexdigest()[:16]
 
@@ -58,10 +71,8 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
         SceneError: it is none that a step-by-step comparison could answer, or nothing says how long it is.
     """
     place = spec.integrator.location
-    if spec.contacts is not None:
-        raise SceneError(
-            f"{place}: accuracy does not measure scenes with contacts: their error is that of contacts, not of a step"
-        )
+    if merges(spec):
+        raise SceneError(f"{place}: accuracy does not measure scenes in which spheres merge")
     if spec.timeline:
         raise SceneError(f"{place}: accuracy does not measure scenes with a timeline; measure each of its phases as a scene")
     if "dt" not in spec.integrator.parameters:
@@ -77,8 +88,13 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
 
 
 def with_integrator(spec: SceneSpec, name: str, dt: float, **chosen: float) -> SceneSpec:
-    """The scene run by a method, with that method's defaults and what was chosen; its own keeps the scene's parameters."""
+    """The scene run by a method, with that method's defaults and what was chosen; its own keeps the scene's parameters.
+
+    With contacts it is their solver that is named.
+    """
     own = spec.integrator
+    if spec.contacts is not None:
+        return replace(with_solver(spec, name, dt), accuracy=None)
     given = own.parameters if own.name == name else defaults(name)
     assert given is not None
     return replace(spec, integrator=ComponentSpec(name, {**given, "dt": dt, **chosen}, own.location), accuracy=None)

@@ -76,6 +76,14 @@ def size_of(trace: Trace) -> float:
     return float(np.sqrt(np.mean(np.sum((trace.position - trace.position.mean(axis=(0, 1))) ** 2, axis=-1))))
 
 
+def lost_at(coarse: Trace, fine: Trace, size: float) -> float | None:
+    """Time until which two runs differ by less than MEANING of the size; None if they do to the end."""
+    every = (len(fine.times) - 1) // (len(coarse.times) - 1)  # a run of few steps has fewer looks
+    apart = np.linalg.norm(coarse.position - fine.position[::every], axis=-1).max(axis=1) / size
+    lost = np.flatnonzero(~(apart < MEANING))
+    return float(coarse.times[max(0, lost[0] - 1)]) if len(lost) else None
+
+
 class Convergence:
     """Runs that are halved until they agree; `add` them in turn, then ask whether it `is_enough`."""
 
@@ -151,12 +159,10 @@ class Convergence:
         """The longest that any pair stayed together."""
         longest = 0.0
         for (_, coarse), (_, fine) in zip(self.runs, self.runs[1:]):
-            every = (len(fine.times) - 1) // (len(coarse.times) - 1)  # a run of few steps has fewer looks
-            apart = np.linalg.norm(coarse.position - fine.position[::every], axis=-1).max(axis=1) / self.size
-            lost = np.flatnonzero(~(apart < MEANING))
-            if not len(lost):
+            lost = lost_at(coarse, fine, self.size)
+            if lost is None:
                 return None
-            longest = max(longest, float(coarse.times[max(0, lost[0] - 1)]))
+            longest = max(longest, lost)
         return longest if self.differences else None
 
 

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from mpp_taichi.accuracy import chaos as chaos_of
-from mpp_taichi.accuracy import radau_reference
+from mpp_taichi.accuracy import flight_reference, radau_reference
 from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.chaos import Chaos
+from mpp_taichi.accuracy.contact_methods import EXACT
 from mpp_taichi.accuracy.front import ENERGY_BAR, Row, time_front
 from mpp_taichi.accuracy.ladder import COARSEST, Ladder
 from mpp_taichi.accuracy.methods import LOOKS, Method, equal_cost, first_steps, for_reference, methods
@@ -33,6 +34,8 @@ OWN_SHARE = 1.0 / 60.0  # of the budget that the scene's own setting may take on
 FEWEST_OWN_STEPS = 64
 WELL_KNOWN = 1e-12  # a bar below which no better reference is looked for
 WITHIN_AIM = 0.1  # or below so much of an aim
+WELL_BEFORE = 0.6  # of the time until which positions mean something: there round-off has still to grow by 10⁻³ and more
+FEWEST_COLLISIONS = 10  # in the part of a run with contacts that is looked at
 AROUND = 100.0  # times an aim: coarser steps than of such an error are of no interest to it
 MOST_ROUNDED = 4  # methods that are tried in a second precision: the best of the first
 ROUNDED_ERROR = 1e-8  # of runs in f64 that one in f32 could replace
@@ -67,7 +70,7 @@ class Study:
         self.problem = problem if store.span is None else problem.shortened(store.span)
         self.store, self.budget, self.wishes, self.tell = store, budget, wishes, tell
         self.methods = methods(problem)
-        self.own = self.methods[problem.spec.integrator.name]
+        self.own = self.methods[problem.own_method]
         self.reference: Reference | None = None
         self.chaos: Chaos | None = None
         self.status = "unfinished"
@@ -170,6 +173,8 @@ class Study:
         """Those asked for; else all, implicit ones only where springs or drag limit the steps of the others."""
         if self.wishes.integrators is not None:
             return [name for name in self.methods if name in self.wishes.integrators]
+        if self.problem.spec.contacts is not None:
+            return [name for name in self.methods if name != EXACT]
         is_stiff = any(method.fewest_steps > 1 for method in self.methods.values())
         least = 1 if self.wishes.aim is None else 2
         suits = [name for name, method in self.methods.items() if (is_stiff or not method.implicit) and method.order >= least]
@@ -193,8 +198,7 @@ class Study:
             allowed = OWN_SHARE * self.budget.seconds
             if own_seconds > allowed:
                 least = min(1.0, FEWEST_OWN_STEPS / self.problem.own_steps)
-                self.problem = self.problem.shortened(self.problem.span * max(least, allowed / own_seconds))
-                bench.shorten(self.problem)
+                self._look_at(bench, self.problem.shortened(self.problem.span * max(least, allowed / own_seconds)))
             self.store.span = self.problem.span
         if self.problem.span < self.whole:
             self.tell(
@@ -210,6 +214,8 @@ class Study:
                 self.reference = Reference(**known, end=kept.end)
                 self.conserves_energy = kept.energy is not None
                 return
+        if EXACT in self.methods and self._fly(bench):
+            return
         machine, steps = self._reference_machine(bench)
         if known is not None and known["integrator"] == machine.name:
             steps = max(steps, known["steps"] // 2)
@@ -230,6 +236,45 @@ class Study:
                 self._remarks.append(
                     "the reference was not shown to have converged; a longer budget, or a second call, goes on"
                 )
+
+    def _fly(self, bench: Workbench) -> bool:
+        """Spheres that fly exactly are a reference by themselves, over the part of the run that round-off does not decide.
+
+        Where too little happens in that part, it is the whole, for energies. Whether the scene can be flown at all.
+        """
+        try:
+            machine, whole = bench.machine(EXACT), self.problem
+        except BackendError:
+            raise
+        except MppError as error:
+            self.tell(f"no event-driven flight here: {error}")
+            return False
+        while (found := flight_reference.fly(machine, self.budget)) is not None:
+            reference, sample = found
+            part = WELL_BEFORE * reference.meaning if reference.meaning else self.problem.span / LOOKS
+            if reference.trusted or sample.evaluations < FEWEST_COLLISIONS:
+                break
+            self._look_at(bench, self.problem.shortened(part))
+        if found is not None and not reference.trusted:
+            self._look_at(bench, whole)
+            found = flight_reference.fly(machine, self.budget)
+        if found is None:
+            return False
+        self.reference, sample = found
+        timed(machine, sample, self.budget)
+        self.store.add(sample)
+        self.conserves_energy = sample.energy is not None
+        self.store.notes["reference"] = self.reference.facts()
+        self.tell(f"reference: {describe(self.reference)}")
+        if self.problem.span < whole.span:
+            self.tell(f"looking at the first t = {self.problem.span:.6g}, in which no round-off grows to be seen")
+        return True
+
+    def _look_at(self, bench: Workbench, problem: Problem) -> None:
+        """From now on at this part of the run."""
+        self.problem = problem
+        bench.shorten(problem)
+        self.store.span = problem.span
 
     def _finer(self, bench: Workbench, known: Reference) -> Reference:
         """One by IAS15, where round-off has spoilt the one that is known for what is asked, and there is time for it."""
@@ -256,7 +301,7 @@ class Study:
 
     def _reference_machine(self, bench: Workbench) -> tuple[Machine, int]:
         """The most promising method that the scene allows."""
-        promising = for_reference(self.methods)
+        promising = for_reference(self.methods) if self.problem.spec.contacts is None else [self.own]
         if self.wishes.reference is not None:
             promising = [self.methods[self.wishes.reference]]
         for method in promising:
@@ -273,7 +318,7 @@ class Study:
         if known is not None:
             self.chaos = Chaos(known["lyapunov_time"], known["rise"], known["span"])
             return
-        if self.reference is None:
+        if self.reference is None or self.problem.spec.contacts is not None:
             return
         if self.reference.tolerance is None:
             method = self.methods[self.reference.integrator]
@@ -308,12 +353,16 @@ class Study:
         if self.wishes.aim is not None:
             floor, coarsest = max(floor, self.wishes.aim), min(COARSEST, AROUND * self.wishes.aim)
         fewest = float(method.fewest_steps)
-        return Ladder(method.name, method.order, anchor, fewest, floor, coarsest=coarsest, tolerance=method.tolerance)
+        patient, tolerance = self.problem.spec.contacts is not None, method.tolerance
+        steps = (method.name, method.order, anchor, fewest)
+        return Ladder(*steps, floor, coarsest=coarsest, tolerance=tolerance, patient=patient)
 
 
 def describe(reference: Reference) -> str:
     """`pefrl with 12800 steps, good to 3e-14`."""
     good = f"good to {reference.bar:.0e} of the system's size" if reference.trusted else "not shown to have converged"
+    if reference.integrator == EXACT:
+        return f"event-driven flight in f64, {good if reference.trusted else 'whose end round-off decides'}"
     how = f"{reference.steps:,} steps" if reference.tolerance is None else f"{reference.control} = {reference.tolerance:.2g}"
     return f"{reference.integrator} in f64, {how}, {good}"
 

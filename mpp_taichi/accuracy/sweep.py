@@ -4,6 +4,7 @@ import logging
 from collections.abc import Callable
 
 from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.contact_methods import EXACT
 from mpp_taichi.accuracy.ladder import Ladder
 from mpp_taichi.accuracy.methods import Method, rank
 from mpp_taichi.accuracy.sample import Configuration, Sample
@@ -122,7 +123,8 @@ class Sweep:
         """Tell the ladder; where others are as good for far less, it ends above."""
         error = self.error_of(sample)
         ladder.note(rung, error)
-        if any(sample.evaluations > HOPELESS * each.evaluations and self.error_of(each) <= error for each in self._mine()):
+        others = [each for each in self._mine() if each.configuration.integrator != EXACT]  # against that all are hopeless
+        if any(sample.evaluations > HOPELESS * each.evaluations and self.error_of(each) <= error for each in others):
             ladder.closed_above = True
 
     def _mine(self) -> list[Sample]:

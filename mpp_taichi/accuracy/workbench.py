@@ -15,10 +15,13 @@ from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import Problem, with_integrator
 from mpp_taichi.accuracy.sample import Configuration, Sample
+from mpp_taichi.errors import MppError
 from mpp_taichi.simulation import Simulation
 
+Phase = tuple[np.ndarray, np.ndarray]
 MOST_FOLLOWED = 1000  # particles whose positions are kept at every look
 LAUNCH_SECONDS = 0.1  # of one launch: short enough to stop in time
+STEPS_WITH_CONTACTS = 16  # of a launch: a step may take very much longer than the one before
 LONG_LAUNCH = 0.02  # that tells how long a step takes
 TRIAL = 8  # part of a look's time that an adaptive method is tried for
 TINY = 1e-6  # of the scene's own step: explicit methods take the same time for a step of any length
@@ -43,7 +46,7 @@ class Machine:
         self.problem, self.name = problem, integrator
         spec = with_integrator(problem.spec, integrator, problem.own_dt)
         self.simulation = Simulation(spec, backend=backend, precision=precision)
-        self.integrator = self.simulation.integrator
+        self.integrator, self.contacts = self.simulation.integrator, self.simulation.contacts
         self.backend, self.precision = backend, precision
         self._own_tolerance = getattr(self.integrator, self.integrator.controlled_by) if self.integrator.adaptive else None
         self.extent = float(np.abs(problem.start.position).max()) + problem.span * float(np.abs(problem.start.velocity).max())
@@ -61,7 +64,9 @@ class Machine:
 
     @property
     def evaluations(self) -> float:
-        """Forces per step; of implicit and adaptive methods as they were last counted."""
+        """Forces per step; of implicit and adaptive methods as they were last counted. Of event-driven flight collisions."""
+        if self.contacts is not None and self.contacts.flies:
+            return self._counted
         counts = self.integrator.implicit or self.integrator.adaptive
         return max(1.0, self._counted) if counts else float(self.integrator.evaluations)
 
@@ -72,8 +77,12 @@ class Machine:
             tolerance = self._own_tolerance
         return Configuration(self.name, steps, self.precision, self.backend, control, tolerance)
 
-    def run(self, configuration: Configuration, budget: Budget, *, follow: bool = False) -> tuple[Sample, Trace | None]:
+    def run(
+        self, configuration: Configuration, budget: Budget, *, follow: bool = False, start: Phase | None = None
+    ) -> tuple[Sample, Trace | None]:
         """Run the span in the steps of a configuration of this method and device, and look on the way.
+
+        From the scene's start, or from positions [length] and velocities [length / time] that are given.
 
         Relative errors: of the energy |E − E₀| / |E₀| (over kinetic + |potential| where E₀ is zero), of the momenta over the
         largest Σ m |v| and Σ m |x| |v| seen; the largest of the run, and of the energy at every look.
@@ -85,15 +94,22 @@ class Machine:
         dt = self.problem.span / steps
         sample = Sample(configuration, dt, compile_seconds=self.compile_seconds)
         stops = sorted({round(k * steps / LOOKS) for k in range(LOOKS + 1)})
-        self._begin(configuration.tolerance)
+        self._begin(configuration.tolerance, start)
         rows, places, seconds, solver_steps = [], [], 0.0, 0
         for before, stop in zip((0, *stops), stops):
-            took, iterations, solved = self._advance(before, stop, dt, budget)
+            try:
+                took, iterations, solved = self._advance(before, stop, dt, budget)
+            except MppError as error:  # a contact solver that comes to a standstill
+                if self.contacts is None:
+                    raise
+                sample.status, sample.reason = "diverged", str(error).splitlines()[0]
+                break
             seconds += took
             solver_steps += iterations
             found, position = self._look(stop * dt, stop)
             if not solved or not np.isfinite(position).all() or float(np.abs(position).max()) > LOST * max(self.extent, 1e-300):
-                what = "grew out of bounds" if solved else "had a step that its solver could not solve"
+                unsolved = "contacts that it could not resolve" if self.contacts else "a step that its solver could not solve"
+                what = "grew out of bounds" if solved else f"had {unsolved}"
                 sample.status, sample.reason = "diverged", f"it {what} before t = {stop * dt:.4g}"
                 break
             rows.append(found)
@@ -102,7 +118,7 @@ class Machine:
         else:
             sample.end = position
             sample.seconds.append(seconds)
-        if self.integrator.implicit:
+        if self.integrator.implicit or (self.contacts is not None and self.contacts.flies):
             self._counted = solver_steps / max(1, steps)
         if self.integrator.adaptive:
             taken, _, forces, stalled = self.integrator.counts(self.simulation.state)[0]
@@ -122,9 +138,7 @@ class Machine:
         self._begin(configuration.tolerance)
         return self._advance(0, configuration.steps, self.problem.span / configuration.steps, budget)[0]
 
-    def advance_from(
-        self, state: tuple[np.ndarray, ...], before: int, stop: int, dt: float, budget: Budget
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def advance_from(self, state: Phase, before: int, stop: int, dt: float, budget: Budget) -> tuple[np.ndarray, np.ndarray]:
         """Positions [length] and velocities [length / time] at step `stop`, from those at step `before`."""
         self.simulation.state.write(*state)
         self.simulation.stepper.prepare(before * dt)
@@ -139,11 +153,15 @@ class Machine:
 
     _counted = 1.0
 
-    def _begin(self, tolerance: float | None = None) -> None:
+    def _begin(self, tolerance: float | None = None, start: Phase | None = None) -> None:
         if self.integrator.adaptive:
             setattr(self.integrator, self.integrator.controlled_by, self._own_tolerance if tolerance is None else tolerance)
         self.simulation.restart()
+        if start is not None:
+            self.simulation.state.write(*start)
         self.simulation.stepper.prepare(0.0)
+        if self.contacts is not None:
+            self.contacts.collect()
 
     def _launch(self, time: float, dt: float, steps: int) -> float:
         ti = backends.import_taichi()
@@ -158,28 +176,37 @@ class Machine:
         if self.integrator.adaptive:
             return TRIAL * self._launch(0.0, self.problem.span / LOOKS / TRIAL, 1)
         steps, limit = 1, self.simulation.launch_limit
-        dt = self.problem.own_dt if self.integrator.implicit else TINY * self.problem.own_dt
+        dt = self.problem.own_dt if self.integrator.implicit or self.contacts else TINY * self.problem.own_dt
+        if self.contacts is not None:  # beyond the span there may be what nobody asks for
+            limit = min(limit, max(4, int(self.problem.span / dt)))
         while (seconds := self._launch(0.0, dt, steps)) < 2e-3 and 4 * steps <= limit:
             steps *= 4
         return min(seconds, self._launch(0.0, dt, steps)) / steps
 
     def _learn(self, seconds_per_step: float, seconds: float) -> None:
         """The least that was seen, as a busy machine only adds; but of an implicit method steps do differ."""
-        differs = self.integrator.adaptive or (self.integrator.implicit and seconds > LONG_LAUNCH)
+        differs = self.integrator.adaptive or self.contacts or (self.integrator.implicit and seconds > LONG_LAUNCH)
         self.seconds_per_step = seconds_per_step if differs else min(self.seconds_per_step, seconds_per_step)
 
     def _advance(self, before: int, stop: int, dt: float, budget: Budget) -> tuple[float, int, bool]:
-        """Seconds, iterations of the solver, and whether every step was solved."""
+        """Seconds, iterations of the solver or collisions, and whether every step was solved."""
         seconds, iterations, done = 0.0, 0, before
         implicit = self.integrator.implicit
         while done < stop:
             budget.check()
             most = max(1, min(self.simulation.launch_limit, int(LAUNCH_SECONDS / self.seconds_per_step)))
+            if self.contacts is not None:
+                most = min(most, STEPS_WITH_CONTACTS)
             count = min(stop - done, most)
             took = self._launch(done * dt, dt, count)
             seconds += took
             self._learn(took / count, took)
             done += count
+            if self.contacts is not None:
+                found = self.contacts.collect()
+                iterations += found.pair_count + found.wall_count
+                if found.unresolved:
+                    return seconds, iterations, False
             if implicit:
                 report = self.simulation.stepper.solver_report()
                 iterations += report.newton_iterations + report.linear_iterations
