@@ -166,10 +166,10 @@ class Motion:
         return self.state.save(), self._prepared
 
     def _restore(self, saved: tuple[tuple, bool]) -> None:
-        """Go back to it. What an implicit method remembers was saved; the force that others begin with is computed anew."""
+        """Go back to it. What a method remembers was saved; the force that others begin with is computed anew."""
         self.state.restore(saved[0])
         self._start_afresh()
-        if self.integrator.adaptive:
+        if self.integrator.memory:
             self._prepared = saved[1]
         if self.integrator.implicit:
             unsolved: Any = getattr(self.state, "unsolved")  # noqa: B009 — a work field, there by its name

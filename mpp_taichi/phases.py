@@ -72,7 +72,13 @@ class CompiledPhase:
         self.integrator = component.build("integrators", spec.integrator.name, spec.integrator.parameters)
         self.dt = float(spec.integrator.parameters["dt"])
         merges = start.merged_into is not None
-        self.total_force = TotalForce(compose(spec, start), start.particle_count, spec.dimensions, merges=merges)
+        self.total_force = TotalForce(
+            compose(spec, start),
+            start.particle_count,
+            spec.dimensions,
+            merges=merges,
+            derivatives=self.integrator.derivatives,
+        )
         replica_count = max(1, len(replica_starts))
         self.plan = plan if plan != "auto" else plans.choose(self.work, on_cpu=device.on_cpu, replica_count=replica_count)
         if self.integrator.adaptive:

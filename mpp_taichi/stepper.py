@@ -53,10 +53,7 @@ class Stepper:
                 field.fill(0)
         if self.integrator.keeps_force:
             force = self.integrator.starting_force(self.total_force)
-            if self.plan == "parallel":
-                self.launch_force(force, time)
-            else:
-                self._prepare_replicas(force, time)
+            self.integrator.prepare(self.state, lambda: self._sum_forces(force, time))
             if self.integrator.implicit:
                 self._start_implicit(force, time)
         if self.integrator.adaptive:
@@ -64,6 +61,12 @@ class Stepper:
             self._begin_adaptive(time, self.integrator.dt)
         if self.contacts is not None:
             self.contacts.prepare(time)
+
+    def _sum_forces(self, force: TotalForce, time: float) -> None:
+        if self.plan == "parallel":
+            self.launch_force(force, time)
+        else:
+            self._prepare_replicas(force, time)
 
     def advance(self, time: float, dt: float, steps: int, meter: Any = None) -> None:
         """Advance by `steps` steps of `dt` from `time`; a `meter` of powers looks on after each of them."""
@@ -209,7 +212,7 @@ class Stepper:
         """Accelerations by the forces that do not depend on velocity, all particles at once."""
         if self.launches_stages and total_force.has_pairs:
             self._begin_sum(total_force, time)
-            total_force.pairs.add_accelerations(self.state)
+            total_force.pair_sum.add_accelerations(self.state)
             if self.state.has_fixed_axes:
                 self._end_sum(total_force)
         else:

@@ -6,6 +6,7 @@ import taichi as ti
 
 from mpp_taichi import component
 from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
+from mpp_taichi.inverse_distance import change_of_inverse_distance, second_change_of_inverse_distance
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
@@ -33,8 +34,12 @@ class TotalForce:
     exist.
     """
 
-    def __init__(self, forces: tuple[Force, ...], particle_count: int, dimensions: int, *, merges: bool = False):
-        """Sort the forces by the loop they need, and by whether they depend on velocity; `merges` is for AllPairs."""
+    def __init__(self, forces: tuple[Force, ...], particle_count: int, dimensions: int, *, merges: bool = False, derivatives: int = 0):
+        """Sort the forces by the loop they need, and by whether they depend on velocity; `merges` is for AllPairs.
+
+        With `derivatives` accelerations are summed together with the jerk (1), or the jerk and the snap (2).
+        """
+        self.derivatives = derivatives
         self.forces = forces
         self.particle_count = particle_count
         self.dimensions = dimensions
@@ -43,13 +48,19 @@ class TotalForce:
         self.bonds = tuple(force for force in forces if isinstance(force, BondForce))
         self.has_pairs = len(pairs) > 0 and particle_count > 1
         self.pairs: Any = None
+        self.pair_sum: Any = None  # who loops over the pairs
         if self.has_pairs:
             from mpp_taichi.neighbors.all_pairs import AllPairs  # only for scenes that have pairs
 
             self.pairs = AllPairs(pairs, particle_count, dimensions, merges=merges)
+            self.pair_sum = self.pairs
+        if self.has_pairs and derivatives:
+            from mpp_taichi.neighbors.pair_derivatives import PairDerivatives  # only for methods that want them
+
+            self.pair_sum = PairDerivatives(self.pairs, derivatives)
         self.pair_forces = pairs
         others = [force for force in forces if not isinstance(force, PairForce) and not force.depends_on_velocity]
-        self.sets_pairs = self.has_pairs and not others and self.pairs.sets_directly
+        self.sets_pairs = self.has_pairs and not others and self.pair_sum.sets_directly
         self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
         self.has_velocity_independent = any(not force.depends_on_velocity for force in forces)
 
@@ -144,13 +155,13 @@ class TotalForce:
     def accumulate(self, state: Template, first, time, shape: Template):
         """state.acceleration = everything that does not depend on velocity."""
         if ti.static(shape == "serial" and self.sets_pairs):
-            self.pairs.set_serial(state, first)
+            self.pair_sum.set_serial(state, first)
         else:
             self.begin_sum(state, first, time)
             if ti.static(self.has_pairs and shape == "serial"):
-                self.pairs.accumulate_serial(state, first)
+                self.pair_sum.accumulate_serial(state, first)
             if ti.static(self.has_pairs and shape != "serial"):
-                self.pairs.accumulate_parallel_gather(state)
+                self.pair_sum.accumulate_parallel_gather(state)
         if ti.static(self.has_pairs):
             self.end_sum(state, first)
 
@@ -159,6 +170,11 @@ class TotalForce:
         """state.acceleration = external forces and springs."""
         for i in range(first, first + self.particle_count):
             state.acceleration[i] = self.local_acceleration(state, first, i, time, False)
+            if ti.static(self.derivatives > 0):
+                jerk, snap = self.local_derivatives(state, first, i, time)
+                state.jerk[i] = jerk
+                if ti.static(self.derivatives > 1):
+                    state.snap[i] = snap
 
     @ti.func
     def end_sum(self, state: Template, first):
@@ -166,6 +182,44 @@ class TotalForce:
         if ti.static(state.has_fixed_axes):
             for i in range(first, first + self.particle_count):
                 state.acceleration[i] = ti.select(state.free[i] != 0.0, state.acceleration[i], 0.0)
+                if ti.static(self.derivatives > 0):
+                    state.jerk[i] = ti.select(state.free[i] != 0.0, state.jerk[i], 0.0)
+                if ti.static(self.derivatives > 1):
+                    state.snap[i] = ti.select(state.free[i] != 0.0, state.snap[i], 0.0)
+
+    @ti.func
+    def local_derivatives(self, state: Template, first, i, time):
+        """Jerk and snap of particle i from external forces and springs, none of which depends on velocity."""
+        jerk = ti.Vector.zero(float, state.dimensions)
+        snap = ti.Vector.zero(float, state.dimensions)
+        for force in ti.static(self.external):
+            first_derivative, second_derivative = force.derivatives(state, i, time)
+            jerk += first_derivative
+            snap += second_derivative
+        for bond in ti.static(self.bonds):
+            for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
+                pull, second_pull = self.half_spring_derivatives(state, i, first + state.spring_neighbor[h], h, bond)
+                jerk += pull / state.mass[i]
+                snap += second_pull / state.mass[i]
+        if ti.static(state.has_fixed_axes):
+            jerk = ti.select(state.free[i] != 0.0, jerk, 0.0)
+            snap = ti.select(state.free[i] != 0.0, snap, 0.0)
+        return jerk, snap
+
+    @ti.func
+    def half_spring_derivatives(self, state: Template, i, j, h, bond: Template):
+        """Of its force on particle i in time: the first, and the second where it is wanted; none where both ends coincide."""
+        d = state.position[j] - state.position[i]
+        w = state.velocity[j] - state.velocity[i]
+        q = ti.Vector.zero(float, state.dimensions)
+        if ti.static(self.derivatives > 1):
+            q = state.estimate[j] - state.estimate[i]
+        squared, approach = d.dot(d), d.dot(w)
+        inverse = ti.select(squared > 0.0, 1.0 / ti.sqrt(squared), 0.0)
+        shape, slope = bond.shape(state, h, inverse), bond.slope(state, h, inverse)
+        rate = slope * change_of_inverse_distance(inverse, approach)
+        curve = slope * second_change_of_inverse_distance(inverse, approach, w.dot(w) + d.dot(q))
+        return shape * w + rate * d, shape * q + 2.0 * rate * w + curve * d
 
     @ti.func
     def powers_of(self, state: Template, i, time):

@@ -16,6 +16,8 @@ class Force:
     needs: frozenset = frozenset()
     conserves_energy = True  # False: the force does work that no potential accounts for
     depends_on_velocity = False
+    depends_on_time = False  # by itself, not by the motion alone
+    has_derivatives = False  # along the motion, for methods that sum jerks; said with a literal True of the class itself
 
 
 class ExternalForce(Force):
@@ -24,6 +26,10 @@ class ExternalForce(Force):
     @ti.func
     def accelerate(self, state: Template, i, velocity, time):
         """Acceleration of particle i, should it have this velocity, at `time` [length / time²]."""
+
+    @ti.func
+    def derivatives(self, state: Template, i, time):
+        """First and second derivative of the acceleration in time, along the motion. Asked for where it `has_derivatives`."""
 
     @ti.func
     def damping_rate(self, state: Template, i, time):
@@ -54,7 +60,15 @@ class PairForce(Force):
 
     @ti.func
     def shape(self, inverse_distance):
-        """Dependence on the distance; positive attracts."""
+        """Dependence on the distance, g(u) of u = 1/ρ; positive attracts."""
+
+    @ti.func
+    def slope(self, inverse_distance):
+        """dg/du, where the force `has_derivatives`."""
+
+    @ti.func
+    def curvature(self, inverse_distance):
+        """d²g/du², where the force `has_derivatives`."""
 
     @ti.func
     def potential(self, state: Template, i, j, inverse_distance):
@@ -74,6 +88,14 @@ class BondForce(Force):
     @ti.func
     def friction(self, state: Template, i, j, h):
         """What of `force` depends on velocity. Asked for only where the force does."""
+
+    @ti.func
+    def shape(self, state: Template, h, inverse_distance):
+        """What of `force` does not depend on velocity is g(u) d with u = 1/|d|: g, where the force `has_derivatives`."""
+
+    @ti.func
+    def slope(self, state: Template, h, inverse_distance):
+        """dg/du; g has no curvature, d²g/du² = 0."""
 
     @ti.func
     def stiffness(self, state: Template, i, j, h, length):

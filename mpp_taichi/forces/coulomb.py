@@ -17,6 +17,7 @@ class Coulomb(PairForce):
     coulomb_constant: float = param(1.0, strength=True, unit="force length² charge⁻²", help="k = 1/(4πε₀)")
     softening: float = param(0.0, minimum=0.0, unit="length", help="ε, the radius inside which the force is softened")
     needs = frozenset({"charge", "mass"})
+    has_derivatives = True
 
     @ti.func
     def response(self, state: Template, i):
@@ -32,6 +33,16 @@ class Coulomb(PairForce):
     def shape(self, inverse_distance):
         """1/ρ³."""
         return inverse_distance * inverse_distance * inverse_distance
+
+    @ti.func
+    def slope(self, inverse_distance):
+        """3/ρ²."""
+        return 3.0 * inverse_distance * inverse_distance
+
+    @ti.func
+    def curvature(self, inverse_distance):
+        """6/ρ."""
+        return 6.0 * inverse_distance
 
     @ti.func
     def potential(self, state: Template, i, j, inverse_distance):

@@ -20,7 +20,9 @@ class HarmonicDrive(ExternalForce):
     phase: float = param(0.0, unit="radian", help="φ; pi/2 makes a cosine")
     of: Particles = param(None, optional=True, help="the particle or group driven; absent: every particle")
     needs = frozenset({"mass"})
+    has_derivatives = True
     conserves_energy = False
+    depends_on_time = True
 
     @property
     def drives_some(self) -> bool:
@@ -30,6 +32,18 @@ class HarmonicDrive(ExternalForce):
     @ti.func
     def accelerate(self, state: Template, i, velocity, time):
         """F₀ sin(ω t + φ) / m where particle i is driven."""
+        return self.swing(state, i, ti.sin(self.angular_frequency * time + self.phase))
+
+    @ti.func
+    def derivatives(self, state: Template, i, time):
+        """ω F₀ cos(ω t + φ) / m and −ω² F₀ sin(ω t + φ) / m."""
+        angle = self.angular_frequency * time + self.phase
+        first = self.swing(state, i, self.angular_frequency * ti.cos(angle))
+        return first, self.swing(state, i, -self.angular_frequency * self.angular_frequency * ti.sin(angle))
+
+    @ti.func
+    def swing(self, state: Template, i, factor):
+        """So many times F₀ / m where particle i is driven."""
         result = ti.Vector.zero(float, state.dimensions)
         driven = 1
         if ti.static(self.drives_some):
@@ -39,7 +53,7 @@ class HarmonicDrive(ExternalForce):
             driven = self.of[0] <= own and own < self.of[0] + self.of[1]
         if driven:
             amplitude = ti.Vector([self.force[k] for k in range(state.dimensions)], float)
-            result = (ti.sin(self.angular_frequency * time + self.phase) / state.mass[i]) * amplitude
+            result = (factor / state.mass[i]) * amplitude
         return result
 
     @ti.func

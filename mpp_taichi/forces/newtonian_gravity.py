@@ -24,6 +24,7 @@ class NewtonianGravity(PairForce):
     )
     softening: float = param(0.0, minimum=0.0, unit="length", help="ε, the radius inside which gravity is softened")
     needs = frozenset({"mass"})
+    has_derivatives = True
 
     @ti.func
     def response(self, state: Template, i):
@@ -39,6 +40,16 @@ class NewtonianGravity(PairForce):
     def shape(self, inverse_distance):
         """1/ρ³."""
         return inverse_distance * inverse_distance * inverse_distance
+
+    @ti.func
+    def slope(self, inverse_distance):
+        """3/ρ²."""
+        return 3.0 * inverse_distance * inverse_distance
+
+    @ti.func
+    def curvature(self, inverse_distance):
+        """6/ρ."""
+        return 6.0 * inverse_distance
 
     @ti.func
     def potential(self, state: Template, i, j, inverse_distance):

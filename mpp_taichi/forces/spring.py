@@ -17,6 +17,7 @@ class Spring(BondForce):
     """
 
     damping: str = param("axial", choices=("axial", "full", "none"), help="how c acts; none when no spring has damping")
+    has_derivatives = True
 
     @property
     def needs(self) -> frozenset:
@@ -65,6 +66,16 @@ class Spring(BondForce):
             along = state.spring_damping[h] * approach.dot(separation) / squared
             result = ti.select(squared > 0.0, along, 0.0) * separation
         return result
+
+    @ti.func
+    def shape(self, state: Template, h, inverse_distance):
+        """D (1 − L/|d|)."""
+        return state.spring_stiffness[h] * (1.0 - state.spring_rest_length[h] * inverse_distance)
+
+    @ti.func
+    def slope(self, state: Template, h, inverse_distance):
+        """−D L, with no curvature."""
+        return -state.spring_stiffness[h] * state.spring_rest_length[h]
 
     @ti.func
     def stiffness(self, state: Template, i, j, h, length):

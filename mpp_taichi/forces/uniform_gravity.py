@@ -13,11 +13,17 @@ class UniformGravity(ExternalForce):
 
     acceleration: Vector = param([0.0, 0.0, -9.81], strength=True, unit="length time⁻²", help="g")
     needs = frozenset({"mass"})
+    has_derivatives = True
 
     @ti.func
     def accelerate(self, state: Template, i, velocity, time):
         """Return g."""
         return ti.Vector([self.acceleration[k] for k in range(state.dimensions)], float)
+
+    @ti.func
+    def derivatives(self, state: Template, i, time):
+        """None: the field is the same everywhere and always."""
+        return ti.Vector.zero(float, state.dimensions), ti.Vector.zero(float, state.dimensions)
 
     @ti.func
     def potential(self, state: Template, i, time):

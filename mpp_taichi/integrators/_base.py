@@ -1,5 +1,6 @@
 """Integrator: owns one whole step, written once and run by every execution plan."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,8 @@ class Integrator:
     keeps_force      a step uses, at its start, the force that the step before ended with
     implicit         a step solves equations (see _implicit.py)
     adaptive         takes steps of its own choice (see _adaptive.py)
+    derivatives      of the acceleration that a step wants summed with it, in time: 1 the jerk, 2 the snap as well; a class
+                     that wants any says so with a literal `needs_derivatives = True`, which scenes are checked by
     takes_velocity   keeps its order beside forces that depend on velocity; a class where it is not so says it with a literal
                      False of its own, which scenes are checked by, and the method is refused beside such forces
     memory           work fields that a step hands on to the next
@@ -34,6 +37,7 @@ class Integrator:
     keeps_force = False
     implicit = False
     adaptive = False
+    derivatives = 0
     takes_velocity = True
     memory: tuple = ()
 
@@ -53,6 +57,10 @@ class Integrator:
     def starting_force(self, total_force: Any) -> Any:
         """The forces that a step with `keeps_force` expects to find, after the state was set from outside."""
         return total_force
+
+    def prepare(self, state: Any, sum_forces: Callable[[], None]) -> None:
+        """What a step with `keeps_force` expects to find, after the state was set from outside."""
+        sum_forces()
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """Matrix of one step for the oscillator x" = −ω² x − γ x′, in x and dt·v; frequency = ω dt, damping = γ dt.

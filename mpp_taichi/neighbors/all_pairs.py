@@ -168,12 +168,17 @@ class AllPairs:
         would store nothing, and say nothing.
         """
         if state is not self._checked_state:
-            for field in (state.position, state.acceleration):
-                if field.get_scalar_field(0).parent() == field.get_scalar_field(1).parent():
-                    raise TypeError("explicit vectors need positions and accelerations stored component by component")
+            self.require_components_apart(state, ("position", "acceleration"))
             self._checked_state = state
         with explicit_vectors():
             self._accumulate_on_cpu(state)
+
+    def require_components_apart(self, state: Any, names: Sequence[str]) -> None:
+        """TypeError unless these vectors are stored component by component."""
+        for name in names:
+            field = getattr(state, name)
+            if field.get_scalar_field(0).parent() == field.get_scalar_field(1).parent():
+                raise TypeError(f"explicit vectors need {' and '.join(names)} stored component by component")
 
     @ti.kernel
     def _accumulate_on_cpu(self, state: Template):

@@ -1,0 +1,207 @@
+"""Pair sums with derivatives: acceleration, jerk and snap of all pairs, in one sweep.
+
+    a_i = r_i Σ_j s_j g d,   ȧ_i = r_i Σ_j s_j (g w + ġ d),   ä_i = r_i Σ_j s_j (g q + 2 ġ w + g̈ d)
+    d = x_j − x_i,  w = v_j − v_i,  q = a_j − a_i
+    ġ = g′ u̇,  g̈ = g″ u̇² + g′ ü,  u = 1/ρ,  u̇ = −u³ d·w,  ü = 3 u⁵ (d·w)² − u³ (w·w + d·q)
+
+g(u) is the shape of a pair force, g′ its `slope`, g″ its `curvature`. Source: differentiated by hand; for gravity these are
+equations 2 and 3 of Nitadori & Makino, New Astronomy 13 (2008) 498.
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.inverse_distance import change_of_inverse_distance, second_change_of_inverse_distance
+from mpp_taichi.neighbors.all_pairs import SMALLEST_BLOCK, AllPairs
+from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, is_elementwise
+from mpp_taichi.types import Template
+
+
+@ti.data_oriented
+class PairDerivatives:
+    """Direct sum over all pairs of accelerations and one or two of their derivatives in time; O(N²).
+
+    Reads `position`, `velocity` and, for the snap, `estimate`, the accelerations as far as they are known; adds to
+    `acceleration`, `jerk` and `snap`. Everything else is as in AllPairs: no atomics, one order of every sum.
+    """
+
+    sets_directly = False
+
+    def __init__(self, pairs: AllPairs, derivatives: int) -> None:
+        """Share forces, softenings and lanes with the sum of the accelerations; `derivatives` is 1 or 2."""
+        self.pairs = pairs
+        self.derivatives = derivatives
+        self.particle_count, self.dimensions = pairs.particle_count, pairs.dimensions
+        self.lane_count, self.tile_count = pairs.lane_count, pairs.tile_count
+        self.groups, self.members = pairs.groups, pairs.members
+        # A tile holds a body in each lane and reads every other once; below that many bodies its lanes are not worth filling.
+        self.tiles_in_serial = len(self.members) == 1 and not pairs.unrolled
+        formulas = [getattr(type(m.force), name) for m in self.members for name in ("slope", "curvature")]
+        self.elementwise = all(m.elementwise for m in self.members) and all(is_elementwise(f) for f in formulas)
+        self._checked_state: Any = None
+
+    # One thread ------------------------------------------------------------------------------------------------------
+
+    @ti.func
+    def accumulate_serial(self, state: Template, first):
+        """Add all of particles first … first + N − 1; for use inside a serialized loop."""
+        if ti.static(self.tiles_in_serial):
+            for tile in range(self.tile_count):
+                self._accumulate_tile(state, first, tile)
+        else:
+            for i in range(first, first + self.particle_count):
+                for j in range(i + 1, first + self.particle_count):
+                    on_i, on_j = self._factors(state, i, j)
+                    self._add(state, i, j, on_i, i)
+                    self._add(state, i, j, -on_j, j)
+
+    @ti.func
+    def _factors(self, state: Template, i, j):
+        """(g, ġ, g̈) with responses and sources, of the pull of j on i and of i on j."""
+        d = state.position[j] - state.position[i]
+        w = state.velocity[j] - state.velocity[i]
+        approach, spread = d.dot(w), w.dot(w)
+        if ti.static(self.derivatives > 1):
+            spread += d.dot(state.estimate[j] - state.estimate[i])
+        on_i = ti.Vector.zero(float, 3)
+        on_j = ti.Vector.zero(float, 3)
+        for group in ti.static(self.groups):
+            inverse = 1.0 / ti.sqrt(d.dot(d) + group.softening_squared)
+            change = change_of_inverse_distance(inverse, approach)
+            second = second_change_of_inverse_distance(inverse, approach, spread)
+            for member in ti.static(group.members):
+                slope = member.force.slope(inverse)
+                curved = member.force.curvature(inverse) * change * change + slope * second
+                factors = ti.Vector([member.force.shape(inverse), slope * change, curved])
+                on_i += member.force.response(state, i) * (member.force.source(state, j) * factors)
+                on_j += member.force.response(state, j) * (member.force.source(state, i) * factors)
+        return on_i, on_j
+
+    @ti.func
+    def _add(self, state: Template, i, j, factors, target):
+        """What the separation of j from i and its changes, times the factors, are to the particle `target`."""
+        d = state.position[j] - state.position[i]
+        w = state.velocity[j] - state.velocity[i]
+        state.acceleration[target] = state.acceleration[target] + factors[0] * d
+        state.jerk[target] = state.jerk[target] + (factors[0] * w + factors[1] * d)
+        if ti.static(self.derivatives > 1):
+            q = state.estimate[j] - state.estimate[i]
+            state.snap[target] = state.snap[target] + (factors[0] * q + 2.0 * factors[1] * w + factors[2] * d)
+
+    # One thread of a GPU per body ------------------------------------------------------------------------------------
+
+    @ti.func
+    def accumulate_parallel_gather(self, state: Template):
+        """Add all, one body per iteration of a parallel loop; for GPUs."""
+        for i in range(self.particle_count):
+            for j in range(self.particle_count):
+                if i != j:
+                    on_i, _on_j = self._factors(state, i, j)
+                    self._add(state, i, j, on_i, i)
+
+    # Cores of a CPU, lanes of their vector units ---------------------------------------------------------------------
+
+    def add_accelerations(self, state: Any) -> None:
+        """Add all on the CPU in a launch of its own, compiled with explicit vectors.
+
+        Raises TypeError when the vectors of the state are not stored component by component.
+        """
+        if state is not self._checked_state:
+            self.pairs.require_components_apart(state, ("position", "velocity", "acceleration", "jerk"))
+            self._checked_state = state
+        with explicit_vectors():
+            self._accumulate_on_cpu(state)
+
+    @ti.kernel
+    def _accumulate_on_cpu(self, state: Template):
+        for block in range(self.pairs.thread_count * SMALLEST_BLOCK):
+            if block % SMALLEST_BLOCK == 0:
+                thread = block // SMALLEST_BLOCK
+                begin = thread * self.tile_count // self.pairs.thread_count
+                end = (thread + 1) * self.tile_count // self.pairs.thread_count
+                for tile in range(begin, end):
+                    self._accumulate_tile(state, 0, tile)
+
+    def _known_accelerations(self, state: Any) -> Any:
+        """What the snap is computed with; without a snap any vectors, which the compiler then leaves out."""
+        return state.estimate if self.derivatives > 1 else state.velocity
+
+    @ti.func
+    def _lanes(self, field: Template, begin):
+        """Entries of a vector field for the bodies of a tile: a vector of lanes for each axis."""
+        return [
+            ti.Vector([field[begin + lane][axis] for lane in ti.static(range(self.lane_count))])
+            for axis in ti.static(range(self.dimensions))
+        ]
+
+    @ti.func
+    def _accumulate_tile(self, state: Template, first, tile):
+        # As in AllPairs: the last tile is moved back to be full, and stores only what the tile before does not.
+        begin = first + ti.min(tile * self.lane_count, self.particle_count - self.lane_count)
+        position = self._lanes(state.position, begin)
+        velocity = self._lanes(state.velocity, begin)
+        known = ti.static(self._known_accelerations(state))
+        estimate = self._lanes(known, begin)
+        response = [
+            ti.Vector([member.force.response(state, begin + lane) for lane in ti.static(range(self.lane_count))])
+            for member in ti.static(self.members)
+        ]
+        total = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
+        jerk = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
+        snap = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
+        lane_number = ti.Vector([ti.cast(lane, float) for lane in ti.static(range(self.lane_count))])
+        for j in range(first, first + self.particle_count):
+            d = [state.position[j][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
+            w = [state.velocity[j][axis] - velocity[axis] for axis in ti.static(range(self.dimensions))]
+            # A body's own lane gets a distance of one: there d, w and q are zero, and so is what they are multiplied by.
+            from_own = lane_number - ti.cast(j - begin, float)
+            squared = self._dot(d, d) + ti.max(1.0 - from_own * from_own, 0.0)
+            approach, spread = self._dot(d, w), self._dot(w, w)
+            q = [known[j][axis] - estimate[axis] for axis in ti.static(range(self.dimensions))]
+            if ti.static(self.derivatives > 1):
+                spread = spread + self._dot(d, q)
+            weight = ti.Vector.zero(float, self.lane_count)
+            rate = ti.Vector.zero(float, self.lane_count)
+            curve = ti.Vector.zero(float, self.lane_count)
+            for group in ti.static(self.groups):
+                inverse = 1.0 / ti.sqrt(squared + group.softening_squared)
+                change = change_of_inverse_distance(inverse, approach)
+                for member in ti.static(group.members):
+                    share = member.force.source(state, j) * response[member.index]
+                    slope = self._each_lane(member.force.slope, inverse)
+                    weight = weight + share * self._each_lane(member.force.shape, inverse)
+                    rate = rate + share * slope * change
+                    if ti.static(self.derivatives > 1):
+                        second = second_change_of_inverse_distance(inverse, approach, spread)
+                        curvature = self._each_lane(member.force.curvature, inverse)
+                        curve = curve + share * (curvature * change * change + slope * second)
+            for axis in ti.static(range(self.dimensions)):
+                total[axis] = total[axis] + weight * d[axis]
+                jerk[axis] = jerk[axis] + (weight * w[axis] + rate * d[axis])
+                if ti.static(self.derivatives > 1):
+                    snap[axis] = snap[axis] + (weight * q[axis] + 2.0 * rate * w[axis] + curve * d[axis])
+        for lane in ti.static(range(self.lane_count)):
+            i = begin + lane
+            if i >= first + tile * self.lane_count:
+                for axis in ti.static(range(self.dimensions)):
+                    state.acceleration[i][axis] = state.acceleration[i][axis] + total[axis][lane]
+                    state.jerk[i][axis] = state.jerk[i][axis] + jerk[axis][lane]
+                    if ti.static(self.derivatives > 1):
+                        state.snap[i][axis] = state.snap[i][axis] + snap[axis][lane]
+
+    @ti.func
+    def _dot(self, one: Template, other: Template):
+        result = one[0] * other[0]
+        for axis in ti.static(range(1, self.dimensions)):
+            result = result + one[axis] * other[axis]
+        return result
+
+    @ti.func
+    def _each_lane(self, formula: Template, inverse):
+        result = inverse
+        if ti.static(self.elementwise):
+            result = formula(inverse)
+        else:
+            result = ti.Vector([formula(inverse[lane]) for lane in ti.static(range(self.lane_count))])
+        return result
