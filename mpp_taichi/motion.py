@@ -50,6 +50,7 @@ class Motion:
     def _start_afresh(self) -> None:
         """After positions and velocities were set: neither forces kept nor a method's history hold any more."""
         self._prepared = False
+        self.integrator.adopt(self.state, self._particles)
         if self.integrator.implicit:
             self.stepper.solver_report()  # what was counted before does not belong to what comes
 
@@ -156,8 +157,11 @@ class Motion:
         self._move_clock(bad_step - 1, dt)
         before = self.snapshot()
         self._launch(1, dt)
-        particle = self.stepper.first_bad_particle() % self.state.particle_count
+        found = self.stepper.first_bad_particle()
+        particle, reason = found % self.state.particle_count, self.integrator.left_lattice(self.state, found)
         rewind()
+        if reason:
+            raise postmortem.left_lattice(before, particle, reason, step=self.step_count + 1, time=self.time + dt)
         singular = any(force.softening == 0.0 for force in self.total_force.pair_forces)
         raise postmortem.diagnose(before, particle, step=self.step_count + 1, time=self.time + dt, pairs_singular=singular)
 
@@ -167,8 +171,8 @@ class Motion:
 
     def _restore(self, saved: tuple[tuple, bool]) -> None:
         """Go back to it. What a method remembers was saved; the force that others begin with is computed anew."""
-        self.state.restore(saved[0])
         self._start_afresh()
+        self.state.restore(saved[0])
         if self.integrator.memory:
             self._prepared = saved[1]
         if self.integrator.implicit:

@@ -81,8 +81,10 @@ class CompiledPhase:
         )
         replica_count = max(1, len(replica_starts))
         self.plan = plan if plan != "auto" else plans.choose(self.work, on_cpu=device.on_cpu, replica_count=replica_count)
+        if self.integrator.on_cpu_only and not device.on_cpu:
+            raise BackendError(f"{spec.integrator.name} runs on the CPU only, not on {device.backend}; use --backend cpu")
         if self.integrator.adaptive:
-            self._check_adaptive(device, plan, spec)
+            self._check_adaptive(plan, spec)
         if self.plan not in plans.PLANS or (replica_count > 1) != (self.plan == "replicas"):
             raise BackendError(
                 f"plan {plan!r} does not fit; there are auto, serial and parallel for one copy, replicas for several"
@@ -107,10 +109,8 @@ class CompiledPhase:
         self.energy_meter = EnergyMeter(self.state, self.total_force)
         self.launch_limit = self._steps_per_launch(device)
 
-    def _check_adaptive(self, device: Device, plan: str, spec: SceneSpec) -> None:
-        """One thread for each copy takes steps until it is there, which needs loops without a bound."""
-        if not device.on_cpu:
-            raise BackendError(f"{spec.integrator.name} runs on the CPU only, not on {device.backend}; use --backend cpu")
+    def _check_adaptive(self, plan: str, spec: SceneSpec) -> None:
+        """One thread for each copy takes steps until it is there."""
         if plan == "parallel":
             raise BackendError(f"{spec.integrator.name} has no parallel plan; there are serial and replicas")
         self.plan = "serial" if self.plan == "parallel" else self.plan
@@ -159,7 +159,7 @@ def check_room(fields: dict[str, tuple[str, int]], *, dimensions: int, replica_c
     The band of `solver: direct` is what grows faster than the scene: n w numbers for n unknowns of half-bandwidth w. Numbers
     are counted as those of f64.
     """
-    numbers = {"scalar": 1, "vector": dimensions, "matrix": dimensions**2, "index": 0.5, "wide": 1, "wide_pair": 2}
+    numbers = {"scalar": 1, "vector": dimensions, "matrix": dimensions**2, "index": 0.5, "wide": 1, "wide_pair": 2, "lattice": dimensions}
     needed = {name: count * replica_count * numbers[kind] for name, (kind, count) in fields.items()}
     largest = max(needed, key=lambda name: needed[name], default="")
     hint = "; solver: conjugate_gradients needs none of it" if largest == "band" else ""

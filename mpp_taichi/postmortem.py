@@ -82,6 +82,13 @@ def stalled(now: Snapshot, particle: int, *, step: int, time: float) -> Stabilit
     return error
 
 
+def left_lattice(before: Snapshot, particle: int, reason: str, *, step: int, time: float) -> StabilityError:
+    """The error for a particle that a method can carry no farther, for a reason that it gives."""
+    error = StabilityError(f"step {step}, time {time:.9g}: {label(before, particle)} {reason}")
+    error.step, error.time, error.particle = step, time, particle
+    return error
+
+
 def diagnose(before: Snapshot, particle: int, *, step: int, time: float, pairs_singular: bool) -> StabilityError:
     """The error for a step that turned `particle` into NaN or infinity; `before` is the last finite state."""
     message = (

@@ -99,7 +99,7 @@ class State:
         for name in SPRING_QUANTITIES:
             if name in needs:
                 self._scalar(name, ti.i32 if host[name].dtype == np.int32 else float, max(len(host[name]), 1))
-        wide_names = [name for name, (kind, _) in work.items() if kind in ("wide", "wide_pair")]
+        wide_names = [name for name, (kind, _) in work.items() if kind in ("wide", "wide_pair", "lattice")]
         for name in work:
             if name not in wide_names:
                 self._work(name, *work[name], layout)
@@ -135,7 +135,7 @@ class State:
         self.quantities.append(name)
 
     def _work(self, name: str, kind: str, count: int, layout: Any) -> None:
-        """A field of an integrator, `count` for each replica: a vector, matrix, scalar or index, a sum or two side by side."""
+        """A field of an integrator, `count` for each replica: a vector, matrix, scalar, index or integers, a sum or two."""
         count *= self.replica_count
         if kind == "vector" and count == self.total_count:
             setattr(self, name, self._vector(layout))
@@ -145,6 +145,7 @@ class State:
                 "matrix": lambda: ti.Matrix.field(self.dimensions, self.dimensions, float),
                 "scalar": lambda: ti.field(float),
                 "index": lambda: ti.field(ti.i32),
+                "lattice": lambda: ti.Vector.field(self.dimensions, ti.i64),
                 "wide": lambda: ti.field(self.wide),
                 "wide_pair": lambda: ti.Vector.field(2, self.wide),
             }[kind]()

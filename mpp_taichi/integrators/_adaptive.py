@@ -24,6 +24,7 @@ class Adaptive(Integrator):
     adaptive = True
     controlled_by = ""
     CONTROL = 2
+    on_cpu_only = True  # loops without a bound
     CLOCK = 3
     TALLY = 4
     STEPS, REFUSED, EVALUATIONS, STALLED = range(4)

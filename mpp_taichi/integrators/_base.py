@@ -25,6 +25,8 @@ class Integrator:
                      that wants any says so with a literal `needs_derivatives = True`, which scenes are checked by
     takes_velocity   keeps its order beside forces that depend on velocity; a class where it is not so says it with a literal
                      False of its own, which scenes are checked by, and the method is refused beside such forces
+    takes_time       goes beside forces that depend on time by themselves; said and checked in the same way
+    on_cpu_only      wants what other backends lack
     memory           work fields that a step hands on to the next
 
     Subclasses may make any of them a property; here they must stay plain attributes, or Taichi would take these instead.
@@ -39,6 +41,8 @@ class Integrator:
     adaptive = False
     derivatives = 0
     takes_velocity = True
+    takes_time = True
+    on_cpu_only = False
     memory: tuple = ()
 
     @property
@@ -61,6 +65,13 @@ class Integrator:
     def prepare(self, state: Any, sum_forces: Callable[[], None]) -> None:
         """What a step with `keeps_force` expects to find, after the state was set from outside."""
         sum_forces()
+
+    def adopt(self, state: Any, start: Snapshot) -> None:
+        """Take positions and velocities that were set from outside, before anybody looks; the phase's particles began as `start`."""
+
+    def left_lattice(self, state: Any, i: int) -> str:
+        """What is wrong with particle i, of all replicas, that is no fault of the force; mostly nothing."""
+        return ""
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """Matrix of one step for the oscillator x" = −ω² x − γ x′, in x and dt·v; frequency = ω dt, damping = γ dt.

@@ -1,0 +1,168 @@
+"""JANUS: leapfrogs on a lattice of integers, which run backwards to the very bit."""
+
+import math
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi import component as components
+from mpp_taichi.component import component, param
+from mpp_taichi.errors import SceneError
+from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.types import Template
+
+TABLES = {2: "leapfrog", 4: "pefrl", 6: "kahan_li6"}
+"""Methods that begin and end with a drift and read the same backwards, by their order."""
+BITS = 53  # of the largest coordinate at the start, as in a number of f64; of 63, the rest is room to fly apart
+FINER = 1024.0  # spacings of velocity in a spacing of position per dt
+LIMIT = 2.0**62
+"""Where the lattice ends, in spacings."""
+LEFT, NOT_A_NUMBER = 1, 2
+
+
+@component
+class Janus(Integrator):
+    """Drifts n += ⟦c h v⟧ and kicks m += ⟦d h a(n)⟧ of integers n, m, x = n Δx, v = m Δv; ⟦ ⟧ is the nearest integer.
+
+    Each is undone by the same with −h, since ⟦−y⟧ = −⟦y⟧, and so is a step, whose table reads the same backwards: a run with
+    dt → −dt comes back to the bits it began with, through any chaos. Rounding is a one-to-one map of the lattice onto
+    itself, so the energy error is that of the table: `leapfrog`, `pefrl` or `kahan_li6`.
+    The start is put on the lattice. Δx is 2⁻⁵³ times the largest |coordinate| or |velocity| × dt of the start, taken up to
+    a power of two, and Δv = Δx / (1024 dt); so a particle may go some 500 times as far, and half as far within one dt,
+    before it leaves the lattice, which ends the run. Integers of 64 bits on the CPU. Forces that depend on velocity or on time
+    are refused. Source: Levesque & Verlet, J. Stat. Phys. 72 (1993) 519; Rein & Tamayo, MNRAS 473 (2018) 3351.
+    """
+
+    dt: float = param(above=0.0, unit="time", help="time step")
+    order: int = param(2, minimum=2, maximum=6, help="2, 4 or 6: as leapfrog, pefrl or kahan_li6")
+    lattice: float = param(None, optional=True, above=0.0, unit="length", help="Δx; absent: from the scene, see above")
+
+    symplectic = True
+    time_reversible = True
+    takes_velocity = False
+    takes_time = False
+    on_cpu_only = True
+    memory = ("lattice_position", "lattice_velocity")
+
+    @property
+    def entries(self) -> tuple:
+        """(node, kick, drift) of each stage, of the splitting of this order."""
+        return self.table.entries
+
+    @property
+    def table(self) -> Any:
+        """The splitting of this order."""
+        return components.build("integrators", TABLES[self.order], {"dt": self.dt})
+
+    @property
+    def nodes(self) -> tuple:
+        """Those of the table."""
+        return self.table.nodes
+
+    def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
+        """That of the table; ValueError with damping, which it cannot have."""
+        if damping != 0.0:
+            raise ValueError("janus takes no forces that depend on velocity")
+        return self.table.amplification(frequency)
+
+    def scratch_count(self, velocity_dependent: bool) -> int:
+        """What it keeps has names of its own."""
+        return 0
+
+    def loops(self, k: int, total_force: Any) -> int:
+        """Every stage is one."""
+        return 1
+
+    def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
+        """Integers; the spacings of both lattices, in f64 whatever the precision; and who has left."""
+        count = start.particle_count
+        lattices = {name: ("lattice", count) for name in self.memory}
+        return {**lattices, "spacing": ("wide", 2), "left": ("index", count)}
+
+    def spacings(self, start: Snapshot) -> tuple[float, float]:
+        """Δx [length] and Δv [length / time] for a scene that begins so."""
+        spacing = self.lattice
+        if spacing is None:
+            reach = max(float(np.abs(start.position).max()), float(np.abs(start.velocity).max()) * self.dt)
+            spacing = 2.0 ** (math.ceil(math.log2(reach)) - BITS) if reach > 0.0 else 2.0**-BITS
+        return spacing, spacing / (FINER * self.dt)
+
+    def adopt(self, state: Any, start: Snapshot) -> None:
+        """Put positions and velocities on the lattice, as seen from now on.
+
+        Raises:
+            SceneError: they lie beyond its end.
+        """
+        spacings = self.spacings(start)
+        state.spacing.from_numpy(np.tile(spacings, state.replica_count))
+        state.left.fill(0)
+        for name, spacing in zip(("position", "velocity"), spacings):
+            field = getattr(state, name)
+            numbers = np.rint(field.to_numpy().astype(np.float64) / spacing)
+            if not np.abs(numbers).max() < LIMIT:
+                raise SceneError(
+                    f"integrator.janus: its lattice of {name}s ends at {LIMIT * spacing:.6g}, a coordinate is "
+                    f"{np.abs(numbers).max() * spacing:.6g}; give it a larger `lattice` than {spacings[0]:.6g}"
+                )
+            getattr(state, f"lattice_{name}").from_numpy(numbers.astype(np.int64))
+            field.from_numpy((numbers * spacing).astype(np.float32 if field.dtype == ti.f32 else np.float64))
+
+    def left_lattice(self, state: Any, i: int) -> str:
+        """Whether particle i of all replicas has left the lattice, in words, or nothing."""
+        if state.left[i] != LEFT:
+            return ""
+        farthest, fastest = (LIMIT * state.spacing[k] for k in range(2))
+        return (
+            f"leaves the lattice of janus, which ends at a coordinate of {farthest:.6g} and a velocity of {fastest:.6g}; "
+            f"try a smaller dt, or a larger `lattice` than {state.spacing[0]:.6g}"
+        )
+
+    @ti.func
+    def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
+        """A kick and the drift after it; the first stage has no kick."""
+        _node, kick, drift = ti.static(self.entries[k])
+        self.kick_and_drift(state, total_force, first, kick * dt, drift * dt)
+
+    @ti.func
+    def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
+        """A stage with coefficients looked up while running: one copy of the code serves all stages."""
+        kick, drift = 0.0, 0.0
+        for c in ti.static(range(1, self.evaluations + 1)):
+            if k == c:
+                kick, drift = self.entries[c][1], self.entries[c][2]
+        self.kick_and_drift(state, total_force, first, kick * dt, drift * dt)
+
+    @ti.func
+    def kick_and_drift(self, state: Template, total_force: Template, first, kick_time, drift_time):
+        """Both on the lattice, and the state as they leave it."""
+        r = first // total_force.particle_count
+        position_spacing, velocity_spacing = state.spacing[2 * r], state.spacing[2 * r + 1]
+        kick = ti.cast(kick_time, state.wide) / velocity_spacing
+        drift = ti.cast(drift_time, state.wide) * (velocity_spacing / position_spacing)
+        for i in range(first, first + total_force.particle_count):
+            for axis in ti.static(range(state.dimensions)):
+                if ti.static(total_force.has_velocity_independent):
+                    push = kick * ti.cast(state.acceleration[i][axis], state.wide)
+                    state.lattice_velocity[i][axis] = self.moved(state, i, state.lattice_velocity[i][axis], push)
+                speed = state.lattice_velocity[i][axis]
+                way = drift * ti.cast(speed, state.wide)
+                place = self.moved(state, i, state.lattice_position[i][axis], way)
+                state.lattice_position[i][axis] = place
+                state.velocity[i][axis] = ti.cast(ti.cast(speed, state.wide) * velocity_spacing, float)
+                state.position[i][axis] = ti.cast(ti.cast(place, state.wide) * position_spacing, float)
+            if state.left[i] != 0:
+                for axis in ti.static(range(state.dimensions)):
+                    state.position[i][axis] = ti.math.nan  # what every run is looked over for
+
+    @ti.func
+    def moved(self, state: Template, i, number, change):
+        """An integer moved by the nearest one to `change`; it stays, and that is noted, where that is not on the lattice."""
+        change = ti.round(change)
+        result = number
+        if ti.abs(ti.cast(number, state.wide) + change) < LIMIT:
+            result = number + ti.cast(change, ti.i64)
+        elif state.left[i] == 0:
+            state.left[i] = ti.select(ti.math.isnan(change) or ti.math.isinf(change), NOT_A_NUMBER, LEFT)
+        return result
