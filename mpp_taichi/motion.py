@@ -4,6 +4,8 @@ import time as clock
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mpp_taichi import backends, postmortem
 from mpp_taichi.backends import Device
 from mpp_taichi.contacts._base import ContactReport, ContactSolver
@@ -47,10 +49,15 @@ class Motion:
         self.contacts, self.launch_limit = compiled.contacts, compiled.launch_limit
         self._launch_steps = 1
 
+    def _write(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        """Set positions and velocities of all particles, as the method can hold them."""
+        self.state.write(position, velocity)
+        self.integrator.adopt(self.state)  # as others are to see it from now on
+        self._start_afresh()
+
     def _start_afresh(self) -> None:
         """After positions and velocities were set: neither forces kept nor a method's history hold any more."""
         self._prepared = False
-        self.integrator.adopt(self.state, self._particles)
         if self.integrator.implicit:
             self.stepper.solver_report()  # what was counted before does not belong to what comes
 
@@ -171,8 +178,8 @@ class Motion:
 
     def _restore(self, saved: tuple[tuple, bool]) -> None:
         """Go back to it. What a method remembers was saved; the force that others begin with is computed anew."""
-        self._start_afresh()
         self.state.restore(saved[0])
+        self._start_afresh()
         if self.integrator.memory:
             self._prepared = saved[1]
         if self.integrator.implicit:

@@ -125,12 +125,11 @@ class Simulation(Motion):
         if self.replica_starts:
             position = np.concatenate([start.position for start in self.replica_starts])
             velocity = np.concatenate([start.velocity * start.free for start in self.replica_starts])
-            self.state.write(position, velocity)
+            self._write(position, velocity)
         else:
             if self.state.merges:
                 self.state.write_spheres(self._start)
-            self.state.write(self._start.position, self._start.velocity * self._start.free)
-        self._start_afresh()
+            self._write(self._start.position, self._start.velocity * self._start.free)
         self.solver_report, self.contact_report = SolverReport(), ContactReport()
         if self.energy_balance is not None:
             self.energy_balance.restart()
@@ -231,8 +230,7 @@ class Simulation(Motion):
         with self.parameter_change():
             self._enter(number)
             self._set_clock(phase.at, step)
-            self.state.write(position, velocity * np.tile(phase.particles.free, (len(copies), 1)))
-            self._start_afresh()
+            self._write(position, velocity * np.tile(phase.particles.free, (len(copies), 1)))
         self._guard_step(self.snapshot())
         self.phase_energy = self._total_energy()
         self.phase_work.append(self.phase_energy - before)

@@ -47,6 +47,7 @@ class Stepper:
 
     def prepare(self, time: float) -> None:
         """Compute the force that the first step expects to find, after the state was set from outside."""
+        self.integrator.adopt(self.state)
         if self.integrator.implicit:
             self.integrator.fill(self.state)
             for field in (self.state.history_dt, self.state.unsolved):

@@ -26,7 +26,7 @@ def takes_friction(name):
     return component.declaration("integrators", name).flags.get("takes_velocity", True)
 
 
-def kepler(eccentricity=0.3, dt=0.01, integrator="leapfrog", forces=()):
+def kepler(eccentricity=0.3, dt=0.01, integrator="leapfrog", forces=(), **parameters):
     """A light body around one of mass 1 with G = 1, from pericentre; semi-major axis 1, period 2π."""
     pericentre = 1.0 - eccentricity
     speed = math.sqrt((1.0 + eccentricity) / pericentre)
@@ -37,7 +37,7 @@ def kepler(eccentricity=0.3, dt=0.01, integrator="leapfrog", forces=()):
             {"body": {"name": "planet", "mass": 1e-3, "position": [pericentre, 0, 0], "velocity": [0, speed, 0]}},
         ],
         "forces": [{"newtonian_gravity": {"strength": 1.0}}, *forces],
-        "integrator": {integrator: {"dt": dt}},
+        "integrator": {integrator: {"dt": dt, **parameters}},
         "move_to_center_of_mass": True,
     }
 

@@ -66,8 +66,8 @@ class Integrator:
         """What a step with `keeps_force` expects to find, after the state was set from outside."""
         sum_forces()
 
-    def adopt(self, state: Any, start: Snapshot) -> None:
-        """Take positions and velocities that were set from outside, before anybody looks; the phase's particles began as `start`."""
+    def adopt(self, state: Any) -> None:
+        """Take positions and velocities that were set from outside; twice is once."""
 
     def left_lattice(self, state: Any, i: int) -> str:
         """What is wrong with particle i, of all replicas, that is no fault of the force; mostly nothing."""

@@ -16,7 +16,7 @@ from mpp_taichi.types import Template
 TABLES = {2: "leapfrog", 4: "pefrl", 6: "kahan_li6"}
 """Methods that begin and end with a drift and read the same backwards, by their order."""
 BITS = 53  # of the largest coordinate at the start, as in a number of f64; of 63, the rest is room to fly apart
-FINER = 1024.0  # spacings of velocity in a spacing of position per dt
+SLOWEST = 1 / 128  # of the largest coordinate per dt: the speed that a scene is at least taken to have, one at rest as well
 LIMIT = 2.0**62
 """Where the lattice ends, in spacings."""
 LEFT, NOT_A_NUMBER = 1, 2
@@ -29,22 +29,22 @@ class Janus(Integrator):
     Each is undone by the same with −h, since ⟦−y⟧ = −⟦y⟧, and so is a step, whose table reads the same backwards: a run with
     dt → −dt comes back to the bits it began with, through any chaos. Rounding is a one-to-one map of the lattice onto
     itself, so the energy error is that of the table: `leapfrog`, `pefrl` or `kahan_li6`.
-    The start is put on the lattice. Δx is 2⁻⁵³ times the largest |coordinate| or |velocity| × dt of the start, taken up to
-    a power of two, and Δv = Δx / (1024 dt); so a particle may go some 500 times as far, and half as far within one dt,
-    before it leaves the lattice, which ends the run. Integers of 64 bits on the CPU. Forces that depend on velocity or on time
+    The start is put on the lattice. Δx is 2⁻⁵³ X, X the largest |coordinate| of the start, and Δv = 2⁻⁵³ V, V the largest
+    |velocity|, but at least X / (128 dt), both taken up to a power of two: a particle may go some 500 times as far and as
+    fast before it leaves the lattice, which ends the run. A `lattice` of one's own changes both spacings alike. Integers of 64 bits on the CPU. Forces that depend on velocity or on time
     are refused. Source: Levesque & Verlet, J. Stat. Phys. 72 (1993) 519; Rein & Tamayo, MNRAS 473 (2018) 3351.
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")
-    order: int = param(2, minimum=2, maximum=6, help="2, 4 or 6: as leapfrog, pefrl or kahan_li6")
-    lattice: float = param(None, optional=True, above=0.0, unit="length", help="Δx; absent: from the scene, see above")
+    order: int = param(2, choices=(2, 4, 6), help="of leapfrog, pefrl or kahan_li6")
+    lattice: float = param(None, optional=True, above=0.0, unit="length", help="Δx; absent: from the start, see above")
 
     symplectic = True
     time_reversible = True
     takes_velocity = False
     takes_time = False
     on_cpu_only = True
-    memory = ("lattice_position", "lattice_velocity")
+    memory = ("lattice_position", "lattice_velocity", "left")
 
     @property
     def entries(self) -> tuple:
@@ -77,37 +77,39 @@ class Janus(Integrator):
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
         """Integers; the spacings of both lattices, in f64 whatever the precision; and who has left."""
+        self.spacings = self._spacings(start)
         count = start.particle_count
-        lattices = {name: ("lattice", count) for name in self.memory}
+        lattices = {name: ("lattice", count) for name in ("lattice_position", "lattice_velocity")}
         return {**lattices, "spacing": ("wide", 2), "left": ("index", count)}
 
-    def spacings(self, start: Snapshot) -> tuple[float, float]:
+    def _spacings(self, start: Snapshot) -> tuple[float, float]:
         """Δx [length] and Δv [length / time] for a scene that begins so."""
-        spacing = self.lattice
-        if spacing is None:
-            reach = max(float(np.abs(start.position).max()), float(np.abs(start.velocity).max()) * self.dt)
-            spacing = 2.0 ** (math.ceil(math.log2(reach)) - BITS) if reach > 0.0 else 2.0**-BITS
-        return spacing, spacing / (FINER * self.dt)
+        speed = float(np.abs(start.velocity).max())
+        reach = _power_of_two(max(float(np.abs(start.position).max()), speed * self.dt) or 1.0)
+        speed = _power_of_two(max(speed, SLOWEST * reach / self.dt))
+        spacing = self.lattice or reach * 2.0**-BITS
+        return spacing, spacing * (speed / reach)
 
-    def adopt(self, state: Any, start: Snapshot) -> None:
-        """Put positions and velocities on the lattice, as seen from now on.
+    def adopt(self, state: Any) -> None:
+        """Put positions and velocities on the lattice, which is the same for a whole phase.
 
         Raises:
             SceneError: they lie beyond its end.
         """
-        spacings = self.spacings(start)
-        state.spacing.from_numpy(np.tile(spacings, state.replica_count))
+        state.spacing.from_numpy(np.tile(self.spacings, state.replica_count))
         state.left.fill(0)
-        for name, spacing in zip(("position", "velocity"), spacings):
+        for name, spacing in zip(("position", "velocity"), self.spacings):
             field = getattr(state, name)
-            numbers = np.rint(field.to_numpy().astype(np.float64) / spacing)
+            values = field.to_numpy()
+            numbers = np.rint(values.astype(np.float64) / spacing)
             if not np.abs(numbers).max() < LIMIT:
                 raise SceneError(
-                    f"integrator.janus: its lattice of {name}s ends at {LIMIT * spacing:.6g}, a coordinate is "
-                    f"{np.abs(numbers).max() * spacing:.6g}; give it a larger `lattice` than {spacings[0]:.6g}"
+                    f"integrator.janus: its lattice ends at a {name} of {LIMIT * spacing:.6g}, one is "
+                    f"{np.abs(numbers).max() * spacing:.6g}; give it a larger `lattice` than {self.spacings[0]:.6g}"
                 )
             getattr(state, f"lattice_{name}").from_numpy(numbers.astype(np.int64))
-            field.from_numpy((numbers * spacing).astype(np.float32 if field.dtype == ti.f32 else np.float64))
+            held = state.free.to_numpy() == 0.0 if state.has_fixed_axes else False
+            field.from_numpy(np.where(held, values, (numbers * spacing).astype(values.dtype)))
 
     def left_lattice(self, state: Any, i: int) -> str:
         """Whether particle i of all replicas has left the lattice, in words, or nothing."""
@@ -123,7 +125,7 @@ class Janus(Integrator):
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
         """A kick and the drift after it; the first stage has no kick."""
         _node, kick, drift = ti.static(self.entries[k])
-        self.kick_and_drift(state, total_force, first, kick * dt, drift * dt)
+        self.kick_and_drift(state, total_force, first, kick * dt, drift * dt, k > 0 and total_force.has_velocity_independent)
 
     @ti.func
     def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
@@ -132,26 +134,25 @@ class Janus(Integrator):
         for c in ti.static(range(1, self.evaluations + 1)):
             if k == c:
                 kick, drift = self.entries[c][1], self.entries[c][2]
-        self.kick_and_drift(state, total_force, first, kick * dt, drift * dt)
+        self.kick_and_drift(state, total_force, first, kick * dt, drift * dt, total_force.has_velocity_independent)
 
     @ti.func
-    def kick_and_drift(self, state: Template, total_force: Template, first, kick_time, drift_time):
-        """Both on the lattice, and the state as they leave it."""
+    def kick_and_drift(self, state: Template, total_force: Template, first, kick_time, drift_time, kicks: Template):
+        """Both on the lattice, and the state as they leave it; what no step has summed may be no number, even times zero."""
         r = first // total_force.particle_count
         position_spacing, velocity_spacing = state.spacing[2 * r], state.spacing[2 * r + 1]
         kick = ti.cast(kick_time, state.wide) / velocity_spacing
         drift = ti.cast(drift_time, state.wide) * (velocity_spacing / position_spacing)
         for i in range(first, first + total_force.particle_count):
             for axis in ti.static(range(state.dimensions)):
-                if ti.static(total_force.has_velocity_independent):
-                    push = kick * ti.cast(state.acceleration[i][axis], state.wide)
-                    state.lattice_velocity[i][axis] = self.moved(state, i, state.lattice_velocity[i][axis], push)
-                speed = state.lattice_velocity[i][axis]
-                way = drift * ti.cast(speed, state.wide)
-                place = self.moved(state, i, state.lattice_position[i][axis], way)
-                state.lattice_position[i][axis] = place
-                state.velocity[i][axis] = ti.cast(ti.cast(speed, state.wide) * velocity_spacing, float)
-                state.position[i][axis] = ti.cast(ti.cast(place, state.wide) * position_spacing, float)
+                speed, place = state.lattice_velocity[i][axis], state.lattice_position[i][axis]
+                if ti.static(kicks):
+                    speed = self.moved(state, i, speed, kick * ti.cast(state.acceleration[i][axis], state.wide))
+                place = self.moved(state, i, place, drift * ti.cast(speed, state.wide))
+                if self.is_free(state, i, axis):
+                    state.lattice_velocity[i][axis], state.lattice_position[i][axis] = speed, place
+                    state.velocity[i][axis] = ti.cast(ti.cast(speed, state.wide) * velocity_spacing, float)
+                    state.position[i][axis] = ti.cast(ti.cast(place, state.wide) * position_spacing, float)
             if state.left[i] != 0:
                 for axis in ti.static(range(state.dimensions)):
                     state.position[i][axis] = ti.math.nan  # what every run is looked over for
@@ -166,3 +167,16 @@ class Janus(Integrator):
         elif state.left[i] == 0:
             state.left[i] = ti.select(ti.math.isnan(change) or ti.math.isinf(change), NOT_A_NUMBER, LEFT)
         return result
+
+    @ti.func
+    def is_free(self, state: Template, i, axis: Template):
+        """Whether particle i may move along an axis; where it is held it keeps its very place, on the lattice or not."""
+        result = True
+        if ti.static(state.has_fixed_axes):
+            result = state.free[i][axis] != 0.0
+        return result
+
+
+def _power_of_two(number: float) -> float:
+    """The next one that is not less."""
+    return float(2.0 ** math.ceil(math.log2(number)))

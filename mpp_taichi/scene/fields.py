@@ -108,24 +108,35 @@ class Number(Field):
             parts.append(f"at most {self.maximum:g}")
         return " and ".join(parts)
 
+    def listed(self) -> dict[str, Any]:
+        """What a schema says of the values one by one."""
+        return {}
+
     def schema(self) -> dict[str, Any]:
         """A number in the range, or text."""
         bounds = {"minimum": self.minimum, "maximum": self.maximum, "exclusiveMinimum": self.above}
-        return {"anyOf": [{"type": self.json_type, **_present(bounds)}, {"type": "string", "description": "an expression"}]}
+        return {"anyOf": [{"type": self.json_type, **_present(bounds), **self.listed()}, {"type": "string", "description": "an expression"}]}
 
 
 @dataclass(frozen=True)
 class Whole(Number):
-    """A whole number within a range; 1e6 and expressions are welcome."""
+    """A whole number within a range, or one of a few; 1e6 and expressions are welcome."""
 
     json_type: ClassVar[str] = "integer"
+    choices: tuple[int, ...] = ()
 
     def check(self, value: Any, context: Context) -> int:
         """Calculate and refuse a fraction."""
         number = super().check(value, context)
         if number != math.floor(number):
             raise Wrong(f"{shown(number)} is not a whole number")
+        if self.choices and number not in self.choices:
+            raise Wrong(f"{shown(number)} is not allowed, must be {' or '.join(map(str, self.choices))}")
         return int(value) if isinstance(value, int) else int(number)
+
+    def listed(self) -> dict[str, Any]:
+        """The choices, if there are any."""
+        return {"enum": list(self.choices)} if self.choices else {}
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ def field_of(parameter: Parameter) -> Field:
     span = {"minimum": parameter.minimum, "maximum": parameter.maximum, "above": parameter.above}
     makers = {
         "float": lambda: Number(**span),
-        "int": lambda: Whole(**span),
+        "int": lambda: Whole(**span, choices=tuple(parameter.choices)),
         "bool": fields.Flag,
         "str": lambda: Text(tuple(parameter.choices)),
         "Vector": lambda: fields.InSpace(Number(**span)),

@@ -83,7 +83,7 @@ def _row(parameter: component.Parameter) -> str:
     limits = [f"≥ {parameter.minimum:g}"] if parameter.minimum is not None else []
     limits += [f"> {parameter.above:g}"] if parameter.above is not None else []
     limits += [f"≤ {parameter.maximum:g}"] if parameter.maximum is not None else []
-    limits += [" or ".join(parameter.choices)] if parameter.choices else []
+    limits += [" or ".join(map(str, parameter.choices))] if parameter.choices else []
     meaning = "; ".join(part for part in (parameter.help, ", ".join(limits)) if part)
     return f"| `{parameter.name}` | {parameter.type} | {default} | {parameter.unit} | {meaning} |"
 
