@@ -106,7 +106,7 @@ def test_jerk_and_snap_are_the_derivatives_of_the_acceleration(kind, shape, prec
 @pytest.mark.parametrize("name", DERIVATIVES)
 def test_order_beside_every_force(name, corrections):
     """Driven springs, charges and gravity against SciPy's DOP853 by the textbook formulas."""
-    counts = {("hermite4", 1): (100, 400), ("hermite4", 3): (50, 200), ("hermite6", 1): (50, 160), ("hermite6", 3): (16, 64)}
+    counts = {("hermite4", 1): (512, 2048), ("hermite4", 3): (160, 512), ("hermite6", 1): (128, 512), ("hermite6", 3): (192, 384)}
     low, high = counts[name, corrections]
     scene = driven(name, dt=0.01)
     scene["integrator"][name]["corrections"] = corrections
@@ -119,14 +119,15 @@ def test_order_beside_every_force(name, corrections):
             return np.concatenate([v.ravel(), formula(x, t).ravel()])
 
         y = np.concatenate([start.position.ravel(), start.velocity.ravel()])
-        expected = solve_ivp(slopes, (0.0, 1.0), y, method="DOP853", rtol=1e-13, atol=1e-14).y[: y.size // 2, -1]
+        expected = solve_ivp(slopes, (0.0, 1.0), y, method="DOP853", rtol=1e-13, atol=1e-15).y[:, -1]
         steps = np.geomspace(low, high, 4).round().astype(int)
         errors = []
         for count in steps:
             simulation.dt = 1.0 / count
             simulation.restart()
             simulation.run(steps=int(count))
-            errors.append(np.abs(simulation.snapshot().position.ravel() - expected).max())
+            end = simulation.snapshot()
+            errors.append(np.linalg.norm(np.concatenate([end.position.ravel(), end.velocity.ravel()]) - expected))
     assert errors[-1] > 1e-12, "the ladder reaches round-off and shows nothing"
     assert -np.polyfit(np.log(steps), np.log(errors), 1)[0] == pytest.approx(int(name[-1]), abs=0.1)
 
@@ -139,10 +140,10 @@ def test_corrections_make_it_nearly_symmetric_in_time(name):
         scene = kepler(0.3, dt=0.05, integrator=name, corrections=corrections)
         with Simulation(scene, backend="cpu", precision="f64") as simulation:
             energy, found = simulation.diagnostics()["total_energy"], []
-            for _ in range(400):
-                simulation.run(steps=63)
+            for _ in range(100):
+                simulation.run(steps=269)
                 found.append(abs(simulation.diagnostics()["total_energy"] / energy - 1.0))
-        ratios.append(max(found[-40:]) / max(found[:40]))
+        ratios.append(max(found[-10:]) / max(found[:10]))
         errors.append(max(found))
     assert ratios[0] > 5.0 and ratios[1] < 1.1
     assert errors[1] < 0.1 * errors[0]
@@ -172,7 +173,7 @@ def test_the_parallel_plan_of_a_gpu_agrees_with_the_cpu(software_vulkan):
         with Simulation(scene, backend=backend, precision="f64", plan=plan) as simulation:
             ends.append(simulation.run(steps=20).snapshot().position)
     # 20 steps of 2 evaluations of 30 terms, of numbers up to 1, whose rounding hardly grows in a time of 0.2.
-    assert 0.0 < np.abs(ends[0] - ends[1]).max() + 1e-300 < 20 * 2 * 30 * 2.0**-52
+    assert np.abs(ends[0] - ends[1]).max() < 20 * 2 * 30 * 2.0**-52
 
 
 FORCE = '''"""Yukawa's force, without derivatives."""
