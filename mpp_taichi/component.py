@@ -36,7 +36,7 @@ class Parameter:
     minimum: float | None = None
     maximum: float | None = None
     above: float | None = None  # exclusive minimum
-    choices: tuple[str, ...] | tuple[int, ...] = ()
+    choices: tuple = ()  # of words or whole numbers
     optional: bool = False  # absent means None
     strength: bool = False  # of a force: without it, where it is zero, there is no force
     names: tuple[str, ...] = ()  # per-particle names that a Formula may use

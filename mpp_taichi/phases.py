@@ -159,7 +159,15 @@ def check_room(fields: dict[str, tuple[str, int]], *, dimensions: int, replica_c
     The band of `solver: direct` is what grows faster than the scene: n w numbers for n unknowns of half-bandwidth w. Numbers
     are counted as those of f64.
     """
-    numbers = {"scalar": 1, "vector": dimensions, "matrix": dimensions**2, "index": 0.5, "wide": 1, "wide_pair": 2, "lattice": dimensions}
+    numbers = {
+        "scalar": 1,
+        "vector": dimensions,
+        "matrix": dimensions**2,
+        "index": 0.5,
+        "wide": 1,
+        "wide_pair": 2,
+        "lattice": dimensions,
+    }
     needed = {name: count * replica_count * numbers[kind] for name, (kind, count) in fields.items()}
     largest = max(needed, key=lambda name: needed[name], default="")
     hint = "; solver: conjugate_gradients needs none of it" if largest == "band" else ""

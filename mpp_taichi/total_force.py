@@ -34,7 +34,9 @@ class TotalForce:
     exist.
     """
 
-    def __init__(self, forces: tuple[Force, ...], particle_count: int, dimensions: int, *, merges: bool = False, derivatives: int = 0):
+    def __init__(
+        self, forces: tuple[Force, ...], particle_count: int, dimensions: int, *, merges: bool = False, derivatives: int = 0
+    ):
         """Sort the forces by the loop they need, and by whether they depend on velocity; `merges` is for AllPairs.
 
         With `derivatives` accelerations are summed together with the jerk (1), or the jerk and the snap (2).

@@ -106,7 +106,12 @@ def test_jerk_and_snap_are_the_derivatives_of_the_acceleration(kind, shape, prec
 @pytest.mark.parametrize("name", DERIVATIVES)
 def test_order_beside_every_force(name, corrections):
     """Driven springs, charges and gravity against SciPy's DOP853 by the textbook formulas."""
-    counts = {("hermite4", 1): (512, 2048), ("hermite4", 3): (160, 512), ("hermite6", 1): (128, 512), ("hermite6", 3): (192, 384)}
+    counts = {
+        ("hermite4", 1): (512, 2048),
+        ("hermite4", 3): (160, 512),
+        ("hermite6", 1): (128, 512),
+        ("hermite6", 3): (192, 384),
+    }
     low, high = counts[name, corrections]
     scene = driven(name, dt=0.01)
     scene["integrator"][name]["corrections"] = corrections
@@ -193,7 +198,9 @@ def test_forces_without_derivatives_are_refused_by_name(tmp_path):
     component.extra_folders.append(tmp_path)
     try:
         scene = kepler(integrator="hermite4", forces=[{"yukawa": {}}])
-        with pytest.raises(SceneError, match="hermite4: needs the derivative of every force, which yukawa lacks, allowed: coul"):
+        with pytest.raises(
+            SceneError, match="hermite4: needs the derivative of every force, which yukawa lacks, allowed: coul"
+        ):
             load_scene(scene)
         # The accuracy sweep asks the same before it tries a method on a scene.
         assert refused_formulas("hermite6", load_scene(kepler(integrator="leapfrog", forces=[{"yukawa": {}}])))
@@ -202,7 +209,9 @@ def test_forces_without_derivatives_are_refused_by_name(tmp_path):
     for other in ({"drag": 0.2, "damping": 0.0}, {"drag": 0.0, "damping": 0.3}):
         scene = everything(integrator="leapfrog", **other)
         scene["integrator"] = {"hermite6": {"dt": 0.01}}
-        with pytest.raises(SceneError, match="hermite6: would lose its order beside (linear_drag|damped springs), for it takes no"):
+        with pytest.raises(
+            SceneError, match="hermite6: would lose its order beside (linear_drag|damped springs), for it takes no"
+        ):
             Simulation(scene, backend="cpu")
     with pytest.raises(SceneError, match="corrections.*at least 1"):
         load_scene(kepler(integrator="hermite4", corrections=0))

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from test_integrators import errors_at, kepler_reference, slope
 
 from mpp_taichi import BackendError, SceneError, Simulation, StabilityError
 from mpp_taichi.scene.load import load_scene
 from scenes import cluster, everything, kepler
-from test_integrators import errors_at, kepler_reference, slope
 
 TABLES = {2: "leapfrog", 4: "pefrl", 6: "kahan_li6"}
 
@@ -79,9 +79,7 @@ def test_positions_are_those_of_rebound():
     for mass, x, v in zip(start.mass, start.position, start.velocity):
         other.add(m=mass, x=x[0], y=x[1], z=x[2], vx=v[0], vy=v[1], vz=v[2])
     other.dt = 0.01
-    for _ in range(1000):
-        other.step()
-    other.synchronize()
+    other.steps(1000)
     # 1000 steps of roundings of about 1e-16, cut off or to the nearest, that grow with the time: 1000² · 1e-16.
     assert np.abs(end.position - [p.xyz for p in other.particles]).max() < 1e-10
 
@@ -107,7 +105,10 @@ def test_replicas_have_the_bits_of_one_and_going_back_to_a_mark_too():
 def flight(**parameters):
     """A body that flies free, at 1 from x = 1 in steps of 0.25: a lattice of 2⁻⁵³ ends at 512 as it is."""
     return {
-        "particles": [{"body": {"mass": 1.0, "position": [0, 0, 0]}}, {"body": {"mass": 1.0, "position": [1, 0, 0], "velocity": [1, 0, 0]}}],
+        "particles": [
+            {"body": {"mass": 1.0, "position": [0, 0, 0]}},
+            {"body": {"mass": 1.0, "position": [1, 0, 0], "velocity": [1, 0, 0]}},
+        ],
         "integrator": {"janus": {"dt": 0.25, **parameters}},
     }
 
@@ -147,7 +148,9 @@ def test_what_it_cannot_do_is_refused_in_one_line(software_vulkan):
     dragged["integrator"] = {"janus": {"dt": 0.01}}
     with pytest.raises(SceneError, match="janus: would lose its order beside linear_drag, damped springs"):
         Simulation(dragged, backend="cpu")
-    with pytest.raises(SceneError, match="its lattice ends at a position of 4.6.*e-12, one is .* a larger `lattice` than 1e-30"):
+    with pytest.raises(
+        SceneError, match="its lattice ends at a position of 4.6.*e-12, one is .* a larger `lattice` than 1e-30"
+    ):
         Simulation(kepler(integrator="janus", lattice=1e-30), backend="cpu")
     with pytest.raises(BackendError, match="janus runs on the CPU only, not on vulkan"):
         Simulation(kepler(integrator="janus"), backend="vulkan")

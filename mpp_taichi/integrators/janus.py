@@ -31,8 +31,9 @@ class Janus(Integrator):
     itself, so the energy error is that of the table: `leapfrog`, `pefrl` or `kahan_li6`.
     The start is put on the lattice. Δx is 2⁻⁵³ X, X the largest |coordinate| of the start, and Δv = 2⁻⁵³ V, V the largest
     |velocity|, but at least X / (128 dt), both taken up to a power of two: a particle may go some 500 times as far and as
-    fast before it leaves the lattice, which ends the run. A `lattice` of one's own changes both spacings alike. Integers of 64 bits on the CPU. Forces that depend on velocity or on time
-    are refused. Source: Levesque & Verlet, J. Stat. Phys. 72 (1993) 519; Rein & Tamayo, MNRAS 473 (2018) 3351.
+    fast before it leaves the lattice, which ends the run. A `lattice` of one's own changes both spacings alike.
+    Integers of 64 bits, on the CPU. Forces that depend on velocity or on time are refused.
+    Source: Levesque & Verlet, J. Stat. Phys. 72 (1993) 519; Rein & Tamayo, MNRAS 473 (2018) 3351, arXiv:1704.07715.
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")

@@ -115,7 +115,12 @@ class Number(Field):
     def schema(self) -> dict[str, Any]:
         """A number in the range, or text."""
         bounds = {"minimum": self.minimum, "maximum": self.maximum, "exclusiveMinimum": self.above}
-        return {"anyOf": [{"type": self.json_type, **_present(bounds), **self.listed()}, {"type": "string", "description": "an expression"}]}
+        return {
+            "anyOf": [
+                {"type": self.json_type, **_present(bounds), **self.listed()},
+                {"type": "string", "description": "an expression"},
+            ]
+        }
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,9 @@ def refused_formulas(integrator: str, spec: SceneSpec) -> str:
         if without:
             names = component.names("forces")
             allowed = [n for n in names if n != "spring" and component.declaration("forces", n).flags.get("has_derivatives")]
-            return f"needs the derivative of every force, which {', '.join(without)} lacks, allowed: {', '.join(allowed)}, springs"
+            return (
+                f"needs the derivative of every force, which {', '.join(without)} lacks, allowed: {', '.join(allowed)}, springs"
+            )
     if not wants.get("takes_time", True):
         timed = [name for name, says in forces.items() if says.get("depends_on_time")]
         if timed:
