@@ -176,11 +176,12 @@ class PairDerivatives:
                         second = second_change_of_inverse_distance(inverse, approach, spread)
                         curvature = self._each_lane(member.force.curvature, inverse)
                         curve = curve + share * (curvature * change * change + slope * second)
+            twice = 2.0 * rate
             for axis in ti.static(range(self.dimensions)):
                 total[axis] = total[axis] + weight * d[axis]
                 jerk[axis] = jerk[axis] + (weight * w[axis] + rate * d[axis])
                 if ti.static(self.derivatives > 1):
-                    snap[axis] = snap[axis] + (weight * q[axis] + 2.0 * rate * w[axis] + curve * d[axis])
+                    snap[axis] = snap[axis] + (weight * q[axis] + twice * w[axis] + curve * d[axis])
         for lane in ti.static(range(self.lane_count)):
             i = begin + lane
             if i >= first + tile * self.lane_count:
