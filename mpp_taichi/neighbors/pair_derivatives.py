@@ -123,9 +123,9 @@ class PairDerivatives:
                 for tile in range(begin, end):
                     self._accumulate_tile(state, 0, tile)
 
-    def _known_accelerations(self, state: Any) -> Any:
-        """What the snap is computed with; without a snap any vectors, which the compiler then leaves out."""
-        return state.estimate if self.derivatives > 1 else state.velocity
+    def _fields(self, state: Any) -> list:
+        """What is read of every body; without a snap the last stands for accelerations that the compiler leaves out."""
+        return [state.position, state.velocity, *([state.estimate] if self.derivatives > 1 else [])]
 
     @ti.func
     def _lanes(self, field: Template, begin):
@@ -139,10 +139,7 @@ class PairDerivatives:
     def _accumulate_tile(self, state: Template, first, tile):
         # As in AllPairs: the last tile is moved back to be full, and stores only what the tile before does not.
         begin = first + ti.min(tile * self.lane_count, self.particle_count - self.lane_count)
-        position = self._lanes(state.position, begin)
-        velocity = self._lanes(state.velocity, begin)
-        known = ti.static(self._known_accelerations(state))
-        estimate = self._lanes(known, begin)
+        own = [self._lanes(field, begin) for field in ti.static(self._fields(state))]
         response = [
             ti.Vector([member.force.response(state, begin + lane) for lane in ti.static(range(self.lane_count))])
             for member in ti.static(self.members)
@@ -150,46 +147,70 @@ class PairDerivatives:
         total = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
         jerk = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
         snap = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
+        nowhere = ti.Vector.zero(float, self.lane_count)
+        for order in range(first, first + self.particle_count - self.lane_count):
+            j = order + ti.select(order >= begin, self.lane_count, 0)
+            self._pull(state, j, own, response, nowhere, total, jerk, snap)
+        # A body's own lane gets a distance of one: there d, w and q are zero, and so is what they are multiplied by.
         lane_number = ti.Vector([ti.cast(lane, float) for lane in ti.static(range(self.lane_count))])
-        for j in range(first, first + self.particle_count):
-            d = [state.position[j][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
-            w = [state.velocity[j][axis] - velocity[axis] for axis in ti.static(range(self.dimensions))]
-            # A body's own lane gets a distance of one: there d, w and q are zero, and so is what they are multiplied by.
-            from_own = lane_number - ti.cast(j - begin, float)
-            squared = self._dot(d, d) + ti.max(1.0 - from_own * from_own, 0.0)
-            approach, spread = self._dot(d, w), self._dot(w, w)
-            q = [known[j][axis] - estimate[axis] for axis in ti.static(range(self.dimensions))]
-            if ti.static(self.derivatives > 1):
-                spread = spread + self._dot(d, q)
-            weight = ti.Vector.zero(float, self.lane_count)
-            rate = ti.Vector.zero(float, self.lane_count)
-            curve = ti.Vector.zero(float, self.lane_count)
-            for group in ti.static(self.groups):
-                inverse = 1.0 / ti.sqrt(squared + group.softening_squared)
-                change = change_of_inverse_distance(inverse, approach)
-                for member in ti.static(group.members):
-                    share = member.force.source(state, j) * response[member.index]
-                    slope = self._each_lane(member.force.slope, inverse)
-                    weight = weight + share * self._each_lane(member.force.shape, inverse)
-                    rate = rate + share * slope * change
-                    if ti.static(self.derivatives > 1):
-                        second = second_change_of_inverse_distance(inverse, approach, spread)
-                        curvature = self._each_lane(member.force.curvature, inverse)
-                        curve = curve + share * (curvature * change * change + slope * second)
-            twice = 2.0 * rate
-            for axis in ti.static(range(self.dimensions)):
-                total[axis] = total[axis] + weight * d[axis]
-                jerk[axis] = jerk[axis] + (weight * w[axis] + rate * d[axis])
-                if ti.static(self.derivatives > 1):
-                    snap[axis] = snap[axis] + (weight * q[axis] + twice * w[axis] + curve * d[axis])
+        for step in range(self.lane_count):
+            from_own = lane_number - ti.cast(step, float)
+            self._pull(state, begin + step, own, response, ti.max(1.0 - from_own * from_own, 0.0), total, jerk, snap)
         for lane in ti.static(range(self.lane_count)):
             i = begin + lane
             if i >= first + tile * self.lane_count:
+                factor = 1.0
+                if ti.static(len(self.members) == 1):
+                    factor = response[0][lane]
                 for axis in ti.static(range(self.dimensions)):
-                    state.acceleration[i][axis] = state.acceleration[i][axis] + total[axis][lane]
-                    state.jerk[i][axis] = state.jerk[i][axis] + jerk[axis][lane]
+                    state.acceleration[i][axis] = state.acceleration[i][axis] + factor * total[axis][lane]
+                    state.jerk[i][axis] = state.jerk[i][axis] + factor * jerk[axis][lane]
                     if ti.static(self.derivatives > 1):
-                        state.snap[i][axis] = state.snap[i][axis] + snap[axis][lane]
+                        state.snap[i][axis] = state.snap[i][axis] + factor * snap[axis][lane]
+
+    @ti.func
+    def _pull(
+        self,
+        state: Template,
+        j,
+        own: Template,
+        response: Template,
+        apart: Template,
+        total: Template,
+        jerk: Template,
+        snap: Template,
+    ):
+        """Add what body j is to the bodies of a tile, from which it is farther than it seems by `apart`, squared."""
+        fields = ti.static(self._fields(state))
+        d = [state.position[j][axis] - own[0][axis] for axis in ti.static(range(self.dimensions))]
+        w = [state.velocity[j][axis] - own[1][axis] for axis in ti.static(range(self.dimensions))]
+        q = [fields[-1][j][axis] - own[-1][axis] for axis in ti.static(range(self.dimensions))]
+        squared, approach, spread = self._dot(d, d) + apart, self._dot(d, w), self._dot(w, w) + self._dot(d, q)
+        weight, rate, curve = squared, squared, squared
+        for group in ti.static(self.groups):
+            inverse = 1.0 / ti.sqrt(squared + group.softening_squared)
+            change = change_of_inverse_distance(inverse, approach)
+            second = second_change_of_inverse_distance(inverse, approach, spread)
+            for member in ti.static(group.members):
+                source = member.force.source(state, j)
+                shape = source * self._each_lane(member.force.shape, inverse)
+                slope = source * self._each_lane(member.force.slope, inverse)
+                curvature = source * self._each_lane(member.force.curvature, inverse)
+                bend = curvature * change * change + slope * second
+                if ti.static(len(self.members) == 1):
+                    weight, rate, curve = shape, slope * change, bend
+                elif ti.static(member.index == 0):
+                    factor = response[member.index]
+                    weight, rate, curve = factor * shape, factor * slope * change, factor * bend
+                else:
+                    factor = response[member.index]
+                    weight, rate, curve = weight + factor * shape, rate + factor * slope * change, curve + factor * bend
+        twice = 2.0 * rate
+        for axis in ti.static(range(self.dimensions)):
+            total[axis] = total[axis] + weight * d[axis]
+            jerk[axis] = jerk[axis] + (weight * w[axis] + rate * d[axis])
+            if ti.static(self.derivatives > 1):
+                snap[axis] = snap[axis] + (weight * q[axis] + twice * w[axis] + curve * d[axis])
 
     @ti.func
     def _dot(self, one: Template, other: Template):
