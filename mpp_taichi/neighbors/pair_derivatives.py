@@ -53,8 +53,8 @@ class PairDerivatives:
             for i in range(first, first + self.particle_count):
                 for j in range(i + 1, first + self.particle_count):
                     on_i, on_j = self._factors(state, i, j)
-                    self._add(state, i, j, on_i, i)
-                    self._add(state, i, j, -on_j, j)
+                    self._add(state, i, self._terms(state, i, j, on_i))
+                    self._add(state, j, self._terms(state, i, j, -on_j))
 
     @ti.func
     def _factors(self, state: Template, i, j):
@@ -79,15 +79,29 @@ class PairDerivatives:
         return on_i, on_j
 
     @ti.func
-    def _add(self, state: Template, i, j, factors, target):
-        """What the separation of j from i and its changes, times the factors, are to the particle `target`."""
+    def _terms(self, state: Template, i, j, factors):
+        """Acceleration, jerk and snap that the separation of j from i makes with these factors, one row each."""
         d = state.position[j] - state.position[i]
         w = state.velocity[j] - state.velocity[i]
-        state.acceleration[target] = state.acceleration[target] + factors[0] * d
-        state.jerk[target] = state.jerk[target] + (factors[0] * w + factors[1] * d)
+        result = ti.Matrix.zero(float, self.derivatives + 1, self.dimensions)
+        snap = ti.Vector.zero(float, self.dimensions)
         if ti.static(self.derivatives > 1):
             q = state.estimate[j] - state.estimate[i]
-            state.snap[target] = state.snap[target] + (factors[0] * q + 2.0 * factors[1] * w + factors[2] * d)
+            snap = factors[0] * q + 2.0 * factors[1] * w + factors[2] * d
+        for axis in ti.static(range(self.dimensions)):
+            result[0, axis] = factors[0] * d[axis]
+            result[1, axis] = factors[0] * w[axis] + factors[1] * d[axis]
+            if ti.static(self.derivatives > 1):
+                result[2, axis] = snap[axis]
+        return result
+
+    @ti.func
+    def _add(self, state: Template, i, terms):
+        for axis in ti.static(range(self.dimensions)):
+            state.acceleration[i][axis] = state.acceleration[i][axis] + terms[0, axis]
+            state.jerk[i][axis] = state.jerk[i][axis] + terms[1, axis]
+            if ti.static(self.derivatives > 1):
+                state.snap[i][axis] = state.snap[i][axis] + terms[2, axis]
 
     # One thread of a GPU per body ------------------------------------------------------------------------------------
 
@@ -95,10 +109,12 @@ class PairDerivatives:
     def accumulate_parallel_gather(self, state: Template):
         """Add all, one body per iteration of a parallel loop; for GPUs."""
         for i in range(self.particle_count):
+            total = ti.Matrix.zero(float, self.derivatives + 1, self.dimensions)
             for j in range(self.particle_count):
                 if i != j:
                     on_i, _on_j = self._factors(state, i, j)
-                    self._add(state, i, j, on_i, i)
+                    total += self._terms(state, i, j, on_i)
+            self._add(state, i, total)
 
     # Cores of a CPU, lanes of their vector units ---------------------------------------------------------------------
 
