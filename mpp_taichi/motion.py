@@ -156,8 +156,10 @@ class Motion:
         self._move_clock(bad_step - 1, dt)
         before = self.snapshot()
         self._launch(1, dt)
-        particle = self.stepper.first_bad_particle() % self.state.particle_count
+        particle, unsolved = self.stepper.first_bad_particle() % self.state.particle_count, self.stepper.unsolved_orbits()
         rewind()
+        if unsolved:
+            raise postmortem.unsolved_orbit(before, particle, step=self.step_count + 1, time=self.time + dt)
         singular = any(force.softening == 0.0 for force in self.total_force.pair_forces)
         raise postmortem.diagnose(before, particle, step=self.step_count + 1, time=self.time + dt, pairs_singular=singular)
 
@@ -169,7 +171,7 @@ class Motion:
         """Go back to it. What an implicit method remembers was saved; the force that others begin with is computed anew."""
         self.state.restore(saved[0])
         self._start_afresh()
-        if self.integrator.adaptive:
+        if self.integrator.adaptive or self.integrator.own_state:
             self._prepared = saved[1]
         if self.integrator.implicit:
             unsolved: Any = getattr(self.state, "unsolved")  # noqa: B009 — a work field, there by its name

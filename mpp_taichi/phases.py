@@ -75,8 +75,8 @@ class CompiledPhase:
         self.total_force = TotalForce(compose(spec, start), start.particle_count, spec.dimensions, merges=merges)
         replica_count = max(1, len(replica_starts))
         self.plan = plan if plan != "auto" else plans.choose(self.work, on_cpu=device.on_cpu, replica_count=replica_count)
-        if self.integrator.adaptive:
-            self._check_adaptive(device, plan, spec)
+        if self.integrator.adaptive or self.integrator.own_state:
+            self._check_one_thread(device, plan, spec)
         if self.plan not in plans.PLANS or (replica_count > 1) != (self.plan == "replicas"):
             raise BackendError(
                 f"plan {plan!r} does not fit; there are auto, serial and parallel for one copy, replicas for several"
@@ -101,8 +101,8 @@ class CompiledPhase:
         self.energy_meter = EnergyMeter(self.state, self.total_force)
         self.launch_limit = self._steps_per_launch(device)
 
-    def _check_adaptive(self, device: Device, plan: str, spec: SceneSpec) -> None:
-        """One thread for each copy takes steps until it is there, which needs loops without a bound."""
+    def _check_one_thread(self, device: Device, plan: str, spec: SceneSpec) -> None:
+        """One thread for each copy takes steps until it is there, or orbits are solved: loops without a bound known before."""
         if not device.on_cpu:
             raise BackendError(f"{spec.integrator.name} runs on the CPU only, not on {device.backend}; use --backend cpu")
         if plan == "parallel":

@@ -59,6 +59,8 @@ class Stepper:
                 self._prepare_replicas(force, time)
             if self.integrator.implicit:
                 self._start_implicit(force, time)
+        if self.integrator.own_state:
+            self.integrator.arrange(self.state)
         if self.integrator.adaptive:
             self.integrator.set_control(self.state)
             self._begin_adaptive(time, self.integrator.dt)
@@ -71,7 +73,7 @@ class Stepper:
             self._advance(time, dt, steps, meter)
 
     def _advance(self, time: float, dt: float, steps: int, meter: Any) -> None:
-        if meter and meter.in_kernel and not self.integrator.adaptive:
+        if meter and meter.in_kernel and not self.integrator.adaptive and not self.integrator.own_state:
             self._advance_metered(time, dt, steps, meter)
         elif meter:
             for s in range(steps):
@@ -84,6 +86,8 @@ class Stepper:
                 self._step_with_contacts(self.contacts, time + s * dt, dt)
         elif self.integrator.adaptive:
             self._advance_adaptive(time + steps * dt)
+        elif self.integrator.own_state:
+            self._launch_own(dt, steps)
         elif self.plan == "serial":
             self._advance_serial(time, dt, steps)
         elif self.plan == "replicas":
@@ -194,6 +198,13 @@ class Stepper:
                 self.integrator.advance_to(self.state, self.total_force, first, end, "serial")
                 self.integrator.show(self.state, self.total_force, first, end)
 
+    @ti.kernel
+    def _launch_own(self, dt: float, steps: ti.i32):
+        for q in range(self.state.replica_count * self.grain):
+            if q % self.grain == 0:
+                first = q // self.grain * self.state.particle_count
+                self.integrator.launch(self.state, self.total_force, first, dt, steps)
+
     def _launch_stages(self, time: float, dt: float) -> None:
         """The step's own stages and forces, each a launch."""
         self._stage(time, dt, 0)
@@ -251,6 +262,10 @@ class Stepper:
     def solver_report(self) -> SolverReport:
         """What the solver of an implicit step did since the last time it was asked."""
         return self.integrator.newton.collect(self.state)
+
+    def unsolved_orbits(self) -> int:
+        """How many of Kepler's equations found no solution since the state was set."""
+        return self.integrator.unsolved(self.state) if self.integrator.own_state else 0
 
     def stalled_particle(self) -> int:
         """Index of the most accelerated particle of a replica whose adaptive step has become too short, or −1."""
