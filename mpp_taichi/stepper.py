@@ -87,7 +87,7 @@ class Stepper:
         elif self.integrator.adaptive:
             self._advance_adaptive(time + steps * dt)
         elif self.integrator.own_state:
-            self._launch_own(dt, steps)
+            self._launch_own(dt, steps, 0.0)
         elif self.plan == "serial":
             self._advance_serial(time, dt, steps)
         elif self.plan == "replicas":
@@ -199,11 +199,11 @@ class Stepper:
                 self.integrator.show(self.state, self.total_force, first, end)
 
     @ti.kernel
-    def _launch_own(self, dt: float, steps: ti.i32):
+    def _launch_own(self, dt: float, steps: ti.i32, beyond: float):
         for q in range(self.state.replica_count * self.grain):
             if q % self.grain == 0:
                 first = q // self.grain * self.state.particle_count
-                self.integrator.launch(self.state, self.total_force, first, dt, steps)
+                self.integrator.launch(self.state, self.total_force, first, dt, steps, beyond)
 
     def _launch_stages(self, time: float, dt: float) -> None:
         """The step's own stages and forces, each a launch."""
@@ -263,9 +263,13 @@ class Stepper:
         """What the solver of an implicit step did since the last time it was asked."""
         return self.integrator.newton.collect(self.state)
 
-    def unsolved_orbits(self) -> int:
-        """How many of Kepler's equations found no solution since the state was set."""
-        return self.integrator.unsolved(self.state) if self.integrator.own_state else 0
+    def look_ahead(self, dt: float, share: float) -> None:
+        """Show the state of a method that has its own as it is a part of a step later; it stays where it is."""
+        self._launch_own(dt, 0, share)
+
+    def lost_particle(self) -> int:
+        """Index of a particle whose orbit a method of orbits has not found, or −1."""
+        return self.integrator.unsolved_particle(self.state) if self.integrator.own_state else -1
 
     def stalled_particle(self) -> int:
         """Index of the most accelerated particle of a replica whose adaptive step has become too short, or −1."""

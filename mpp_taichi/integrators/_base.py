@@ -20,7 +20,7 @@ class Integrator:
     keeps_force      a step uses, at its start, the force that the step before ended with
     implicit         a step solves equations (see _implicit.py)
     adaptive         takes steps of its own choice (see _adaptive.py)
-    own_state        keeps the motion in fields of its own, and `launch` sets what is shown from them after so many steps
+    own_state        keeps the motion in fields of its own, and `launch` sets what is shown from them
     takes_velocity   keeps its order beside forces that depend on velocity; a class where it is not so says it with a literal
                      False of its own, which scenes are checked by, and the method is refused beside such forces
     memory           work fields that a step hands on to the next

@@ -53,14 +53,15 @@ def kepler_changes(x, v, mu, duration):
     r = x.norm()
     inverse = 1.0 / r
     beta = 2.0 * mu * inverse - v.norm_sqr()
-    # Back in time is forward with the velocity turned round.
-    sense = ti.select(duration < 0.0, ti.cast(-1.0, float), ti.cast(1.0, float))
-    t = sense * duration
-    eta = sense * x.dot(v)
-    zeta = mu - beta * r
+    t = duration
     if beta > 0.0 and beta * beta * beta * t * t > math.pi**2 * mu * mu:
         period = 2.0 * math.pi * mu / (beta * ti.sqrt(beta))
-        t -= period * ti.floor(t / period)
+        t -= period * ti.floor(t / period + 0.5)
+    # Back in time is forward with the velocity turned round.
+    sense = ti.select(t < 0.0, ti.cast(-1.0, float), ti.cast(1.0, float))
+    t *= sense
+    eta = sense * x.dot(v)
+    zeta = mu - beta * r
     straight = t * inverse
     a, b = eta * inverse, zeta * inverse
     anomaly = straight * (1.0 - straight * (0.5 * a - straight * (0.5 * a * a - b / 6.0)))

@@ -56,7 +56,7 @@ class WisdomHolman(Integrator):
         vectors = [*self.VECTORS, *(f"kept_{name}" for name in self.VECTORS), "place"]
         return {
             "order_inside_out": ("index", n),
-            "unsolved_orbits": ("index", 1),
+            "unsolved_orbits": ("index", 2),
             "step_and_count": ("wide", 2),
             "center_of_mass": ("vector", 2),
             "attraction": ("scalar", n),
@@ -82,18 +82,20 @@ class WisdomHolman(Integrator):
         state.step_and_count.fill(0)
         state.unsolved_orbits.fill(0)
 
-    def unsolved(self, state: Any) -> int:
-        """How many of Kepler's equations found no solution."""
-        return int(state.unsolved_orbits.to_numpy().sum())
+    def unsolved_particle(self, state: Any) -> int:
+        """Index of the last particle of a replica in which Kepler's equation was not solved, or −1."""
+        found = state.unsolved_orbits.to_numpy().reshape(-1, 2)
+        replicas = np.flatnonzero(found[:, 0])
+        return int(replicas[0]) * state.particle_count + int(found[replicas[0], 1]) if len(replicas) else -1
 
     # A launch ----------------------------------------------------------------------------------------------------------
 
     @ti.func
-    def launch(self, state: Template, total_force: Template, first, dt, steps):
-        """Take steps from wherever the replica's own state is, and show it.
+    def launch(self, state: Template, total_force: Template, first, dt, steps, beyond):
+        """Take steps from wherever the replica's own state is, and show it, a part `beyond` of a step later.
 
-        One loop plays the corrector at the start, the steps, and on a copy the way back to what is shown: it holds drift and
-        kick, which are most there is to compile, once.
+        That part is along the orbits alone, ε a dt² / 2 beside the motion. One loop plays the corrector at the start, the
+        steps, and on a copy the way back to what is shown: it holds drift and kick, the most there is to compile, once.
         """
         r = first // total_force.particle_count
         begins = state.step_and_count[2 * r] != ti.cast(dt, state.wide)
@@ -113,12 +115,14 @@ class WisdomHolman(Integrator):
                 kick, drift = ti.cast(1.0, float), ti.cast(1.0, float)
                 if part != STEPS:
                     kick, drift = self._looked_up(part, j)
+                if part == LOOKS and j == to_there - 1:
+                    drift += beyond
                 if j > 0:
                     self._kick(state, total_force, first, kick * dt)
                 self._drift(state, total_force, first, drift * dt)
             if part == STEPS:
                 state.step_and_count[2 * r + 1] += ti.cast(steps, state.wide)
-        self._show(state, total_force, first)
+        self._show(state, total_force, first, beyond)
         self._copy(state, total_force, first, False)
 
     @ti.func
@@ -167,12 +171,12 @@ class WisdomHolman(Integrator):
         state.center_of_mass[2 * r], state.center_of_mass[2 * r + 1] = place, speed
 
     @ti.func
-    def _show(self, state: Template, total_force: Template, first):
+    def _show(self, state: Template, total_force: Template, first, beyond):
         """Back from Jacobi's coordinates; the centre of mass has gone its way."""
         r = first // total_force.particle_count
         n = ti.static(total_force.particle_count)
         speed = state.center_of_mass[2 * r + 1]
-        elapsed = ti.cast(state.step_and_count[2 * r] * state.step_and_count[2 * r + 1], float)
+        elapsed = ti.cast(state.step_and_count[2 * r] * (state.step_and_count[2 * r + 1] + beyond), float)
         place = state.center_of_mass[2 * r] + elapsed * speed
         for back in range(n):
             k = first + n - 1 - back
@@ -203,7 +207,8 @@ class WisdomHolman(Integrator):
             state.jacobi_position[k] = there
             state.jacobi_velocity[k] = faster
             if not solved:
-                state.unsolved_orbits[first // total_force.particle_count] += 1
+                state.unsolved_orbits[2 * (first // total_force.particle_count)] += 1
+                state.unsolved_orbits[2 * (first // total_force.particle_count) + 1] = state.order_inside_out[k]
                 state.jacobi_position[k] = ti.Vector.zero(float, state.dimensions) * ti.math.nan  # so that the run ends here
 
     @ti.func
