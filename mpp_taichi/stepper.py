@@ -59,8 +59,7 @@ class Stepper:
                 self._prepare_replicas(force, time)
             if self.integrator.implicit:
                 self._start_implicit(force, time)
-        if self.integrator.own_state:
-            self.integrator.arrange(self.state)
+        self.integrator.arrange(self.state)
         if self.integrator.adaptive:
             self.integrator.set_control(self.state)
             self._begin_adaptive(time, self.integrator.dt)

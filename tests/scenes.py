@@ -9,7 +9,8 @@ from mpp_taichi import component
 INTEGRATORS = [
     name
     for name in component.names("integrators")
-    if name not in ("event_driven", "wisdom_holman") and component.declaration("integrators", name).base != "Adaptive"
+    if name not in ("event_driven", "wisdom_holman")
+    and component.declaration("integrators", name).base not in ("Adaptive", "Embedded")
 ]
 # Splittings are one code with many tables, and so are Runge–Kutta methods: tests/test_tables.py looks at each of these tables
 # (order with and without friction, symmetry, energy, amplification). Tests of the code itself, where a step of many stages

@@ -52,6 +52,9 @@ class Integrator:
         """Fields beyond those, by name: kind and count for each replica (see State)."""
         return {}
 
+    def arrange(self, state: Any) -> None:
+        """Fill the work fields that a step reads and none writes, after the state was set from outside."""
+
     def starting_force(self, total_force: Any) -> Any:
         """The forces that a step with `keeps_force` expects to find, after the state was set from outside."""
         return total_force
