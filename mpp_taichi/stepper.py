@@ -62,13 +62,14 @@ class Stepper:
         self.integrator.arrange(self.state)
         if self.integrator.adaptive:
             self.integrator.set_control(self.state)
-            self._begin_adaptive(time, self.integrator.dt)
+            with quick_compilation() if self.integrator.quickly_compiled else nullcontext():
+                self._begin_adaptive(time, self.integrator.dt)
         if self.contacts is not None:
             self.contacts.prepare(time)
 
     def advance(self, time: float, dt: float, steps: int, meter: Any = None) -> None:
         """Advance by `steps` steps of `dt` from `time`; a `meter` of powers looks on after each of them."""
-        with quick_compilation() if self.integrator.implicit else nullcontext():
+        with quick_compilation() if self.integrator.implicit or self.integrator.quickly_compiled else nullcontext():
             self._advance(time, dt, steps, meter)
 
     def _advance(self, time: float, dt: float, steps: int, meter: Any) -> None:

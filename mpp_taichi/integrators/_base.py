@@ -21,6 +21,7 @@ class Integrator:
     implicit         a step solves equations (see _implicit.py)
     adaptive         takes steps of its own choice (see _adaptive.py)
     own_state        keeps the motion in fields of its own, and `launch` sets what is shown from them
+    quickly_compiled its kernels are long, and compiled without Taichi's own optimisation (see quick_compilation.py)
     takes_velocity   keeps its order beside forces that depend on velocity; a class where it is not so says it with a literal
                      False of its own, which scenes are checked by, and the method is refused beside such forces
     memory           work fields that a step hands on to the next
@@ -36,6 +37,7 @@ class Integrator:
     implicit = False
     adaptive = False
     own_state = False
+    quickly_compiled = False
     takes_velocity = True
     memory: tuple = ()
 

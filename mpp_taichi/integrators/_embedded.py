@@ -39,21 +39,23 @@ class Embedded(Adaptive):
     pair: type[RungeKutta]
     error_order = 0  # k
     tolerance: float
-    CONTROL = 3
-    ERROR, DENSE, TOLERANCE = range(3)  # the last error, in tolerances; whether looks have their slopes; the tolerance
+    controlled_by = "tolerance"
+    quickly_compiled = True
     VECTORS = ("start_position", "start_velocity", "start_acceleration", "position_rest", "velocity_rest")
-    memory = ("clock", "tally", "control", "slope", *VECTORS)
+    memory = ("clock", "tally", "judged", "slope", *VECTORS)
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
-        """The true state at the start of the step, all slopes, and of each replica the clock and what control remembers.
+        """The true state at the start of the step, all slopes, and of each replica the clock and what was judged.
 
-        Weights are looked up: written into the kernel they would take half a minute to compile.
+        That is the error of the last step, in tolerances, and whether its looks have their slopes. Weights are looked up:
+        written into the kernel they would take half a minute to compile.
         """
         n, count = start.particle_count, self._count
         return {
             "clock": ("wide", self.CLOCK),
             "tally": ("index", self.TALLY),
             "control": ("wide", self.CONTROL),
+            "judged": ("wide", 2),
             "weight": ("scalar", 2 * count * len(self._table())),
             "node": ("scalar", count),
             "slope": ("vector", count * n),
@@ -61,11 +63,10 @@ class Embedded(Adaptive):
         }
 
     def arrange(self, state: Any) -> None:
-        """Write the weights and the tolerance into their fields, once for each replica."""
+        """Write the weights into their fields, once for each replica."""
         rows = np.array(self._table())
         state.weight.from_numpy(np.tile(rows.ravel(), state.replica_count).astype(rows.dtype))
         state.node.from_numpy(np.tile(wide_rows(self.pair).sum(axis=1), state.replica_count))
-        state.control.from_numpy(np.tile([1.0, 0.0, self._tolerated()], state.replica_count))
 
     @property
     def _count(self) -> int:
@@ -88,9 +89,11 @@ class Embedded(Adaptive):
         rows = [*full, *errors, *dense, np.zeros(len(full))]
         return [[(row @ full).tolist(), row.tolist()] for row in rows]
 
-    def _tolerated(self) -> float:
-        """As given, but not what round-off alone exceeds."""
-        return max(self.tolerance, 16.0 * (2.0**-24 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-53))
+    def control(self) -> tuple[float, float]:
+        """The tolerance as given, but not what round-off alone exceeds; and the share that the first step is."""
+        rounding = 2.0**-24 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-53
+        tolerance = max(self.tolerance, 16.0 * rounding)
+        return tolerance, FIRST_SHARE * tolerance ** (1.0 / self.error_order)
 
     # A run ---------------------------------------------------------------------------------------------------------------
 
@@ -112,14 +115,13 @@ class Embedded(Adaptive):
             state.start_acceleration[i] = found
             self._keep(state, total_force, first, i, 0, found)
         following = ti.cast(dt, state.wide)
-        tolerance = state.control[self.CONTROL * r + self.TOLERANCE]
         if most > 0.0 and fastest > 0.0:
             following = fastest / most
         elif most > 0.0 and widest > 0.0:
             following = ti.sqrt(widest / most)
-        state.clock[self.CLOCK * r + 2] = FIRST_SHARE * tolerance ** (1.0 / self.error_order) * following
-        state.control[self.CONTROL * r + self.ERROR] = 1.0
-        state.control[self.CONTROL * r + self.DENSE] = 0.0
+        state.clock[self.CLOCK * r + 2] = state.control[self.CONTROL * r + 1] * following
+        state.judged[2 * r] = 1.0
+        state.judged[2 * r + 1] = 0.0
 
     @ti.func
     def advance_to(self, state: Template, total_force: Template, first, end: Template, shape: Template):
@@ -136,10 +138,10 @@ class Embedded(Adaptive):
         r = first // total_force.particle_count
         s, h = self.share_of_step(state, r, time), ti.cast(state.clock[self.CLOCK * r + 1], float)
         if ti.static(self._count > self._evaluated):
-            if state.control[self.CONTROL * r + self.DENSE] == 0.0 and h > 0.0:
+            if state.judged[2 * r + 1] == 0.0 and h > 0.0:
                 start, stop = ti.static(self._evaluated, self._count)
                 self._take_slopes(state, total_force, first, start, stop, h, "serial")
-                state.control[self.CONTROL * r + self.DENSE] = 1.0
+                state.judged[2 * r + 1] = 1.0
         powers, last = ti.static(self._count + len(self.pair.error_weights), len(self._table()) - 1)
         for k in range(2 * self._count):
             weight = ti.cast(0.0, float)
@@ -171,8 +173,8 @@ class Embedded(Adaptive):
             elif error <= 1.0:
                 seen = ti.max(error, ti.cast(LEAST_ERROR, state.wide))
                 change = SAFETY * seen ** (-INTEGRAL / self.error_order)
-                change *= state.control[self.CONTROL * r + self.ERROR] ** (PROPORTIONAL / self.error_order)
-                state.control[self.CONTROL * r + self.ERROR], state.control[self.CONTROL * r + self.DENSE] = seen, 0.0
+                change *= state.judged[2 * r] ** (PROPORTIONAL / self.error_order)
+                state.judged[2 * r], state.judged[2 * r + 1] = seen, 0.0
                 state.tally[self.TALLY * r + self.STEPS] += 1
                 state.clock[self.CLOCK * r + 1] = h
                 state.clock[self.CLOCK * r + 2] = h * ti.min(grows, ti.max(ti.cast(SHORTEST, state.wide), change))
@@ -251,7 +253,7 @@ class Embedded(Adaptive):
         result = errors[0]
         if ti.static(count == 2):
             result *= errors[0] / ti.sqrt(errors[0] ** 2 + 0.01 * errors[1] ** 2) if errors[0] > 0.0 else 1.0
-        return ti.cast(result, state.wide) / state.control[self.CONTROL * r + self.TOLERANCE]
+        return ti.cast(result, state.wide) / state.control[self.CONTROL * r]
 
     @ti.func
     def _enter_next(self, state: Template, total_force: Template, first):
