@@ -59,6 +59,7 @@ class WisdomHolman(Integrator):
             "unsolved_orbits": ("index", 2),
             "step_and_count": ("wide", 2),
             "center_of_mass": ("vector", 2),
+            "orbit_energy": ("scalar", n),
             "attraction": ("scalar", n),
             "inner_attraction": ("scalar", n),
             "share": ("scalar", n),
@@ -66,21 +67,8 @@ class WisdomHolman(Integrator):
         }
 
     def arrange(self, state: Any) -> None:
-        """Order the bodies by the energy of their orbits about the central one; the next step begins anew."""
-        n = state.particle_count
-        masses, orders = state.mass.to_numpy().astype(float), []
-        for r in range(state.replica_count):
-            position, velocity = state.read(r)
-            mass = masses[r * n : (r + 1) * n]
-            center = int(np.argmax(mass)) if self.central is None else self.central
-            distance = np.linalg.norm(position - position[center], axis=1)
-            distance[center] = np.inf
-            energy = 0.5 * ((velocity - velocity[center]) ** 2).sum(axis=1) - self._strength * (mass[center] + mass) / distance
-            energy[center] = -np.inf
-            orders.append(np.argsort(energy, kind="stable"))
-        state.order_inside_out.from_numpy(np.concatenate(orders).astype(np.int32))
+        """The next step begins anew."""
         state.step_and_count.fill(0)
-        state.unsolved_orbits.fill(0)
 
     def unsolved_particle(self, state: Any) -> int:
         """Index of the last particle of a replica in which Kepler's equation was not solved, or −1."""
@@ -100,6 +88,8 @@ class WisdomHolman(Integrator):
         r = first // total_force.particle_count
         begins = state.step_and_count[2 * r] != ti.cast(dt, state.wide)
         if begins:
+            self._order(state, total_force, first)
+            state.unsolved_orbits[2 * r] = 0
             self._take_over(state, total_force, first)
             state.step_and_count[2 * r] = ti.cast(dt, state.wide)
             state.step_and_count[2 * r + 1] = 0.0
@@ -150,6 +140,31 @@ class WisdomHolman(Integrator):
         return [(getattr(state, name), getattr(state, f"kept_{name}")) for name in self.VECTORS]
 
     # Coordinates ---------------------------------------------------------------------------------------------------------
+
+    def _given_center(self) -> int:
+        return -1 if self.central is None else self.central
+
+    @ti.func
+    def _order(self, state: Template, total_force: Template, first):
+        """Bodies by the energies of their orbits about the central one, which is the first; an insertion sort."""
+        n = ti.static(total_force.particle_count)
+        center = first + ti.static(self._given_center())
+        if ti.static(self._given_center() < 0):
+            center = first
+            for i in range(first, first + n):
+                if state.mass[i] > state.mass[center]:
+                    center = i
+        for i in range(first, first + n):
+            energy = -ti.cast(ti.math.inf, float)
+            if i != center:
+                mass, distance = state.mass[center] + state.mass[i], (state.position[i] - state.position[center]).norm()
+                energy = 0.5 * (state.velocity[i] - state.velocity[center]).norm_sqr() - self._strength * mass / distance
+            state.orbit_energy[i] = energy
+            k = i
+            while k > first and state.orbit_energy[first + state.order_inside_out[k - 1]] > energy:
+                state.order_inside_out[k] = state.order_inside_out[k - 1]
+                k -= 1
+            state.order_inside_out[k] = i - first
 
     @ti.func
     def _take_over(self, state: Template, total_force: Template, first):
