@@ -295,7 +295,7 @@ def scattered(order):
             for n, m, x, v in (bodies[k] for k in order)
         ],
         "forces": [{"newtonian_gravity": {"strength": 1.0}}],
-        "integrator": {"wisdom_holman": {"dt": 0.05}},
+        "integrator": {"wisdom_holman": {"dt": 0.05} | ({"central": "star"} if order[0] else {})},
     }
 
 
