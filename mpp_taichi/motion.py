@@ -164,11 +164,14 @@ class Motion:
         self._move_clock(bad_step - 1, dt)
         before = self.snapshot()
         self._launch(1, dt)
-        found = self.stepper.first_bad_particle()
+        found, lost = self.stepper.first_bad_particle(), self.stepper.lost_particle()
         particle, reason = found % self.state.particle_count, self.integrator.left_lattice(self.state, found)
         rewind()
         if reason:
             raise postmortem.left_lattice(before, particle, reason, step=self.step_count + 1, time=self.time + dt)
+        if lost >= 0:
+            lost %= self.state.particle_count
+            raise postmortem.unsolved_orbit(before, lost, step=self.step_count + 1, time=self.time + dt)
         singular = any(force.softening == 0.0 for force in self.total_force.pair_forces)
         raise postmortem.diagnose(before, particle, step=self.step_count + 1, time=self.time + dt, pairs_singular=singular)
 
@@ -216,6 +219,20 @@ class Motion:
         position, velocity = self.state.read(replica)
         found = self._particles.moved(position=position, velocity=velocity, time=self.time, step=self.step_count)
         return replace(found, **self.state.read_spheres(self._particles)) if self.state.merges else found
+
+    def snapshot_ahead(self, offset: float) -> Snapshot:
+        """The particles an `offset` < dt later, by the motion that the step goes on with: x + v offset, or along orbits."""
+        if self.integrator.own_state and offset != 0.0:
+            saved = self._saved()
+            if not self._prepared:
+                self.stepper.prepare(self.time)
+            self.stepper.look_ahead(self.dt, offset / self.dt)
+            found = self.snapshot()
+            self._restore(saved)
+            return found.moved(position=found.position, velocity=found.velocity, time=self.time + offset, step=found.step)
+        now = self.snapshot()
+        place = now.position + now.velocity * offset
+        return now.moved(position=place, velocity=now.velocity, time=self.time + offset, step=now.step)
 
     def mechanics(self) -> dict[str, Any]:
         """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`."""

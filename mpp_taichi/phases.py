@@ -83,8 +83,8 @@ class CompiledPhase:
         self.plan = plan if plan != "auto" else plans.choose(self.work, on_cpu=device.on_cpu, replica_count=replica_count)
         if self.integrator.on_cpu_only and not device.on_cpu:
             raise BackendError(f"{spec.integrator.name} runs on the CPU only, not on {device.backend}; use --backend cpu")
-        if self.integrator.adaptive:
-            self._check_adaptive(plan, spec)
+        if self.integrator.adaptive or self.integrator.own_state:
+            self._check_one_thread(plan, spec)
         if self.plan not in plans.PLANS or (replica_count > 1) != (self.plan == "replicas"):
             raise BackendError(
                 f"plan {plan!r} does not fit; there are auto, serial and parallel for one copy, replicas for several"
@@ -109,8 +109,8 @@ class CompiledPhase:
         self.energy_meter = EnergyMeter(self.state, self.total_force)
         self.launch_limit = self._steps_per_launch(device)
 
-    def _check_adaptive(self, plan: str, spec: SceneSpec) -> None:
-        """One thread for each copy takes steps until it is there."""
+    def _check_one_thread(self, plan: str, spec: SceneSpec) -> None:
+        """One thread for each copy takes steps until it is there, or orbits are solved: loops without a bound known before."""
         if plan == "parallel":
             raise BackendError(f"{spec.integrator.name} has no parallel plan; there are serial and replicas")
         self.plan = "serial" if self.plan == "parallel" else self.plan

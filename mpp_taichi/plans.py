@@ -19,7 +19,15 @@ WORK_PER_HALF_SPRING = 4
 
 # Force evaluations of a step, roughly, by the family of its integrator: enough to choose a plan by, and known without Taichi.
 # An implicit step is many sweeps over the particles, but a launch and a look at its sums for each: the sweep is what counts.
-TYPICAL_EVALUATIONS = {"Splitting": 1, "RungeKutta": 2, "Implicit": 1, "Adaptive": 1, "Hermite": 6, "Integrator": 1}
+TYPICAL_EVALUATIONS = {
+    "Splitting": 1,
+    "RungeKutta": 2,
+    "Implicit": 1,
+    "Adaptive": 1,
+    "Embedded": 1,
+    "Hermite": 6,
+    "Integrator": 1,
+}
 
 
 def step_work(spec: SceneSpec, particle_count: int, spring_count: int) -> int:

@@ -67,6 +67,15 @@ def unsolved(before: Snapshot, particle: int, *, step: int, time: float) -> Stab
     return error
 
 
+def unsolved_orbit(before: Snapshot, particle: int, *, step: int, time: float) -> StabilityError:
+    """The error for a step in which an orbit could not be followed; `before` is the last state of whole orbits."""
+    error = StabilityError(
+        f"step {step}, time {time:.9g}: Kepler's equation of {label(before, particle)} has no solution that could be found"
+    )
+    error.step, error.time, error.particle = step, time, particle
+    return error
+
+
 def stalled(now: Snapshot, particle: int, *, step: int, time: float) -> StabilityError:
     """The error for an adaptive method whose next step is below what the time can resolve; `now` is where it stands."""
     message = f"step {step + 1}, after time {time:.9g}: the step that the error asks for is too short for the time to go on"

@@ -57,9 +57,11 @@ class Stepper:
             self.integrator.prepare(self.state, lambda: self._sum_forces(force, time))
             if self.integrator.implicit:
                 self._start_implicit(force, time)
+        self.integrator.arrange(self.state)
         if self.integrator.adaptive:
             self.integrator.set_control(self.state)
-            self._begin_adaptive(time, self.integrator.dt)
+            with quick_compilation() if self.integrator.quickly_compiled else nullcontext():
+                self._begin_adaptive(time, self.integrator.dt)
         if self.contacts is not None:
             self.contacts.prepare(time)
 
@@ -71,11 +73,11 @@ class Stepper:
 
     def advance(self, time: float, dt: float, steps: int, meter: Any = None) -> None:
         """Advance by `steps` steps of `dt` from `time`; a `meter` of powers looks on after each of them."""
-        with quick_compilation() if self.integrator.implicit else nullcontext():
+        with quick_compilation() if self.integrator.implicit or self.integrator.quickly_compiled else nullcontext():
             self._advance(time, dt, steps, meter)
 
     def _advance(self, time: float, dt: float, steps: int, meter: Any) -> None:
-        if meter and meter.in_kernel and not self.integrator.adaptive:
+        if meter and meter.in_kernel and not self.integrator.adaptive and not self.integrator.own_state:
             self._advance_metered(time, dt, steps, meter)
         elif meter:
             for s in range(steps):
@@ -88,6 +90,8 @@ class Stepper:
                 self._step_with_contacts(self.contacts, time + s * dt, dt)
         elif self.integrator.adaptive:
             self._advance_adaptive(time + steps * dt)
+        elif self.integrator.own_state:
+            self._launch_own(dt, steps, 0.0)
         elif self.plan == "serial":
             self._advance_serial(time, dt, steps)
         elif self.plan == "replicas":
@@ -198,6 +202,13 @@ class Stepper:
                 self.integrator.advance_to(self.state, self.total_force, first, end, "serial")
                 self.integrator.show(self.state, self.total_force, first, end)
 
+    @ti.kernel
+    def _launch_own(self, dt: float, steps: ti.i32, beyond: float):
+        for q in range(self.state.replica_count * self.grain):
+            if q % self.grain == 0:
+                first = q // self.grain * self.state.particle_count
+                self.integrator.launch(self.state, self.total_force, first, dt, steps, beyond)
+
     def _launch_stages(self, time: float, dt: float) -> None:
         """The step's own stages and forces, each a launch."""
         self._stage(time, dt, 0)
@@ -255,6 +266,14 @@ class Stepper:
     def solver_report(self) -> SolverReport:
         """What the solver of an implicit step did since the last time it was asked."""
         return self.integrator.newton.collect(self.state)
+
+    def look_ahead(self, dt: float, share: float) -> None:
+        """Show the state of a method that has its own as it is a part of a step later; it stays where it is."""
+        self._launch_own(dt, 0, share)
+
+    def lost_particle(self) -> int:
+        """Index of a particle whose orbit a method of orbits has not found, or −1."""
+        return self.integrator.unsolved_particle(self.state) if self.integrator.own_state else -1
 
     def stalled_particle(self) -> int:
         """Index of the most accelerated particle of a replica whose adaptive step has become too short, or −1."""

@@ -4,12 +4,13 @@ import math
 
 from mpp_taichi import component
 
-# Every method that advances by steps of dt; event_driven flies from collision to collision and goes with contacts alone, and
-# adaptive methods choose their steps themselves.
+# Every method that advances by steps of dt; event_driven flies from collision to collision and goes with contacts alone,
+# adaptive methods choose their steps themselves, and wisdom_holman knows planets alone.
 INTEGRATORS = [
     name
     for name in component.names("integrators")
-    if name != "event_driven" and component.declaration("integrators", name).base != "Adaptive"
+    if name not in ("event_driven", "wisdom_holman")
+    and component.declaration("integrators", name).base not in ("Adaptive", "Embedded")
 ]
 # Splittings are one code with many tables, and so are Runge–Kutta methods: tests/test_tables.py looks at each of these tables
 # (order with and without friction, symmetry, energy, amplification). Tests of the code itself, where a step of many stages

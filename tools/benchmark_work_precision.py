@@ -6,8 +6,9 @@ Problems: Kepler's at e = 0.6 over 100 orbits, the figure eight over 20 periods,
 Jupiter. The error is that of the positions at the end, the largest of a body over the root mean square distance from the
 centre of mass, against heyoka in long double at its tightest tolerance; what a looser one makes of it is the error bar. Times
 are the processor's, of one thread, of the stepping alone: medians of repeats; all runs of a problem take turns. REBOUND runs
-leapfrog, WHFast (not for the figure eight, which has no central body) and IAS15, SciPy DOP853, heyoka its Taylor method. For
-each decade the fastest run of every contender that reaches it is compared. `pip install .[bench]` brings them.
+leapfrog, WHFast (at its fastest, with and without a corrector) and IAS15, SciPy DOP853, heyoka its Taylor method. WHFast and
+wisdom_holman solve Kepler's problem exactly, and do not know the figure eight, which has no central body. For each
+decade the fastest run of every contender that reaches it is compared. `pip install .[bench]` brings them.
 With --from the page is drawn again from the numbers of an earlier run.
 """
 
@@ -26,11 +27,12 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]  # s
 from benchmark_adaptive import JUPITER_YEAR, MASS, POSITION, VELOCITY  # noqa: E402
 from benchmark_adaptive import G as SUN_G  # noqa: E402
 
+CENTRAL = ("wisdom_holman", "whfast")  # want a central body
 DECADES = range(2, 13)
 # Force evaluations of a step; 0: the method chooses its steps. Each run has √10 times as many steps as the one before.
 METHODS = {
     "leapfrog": 1, "pefrl": 4, "srkn6b": 6, "srkn14a": 14, "kahan_li8": 17, "rkn8": 17, "dop853": 12,
-    "adaptive_leapfrog": 0, "ias15": 0,
+    "wisdom_holman": 1, "adaptive_leapfrog": 0, "adaptive_dop853": 0, "ias15": 0,
 }  # fmt: skip
 FINEST = 3e6  # evaluations of the force, of the dearest run
 SHOWN = ("best of ours", "rebound leapfrog", "rebound whfast", "rebound ias15", "scipy dop853", "heyoka")
@@ -93,12 +95,14 @@ def ours(problem, method):
     evaluations = METHODS[method]
     if evaluations:
         settings = []
-        count = 20.0 * problem.periods / evaluations * (1 if evaluations > 1 else 3)
+        count = 20.0 * problem.periods / evaluations * (1 if evaluations > 1 or method in CENTRAL else 3)
         while count * evaluations < FINEST:
             settings.append({"dt": problem.span / round(count)})
             count *= np.sqrt(10)
     elif method == "ias15":
         settings = [{"dt": problem.span / 2, "epsilon": epsilon} for epsilon in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)]
+    elif method == "adaptive_dop853":
+        settings = [{"dt": problem.span / 2, "tolerance": 10.0**-k} for k in range(3, 15, 2)]
     else:
         settings = [{"dt": problem.span / 2, "step": step} for step in 0.1 / np.sqrt(10.0) ** np.arange(7)]
 
@@ -124,7 +128,8 @@ def ours(problem, method):
 
         return run
 
-    named = [(setting.get("epsilon") or setting.get("step") or setting["dt"], setting) for setting in settings]
+    named = [(next(setting.get(key) for key in ("epsilon", "step", "tolerance", "dt") if key in setting), setting)
+             for setting in settings]  # fmt: skip
     return [(f"{method} {value:.3g}", runner(setting)) for value, setting in named]
 
 
@@ -133,11 +138,12 @@ def rebound_runs(problem, name):
     import rebound
 
     if name == "ias15":
-        settings = [1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9]
+        settings = [(1e-3, 0), (1e-4, 0), (1e-5, 0), (1e-6, 0), (1e-7, 0), (1e-8, 0), (1e-9, 0)]
     else:
-        settings = [problem.span / (problem.periods * count) for count in 20 * np.sqrt(10.0) ** np.arange(8)]
+        steps = [problem.span / (problem.periods * count) for count in 20 * np.sqrt(10.0) ** np.arange(8)]
+        settings = [(step, corrector) for corrector in ((0, 11) if name == "whfast" else (0,)) for step in steps]
 
-    def runner(setting):
+    def runner(setting, corrector):
         def run():
             s = rebound.Simulation()
             s.G, s.integrator = problem.g, name
@@ -150,6 +156,8 @@ def rebound_runs(problem, name):
                 s.integrate(problem.span)
             else:
                 s.dt = problem.span / steps
+                if name == "whfast":
+                    s.integrator.safe_mode, s.integrator.corrector = 0, corrector
                 s.steps(steps)  # `integrate` may take one more, where the sum of the steps is rounded down
                 s.synchronize()
             seconds = time.process_time() - began
@@ -157,7 +165,7 @@ def rebound_runs(problem, name):
 
         return run
 
-    return [(f"{name} {setting:.3g}", runner(setting)) for setting in settings]
+    return [(f"{name} {value:.3g}" + " corrected" * (corrector > 0), runner(value, corrector)) for value, corrector in settings]
 
 
 def scipy_runs(problem):
@@ -206,9 +214,12 @@ def heyoka_runs(problem):
 
 def measure(problem, repeats):
     """{contender: [(label, error, seconds)]}."""
-    runs = {method: ours(problem, method) for method in METHODS}
-    runs |= {f"rebound {name}": rebound_runs(problem, name) for name in ("leapfrog", "whfast", "ias15")
-             if name != "whfast" or "eight" not in problem.name}  # fmt: skip
+
+    def suits(name):
+        return name not in CENTRAL or "eight" not in problem.name
+
+    runs = {method: ours(problem, method) for method in METHODS if suits(method)}
+    runs |= {f"rebound {name}": rebound_runs(problem, name) for name in ("leapfrog", "whfast", "ias15") if suits(name)}
     runs |= {"scipy dop853": scipy_runs(problem), "heyoka": heyoka_runs(problem)}
     found = {}
     for turn in range(repeats):
@@ -233,7 +244,7 @@ def fastest(rows, error):
 
 def show(problem, table):
     """The table of decades; returns its rows."""
-    mine = [row for method in METHODS for row in table[method]]
+    mine = [row for method in METHODS for row in table.get(method, [])]
     groups = {"best of ours": mine, **{name: table[name] for name in SHOWN[1:] if name in table}}
     print(f"\n{problem.name}: ms to an error of the position (reference good to {problem.bar:.1e})")
     print(f"{'error':>8}" + "".join(f"{name:>18}" for name in groups) + "   which of ours")
@@ -256,7 +267,7 @@ def page(results):
 
     parts = [f"<!doctype html><meta charset='utf-8'><title>Work and precision</title><style>{style_sheet()}</style>"]
     for name, table in results.items():
-        mine = sorted((row for method in METHODS for row in table[method]), key=lambda row: row[2])
+        mine = sorted((row for method in METHODS for row in table.get(method, [])), key=lambda row: row[2])
         front, least = [], np.inf
         for row in mine:
             if row[1] < least:

@@ -8,7 +8,8 @@ from mpp_taichi import component
 from mpp_taichi.accuracy.contact_methods import EXACT, ORDERS, solvers
 from mpp_taichi.accuracy.problem import Problem, defaults, with_integrator
 from mpp_taichi.backends import import_taichi
-from mpp_taichi.scene.integrator_checks import refused_formulas
+from mpp_taichi.scene.integrator_checks import refused_formulas, suits
+from mpp_taichi.scene.layout import layout_of
 from mpp_taichi.scene.physics_checks import refused_friction
 from mpp_taichi.stability import advise
 
@@ -50,13 +51,15 @@ def methods(problem: Problem) -> dict[str, Method]:
         orders = {**ORDERS, EXACT: 0}
         return {name: Method(name, orders[name], True, False, 1.0, 1) for name in solvers(problem.spec)}
     found = {}
-    own = problem.spec.integrator.name
+    own, layout = problem.spec.integrator.name, layout_of(problem.spec)
     for name in dict.fromkeys((own, *component.names("integrators"))):
         declared = component.declaration("integrators", name)
         takes_steps = name != "event_driven" and any(parameter.name == "dt" for parameter in declared.parameters)
         if refused_friction(name, problem.spec, problem.start) or refused_formulas(name, problem.spec):
             continue
-        if takes_steps and (name == own or defaults(name) is not None):
+        if not takes_steps or (name != own and defaults(name) is None):
+            continue
+        if suits(with_integrator(problem.spec, name, problem.own_dt), problem.start, layout):
             found[name] = _method(problem, name)
     return found
 

@@ -2,7 +2,7 @@
 
 The film has exactly round(FPS x T) frames, and the run is spread evenly over them: frame k shows the simulated time
 k / (frames - 1) of the run. Between two steps the positions shown are x + v d, where d < dt is the time since the last step
-(dense output of first order); the computation itself takes the same steps as without a film.
+(dense output of first order), or on the orbits of wisdom_holman; the computation itself takes the same steps as without a film.
 """
 
 import argparse

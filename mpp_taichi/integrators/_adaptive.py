@@ -108,3 +108,13 @@ class Adaptive(Integrator):
         state.tally[self.TALLY * (first // total_force.particle_count) + self.EVALUATIONS] += 1
         if ti.static(total_force.has_velocity_independent):
             total_force.accumulate(state, first, ti.cast(time, float), shape)
+
+    @ti.func
+    def found(self, state: Template, total_force: Template, first, i, time):
+        """Acceleration of a particle where the state now is, after `evaluate`."""
+        result = ti.Vector.zero(float, state.dimensions)
+        if ti.static(total_force.has_velocity_independent):
+            result += state.acceleration[i]
+        if ti.static(total_force.depends_on_velocity):
+            result += total_force.local_acceleration(state, first, i, ti.cast(time, float), True)
+        return result

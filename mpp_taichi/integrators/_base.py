@@ -23,6 +23,8 @@ class Integrator:
     adaptive         takes steps of its own choice (see _adaptive.py)
     derivatives      of the acceleration that a step wants summed with it, in time: 1 the jerk, 2 the snap as well; a class
                      that wants any says so with a literal `needs_derivatives = True`, which scenes are checked by
+    own_state        keeps the motion in fields of its own, and `launch` sets what is shown from them
+    quickly_compiled its kernels are long, and compiled without Taichi's own optimisation (see quick_compilation.py)
     takes_velocity   keeps its order beside forces that depend on velocity; a class where it is not so says it with a literal
                      False of its own, which scenes are checked by, and the method is refused beside such forces
     takes_time       goes beside forces that depend on time by themselves; said and checked in the same way
@@ -40,6 +42,8 @@ class Integrator:
     implicit = False
     adaptive = False
     derivatives = 0
+    own_state = False
+    quickly_compiled = False
     takes_velocity = True
     takes_time = True
     on_cpu_only = False
@@ -57,6 +61,9 @@ class Integrator:
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
         """Fields beyond those, by name: kind and count for each replica (see State)."""
         return {}
+
+    def arrange(self, state: Any) -> None:
+        """Fill the work fields that a step reads and none writes, after the state was set from outside."""
 
     def starting_force(self, total_force: Any) -> Any:
         """The forces that a step with `keeps_force` expects to find, after the state was set from outside."""

@@ -79,7 +79,7 @@ class Ias15(Adaptive):
         fastest, most, widest = ti.cast(0.0, state.wide), ti.cast(0.0, state.wide), ti.cast(0.0, state.wide)
         for i in range(first, first + total_force.particle_count):
             fastest = ti.max(fastest, ti.cast(state.velocity[i].norm(), state.wide))
-            most = ti.max(most, ti.cast(self._found(state, total_force, first, i, time).norm(), state.wide))
+            most = ti.max(most, ti.cast(self.found(state, total_force, first, i, time).norm(), state.wide))
             widest = ti.max(widest, ti.cast((state.position[i] - state.position[first]).norm(), state.wide))
         following = ti.cast(dt, state.wide)
         if most > 0.0 and fastest > 0.0:
@@ -124,7 +124,7 @@ class Ias15(Adaptive):
             state.velocity[i] = state.start_velocity[i]
         self.evaluate(state, total_force, first, begin, shape)
         for i in range(first, first + total_force.particle_count):
-            state.start_acceleration[i] = self._found(state, total_force, first, i, begin)
+            state.start_acceleration[i] = self.found(state, total_force, first, i, begin)
         trying = 1
         while trying == 1:
             self._differences(state, total_force, first)
@@ -146,16 +146,6 @@ class Ias15(Adaptive):
                 state.tally[self.TALLY * r + self.STEPS] += 1
                 state.clock[self.CLOCK * r + 1] = h
                 state.clock[self.CLOCK * r + 2] = following
-
-    @ti.func
-    def _found(self, state: Template, total_force: Template, first, i, time):
-        """Acceleration of a particle where the state now is."""
-        result = ti.Vector.zero(float, state.dimensions)
-        if ti.static(total_force.has_velocity_independent):
-            result += state.acceleration[i]
-        if ti.static(total_force.depends_on_velocity):
-            result += total_force.local_acceleration(state, first, i, ti.cast(time, float), True)
-        return result
 
     # The equations of a step ---------------------------------------------------------------------------------------------
 
@@ -196,7 +186,7 @@ class Ias15(Adaptive):
                 state.measure[2 * r] = 0.0
                 state.measure[2 * r + 1] = 0.0
                 for i in range(first, first + total_force.particle_count):
-                    a = self._found(state, total_force, first, i, now)
+                    a = self.found(state, total_force, first, i, now)
                     change = self._correct(state, i, a, n)
                     if n == TERMS - 1:
                         self._raise(state, 2 * r, change)

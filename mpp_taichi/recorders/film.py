@@ -28,7 +28,8 @@ class FilmRecorder:
     """Draws exactly `frame_count` frames; frame k shows the time start + k / (frame_count − 1) · span.
 
     Where that lies between two steps, at δ < dt after one, the positions shown are x + v δ: dense output of first order, whose
-    error ½ a δ² is far below a pixel for any step that resolves the motion. It never reaches into the next phase of a timeline.
+    error ½ a δ² is far below a pixel for any step that resolves the motion; where the method drifts along orbits, they are on
+    these. It never reaches into the next phase of a timeline.
     The first frame is the start and the last one the end of the run, both exact. A single frame shows the start.
     """
 
@@ -74,13 +75,8 @@ class FilmRecorder:
             reach = min(simulation.dt, simulation.time_to_next_phase)
             if not exact and (offset >= reach - simulation.dt * SAME_TIME or self._is_last()):
                 return
-            moved = snapshot.moved(
-                position=snapshot.position + snapshot.velocity * (0.0 if exact else offset),
-                velocity=snapshot.velocity,
-                time=self._due_time(),
-                step=snapshot.step,
-            )
-            self._draw(self._frame(moved))
+            moved = snapshot if exact else simulation.snapshot_ahead(offset)
+            self._draw(replace(self._frame(moved), time=self._due_time()))
 
     def finish(self, simulation: "Simulation") -> None:
         """Draw the last frame, which rounding of the time may have put a hair past the end."""

@@ -1,11 +1,23 @@
 """What an integrator needs of the forces of a scene, known without compiling anything."""
 
+from collections.abc import Iterator
+
+import numpy as np
+
 from mpp_taichi import component
 from mpp_taichi.scene.faults import Faults
-from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.layout import ParticleLayout
+from mpp_taichi.scene.spec import Location, SceneSpec
+from mpp_taichi.snapshot import Snapshot
 
 # Methods made for certain forces, of which the scene must have one and no other, and the reason.
-MADE_FOR = {"adaptive_leapfrog": (("newtonian_gravity",), "its step follows a potential that has one sign")}
+MADE_FOR = {
+    "adaptive_leapfrog": (("newtonian_gravity",), "its step follows a potential that has one sign"),
+    "wisdom_holman": (("newtonian_gravity",), "its drifts are Kepler's orbits"),
+}
+CORRECTORS = (0, 3, 5, 7, 11, 17)
+OUTWEIGHS = 10.0
+"""What the central body of a planetary method must weigh, over all others together: the error goes with the inverse of it."""
 
 
 def check_integrator(spec: SceneSpec, faults: Faults) -> None:
@@ -22,6 +34,8 @@ def check_integrator(spec: SceneSpec, faults: Faults) -> None:
         faults.add(place, key, f"knows no forces but {', '.join(forces)} ({reason}), not {', '.join(others)}")
     elif not spec.forces:
         faults.add(place, key, f"needs {', '.join(forces)}: {reason}")
+    elif spec.integrator.name == "wisdom_holman":
+        _check_orbits(spec, key, faults)
 
 
 def refused_formulas(integrator: str, spec: SceneSpec) -> str:
@@ -45,3 +59,52 @@ def refused_formulas(integrator: str, spec: SceneSpec) -> str:
         if timed:
             return f"goes back bit for bit by forces of places alone, not by {', '.join(timed)}, which depends on time"
     return ""
+
+
+def suits(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> bool:
+    """Whether a scene is one that its integrator was made for."""
+    faults = Faults()
+    check_integrator(spec, faults)
+    return not faults.found and not list(planetary_faults(spec, snapshot, layout))
+
+
+def _check_orbits(spec: SceneSpec, key: str, faults: Faults) -> None:
+    """Kepler's orbits want gravity that attracts, as 1/r² all the way in."""
+    corrector, gravity = spec.integrator.parameters["corrector"], spec.forces[0]
+    if corrector not in CORRECTORS:
+        allowed = ", ".join(map(str, CORRECTORS))
+        faults.add(spec.integrator.location, f"{key}.corrector", f"{corrector} is no order of a corrector, allowed: {allowed}")
+    if gravity.parameters["softening"] != 0.0:
+        found, rule = gravity.parameters["softening"], "must be 0 for wisdom_holman: softened orbits are not Kepler's"
+        faults.add(gravity.location, "newtonian_gravity", f"softening is {found:g}, {rule}")
+    if not gravity.parameters["strength"] > 0.0:
+        found, rule = gravity.parameters["strength"], "must be above 0 for wisdom_holman: nothing orbits"
+        faults.add(gravity.location, "newtonian_gravity", f"strength is {found:g}, {rule}")
+
+
+def planetary_faults(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[tuple[Location, str]]:
+    """What of the bodies does not suit wisdom_holman: no body that all others orbit, negative masses, bodies held back."""
+    if spec.integrator.name != "wisdom_holman":
+        return
+    place, key = spec.integrator.location, "integrator.wisdom_holman"
+    mass, given = snapshot.mass, spec.integrator.parameters["central"]
+    center = int(np.argmax(mass)) if given is None else given
+    others = float(np.delete(mass, center).sum())
+    if np.any(mass < 0.0):
+        index = int(np.argmax(mass < 0.0))
+        yield place, f"{key}: {layout.label(index)} has the mass {mass[index]:g}, must be 0 or more"
+    elif not mass[center] > 0.0:
+        yield place, f"{key}: {layout.label(center)} has no mass, must have one to be orbited"
+    elif np.count_nonzero(mass) > 2 and mass[center] < OUTWEIGHS * others:
+        rule = f"must outweigh all others together, {others:g}, by a factor of {OUTWEIGHS:g}"
+        yield place, f"{key}: the central body, {layout.label(center)}, has the mass {mass[center]:g}, {rule}"
+    axes = range(spec.dimensions)
+    held = [axis for axis in axes if not snapshot.free[:, axis].all() and not _in_plane(snapshot, axis)]
+    if held:
+        index = int(np.argmax(~snapshot.free[:, held[0]]))
+        yield place, f"{key}: {layout.label(index)} is held on the axis {'xyz'[held[0]]}, must be free: orbits cannot be held"
+
+
+def _in_plane(snapshot: Snapshot, axis: int) -> bool:
+    """Whether everything is held on this axis at one place, which is what orbits in a plane do anyway."""
+    return not snapshot.free[:, axis].any() and np.ptp(snapshot.position[:, axis]) == 0.0

@@ -1,0 +1,24 @@
+"""Bogacki and Shampine's pair with a step of its own choice."""
+
+import taichi as ti
+
+from mpp_taichi.component import component, param
+from mpp_taichi.integrators._embedded import Embedded
+from mpp_taichi.integrators.bogacki_shampine import BogackiShampine
+
+
+@component
+@ti.data_oriented
+class AdaptiveBogackiShampine(Embedded):
+    """The third-order method goes on, the second-order one inside it says how wrong it may be: the plainest control of a step.
+
+    Three forces a step; looks are cubics through both ends. Takes every force; energy drifts with the tolerance.
+    Source: Bogacki & Shampine, Appl. Math. Lett. 2 (1989) 321.
+    """
+
+    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between looks; absent: run.duration / 1000")
+    tolerance: float = param(1e-6, minimum=1e-15, maximum=0.1, help="error of a step, in parts of the system's size and speeds")
+
+    order = 3
+    pair = BogackiShampine
+    error_order = 3
