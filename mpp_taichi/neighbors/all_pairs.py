@@ -13,6 +13,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.low_parts import separation, wide_position
 from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, is_elementwise
 from mpp_taichi.types import Template
 
@@ -85,7 +86,7 @@ class AllPairs:
             else:
                 for i in range(first, first + self.particle_count):
                     for j in range(i + 1, first + self.particle_count):
-                        d = state.position[j] - state.position[i]
+                        d = separation(state, i, j)
                         on_i, on_j = self._weights(state, i, j, d.dot(d))
                         state.acceleration[i] = state.acceleration[i] + on_i * d
                         state.acceleration[j] = state.acceleration[j] - on_j * d
@@ -99,6 +100,7 @@ class AllPairs:
     def _accumulate_unrolled(self, state: Template, first, from_zero: Template):
         """All in registers: every position is read once and every acceleration written once."""
         position = [state.position[first + i] for i in ti.static(range(self.particle_count))]
+        low = [self._low(state, first + i) for i in ti.static(range(self.particle_count))]
         total = [ti.Vector.zero(float, self.dimensions) for i in ti.static(range(self.particle_count))]
         if ti.static(not from_zero):
             for i in ti.static(range(self.particle_count)):
@@ -106,11 +108,21 @@ class AllPairs:
         for i in ti.static(range(self.particle_count)):
             for j in ti.static(range(i + 1, self.particle_count)):
                 d = position[j] - position[i]
+                if ti.static(state.forces_see_low):
+                    d = d + (low[j] - low[i])
                 on_i, on_j = self._weights(state, first + i, first + j, d.dot(d))
                 total[i] = total[i] + on_i * d
                 total[j] = total[j] - on_j * d
         for i in ti.static(range(self.particle_count)):
             state.acceleration[first + i] = total[i]
+
+    @ti.func
+    def _low(self, state: Template, i):
+        """Low part of a position where forces see it, else nothing."""
+        result = ti.Vector.zero(float, self.dimensions)
+        if ti.static(state.forces_see_low):
+            result = state.position_low[i]
+        return result
 
     @ti.func
     def _weights(self, state: Template, i, j, distance_squared):
@@ -149,7 +161,7 @@ class AllPairs:
 
     @ti.func
     def _acceleration_from(self, state: Template, i, j):
-        d = state.position[j] - state.position[i]
+        d = separation(state, i, j)
         distance_squared = self._apart(d.dot(d), state, j)
         weight = 0.0
         for group in ti.static(self.groups):
@@ -168,7 +180,8 @@ class AllPairs:
         would store nothing, and say nothing.
         """
         if state is not self._checked_state:
-            for field in (state.position, state.acceleration):
+            low = (state.position_low,) if state.forces_see_low else ()
+            for field in (state.position, state.acceleration, *low):
                 if field.get_scalar_field(0).parent() == field.get_scalar_field(1).parent():
                     raise TypeError("explicit vectors need positions and accelerations stored component by component")
             self._checked_state = state
@@ -203,6 +216,7 @@ class AllPairs:
             ti.Vector([state.position[begin + lane][axis] for lane in ti.static(range(self.lane_count))])
             for axis in ti.static(range(self.dimensions))
         ]
+        low = [self._low_lanes(state, begin, axis) for axis in ti.static(range(self.dimensions))]
         response = [
             ti.Vector([member.force.response(state, begin + lane) for lane in ti.static(range(self.lane_count))])
             for member in ti.static(self.members)
@@ -214,8 +228,8 @@ class AllPairs:
         for pair in range(others // 2):
             j = self._outside(first + 2 * pair, begin)
             k = self._outside(first + 2 * pair + 1, begin)
-            to_j = [state.position[j][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
-            to_k = [state.position[k][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
+            to_j = [self._way(state, j, axis, position, low) for axis in ti.static(range(self.dimensions))]
+            to_k = [self._way(state, k, axis, position, low) for axis in ti.static(range(self.dimensions))]
             squared_j = self._apart(self._square(to_j), state, j)
             squared_k = self._apart(self._square(to_k), state, k)
             weight_j = ti.Vector.zero(float, self.lane_count)
@@ -239,7 +253,7 @@ class AllPairs:
             j = begin + step
             if step == self.lane_count:
                 j = self._outside(first + others - 1, begin)
-            to_j = [state.position[j][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
+            to_j = [self._way(state, j, axis, position, low) for axis in ti.static(range(self.dimensions))]
             from_own = lane_number - ti.cast(step, float)
             own = ti.max(1.0 - from_own * from_own, 0.0)  # 1 in lane `step`, 0 in the others
             squared = self._apart(self._square(to_j) + own, state, j)
@@ -264,6 +278,22 @@ class AllPairs:
     def _outside(self, order, begin):
         """Index of a body outside the tile, counted without the tile's own."""
         return order + ti.select(order >= begin, self.lane_count, 0)
+
+    @ti.func
+    def _low_lanes(self, state: Template, begin, axis: Template):
+        """Low parts of the positions of a tile where forces see them, else nothing."""
+        result = ti.Vector.zero(float, self.lane_count)
+        if ti.static(state.forces_see_low):
+            result = ti.Vector([state.position_low[begin + lane][axis] for lane in ti.static(range(self.lane_count))])
+        return result
+
+    @ti.func
+    def _way(self, state: Template, j, axis: Template, position: Template, low: Template):
+        """Component of the separations of body j from those of a tile."""
+        result = state.position[j][axis] - position[axis]
+        if ti.static(state.forces_see_low):
+            result = result + (state.position_low[j][axis] - low[axis])
+        return result
 
     @ti.func
     def _square(self, separation: Template):
@@ -298,10 +328,10 @@ class AllPairs:
         """
         energy = ti.cast(0.0, state.wide)
         first = i // self.particle_count * self.particle_count
-        position = ti.cast(state.position[i], state.wide)
+        position = wide_position(state, i)
         for j in range(first, first + self.particle_count):
             if j != i:
-                energy += 0.5 * self.potential_between(state, i, j, ti.cast(state.position[j], state.wide) - position)
+                energy += 0.5 * self.potential_between(state, i, j, wide_position(state, j) - position)
         return energy
 
     @ti.func
