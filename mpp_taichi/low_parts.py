@@ -4,9 +4,10 @@ A position is high + low, unevaluated, |low| ≤ half a unit in the last place o
 
     y = c v + low,  high' = high + y,  low' = y − (high' − high)    [Kahan and Møller]
 
-with the c of a step known to 48 bits, too (`step_parts`). What is lost is the rounding of y, h ω smaller than that of high in a
-motion of frequency ω, and of the same size as that of the forces, which are computed in f32 from separations that see the low
-parts (ds) or do not (f32c). |high| < |y|, where a coordinate passes zero, costs as much once, no more.
+with c, a number of the step, and the product known to 36 bits: rounded to 24, the product of a constant is off to one side
+often enough for an energy to drift. What is lost is the rounding of y: h ω smaller than that of high in a motion of frequency
+ω, and less than what forces lose, which are computed in f32 from separations that see the low parts (ds) or do not (f32c).
+|high| < |y|, where a coordinate passes zero, costs another rounding of y.
 
 Compilers that are free to reorder turn (high + y) − high into y. LLVM, here, is not. Drivers that read SPIR-V are, as Taichi
 does not mark operations NoContraction: there the sum goes through `rounded`, an exclusive or with a zero that only the running
@@ -19,6 +20,9 @@ import taichi as ti
 
 from mpp_taichi.types import Template
 
+HEAD_BITS = 12  # of 24: a product of two heads is exact
+HEAD_MASK = -(1 << 24 - HEAD_BITS)  # keeps them, of the 32 bits of an f32
+
 
 def split(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Double numbers as high and low, together right to 2⁻⁴⁹."""
@@ -28,8 +32,10 @@ def split(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def step_parts(numbers: list[float]) -> np.ndarray:
-    """High and low part of each number, (count, 2) in f32."""
-    return np.stack(split(np.array(numbers)), axis=1)
+    """Head, of 12 significant bits, and rest of each number, (count, 2) in f32; together right to 2⁻³⁷."""
+    fraction, exponent = np.frexp(np.array(numbers))
+    head = np.ldexp(np.rint(np.ldexp(fraction, HEAD_BITS)), exponent - HEAD_BITS)
+    return np.stack([head, np.array(numbers) - head], axis=1).astype(np.float32)
 
 
 @ti.func
@@ -42,11 +48,25 @@ def rounded(state: Template, value):
 
 
 @ti.func
-def added(state: Template, high, low, parts, factor):
-    """(high + low) + (parts[0] + parts[1]) factor, as high and low again."""
-    addend = parts[0] * factor + (parts[1] * factor + low)
-    total = rounded(state, high + addend)
-    return total, addend - (total - high)
+def added(state: Template, high, low, addend):
+    """(high + low) + addend, as high and low again."""
+    corrected = addend + low
+    total = rounded(state, high + corrected)
+    return total, corrected - (total - high)
+
+
+@ti.func
+def head_of(value):
+    """A number cut to its first 12 significant bits."""
+    return ti.bit_cast(ti.bit_cast(value, ti.i32) & HEAD_MASK, ti.f32)
+
+
+@ti.func
+def scaled_and_added(state: Template, high, low, parts, factor):
+    """(high + low) + number × factor, the number that of `parts`: its head of 12 bits and the rest."""
+    head = head_of(factor)  # 12 bits as well, so that the product of the two is exact
+    rest = parts[0] * (factor - head) + (parts[1] * factor + low)
+    return added(state, high, rest, parts[0] * head)
 
 
 @ti.func
@@ -55,10 +75,8 @@ def drift_particle(state: Template, i, time, entry):
     if ti.static(state.carries_low):
         parts = state.step_parts[entry]
         for k in ti.static(range(state.dimensions)):
-            carried = state.position_low[i][k] + parts[0] * state.velocity_low[i][k]
-            high, low = added(state, state.position[i][k], carried, parts, state.velocity[i][k])
-            state.position[i][k] = high
-            state.position_low[i][k] = low
+            high, low = state.position[i][k], state.position_low[i][k] + parts[0] * state.velocity_low[i][k]
+            state.position[i][k], state.position_low[i][k] = scaled_and_added(state, high, low, parts, state.velocity[i][k])
     else:
         state.position[i] = state.position[i] + time * state.velocity[i]
 
@@ -69,9 +87,8 @@ def kick_particle(state: Template, i, time, entry, acceleration):
     if ti.static(state.carries_low):
         parts = state.step_parts[entry]
         for k in ti.static(range(state.dimensions)):
-            high, low = added(state, state.velocity[i][k], state.velocity_low[i][k], parts, acceleration[k])
-            state.velocity[i][k] = high
-            state.velocity_low[i][k] = low
+            high, low = state.velocity[i][k], state.velocity_low[i][k]
+            state.velocity[i][k], state.velocity_low[i][k] = scaled_and_added(state, high, low, parts, acceleration[k])
     else:
         state.velocity[i] = state.velocity[i] + time * acceleration
 
@@ -81,9 +98,8 @@ def push_particle(state: Template, i, entry, acceleration):
     """x += number × a, that of `entry` in state.step_parts, where there are low parts."""
     parts = state.step_parts[entry]
     for k in ti.static(range(state.dimensions)):
-        high, low = added(state, state.position[i][k], state.position_low[i][k], parts, acceleration[k])
-        state.position[i][k] = high
-        state.position_low[i][k] = low
+        high, low = state.position[i][k], state.position_low[i][k]
+        state.position[i][k], state.position_low[i][k] = scaled_and_added(state, high, low, parts, acceleration[k])
 
 
 @ti.func

@@ -40,7 +40,7 @@ def keeps_low_parts(started: Any, *, guards_rounding: bool) -> bool:
     """Let particles fall for STEPS steps from sizes 1 and 1000, and compare with exact arithmetic on the host.
 
     x grows by 3e-6, every step of it below the rounding of x; a plain f32 stays where it was. The bound allows a rounding of
-    2⁻²⁴ of all that each step adds, and the 2⁻⁴⁸ of each number that no low part holds.
+    2⁻²⁴ of all that each step adds, and for each step 2⁻⁴⁸ of the number itself, which no low part holds.
     """
     state: Any = _Particles(started, guards_rounding=guards_rounding)
     start = np.outer([1.0, -1.0, 1000.0, 1.0 / 3.0], [1.0, 0.7, -0.3]).astype(np.float32)

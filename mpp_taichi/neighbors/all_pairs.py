@@ -13,12 +13,13 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.low_parts import separation, wide_position
+from mpp_taichi.low_parts import added, separation, wide_position
 from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, is_elementwise
 from mpp_taichi.types import Template
 
 VECTOR_BYTES = 64  # one AVX-512 register; two are 4–9 % faster in f32 and equal in f64, for twice the compile time
 SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
+BLOCK_PAIRS = 16  # that are summed up before their sum is added with its low part: a sum of thousands loses three bits
 UNROLLED_PAIRS = 36  # up to nine bodies the serial double loop is written out; beyond, compiling would take seconds
 
 
@@ -222,30 +223,36 @@ class AllPairs:
             for member in ti.static(self.members)
         ]
         total = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
+        whole = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
+        lost = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
         others = ti.static(self.particle_count - self.lane_count)
 
         # Bodies outside the tile, two at a time: 1/r and 1/s are s/(r s) and r/(r s), one division for both.
-        for pair in range(others // 2):
-            j = self._outside(first + 2 * pair, begin)
-            k = self._outside(first + 2 * pair + 1, begin)
-            to_j = [self._way(state, j, axis, position, low) for axis in ti.static(range(self.dimensions))]
-            to_k = [self._way(state, k, axis, position, low) for axis in ti.static(range(self.dimensions))]
-            squared_j = self._apart(self._square(to_j), state, j)
-            squared_k = self._apart(self._square(to_k), state, k)
-            weight_j = ti.Vector.zero(float, self.lane_count)
-            weight_k = ti.Vector.zero(float, self.lane_count)
-            for group in ti.static(self.groups):
-                distance_j = ti.sqrt(squared_j + group.softening_squared)
-                distance_k = ti.sqrt(squared_k + group.softening_squared)
-                inverse_product = 1.0 / (distance_j * distance_k)
-                inverse_j = inverse_product * distance_k
-                inverse_k = inverse_product * distance_j
-                for member in ti.static(group.members):
-                    weight_j = self._add_weight(weight_j, state, member, response, j, inverse_j)
-                    weight_k = self._add_weight(weight_k, state, member, response, k, inverse_k)
-            for axis in ti.static(range(self.dimensions)):
-                total[axis] = total[axis] + weight_j * to_j[axis]
-                total[axis] = total[axis] + weight_k * to_k[axis]
+        pairs = ti.static(others // 2)
+        block_pairs = ti.static(BLOCK_PAIRS if state.forces_see_low else max(pairs, 1))
+        for block in range(-(-pairs // block_pairs)):
+            for pair in range(block * block_pairs, ti.min((block + 1) * block_pairs, pairs)):
+                j = self._outside(first + 2 * pair, begin)
+                k = self._outside(first + 2 * pair + 1, begin)
+                to_j = [self._way(state, j, axis, position, low) for axis in ti.static(range(self.dimensions))]
+                to_k = [self._way(state, k, axis, position, low) for axis in ti.static(range(self.dimensions))]
+                squared_j = self._apart(self._square(to_j), state, j)
+                squared_k = self._apart(self._square(to_k), state, k)
+                weight_j = ti.Vector.zero(float, self.lane_count)
+                weight_k = ti.Vector.zero(float, self.lane_count)
+                for group in ti.static(self.groups):
+                    distance_j = ti.sqrt(squared_j + group.softening_squared)
+                    distance_k = ti.sqrt(squared_k + group.softening_squared)
+                    inverse_product = 1.0 / (distance_j * distance_k)
+                    inverse_j = inverse_product * distance_k
+                    inverse_k = inverse_product * distance_j
+                    for member in ti.static(group.members):
+                        weight_j = self._add_weight(weight_j, state, member, response, j, inverse_j)
+                        weight_k = self._add_weight(weight_k, state, member, response, k, inverse_k)
+                for axis in ti.static(range(self.dimensions)):
+                    total[axis] = total[axis] + weight_j * to_j[axis]
+                    total[axis] = total[axis] + weight_k * to_k[axis]
+            self._put_by(state, total, whole, lost)
 
         lane_number = ti.Vector([ti.cast(lane, float) for lane in ti.static(range(self.lane_count))])
         # The bodies of the tile, and the odd one left over. A body's own lane gets a distance of one, and pulls by zero.
@@ -264,6 +271,10 @@ class AllPairs:
                     weight = self._add_weight(weight, state, member, response, j, inverse)
             for axis in ti.static(range(self.dimensions)):
                 total[axis] = total[axis] + weight * to_j[axis]
+        self._put_by(state, total, whole, lost)
+        if ti.static(state.forces_see_low):
+            for axis in ti.static(range(self.dimensions)):
+                total[axis] = whole[axis]
 
         for lane in ti.static(range(self.lane_count)):
             i = begin + lane
@@ -294,6 +305,14 @@ class AllPairs:
         if ti.static(state.forces_see_low):
             result = result + (state.position_low[j][axis] - low[axis])
         return result
+
+    @ti.func
+    def _put_by(self, state: Template, total: Template, whole: Template, lost: Template):
+        """Where forces see low parts: add the sum over a block to the whole, what that loses beside it, and begin another."""
+        if ti.static(state.forces_see_low):
+            for axis in ti.static(range(self.dimensions)):
+                whole[axis], lost[axis] = added(state, whole[axis], lost[axis], total[axis])
+                total[axis] = 0.0 * total[axis]
 
     @ti.func
     def _square(self, separation: Template):
