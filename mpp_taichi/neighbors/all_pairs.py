@@ -154,11 +154,29 @@ class AllPairs:
         """Add all accelerations, one body per iteration of a parallel loop; for GPUs."""
         if ti.static(self.has_work):
             for i in range(self.particle_count):
-                total = state.acceleration[i]
-                for j in range(self.particle_count):
-                    if i != j:
-                        total += self._acceleration_from(state, i, j)
-                state.acceleration[i] = total
+                if ti.static(state.forces_see_low):
+                    self._gather_in_blocks(state, i)
+                else:
+                    total = state.acceleration[i]
+                    for j in range(self.particle_count):
+                        if i != j:
+                            total += self._acceleration_from(state, i, j)
+                    state.acceleration[i] = total
+
+    @ti.func
+    def _gather_in_blocks(self, state: Template, i):
+        """Where forces see low parts: sums over blocks of bodies, added with what that loses."""
+        size = ti.static(2 * BLOCK_PAIRS)
+        whole = state.acceleration[i]
+        lost = ti.Vector.zero(float, self.dimensions)
+        for block in range(-(-self.particle_count // size)):
+            total = ti.Vector.zero(float, self.dimensions)
+            for j in range(block * size, ti.min((block + 1) * size, self.particle_count)):
+                if i != j:
+                    total += self._acceleration_from(state, i, j)
+            for axis in ti.static(range(self.dimensions)):
+                whole[axis], lost[axis] = added(state, whole[axis], lost[axis], total[axis])
+        state.acceleration[i] = whole
 
     @ti.func
     def _acceleration_from(self, state: Template, i, j):
@@ -312,7 +330,7 @@ class AllPairs:
         if ti.static(state.forces_see_low):
             for axis in ti.static(range(self.dimensions)):
                 whole[axis], lost[axis] = added(state, whole[axis], lost[axis], total[axis])
-                total[axis] = 0.0 * total[axis]
+                total[axis] = ti.Vector.zero(float, self.lane_count)
 
     @ti.func
     def _square(self, separation: Template):
