@@ -94,12 +94,15 @@ def kick_particle(state: Template, i, time, entry, acceleration):
 
 
 @ti.func
-def push_particle(state: Template, i, entry, acceleration):
-    """x += number × a, that of `entry` in state.step_parts, where there are low parts."""
-    parts = state.step_parts[entry]
-    for k in ti.static(range(state.dimensions)):
-        high, low = state.position[i][k], state.position_low[i][k]
-        state.position[i][k], state.position_low[i][k] = scaled_and_added(state, high, low, parts, acceleration[k])
+def push_particle(state: Template, i, number, entry, acceleration):
+    """x += number × a; with low parts, the number is that of `entry` in state.step_parts."""
+    if ti.static(state.carries_low):
+        parts = state.step_parts[entry]
+        for k in ti.static(range(state.dimensions)):
+            high, low = state.position[i][k], state.position_low[i][k]
+            state.position[i][k], state.position_low[i][k] = scaled_and_added(state, high, low, parts, acceleration[k])
+    else:
+        state.position[i] = state.position[i] + number * acceleration
 
 
 @ti.func

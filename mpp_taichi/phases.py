@@ -10,7 +10,7 @@ from mpp_taichi.assemble import assemble
 from mpp_taichi.backends import Device
 from mpp_taichi.contact_setup import contact_setup
 from mpp_taichi.contacts._base import ContactSolver
-from mpp_taichi.errors import BackendError, CapacityError, SceneError
+from mpp_taichi.errors import BackendError, CapacityError, PrecisionError, SceneError
 from mpp_taichi.precision import carries_low_parts
 from mpp_taichi.scene.estimate import LARGEST_COUNT, available_bytes
 from mpp_taichi.scene.spec import SceneSpec
@@ -156,12 +156,12 @@ class CompiledPhase:
 
 
 def check_low_parts(spec: SceneSpec, integrator: Any, device: Device) -> None:
-    """BackendError where not all that moves particles carries the low parts of their positions."""
+    """PrecisionError where not all that moves particles carries the low parts of their positions."""
     refused = None if integrator.takes_low_parts else f"the method {spec.integrator.name}"
     if spec.contacts is not None:
         refused = f"the contact solver {spec.contacts.solver.name}"
     if refused:
-        raise BackendError(f"{refused} does not carry low parts, so it cannot run in {device.precision}; use f64 or f32")
+        raise PrecisionError(f"{refused} does not carry low parts, so it cannot run in {device.precision}; use f64 or f32")
 
 
 def check_room(fields: dict[str, tuple[str, int]], *, dimensions: int, replica_count: int, on_cpu: bool) -> None:

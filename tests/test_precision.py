@@ -8,6 +8,12 @@ import pytest
 import taichi as ti
 
 from mpp_taichi import Simulation, backends, low_parts, update_probe
+from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.problem import pose
+from mpp_taichi.accuracy.sample import Configuration
+from mpp_taichi.accuracy.store import Store
+from mpp_taichi.accuracy.sweep import Sweep
+from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.backends import Probes
 from mpp_taichi.cli.main import main
 from mpp_taichi.errors import BackendError, SceneError
@@ -233,7 +239,7 @@ def test_energies_are_those_of_the_masses_that_forces_have():
 # --- snapshots and rewinds ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("integrator", ["leapfrog", "rk4"])
+@pytest.mark.parametrize("integrator", ["leapfrog", "rk4", "chin4a"])
 def test_low_parts_are_saved_restored_and_taken_over_bit_for_bit(integrator):
     with Simulation(figure_eight(2000, integrator), backend="cpu", precision="ds") as simulation:
         simulation.run(steps=100)
@@ -279,13 +285,23 @@ def test_low_parts_take_memory_only_where_the_precision_asks_for_them():
 # --- what is refused, and where precisions are named --------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("integrator", ["chin4a", "implicit_midpoint", "ias15"])
+@pytest.mark.parametrize("integrator", ["adaptive_leapfrog", "implicit_midpoint", "ias15"])
 @pytest.mark.parametrize("precision", EXTENDED)
 def test_methods_that_carry_no_low_parts_are_refused_by_name(integrator, precision):
     with pytest.raises(
         BackendError, match=f"the method {integrator} does not carry low parts, so it cannot run in {precision}"
     ):
         Simulation(figure_eight(100, integrator), backend="cpu", precision=precision)
+
+
+def test_a_sweep_over_precisions_notes_what_one_of_them_refuses(tmp_path):
+    problem = pose(load_scene(figure_eight(100) | {"run": {"duration": 0.1}}))
+    with Workbench(problem, backend="cpu", precision="ds") as bench:
+        store = Store(tmp_path, {})
+        sweep = Sweep(bench, store, Budget(60.0), {}, lambda sample: 0.0)
+        refused = sweep.measure(Configuration("ias15", 16, "ds", "cpu"))
+        assert refused.status == "refused" and "does not carry low parts" in refused.reason
+        assert sweep.measure(Configuration("leapfrog", 16, "ds", "cpu")).status == "ok"
 
 
 def test_contacts_are_refused_by_name():

@@ -162,7 +162,7 @@ class RungeKutta(Integrator):
             drift_particle(state, i, 0.0, entry)
             for k in ti.static(range(len(self.b))):
                 if ti.static(bars[k] != 0.0):
-                    push_particle(state, i, entry + 1 + slopes + k, state.scratch[2 + k][i])
+                    push_particle(state, i, 0.0, entry + 1 + slopes + k, state.scratch[2 + k][i])
                 if ti.static(weights[k] != 0.0):
                     kick_particle(state, i, 0.0, entry + 1 + k, state.scratch[2 + k][i])
 
