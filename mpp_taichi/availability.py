@@ -13,7 +13,7 @@ from typing import Any
 
 BACKENDS = ("cpu", "cuda", "vulkan", "metal")
 PROBE_SECONDS = 60
-PROBE_REVISION = 1  # raise when a probe changes
+PROBE_REVISION = 2  # raise when a probe changes
 TAICHI_VERSION = "1.7.4"
 DRIVER_VARIABLES = ("VK_ICD_FILENAMES", "VK_DRIVER_FILES", "CUDA_VISIBLE_DEVICES")
 

@@ -10,10 +10,9 @@ from typing import Any
 
 from mpp_taichi.availability import BACKENDS, availability, cpu_name, present, remembered
 from mpp_taichi.errors import BackendError
+from mpp_taichi.precision import PRECISIONS, carries_low_parts, number_type
 
 log = logging.getLogger(__name__)
-
-PRECISIONS = ("f32", "f64")
 
 
 @dataclass(frozen=True)
@@ -21,14 +20,16 @@ class Probes:
     """What a backend was seen to do, before anything is promised on it.
 
     loop_limit     iterations one kernel thread may make, or None when a count to 70,000 was right
-    float64        f64 keeps 1 + 2⁻⁵² and its square root is right to an ulp
-    compensation   a Kahan sum is not optimised away
+    float64        f64 keeps 1 + 2⁻⁵²; its square root, its division and its sum of many terms are right to their rounding
+    compensation   what a sum loses is not optimised away
+    low_parts      the update of f32c and ds keeps what it loses, guarded where `compensation` is not so
     finds_nan      the checks used for NaN and infinity fire
     """
 
     loop_limit: int | None
     float64: bool
     compensation: bool
+    low_parts: bool
     finds_nan: bool
 
 
@@ -99,6 +100,9 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
     if precision == "f64" and not probes.float64:
         stop()
         raise BackendError(f"backend {chosen} on this device has no true f64; use --precision f32")
+    if carries_low_parts(precision) and not probes.low_parts:
+        stop()
+        raise BackendError(f"backend {chosen} on this device loses what {precision} carries along; use --precision f32")
     if not probes.finds_nan:
         stop()
         raise BackendError(f"backend {chosen} on this device does not detect NaN, so no result of it can be trusted")
@@ -115,7 +119,7 @@ def initialise(ti: Any, backend: str, precision: str, threads: int | None = None
         with contextlib.redirect_stdout(io.StringIO()):
             ti.init(
                 arch=getattr(ti, backend),
-                default_fp=getattr(ti, precision),
+                default_fp=getattr(ti, number_type(precision)),
                 fast_math=False,  # one meaning of a float: NaN, division by zero and compensation survive
                 enable_fallback=False,
                 # This pass of Taichi 1.7.4 keeps a field's entry in a register across a branch that changes it: a

@@ -1,11 +1,13 @@
 """Energies, powers and momenta: terms on the device in its widest float, sums on the host in float64, in a fixed order."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.low_parts import wide_velocity
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.state import State
 from mpp_taichi.total_force import TotalForce
@@ -36,6 +38,11 @@ class EnergyMeter:
             return 0.0
         self._measure(time)
         return total(self.terms.to_numpy().astype(np.float64))
+
+    def mechanics(self, snapshot: Snapshot, time: float) -> dict[str, Any]:
+        """The conserved quantities of a snapshot of this state, of the masses that its device keeps: forces are of those."""
+        kept = replace(snapshot, mass=self.state.as_kept(snapshot.mass))
+        return mechanics(kept, self.potential_energy(time))
 
 
 @ti.data_oriented
@@ -68,8 +75,7 @@ class PowerMeter:
         for i in range(b * self.block, ti.min((b + 1) * self.block, self.particle_count)):
             kinetic = ti.cast(0.0, self.state.wide)
             if ti.static(self.has_mass):
-                for k in ti.static(range(self.state.dimensions)):
-                    kinetic += ti.cast(self.state.velocity[i][k], self.state.wide) ** 2
+                kinetic = wide_velocity(self.state, i).norm_sqr()
                 kinetic *= 0.5 * ti.cast(self.state.mass[i], self.state.wide)
             powers = self.total_force.powers_of(self.state, i, time)
             sums += ti.Vector([powers[0], powers[1], kinetic], self.state.wide)

@@ -33,6 +33,10 @@ class BackendError(MppError):
     exit_code = 3
 
 
+class PrecisionError(BackendError):
+    """A method or contact solver that cannot run in the precision asked for; others can."""
+
+
 class StabilityError(MppError):
     """A stability or accuracy limit was broken: NaN, zero distance, a failed `expect`.
 

@@ -236,10 +236,8 @@ class Motion:
 
     def mechanics(self) -> dict[str, Any]:
         """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`."""
-        from mpp_taichi.energy import mechanics
-
         self._require_life()
-        return mechanics(self.snapshot(), self.energy_meter.potential_energy(self.time))
+        return self.energy_meter.mechanics(self.snapshot(), self.time)
 
     @property
     def conserves_energy(self) -> bool:

@@ -10,7 +10,8 @@ from mpp_taichi.assemble import assemble
 from mpp_taichi.backends import Device
 from mpp_taichi.contact_setup import contact_setup
 from mpp_taichi.contacts._base import ContactSolver
-from mpp_taichi.errors import BackendError, CapacityError, SceneError
+from mpp_taichi.errors import BackendError, CapacityError, PrecisionError, SceneError
+from mpp_taichi.precision import carries_low_parts
 from mpp_taichi.scene.estimate import LARGEST_COUNT, available_bytes
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -90,17 +91,24 @@ class CompiledPhase:
                 f"plan {plan!r} does not fit; there are auto, serial and parallel for one copy, replicas for several"
             )
         work_fields = self.integrator.work_fields(self.total_force, start, plan=self.plan, on_cpu=device.on_cpu)
+        scratch_count = self.integrator.scratch_count(self.total_force.depends_on_velocity)
+        if carries_low_parts(device.precision):
+            check_low_parts(spec, self.integrator, device)
+            scratch_count += self.integrator.low_scratch_count()
+            work_fields = {**work_fields, "step_parts": ("pair", len(self.integrator.step_numbers(1.0)))}
         check_room(work_fields, dimensions=spec.dimensions, replica_count=replica_count, on_cpu=device.on_cpu)
         self.state = State(
             start,
             dimensions=spec.dimensions,
             needs=self.total_force.needs,
-            scratch_count=self.integrator.scratch_count(self.total_force.depends_on_velocity),
+            scratch_count=scratch_count,
             streaming=self.total_force.has_pairs,
             replica_count=replica_count,
             wide=backends.widest_float(device),
             work=work_fields,
             memory=self.integrator.memory,
+            precision=device.precision,
+            guards_rounding=not device.probes.compensation,
         )
         self.contacts = self._contacts(phase, device, event_log=event_log) if spec.contacts is not None else None
         self.stepper = Stepper(
@@ -153,6 +161,15 @@ class CompiledPhase:
         return allowed
 
 
+def check_low_parts(spec: SceneSpec, integrator: Any, device: Device) -> None:
+    """PrecisionError where not all that moves particles carries the low parts of their positions."""
+    refused = None if integrator.takes_low_parts else f"the method {spec.integrator.name}"
+    if spec.contacts is not None:
+        refused = f"the contact solver {spec.contacts.solver.name}"
+    if refused:
+        raise PrecisionError(f"{refused} does not carry low parts, so it cannot run in {device.precision}; use f64 or f32")
+
+
 def check_room(fields: dict[str, tuple[str, int]], *, dimensions: int, replica_count: int, on_cpu: bool) -> None:
     """CapacityError when the work fields of an integrator are more than an index can reach, or than the memory that is left.
 
@@ -164,6 +181,7 @@ def check_room(fields: dict[str, tuple[str, int]], *, dimensions: int, replica_c
         "vector": dimensions,
         "matrix": dimensions**2,
         "index": 0.5,
+        "pair": 2,
         "wide": 1,
         "wide_pair": 2,
         "lattice": dimensions,

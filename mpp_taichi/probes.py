@@ -4,11 +4,13 @@ Run as `python -m mpp_taichi.probes vulkan`: starts the backend, which may crash
 """
 
 import json
+import math
 import sys
 from typing import Any
 
 LOOP_TRIAL = 70_000  # software Vulkan stops a thread silently after 65,535 iterations
 KAHAN_TERMS = 30_000
+SUM_TERMS = 1000
 
 
 def run(ti: Any, backend: str) -> dict[str, Any]:
@@ -17,6 +19,7 @@ def run(ti: Any, backend: str) -> dict[str, Any]:
         "loop_limit": _loop_limit(ti),
         "float64": _float64(ti),
         "compensation": _compensation(ti),
+        "low_parts": _low_parts(ti),
         "finds_nan": _finds_nan(ti),
     }
 
@@ -44,10 +47,27 @@ def _float64(ti: Any) -> bool:
     def root(x: ti.f64) -> ti.f64:
         return ti.sqrt(x)
 
+    @ti.kernel
+    def ratio(x: ti.f64, y: ti.f64) -> ti.f64:
+        return x / y
+
+    @ti.kernel
+    def harmonic_sum(n: ti.i32, one: ti.f64) -> ti.f64:
+        total = ti.cast(0.0, ti.f64)
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            for k in range(n):
+                total += one / ti.cast(k + 1, ti.f64)
+        return total
+
     try:
         keeps_ulp = smallest_step(1.0, 2.0**-52) == 2.0**-52
-        # Some compilers turn the f64 root into a single-precision one: 0.64 then gives 0.8000002.
-        return keeps_ulp and abs(root(0.64) - 0.8) <= 2.0**-53
+        # Some compilers turn the f64 root into one of f32: 0.64 then gives 0.8000002. Or divide by a rough inverse.
+        keeps_root = abs(root(0.64) - 0.8) <= 2.0**-53
+        keeps_ratio = ratio(1.0, 3.0) == 1.0 / 3.0 and ratio(2.0, 0.7) == 2.0 / 0.7
+        exact = math.fsum(1.0 / k for k in range(1, SUM_TERMS + 1))
+        keeps_sum = abs(harmonic_sum(SUM_TERMS, 1.0) - exact) <= SUM_TERMS * 2.0**-53 * exact
+        return keeps_ulp and keeps_root and keeps_ratio and keeps_sum
     except Exception:  # no f64 type on this device: Taichi raises whatever the driver said
         return False
 
@@ -67,6 +87,12 @@ def _compensation(ti: Any) -> bool:
         return total
 
     return abs(kahan(KAHAN_TERMS, 0.1) - 0.1 * KAHAN_TERMS) < 1e-3  # a plain f32 sum is off by about 1
+
+
+def _low_parts(ti: Any) -> bool:
+    from mpp_taichi.update_probe import keeps_low_parts  # imports Taichi, which has to be started
+
+    return keeps_low_parts(ti, guards_rounding=not _compensation(ti))
 
 
 def _finds_nan(ti: Any) -> bool:

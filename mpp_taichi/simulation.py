@@ -223,14 +223,14 @@ class Simulation(Motion):
         `phase_energy` is the energy it leaves.
         """
         before = self._total_energy()
-        copies = range(self.state.replica_count)
-        position, velocity = (np.concatenate(each) for each in zip(*(self.state.read(replica) for replica in copies)))
-        step = self.step_count
+        step, earlier = self.step_count, self.state
         phase = self.phases[number]
         with self.parameter_change():
             self._enter(number)
             self._set_clock(phase.at, step)
-            self._write(position, velocity * np.tile(phase.particles.free, (len(copies), 1)))
+            self.state.take_over(earlier, phase.particles.free)
+            self.integrator.adopt(self.state)
+            self._start_afresh()
         self._guard_step(self.snapshot())
         self.phase_energy = self._total_energy()
         self.phase_work.append(self.phase_energy - before)

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.low_parts import split
+from mpp_taichi.precision import carries_low_parts, forces_see_low_parts
 from mpp_taichi.snapshot import MERGED_ARRAYS, Snapshot
 
 # Quantities one entry of which belongs to each particle, and the snapshot array they come from.
@@ -44,6 +46,7 @@ class State:
     free                               1 or 0 per axis, only where an axis of some particle is fixed
     mass, charge, radius, spring_…     only where named in `needs`, or where spheres merge
     merged_into                        where spheres merge, as in `Snapshot`; there `free` is always kept, too
+    position_low, velocity_low         what rounding took from both, where the precision carries it (f32c, ds; see low_parts)
     scratch_0, scratch_1, …            vectors that an integrator asks for
     and whatever else it names in `work`: name → (kind, count for each replica)
 
@@ -62,8 +65,13 @@ class State:
         wide: Any = ti.f64,
         work: Mapping[str, tuple[str, int]] = MappingProxyType({}),
         memory: tuple[str, ...] = (),
+        precision: str = "f64",
+        guards_rounding: bool = False,
     ):
-        """Allocate for the needs, and fill with the snapshot in every replica."""
+        """Allocate for the needs, and fill with the snapshot in every replica.
+
+        `precision` says whether there are low parts, `guards_rounding` whether they must be kept from the compiler's eyes.
+        """
         self.dimensions = dimensions
         self.memory = memory  # names of what a step hands on to the next, beside position and velocity
         self.wide = wide  # of energies: f64 where the device has it
@@ -72,13 +80,20 @@ class State:
         self.total_count = snapshot.particle_count * replica_count
         self.merges = snapshot.merged_into is not None
         self.has_fixed_axes = self.merges or not bool(snapshot.free[:, :dimensions].all())
+        self.carries_low = self.velocity_has_low = carries_low_parts(precision)
+        self.forces_see_low = forces_see_low_parts(precision)
+        self.guards_rounding = guards_rounding and self.carries_low
         needs = frozenset(needs) | frozenset(PARTICLE_QUANTITIES if self.merges else ())
         if self.merges:
             self.memory = (*memory, *MERGED_ARRAYS)
+        if self.carries_low:
+            self.memory = (*self.memory, "position_low", "velocity_low")
         unknown = needs - set(PARTICLE_QUANTITIES) - set(SPRING_QUANTITIES)
         if unknown:
             raise TypeError(f"an effect needs {sorted(unknown)}, which State does not know")
         self.quantities: list[str] = ["position", "velocity", "acceleration"]
+        if self.carries_low:
+            self.quantities += ["position_low", "velocity_low"]
         self._builder = ti.FieldsBuilder()
         layout = ti.Layout.SOA if streaming else ti.Layout.AOS
         for name in self.quantities:
@@ -95,6 +110,9 @@ class State:
                 self._scalar(name, float, self.total_count)
         if self.merges:
             self._scalar("merged_into", ti.i32, self.total_count)
+        if self.guards_rounding:
+            self.nothing = ti.field(ti.i32)  # 0, which only the running kernel finds out
+            self._builder.place(self.nothing)
         host = half_springs(snapshot) if needs & set(SPRING_QUANTITIES) else {}
         for name in SPRING_QUANTITIES:
             if name in needs:
@@ -117,6 +135,7 @@ class State:
         """The same fields, but another for the velocities: what forces are to see on the way through a step."""
         result = copy.copy(self)
         result.velocity = velocity
+        result.velocity_has_low = False
         return result
 
     def _vector(self, layout: Any) -> Any:
@@ -146,6 +165,7 @@ class State:
                 "scalar": lambda: ti.field(float),
                 "index": lambda: ti.field(ti.i32),
                 "lattice": lambda: ti.Vector.field(self.dimensions, ti.i64),
+                "pair": lambda: ti.Vector.field(2, float),
                 "wide": lambda: ti.field(self.wide),
                 "wide_pair": lambda: ti.Vector.field(2, self.wide),
             }[kind]()
@@ -175,13 +195,27 @@ class State:
         """A number as the device keeps it."""
         return float(self._dtype(number))
 
+    def as_kept(self, values: np.ndarray) -> np.ndarray:
+        """Numbers as the device keeps them, in float64."""
+        return np.asarray(values).astype(self._dtype).astype(np.float64)
+
     def write(self, position: np.ndarray, velocity: np.ndarray) -> None:
         """Set positions and velocities: (particle_count, 3) for every replica, or (total_count, 3)."""
-        for target, values in ((self.position, position), (self.velocity, velocity)):
+        for name, values in (("position", position), ("velocity", velocity)):
             values = np.asarray(values)[:, : self.dimensions]
             if len(values) != self.total_count:
                 values = np.tile(values, (self.replica_count, 1))
-            target.from_numpy(np.ascontiguousarray(values, dtype=self._dtype))
+            if self.carries_low:
+                values, low = split(np.asarray(values, np.float64))
+                getattr(self, f"{name}_low").from_numpy(np.ascontiguousarray(low))
+            getattr(self, name).from_numpy(np.ascontiguousarray(values, dtype=self._dtype))
+
+    def take_over(self, earlier: "State", free: np.ndarray) -> None:
+        """Positions and velocities of all replicas as another state has them, bit for bit; an axis that is not free stops."""
+        free = np.tile(free[:, : self.dimensions], (self.replica_count, 1))
+        for name in ("position", "velocity", *(("position_low", "velocity_low") if self.carries_low else ())):
+            values = getattr(earlier, name).to_numpy()
+            getattr(self, name).from_numpy(np.ascontiguousarray(values if name.startswith("position") else values * free))
 
     def write_spheres(self, snapshot: Snapshot) -> None:
         """Set what merging changes of each sphere, the same in every replica."""
@@ -204,9 +238,11 @@ class State:
         """Positions and velocities of one replica as float64, (particle_count, 3)."""
         rows = slice(replica * self.particle_count, (replica + 1) * self.particle_count)
         results = []
-        for source in (self.position, self.velocity):
+        for name in ("position", "velocity"):
             values = np.zeros((self.particle_count, 3))
-            values[:, : self.dimensions] = source.to_numpy()[rows]
+            values[:, : self.dimensions] = getattr(self, name).to_numpy()[rows]
+            if self.carries_low:
+                values[:, : self.dimensions] += getattr(self, f"{name}_low").to_numpy()[rows]
             results.append(values)
         return results[0], results[1]
 

@@ -8,6 +8,7 @@ import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.low_parts import step_parts
 from mpp_taichi.quick_compilation import quick_compilation
 from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.state import State
@@ -42,6 +43,7 @@ class Stepper:
         self.launches_stages = plan == "parallel" and on_cpu and total_force.has_pairs
         self.grain = CPU_GRAIN if on_cpu else 1
         self._bad: Any = ti.field(ti.i32, shape=())
+        self._parts_of: float | None = None  # the dt whose parts the state has
         if integrator.adaptive:
             integrator.set_control(state)
 
@@ -73,6 +75,9 @@ class Stepper:
 
     def advance(self, time: float, dt: float, steps: int, meter: Any = None) -> None:
         """Advance by `steps` steps of `dt` from `time`; a `meter` of powers looks on after each of them."""
+        if self.state.carries_low and dt != self._parts_of:
+            self.state.step_parts.from_numpy(self._parts(dt))
+            self._parts_of = dt
         with quick_compilation() if self.integrator.implicit or self.integrator.quickly_compiled else nullcontext():
             self._advance(time, dt, steps, meter)
 
@@ -109,6 +114,9 @@ class Stepper:
         else:
             for s in range(steps):
                 self._advance_parallel(time + s * dt, dt)
+
+    def _parts(self, dt: float) -> np.ndarray:
+        return np.tile(step_parts(self.integrator.step_numbers(dt)), (self.state.replica_count, 1))
 
     def launches_per_step(self) -> int | None:
         """Parallel loops started in one step; a serial or replica launch holds many steps and counts as none.

@@ -7,6 +7,7 @@ import taichi as ti
 from mpp_taichi import component
 from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
 from mpp_taichi.inverse_distance import change_of_inverse_distance, second_change_of_inverse_distance
+from mpp_taichi.low_parts import wide_velocity
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
@@ -237,8 +238,9 @@ class TotalForce:
                 if state.mass[i] > 0.0:
                     acceleration = force.accelerate(state, i, state.velocity[i], time)
                     power = ti.cast(0.0, state.wide)
+                    velocity = wide_velocity(state, i)
                     for k in ti.static(range(state.dimensions)):
-                        power += ti.cast(acceleration[k], state.wide) * ti.cast(state.velocity[i][k], state.wide)
+                        power += ti.cast(acceleration[k], state.wide) * velocity[k]
                     power *= ti.cast(state.mass[i], state.wide)
                     if ti.static(force.depends_on_velocity):
                         dissipated -= power

@@ -109,7 +109,7 @@ def _plots(found: dict[str, Any], rows: Sequence[Row], numbers: dict[str, int]) 
         return []
     told = f"error of {'position at the end' if quantity == 'position' else 'energy'}"
     verdict = found["verdict"]
-    ringed = "Rings: the front. Hollow: at most so much, the reference is no better. Dashed: f32."
+    ringed = "Rings: the front. Hollow: at most so much, the reference is no better. Dashed: not f64."
     return [
         Plot(
             "Error against time",
@@ -149,7 +149,7 @@ def _work(rows: Sequence[Row], numbers: dict[str, int], quantity: str, front: Se
             said = f"{integrator} {precision} {backend}, {row.sample.setting}: {error}, {duration(row.seconds)}"
             strong = row.sample.configuration.key in front
             points.append(Mark(cost(row), error.bound, said, strong=strong, bound=error.value is None))
-        series.append(Series(f"{integrator} {precision} {backend}", numbers[integrator], points, dashed=precision == "f32"))
+        series.append(Series(f"{integrator} {precision} {backend}", numbers[integrator], points, dashed=precision != "f64"))
     return series
 
 
@@ -162,7 +162,7 @@ def _drift(rows: Sequence[Row], numbers: dict[str, int], verdict: dict[str, Any]
         name = f"{configuration.integrator} {configuration.precision}, {row.sample.setting}"
         highest = itertools.accumulate(row.sample.energy_errors, max)
         points = [Mark(time, error, name) for time, error in zip(row.sample.times, highest)]
-        number, dashed = numbers[configuration.integrator], configuration.precision == "f32"
+        number, dashed = numbers[configuration.integrator], configuration.precision != "f64"
         series.append(Series(name, number, points, marked=False, dashed=dashed, labelled=True))
     if shown:
         finest = min(shown, key=lambda row: row.sample.dt).sample

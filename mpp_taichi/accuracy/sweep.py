@@ -10,7 +10,7 @@ from mpp_taichi.accuracy.methods import Method, rank
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.workbench import Machine, Workbench
-from mpp_taichi.errors import BackendError, MppError
+from mpp_taichi.errors import BackendError, MppError, PrecisionError
 
 log = logging.getLogger(__name__)
 
@@ -84,9 +84,9 @@ class Sweep:
         """Run once, kept in the store; a method that the scene does not allow is a sample with the reason."""
         try:
             machine = self.bench.machine(configuration.integrator)
-        except BackendError:
-            raise
         except MppError as error:
+            if isinstance(error, BackendError) and not isinstance(error, PrecisionError):
+                raise
             dt = self.bench.problem.span / configuration.steps
             sample = Sample(configuration, dt, status="refused", reason=str(error).splitlines()[0])
         else:

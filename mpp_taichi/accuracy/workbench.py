@@ -218,12 +218,10 @@ class Machine:
         return followed(self.problem)
 
     def _look(self, time: float, step: int) -> tuple[dict, np.ndarray]:
-        from mpp_taichi.energy import mechanics  # Taichi code: not before a backend was started
-
         position, velocity = self.simulation.state.read()
         there = self.problem.start.moved(position=position, velocity=velocity, time=time, step=step)
         with np.errstate(over="ignore", invalid="ignore"):
-            return mechanics(there, self.simulation.energy_meter.potential_energy(time)), position
+            return self.simulation.energy_meter.mechanics(there, time), position
 
     def _judge(self, sample: Sample, rows: list[dict]) -> None:
         if not rows:

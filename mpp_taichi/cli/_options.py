@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from mpp_taichi.cli._terminal import UsageError
+from mpp_taichi.precision import PRECISIONS
 
 LARGEST_SIDE = 16384  # pixels
 LONGEST_NAME = 230  # bytes: 255 on every common file system, less the room for `.part` and the like
@@ -28,7 +29,7 @@ def add_device(parser: argparse.ArgumentParser) -> None:
     """--backend, --precision, --plan, --threads."""
     group = parser.add_argument_group("where and how")
     group.add_argument("--backend", default="auto", choices=("auto", "cpu", "cuda", "vulkan", "metal"), help="what computes")
-    group.add_argument("--precision", choices=("f32", "f64"), help="f64 on the CPU and f32 elsewhere when absent")
+    group.add_argument("--precision", choices=PRECISIONS, help="f64 on the CPU and f32 elsewhere when absent")
     group.add_argument("--plan", default="auto", choices=("auto", "serial", "parallel"), help="how a step is launched")
     group.add_argument("--threads", type=positive_integer, metavar="N", help="CPU threads")
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from mpp_taichi import __version__, component
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, put_json, say
+from mpp_taichi.precision import PRECISIONS
 
 if TYPE_CHECKING:
     from mpp_taichi.accuracy.study import Study, Wishes
@@ -38,7 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--until", type=_options.positive_number, metavar="T", help="simulated time; the scene's own when absent"
     )
     parser.add_argument("--integrators", type=names, metavar="A,B", help="methods to try; all that suit when absent")
-    parser.add_argument("--precisions", type=names, default=["f64", "f32"], metavar="P,Q", help="f64,f32 when absent")
+    parser.add_argument(
+        "--precisions", type=names, default=["f64", "f32"], metavar="P,Q", help="of f64,ds,f32c,f32; f64,f32 when absent"
+    )
     parser.add_argument("--backends", type=names, default=["cpu"], metavar="B,C", help="cpu when absent")
     parser.add_argument(
         "--out", type=_options.output_path, metavar="DIR", help="folder to write; out/SCENE.accuracy when absent"
@@ -129,7 +132,7 @@ def _wishes(arguments: argparse.Namespace) -> "Wishes":
     from mpp_taichi.accuracy.study import Wishes
     from mpp_taichi.availability import BACKENDS
 
-    allowed = {"integrators": component.names("integrators"), "precisions": ["f64", "f32"], "backends": list(BACKENDS)}
+    allowed = {"integrators": component.names("integrators"), "precisions": list(PRECISIONS), "backends": list(BACKENDS)}
     for option, known in allowed.items():
         for name in getattr(arguments, option) or ():
             if name not in known:

@@ -150,6 +150,7 @@ def _backend_line(report: dict[str, Any]) -> str:
     facts = [
         "f64" if probes["float64"] else "no f64",
         "compensated sums hold" if probes["compensation"] else "compensated sums are optimised away",
+        "f32c and ds hold" if probes["low_parts"] else "no f32c, no ds",
         f"loops stop after {limit:,} iterations" if limit else "",
     ]
     return f"{report['device']} ({', '.join(fact for fact in facts if fact)})"

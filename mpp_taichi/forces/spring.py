@@ -4,6 +4,7 @@ import taichi as ti
 
 from mpp_taichi.component import component, param
 from mpp_taichi.forces._base import BondForce
+from mpp_taichi.low_parts import approach, separation, wide_position, wide_velocity
 from mpp_taichi.types import Template
 
 
@@ -42,29 +43,29 @@ class Spring(BondForce):
         One division, D (|d| − L)/|d| or with axial damping (D (|d| − L) |d| + c (v_j − v_i)·d)/d², and no branch: compilers
         make vectors of several half-springs only without.
         """
-        separation = state.position[j] - state.position[i]
-        squared = separation.dot(separation)
+        d = separation(state, i, j)
+        squared = d.dot(d)
         length = ti.sqrt(squared)
         tension = state.spring_stiffness[h] * (length - state.spring_rest_length[h])
         along = tension / length
         if ti.static(self.damping == "axial"):
-            closing = (state.velocity[j] - state.velocity[i]).dot(separation)
+            closing = approach(state, i, j).dot(d)
             along = (tension * length + state.spring_damping[h] * closing) / squared
-        result = ti.select(squared > 0.0, along, 0.0) * separation
+        result = ti.select(squared > 0.0, along, 0.0) * d
         if ti.static(self.damping == "full"):
-            result += state.spring_damping[h] * (state.velocity[j] - state.velocity[i])
+            result += state.spring_damping[h] * approach(state, i, j)
         return result
 
     @ti.func
     def friction(self, state: Template, i, j, h):
         """c (v_j − v_i)·n n, or c (v_j − v_i) where damping is full."""
-        approach = state.velocity[j] - state.velocity[i]
-        result = state.spring_damping[h] * approach
+        u = approach(state, i, j)
+        result = state.spring_damping[h] * u
         if ti.static(self.damping == "axial"):
-            separation = state.position[j] - state.position[i]
-            squared = separation.dot(separation)
-            along = state.spring_damping[h] * approach.dot(separation) / squared
-            result = ti.select(squared > 0.0, along, 0.0) * separation
+            d = separation(state, i, j)
+            squared = d.dot(d)
+            along = state.spring_damping[h] * u.dot(d) / squared
+            result = ti.select(squared > 0.0, along, 0.0) * d
         return result
 
     @ti.func
@@ -99,18 +100,18 @@ class Spring(BondForce):
 
         Source: Simo & Tarnow, Z. angew. Math. Phys. 43 (1992) 757; Gonzalez, J. Nonlinear Sci. 6 (1996) 449.
         """
-        separation = state.position[j] - state.position[i]
+        d = separation(state, i, j)
         before, after = self.step_lengths(state, i, j)
         result = ti.Vector.zero(float, state.dimensions)
         if before + after > 0.0:
-            result = state.spring_stiffness[h] * (1.0 - 2.0 * state.spring_rest_length[h] / (before + after)) * separation
+            result = state.spring_stiffness[h] * (1.0 - 2.0 * state.spring_rest_length[h] / (before + after)) * d
         if ti.static(self.damping == "axial"):
-            squared = separation.dot(separation)
+            squared = d.dot(d)
             if squared > 0.0:
-                closing = (state.velocity[j] - state.velocity[i]).dot(separation)
-                result += state.spring_damping[h] * (closing / squared) * separation
+                closing = approach(state, i, j).dot(d)
+                result += state.spring_damping[h] * (closing / squared) * d
         if ti.static(self.damping == "full"):
-            result += state.spring_damping[h] * (state.velocity[j] - state.velocity[i])
+            result += state.spring_damping[h] * approach(state, i, j)
         return result
 
     @ti.func
@@ -139,23 +140,16 @@ class Spring(BondForce):
     @ti.func
     def potential(self, state: Template, i, j, h):
         """½ D (|d| − L)²."""
-        squared = ti.cast(0.0, state.wide)
-        for k in ti.static(range(state.dimensions)):
-            component_k = ti.cast(state.position[j][k], state.wide) - ti.cast(state.position[i][k], state.wide)
-            squared += component_k * component_k
-        stretch = ti.sqrt(squared) - ti.cast(state.spring_rest_length[h], state.wide)
+        d = wide_position(state, j) - wide_position(state, i)
+        stretch = ti.sqrt(d.dot(d)) - ti.cast(state.spring_rest_length[h], state.wide)
         return 0.5 * ti.cast(state.spring_stiffness[h], state.wide) * stretch * stretch
 
     @ti.func
     def dissipation(self, state: Template, i, j, h):
         """c ((v_j − v_i)·n)², or c |v_j − v_i|² with full damping."""
-        squared, along, speed = ti.cast(0.0, state.wide), ti.cast(0.0, state.wide), ti.cast(0.0, state.wide)
-        for k in ti.static(range(state.dimensions)):
-            separation_k = ti.cast(state.position[j][k], state.wide) - ti.cast(state.position[i][k], state.wide)
-            velocity_k = ti.cast(state.velocity[j][k], state.wide) - ti.cast(state.velocity[i][k], state.wide)
-            squared += separation_k * separation_k
-            along += separation_k * velocity_k
-            speed += velocity_k * velocity_k
+        d = wide_position(state, j) - wide_position(state, i)
+        u = wide_velocity(state, j) - wide_velocity(state, i)
+        squared, along, speed = d.dot(d), d.dot(u), u.dot(u)
         if ti.static(self.damping == "axial"):
             speed = ti.select(squared > 0.0, along * along / squared, 0.0)
         return ti.cast(state.spring_damping[h], state.wide) * speed

@@ -4,6 +4,7 @@ import taichi as ti
 
 from mpp_taichi.component import Vector, component, param
 from mpp_taichi.forces._base import ExternalForce
+from mpp_taichi.low_parts import wide_position
 from mpp_taichi.types import Template
 
 
@@ -29,6 +30,7 @@ class UniformGravity(ExternalForce):
     def potential(self, state: Template, i, time):
         """−m g·x."""
         result = ti.cast(0.0, state.wide)
+        position = wide_position(state, i)
         for k in ti.static(range(state.dimensions)):
-            result -= ti.cast(state.mass[i], state.wide) * self.acceleration[k] * ti.cast(state.position[i][k], state.wide)
+            result -= ti.cast(state.mass[i], state.wide) * self.acceleration[k] * position[k]
         return result

@@ -30,6 +30,7 @@ class Integrator:
     takes_time       goes beside forces that depend on time by themselves; said and checked in the same way
     on_cpu_only      wants what other backends lack
     memory           work fields that a step hands on to the next
+    takes_low_parts  moves particles by `low_parts`, so that it runs in f32c and ds; it says its `step_numbers`
 
     Subclasses may make any of them a property; here they must stay plain attributes, or Taichi would take these instead.
     """
@@ -48,6 +49,7 @@ class Integrator:
     takes_time = True
     on_cpu_only = False
     memory: tuple = ()
+    takes_low_parts = False
 
     @property
     def evaluations(self) -> int:
@@ -57,6 +59,14 @@ class Integrator:
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Vector fields beyond position, velocity and acceleration."""
         raise TypeError(f"{type(self).__name__} does not say what it needs")
+
+    def low_scratch_count(self) -> int:
+        """Vector fields more where positions and velocities have low parts; they come after the others."""
+        return 0
+
+    def step_numbers(self, dt: float) -> list[float]:
+        """What velocities and accelerations are multiplied by in a step of dt [time]; with low parts, more digits are kept."""
+        return []
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
         """Fields beyond those, by name: kind and count for each replica (see State)."""

@@ -7,6 +7,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.low_parts import drift_particle, kick_particle, push_particle
 from mpp_taichi.types import Template
 
 # (a, b, c) of the methods that solve v' = a(v) inside a kick, by order (see _splitting).
@@ -62,6 +63,7 @@ class RungeKutta(Integrator):
     dense_stages: tuple = ()
     dense_weights: tuple = ()
     dense_order = 0
+    takes_low_parts = True
 
     @property
     def nodes(self) -> tuple:
@@ -71,6 +73,18 @@ class RungeKutta(Integrator):
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Start positions, start velocities, slopes."""
         return 2 + len(self.b)
+
+    def low_scratch_count(self) -> int:
+        """Low parts of the start."""
+        return 2
+
+    def step_numbers(self, dt: float) -> list[float]:
+        """c h of every stage and of the end, and for each slope a_k h and (A·A)_k h²."""
+        return [
+            number
+            for node, weights, bars in nystroem_rows(self.a, self.b)
+            for number in (node * dt, *(weight * dt for weight in weights), *(bar * dt * dt for bar in bars))
+        ]
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """The method's stability function, of the oscillator's matrix."""
@@ -88,15 +102,18 @@ class RungeKutta(Integrator):
     @ti.func
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
         """Remember the start; then take slope k − 1 and move the state itself to where the next force is wanted."""
-        rows = ti.static(nystroem_rows(self.a, self.b))
+        rows, slopes = ti.static(nystroem_rows(self.a, self.b), len(self.b))
         if ti.static(k == 0):
             for i in range(first, first + total_force.particle_count):
                 state.scratch_0[i] = state.position[i]
                 state.scratch_1[i] = state.velocity[i]
+                if ti.static(state.carries_low):
+                    state.scratch[slopes + 2][i] = state.position_low[i]
+                    state.scratch[slopes + 3][i] = state.velocity_low[i]
         else:
             for i in range(first, first + total_force.particle_count):
                 state.scratch[1 + k][i] = self.slope(state, total_force, first, i, time + rows[k - 1][0] * dt)
-            self.move(state, total_force, first, dt, rows[k])
+            self.move(state, total_force, first, dt, k, rows[k])
 
     @ti.func
     def slope(self, state: Template, total_force: Template, first, i, time):
@@ -123,11 +140,35 @@ class RungeKutta(Integrator):
                     state.scratch[1 + c][i] = slope
         for c in ti.static(range(1, len(self.b) + 1)):
             if k == c:
-                self.move(state, total_force, first, dt, rows[c])
+                self.move(state, total_force, first, dt, c, rows[c])
 
     @ti.func
-    def move(self, state: Template, total_force: Template, first, dt: Template, row: Template):
-        """Set the state to the stage, or the end of the step, that the row describes."""
+    def move(self, state: Template, total_force: Template, first, dt: Template, s: Template, row: Template):
+        """Set the state to stage s, or the end of the step, that the row describes."""
+        if ti.static(state.carries_low):
+            self.move_both_parts(state, total_force, first, s, row)
+        else:
+            self.move_rounded(state, total_force, first, dt, row)
+
+    @ti.func
+    def move_both_parts(self, state: Template, total_force: Template, first, s: Template, row: Template):
+        """With low parts: x = x₀ + c h v₀ + Σ (h² (A·A)_k) f_k, each term added by itself, and so v."""
+        _node, weights, bars = ti.static(row)
+        slopes = ti.static(len(self.b))
+        entry = ti.static(s * (1 + 2 * slopes))
+        for i in range(first, first + total_force.particle_count):
+            state.position[i], state.position_low[i] = state.scratch_0[i], state.scratch[slopes + 2][i]
+            state.velocity[i], state.velocity_low[i] = state.scratch_1[i], state.scratch[slopes + 3][i]
+            drift_particle(state, i, 0.0, entry)
+            for k in ti.static(range(len(self.b))):
+                if ti.static(bars[k] != 0.0):
+                    push_particle(state, i, 0.0, entry + 1 + slopes + k, state.scratch[2 + k][i])
+                if ti.static(weights[k] != 0.0):
+                    kick_particle(state, i, 0.0, entry + 1 + k, state.scratch[2 + k][i])
+
+    @ti.func
+    def move_rounded(self, state: Template, total_force: Template, first, dt: Template, row: Template):
+        """Without low parts."""
         node, weights, bars = ti.static(row)
         for i in range(first, first + total_force.particle_count):
             velocity_change = ti.Vector.zero(float, state.dimensions)

@@ -8,6 +8,7 @@ import taichi as ti
 
 from mpp_taichi.integrators import _runge_kutta
 from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.low_parts import drift_particle, kick_particle
 from mpp_taichi.types import Template
 
 # How v' = A + f(v) is solved inside a kick when a force depends on velocity: to the order of the whole method.
@@ -49,6 +50,7 @@ class Splitting(Integrator):
     drifts: tuple = ()
     kicks: tuple = ()
     symplectic = True
+    takes_low_parts = True
 
     @property
     def time_reversible(self) -> bool:
@@ -86,6 +88,10 @@ class Splitting(Integrator):
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Slopes of the kick's own method; the last is used where it is found."""
         return max(1, len(self.kick_method[1]) - 1) if velocity_dependent else 0
+
+    def step_numbers(self, dt: float) -> list[float]:
+        """Kick and drift of every stage."""
+        return [number * dt for _node, *numbers in self.entries for number in numbers]
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """Product of the drifts and kicks; a kick multiplies v by the polynomial of its own method."""
@@ -133,9 +139,9 @@ class Splitting(Integrator):
         node, kick, drift = ti.static(self.entries[k])
         sums = ti.static(self.sums(k, total_force))
         if ti.static(kick != 0.0):
-            self.kick_and_drift(state, total_force, first, time + node * dt, kick * dt, drift * dt, sums, drift != 0.0)
+            self.kick_and_drift(state, total_force, first, time + node * dt, k, kick * dt, drift * dt, sums, drift != 0.0)
         elif ti.static(drift != 0.0):
-            self.drift(state, total_force, first, drift * dt)
+            self.drift(state, total_force, first, k, drift * dt)
 
     @ti.func
     def kick_stage(
@@ -149,7 +155,7 @@ class Splitting(Integrator):
         if ti.static(k > 0 and shape != "launched" and self.wants_sum(total_force)):
             total_force.accumulate(state, first, time + node * dt, shape)
         sums = ti.static(self.sums(k, total_force))
-        self.kick_and_drift(state, total_force, first, time + node * dt, kick * dt, 0.0, sums, False)
+        self.kick_and_drift(state, total_force, first, time + node * dt, k, kick * dt, 0.0, sums, False)
 
     @ti.func
     def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
@@ -159,19 +165,18 @@ class Splitting(Integrator):
             if k == c:
                 node, kick, drift = self.entries[c]
         sums = ti.static(self.sums(1, total_force))
-        self.kick_and_drift(state, total_force, first, time + node * dt, kick * dt, drift * dt, sums, True)
+        self.kick_and_drift(state, total_force, first, time + node * dt, k, kick * dt, drift * dt, sums, True)
 
     @ti.func
     def stage_and_opening(self, state: Template, total_force: Template, first, time: Template, dt: Template, opens):
         """The last stage, and in the loop of its drift the one that opens the next step."""
         node, kick, drift = ti.static(self.entries[-1])
-        self.kick_and_drift(state, total_force, first, time + node * dt, kick * dt, 0.0, True, False)
+        last = ti.static(len(self.entries) - 1)
+        self.kick_and_drift(state, total_force, first, time + node * dt, last, kick * dt, 0.0, True, False)
         for i in range(first, first + total_force.particle_count):
-            velocity = state.velocity[i]
-            position = state.position[i] + drift * dt * velocity
+            drift_particle(state, i, drift * dt, 2 * last + 1)
             if opens:
-                position += self.drifts[0] * dt * velocity
-            state.position[i] = position
+                drift_particle(state, i, self.drifts[0] * dt, 1)
 
     @ti.func
     def kick_and_drift(
@@ -180,37 +185,38 @@ class Splitting(Integrator):
         total_force: Template,
         first,
         time,
+        k,
         kick_time: Template,
         drift_time: Template,
         sums: Template,
         drifts: Template,
     ):
-        """v += kick time × a, then x += drift time × v; a is summed here, or found in state.acceleration."""
+        """v += kick time × a, then x += drift time × v, those of stage k; a is summed here, or found in state.acceleration."""
         if ti.static(total_force.depends_on_velocity):
-            self.damped_kick(state, total_force, first, time, kick_time, sums)
+            self.damped_kick(state, total_force, first, time, k, kick_time, sums)
         elif ti.static(sums):
             for i in range(first, first + total_force.particle_count):
                 acceleration = total_force.local_acceleration(state, first, i, time, False)
                 if ti.static(self.keeps_force):
                     state.acceleration[i] = acceleration
-                state.velocity[i] = state.velocity[i] + kick_time * acceleration
+                kick_particle(state, i, kick_time, 2 * k, acceleration)
         else:
             for i in range(first, first + total_force.particle_count):
-                state.velocity[i] = state.velocity[i] + kick_time * state.acceleration[i]
+                kick_particle(state, i, kick_time, 2 * k, state.acceleration[i])
                 if ti.static(drifts):
-                    state.position[i] = state.position[i] + drift_time * state.velocity[i]
+                    drift_particle(state, i, drift_time, 2 * k + 1)
         # Positions that others look at during the kick move in a loop of their own.
         if ti.static(drifts and (sums or total_force.depends_on_velocity)):
-            self.drift(state, total_force, first, drift_time)
+            self.drift(state, total_force, first, k, drift_time)
 
     @ti.func
-    def drift(self, state: Template, total_force: Template, first, drift_time: Template):
-        """x += drift time × v."""
+    def drift(self, state: Template, total_force: Template, first, k, drift_time: Template):
+        """x += drift time × v, that of stage k."""
         for i in range(first, first + total_force.particle_count):
-            state.position[i] = state.position[i] + drift_time * state.velocity[i]
+            drift_particle(state, i, drift_time, 2 * k + 1)
 
     @ti.func
-    def damped_kick(self, state: Template, total_force: Template, first, time: Template, h: Template, sums: Template):
+    def damped_kick(self, state: Template, total_force: Template, first, time: Template, stage, h: Template, sums: Template):
         """Solve v' = a + f(v) over h at fixed positions, a loop for each slope; a does not depend on velocity.
 
         The forces are summed once, for the first slope; the others differ from it by the friction of what v has gained.
@@ -231,13 +237,20 @@ class Splitting(Integrator):
                         state, state.moving_as_scratch[s - 1], gained, first, i, time
                     )
                 if ti.static(s == len(end) - 1 and s > 0):
-                    velocity = state.velocity[i]
-                    for k in ti.static(range(s)):
-                        if ti.static(end[k] != 0.0):
-                            velocity += h * end[k] * state.scratch[k][i]
-                    state.velocity[i] = velocity + h * end[s] * slope
+                    if ti.static(state.carries_low):
+                        whole = end[s] * slope
+                        for k in ti.static(range(s)):
+                            if ti.static(end[k] != 0.0):
+                                whole += end[k] * state.scratch[k][i]
+                        kick_particle(state, i, h, 2 * stage, whole)
+                    else:
+                        velocity = state.velocity[i]
+                        for k in ti.static(range(s)):
+                            if ti.static(end[k] != 0.0):
+                                velocity += h * end[k] * state.scratch[k][i]
+                        state.velocity[i] = velocity + h * end[s] * slope
                 else:
                     state.scratch[s][i] = slope  # its velocity stays, for others to see
         if ti.static(len(end) == 1):
             for i in range(first, first + total_force.particle_count):
-                state.velocity[i] = state.velocity[i] + h * state.scratch[0][i]
+                kick_particle(state, i, h, 2 * stage, state.scratch[0][i])

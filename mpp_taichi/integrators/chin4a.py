@@ -7,6 +7,7 @@ import taichi as ti
 
 from mpp_taichi.component import component, param
 from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.low_parts import drift_particle, kick_particle, push_particle
 from mpp_taichi.types import Template
 
 GRADIENT = 1 / 24
@@ -29,11 +30,20 @@ class Chin4a(Integrator):
     time_reversible = True
     takes_velocity = False
     keeps_force = True
+    takes_low_parts = True
     nodes = (0.5, 0.5, 1.0)
 
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Positions before they are displaced."""
         return 1
+
+    def low_scratch_count(self) -> int:
+        """Their low parts."""
+        return 1
+
+    def step_numbers(self, dt: float) -> list[float]:
+        """Outer kick, drift, displacement, inner kick."""
+        return [dt / 6, dt / 2, GRADIENT * dt * dt, dt * 2 / 3]
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """Product of the kicks and drifts; ValueError with damping, which it cannot have."""
@@ -57,13 +67,18 @@ class Chin4a(Integrator):
             if ti.static(total_force.has_velocity_independent):
                 acceleration = state.acceleration[i]
             if ti.static(k == 0):
-                state.velocity[i] = state.velocity[i] + dt / 6 * acceleration
-                state.position[i] = state.position[i] + 0.5 * dt * state.velocity[i]
+                kick_particle(state, i, dt / 6, 0, acceleration)
+                drift_particle(state, i, 0.5 * dt, 1)
             elif ti.static(k == 1):
                 state.scratch_0[i] = state.position[i]
-                state.position[i] = state.position[i] + GRADIENT * dt * dt * acceleration
+                if ti.static(state.carries_low):
+                    state.scratch_1[i] = state.position_low[i]
+                push_particle(state, i, GRADIENT * dt * dt, 2, acceleration)
             elif ti.static(k == 2):
-                state.velocity[i] = state.velocity[i] + dt * 2 / 3 * acceleration
-                state.position[i] = state.scratch_0[i] + 0.5 * dt * state.velocity[i]
+                kick_particle(state, i, dt * 2 / 3, 3, acceleration)
+                state.position[i] = state.scratch_0[i]
+                if ti.static(state.carries_low):
+                    state.position_low[i] = state.scratch_1[i]
+                drift_particle(state, i, 0.5 * dt, 1)
             else:
-                state.velocity[i] = state.velocity[i] + dt / 6 * acceleration
+                kick_particle(state, i, dt / 6, 0, acceleration)

@@ -13,11 +13,13 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.low_parts import added, separation, wide_position
 from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, is_elementwise
 from mpp_taichi.types import Template
 
 VECTOR_BYTES = 64  # one AVX-512 register; two are 4–9 % faster in f32 and equal in f64, for twice the compile time
 SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
+BLOCK_PAIRS = 16  # that are summed up before their sum is added with its low part: a sum of thousands loses three bits
 UNROLLED_PAIRS = 36  # up to nine bodies the serial double loop is written out; beyond, compiling would take seconds
 
 
@@ -85,7 +87,7 @@ class AllPairs:
             else:
                 for i in range(first, first + self.particle_count):
                     for j in range(i + 1, first + self.particle_count):
-                        d = state.position[j] - state.position[i]
+                        d = separation(state, i, j)
                         on_i, on_j = self._weights(state, i, j, d.dot(d))
                         state.acceleration[i] = state.acceleration[i] + on_i * d
                         state.acceleration[j] = state.acceleration[j] - on_j * d
@@ -99,6 +101,7 @@ class AllPairs:
     def _accumulate_unrolled(self, state: Template, first, from_zero: Template):
         """All in registers: every position is read once and every acceleration written once."""
         position = [state.position[first + i] for i in ti.static(range(self.particle_count))]
+        low = [self._low(state, first + i) for i in ti.static(range(self.particle_count))]
         total = [ti.Vector.zero(float, self.dimensions) for i in ti.static(range(self.particle_count))]
         if ti.static(not from_zero):
             for i in ti.static(range(self.particle_count)):
@@ -106,11 +109,21 @@ class AllPairs:
         for i in ti.static(range(self.particle_count)):
             for j in ti.static(range(i + 1, self.particle_count)):
                 d = position[j] - position[i]
+                if ti.static(state.forces_see_low):
+                    d = d + (low[j] - low[i])
                 on_i, on_j = self._weights(state, first + i, first + j, d.dot(d))
                 total[i] = total[i] + on_i * d
                 total[j] = total[j] - on_j * d
         for i in ti.static(range(self.particle_count)):
             state.acceleration[first + i] = total[i]
+
+    @ti.func
+    def _low(self, state: Template, i):
+        """Low part of a position where forces see it, else nothing."""
+        result = ti.Vector.zero(float, self.dimensions)
+        if ti.static(state.forces_see_low):
+            result = state.position_low[i]
+        return result
 
     @ti.func
     def _weights(self, state: Template, i, j, distance_squared):
@@ -141,15 +154,33 @@ class AllPairs:
         """Add all accelerations, one body per iteration of a parallel loop; for GPUs."""
         if ti.static(self.has_work):
             for i in range(self.particle_count):
-                total = state.acceleration[i]
-                for j in range(self.particle_count):
-                    if i != j:
-                        total += self._acceleration_from(state, i, j)
-                state.acceleration[i] = total
+                if ti.static(state.forces_see_low):
+                    self._gather_in_blocks(state, i)
+                else:
+                    total = state.acceleration[i]
+                    for j in range(self.particle_count):
+                        if i != j:
+                            total += self._acceleration_from(state, i, j)
+                    state.acceleration[i] = total
+
+    @ti.func
+    def _gather_in_blocks(self, state: Template, i):
+        """Where forces see low parts: sums over blocks of bodies, added with what that loses."""
+        size = ti.static(2 * BLOCK_PAIRS)
+        whole = state.acceleration[i]
+        lost = ti.Vector.zero(float, self.dimensions)
+        for block in range(-(-self.particle_count // size)):
+            total = ti.Vector.zero(float, self.dimensions)
+            for j in range(block * size, ti.min((block + 1) * size, self.particle_count)):
+                if i != j:
+                    total += self._acceleration_from(state, i, j)
+            for axis in ti.static(range(self.dimensions)):
+                whole[axis], lost[axis] = added(state, whole[axis], lost[axis], total[axis])
+        state.acceleration[i] = whole
 
     @ti.func
     def _acceleration_from(self, state: Template, i, j):
-        d = state.position[j] - state.position[i]
+        d = separation(state, i, j)
         distance_squared = self._apart(d.dot(d), state, j)
         weight = 0.0
         for group in ti.static(self.groups):
@@ -168,7 +199,8 @@ class AllPairs:
         would store nothing, and say nothing.
         """
         if state is not self._checked_state:
-            self.require_components_apart(state, ("position", "acceleration"))
+            low = ("position_low",) if state.forces_see_low else ()
+            self.require_components_apart(state, ("position", "acceleration", *low))
             self._checked_state = state
         with explicit_vectors():
             self._accumulate_on_cpu(state)
@@ -208,35 +240,42 @@ class AllPairs:
             ti.Vector([state.position[begin + lane][axis] for lane in ti.static(range(self.lane_count))])
             for axis in ti.static(range(self.dimensions))
         ]
+        low = [self._low_lanes(state, begin, axis) for axis in ti.static(range(self.dimensions))]
         response = [
             ti.Vector([member.force.response(state, begin + lane) for lane in ti.static(range(self.lane_count))])
             for member in ti.static(self.members)
         ]
         total = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
+        whole = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
+        lost = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
         others = ti.static(self.particle_count - self.lane_count)
 
         # Bodies outside the tile, two at a time: 1/r and 1/s are s/(r s) and r/(r s), one division for both.
-        for pair in range(others // 2):
-            j = self._outside(first + 2 * pair, begin)
-            k = self._outside(first + 2 * pair + 1, begin)
-            to_j = [state.position[j][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
-            to_k = [state.position[k][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
-            squared_j = self._apart(self._square(to_j), state, j)
-            squared_k = self._apart(self._square(to_k), state, k)
-            weight_j = ti.Vector.zero(float, self.lane_count)
-            weight_k = ti.Vector.zero(float, self.lane_count)
-            for group in ti.static(self.groups):
-                distance_j = ti.sqrt(squared_j + group.softening_squared)
-                distance_k = ti.sqrt(squared_k + group.softening_squared)
-                inverse_product = 1.0 / (distance_j * distance_k)
-                inverse_j = inverse_product * distance_k
-                inverse_k = inverse_product * distance_j
-                for member in ti.static(group.members):
-                    weight_j = self._add_weight(weight_j, state, member, response, j, inverse_j)
-                    weight_k = self._add_weight(weight_k, state, member, response, k, inverse_k)
-            for axis in ti.static(range(self.dimensions)):
-                total[axis] = total[axis] + weight_j * to_j[axis]
-                total[axis] = total[axis] + weight_k * to_k[axis]
+        pairs = ti.static(others // 2)
+        block_pairs = ti.static(BLOCK_PAIRS if state.forces_see_low else max(pairs, 1))
+        for block in range(-(-pairs // block_pairs)):
+            for pair in range(block * block_pairs, ti.min((block + 1) * block_pairs, pairs)):
+                j = self._outside(first + 2 * pair, begin)
+                k = self._outside(first + 2 * pair + 1, begin)
+                to_j = [self._way(state, j, axis, position, low) for axis in ti.static(range(self.dimensions))]
+                to_k = [self._way(state, k, axis, position, low) for axis in ti.static(range(self.dimensions))]
+                squared_j = self._apart(self._square(to_j), state, j)
+                squared_k = self._apart(self._square(to_k), state, k)
+                weight_j = ti.Vector.zero(float, self.lane_count)
+                weight_k = ti.Vector.zero(float, self.lane_count)
+                for group in ti.static(self.groups):
+                    distance_j = ti.sqrt(squared_j + group.softening_squared)
+                    distance_k = ti.sqrt(squared_k + group.softening_squared)
+                    inverse_product = 1.0 / (distance_j * distance_k)
+                    inverse_j = inverse_product * distance_k
+                    inverse_k = inverse_product * distance_j
+                    for member in ti.static(group.members):
+                        weight_j = self._add_weight(weight_j, state, member, response, j, inverse_j)
+                        weight_k = self._add_weight(weight_k, state, member, response, k, inverse_k)
+                for axis in ti.static(range(self.dimensions)):
+                    total[axis] = total[axis] + weight_j * to_j[axis]
+                    total[axis] = total[axis] + weight_k * to_k[axis]
+            self._put_by(state, total, whole, lost)
 
         lane_number = ti.Vector([ti.cast(lane, float) for lane in ti.static(range(self.lane_count))])
         # The bodies of the tile, and the odd one left over. A body's own lane gets a distance of one, and pulls by zero.
@@ -244,7 +283,7 @@ class AllPairs:
             j = begin + step
             if step == self.lane_count:
                 j = self._outside(first + others - 1, begin)
-            to_j = [state.position[j][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
+            to_j = [self._way(state, j, axis, position, low) for axis in ti.static(range(self.dimensions))]
             from_own = lane_number - ti.cast(step, float)
             own = ti.max(1.0 - from_own * from_own, 0.0)  # 1 in lane `step`, 0 in the others
             squared = self._apart(self._square(to_j) + own, state, j)
@@ -255,6 +294,10 @@ class AllPairs:
                     weight = self._add_weight(weight, state, member, response, j, inverse)
             for axis in ti.static(range(self.dimensions)):
                 total[axis] = total[axis] + weight * to_j[axis]
+        self._put_by(state, total, whole, lost)
+        if ti.static(state.forces_see_low):
+            for axis in ti.static(range(self.dimensions)):
+                total[axis] = whole[axis]
 
         for lane in ti.static(range(self.lane_count)):
             i = begin + lane
@@ -269,6 +312,30 @@ class AllPairs:
     def _outside(self, order, begin):
         """Index of a body outside the tile, counted without the tile's own."""
         return order + ti.select(order >= begin, self.lane_count, 0)
+
+    @ti.func
+    def _low_lanes(self, state: Template, begin, axis: Template):
+        """Low parts of the positions of a tile where forces see them, else nothing."""
+        result = ti.Vector.zero(float, self.lane_count)
+        if ti.static(state.forces_see_low):
+            result = ti.Vector([state.position_low[begin + lane][axis] for lane in ti.static(range(self.lane_count))])
+        return result
+
+    @ti.func
+    def _way(self, state: Template, j, axis: Template, position: Template, low: Template):
+        """Component of the separations of body j from those of a tile."""
+        result = state.position[j][axis] - position[axis]
+        if ti.static(state.forces_see_low):
+            result = result + (state.position_low[j][axis] - low[axis])
+        return result
+
+    @ti.func
+    def _put_by(self, state: Template, total: Template, whole: Template, lost: Template):
+        """Where forces see low parts: add the sum over a block to the whole, what that loses beside it, and begin another."""
+        if ti.static(state.forces_see_low):
+            for axis in ti.static(range(self.dimensions)):
+                whole[axis], lost[axis] = added(state, whole[axis], lost[axis], total[axis])
+                total[axis] = ti.Vector.zero(float, self.lane_count)
 
     @ti.func
     def _square(self, separation: Template):
@@ -303,10 +370,10 @@ class AllPairs:
         """
         energy = ti.cast(0.0, state.wide)
         first = i // self.particle_count * self.particle_count
-        position = ti.cast(state.position[i], state.wide)
+        position = wide_position(state, i)
         for j in range(first, first + self.particle_count):
             if j != i:
-                energy += 0.5 * self.potential_between(state, i, j, ti.cast(state.position[j], state.wide) - position)
+                energy += 0.5 * self.potential_between(state, i, j, wide_position(state, j) - position)
         return energy
 
     @ti.func

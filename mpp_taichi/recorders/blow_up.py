@@ -87,7 +87,7 @@ class BlowUpWatch:
         self._has_springs = len(springs) > 0
         self._elastic = float(0.5 * springs.stiffness @ springs.rest_length**2)
         self._extent = float(np.ptp(start.position, axis=0).max() + springs.rest_length.sum())
-        self._epsilon = 2.0**-24 if simulation.device.precision == "f32" else 2.0**-53
+        self._epsilon = 2.0**-53 if simulation.device.precision == "f64" else 2.0**-24
         self._sound = simulation.mark()
 
     def _start_energy(self, name: str) -> float:

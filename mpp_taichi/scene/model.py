@@ -14,6 +14,7 @@ from pydantic import Field as Describe
 from pydantic_core import PydanticCustomError, core_schema
 
 from mpp_taichi import component
+from mpp_taichi.precision import PRECISIONS
 from mpp_taichi.scene import fields, units
 from mpp_taichi.scene.contacts import contacts_model
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
@@ -60,18 +61,18 @@ class Bound(Field):
         self.number = number
 
     def check(self, value: Any, context: Context) -> dict[str, float]:
-        """Fill in both precisions."""
+        """Fill in every precision; f32c and ds have the bound of f32 unless they are given their own."""
         if not isinstance(value, dict):
-            number = self.number.check(value, context)
-            return {"f64": number, "f32": number}
-        if set(value) != {"f64", "f32"}:
-            raise Wrong("must be a number or {f64: number, f32: number}")
-        return {key: self.number.check(entry, context) for key, entry in value.items()}
+            return dict.fromkeys(PRECISIONS, self.number.check(value, context))
+        if not {"f64", "f32"} <= set(value) <= set(PRECISIONS):
+            raise Wrong("must be a number or {f64: number, f32: number}, with f32c and ds where they differ from f32")
+        bounds = {key: self.number.check(entry, context) for key, entry in value.items()}
+        return dict.fromkeys(PRECISIONS, bounds["f32"]) | bounds
 
     def schema(self) -> dict[str, Any]:
-        """A number, or a mapping of two."""
+        """A number, or a mapping of at least two."""
         number = self.number.schema()
-        each = {"type": "object", "properties": {"f64": number, "f32": number}, "required": ["f64", "f32"]}
+        each = {"type": "object", "properties": dict.fromkeys(PRECISIONS, number), "required": ["f64", "f32"]}
         return {"anyOf": [*number["anyOf"], {**each, "additionalProperties": False}]}
 
 

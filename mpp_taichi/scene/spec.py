@@ -137,7 +137,7 @@ class ContactsSpec:
 class Expectation:
     """A statement of physics that `check` asserts: `quantity` bounded by `below`/`above`, or `near ± within`.
 
-    Bounds are {"f64": number, "f32": number}; `parameters` are the diagnostic's own (say `of:` and `around:`).
+    Bounds are numbers by precision; `parameters` are the diagnostic's own (say `of:` and `around:`).
     `within` is relative to `near`.
     """
 
