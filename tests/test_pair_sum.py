@@ -80,6 +80,8 @@ class Screened(Gravity):
 
 @ti.data_oriented
 class _State:
+    carries_low = forces_see_low = False
+
     def __init__(self, position, mass, charge, precision, layout=None):
         count, self.dimensions = position.shape
         self.wide = ti.f64
