@@ -179,6 +179,8 @@ def check_room(fields: dict[str, tuple[str, int]], *, dimensions: int, replica_c
     numbers = {
         "scalar": 1,
         "vector": dimensions,
+        "vector4": 4,
+        "vector8": 8,
         "matrix": dimensions**2,
         "index": 0.5,
         "pair": 2,

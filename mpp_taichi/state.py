@@ -161,6 +161,8 @@ class State:
         else:
             made = {
                 "vector": lambda: ti.Vector.field(self.dimensions, float),
+                "vector4": lambda: ti.Vector.field(4, float),
+                "vector8": lambda: ti.Vector.field(8, float),
                 "matrix": lambda: ti.Matrix.field(self.dimensions, self.dimensions, float),
                 "scalar": lambda: ti.field(float),
                 "index": lambda: ti.field(ti.i32),

@@ -9,6 +9,7 @@ import taichi as ti
 from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.low_parts import step_parts
+from mpp_taichi.neighbors.explicit_vectors import explicit_vectors
 from mpp_taichi.quick_compilation import quick_compilation
 from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.state import State
@@ -44,8 +45,7 @@ class Stepper:
         self.grain = CPU_GRAIN if on_cpu else 1
         self._bad: Any = ti.field(ti.i32, shape=())
         self._parts_of: float | None = None  # the dt whose parts the state has
-        if integrator.adaptive:
-            integrator.set_control(state)
+        self._control: tuple[float, float] | None = None
 
     def prepare(self, time: float) -> None:
         """Compute the force that the first step expects to find, after the state was set from outside."""
@@ -61,7 +61,10 @@ class Stepper:
                 self._start_implicit(force, time)
         self.integrator.arrange(self.state)
         if self.integrator.adaptive:
-            self.integrator.set_control(self.state)
+            control = self.integrator.control()
+            if control != self._control:
+                self.integrator.set_control(self.state)
+                self._control = control
             with quick_compilation() if self.integrator.quickly_compiled else nullcontext():
                 self._begin_adaptive(time, self.integrator.dt)
         if self.contacts is not None:
@@ -94,7 +97,8 @@ class Stepper:
             for s in range(steps):
                 self._step_with_contacts(self.contacts, time + s * dt, dt)
         elif self.integrator.adaptive:
-            self._advance_adaptive(time + steps * dt)
+            with explicit_vectors() if self.integrator.writes_vectors and self.total_force.has_pairs else nullcontext():
+                self._advance_adaptive(time + steps * dt)
         elif self.integrator.own_state:
             self._launch_own(dt, steps, 0.0)
         elif self.plan == "serial":
@@ -197,18 +201,29 @@ class Stepper:
 
     @ti.kernel
     def _begin_adaptive(self, time: ti.f64, dt: ti.f64):
-        for q in range(self.state.replica_count * self.grain):
-            if q % self.grain == 0:
-                first = q // self.grain * self.state.particle_count
-                self.integrator.begin(self.state, self.total_force, first, time, dt, "serial")
+        if ti.static(self.plan == "serial"):
+            ti.loop_config(serialize=True)  # no other thread is woken
+            for _ in range(1):
+                self.integrator.begin(self.state, self.total_force, 0, time, dt, "serial")
+        else:
+            for q in range(self.state.replica_count * self.grain):
+                if q % self.grain == 0:
+                    first = q // self.grain * self.state.particle_count
+                    self.integrator.begin(self.state, self.total_force, first, time, dt, "serial")
 
     @ti.kernel
     def _advance_adaptive(self, end: ti.f64):
-        for q in range(self.state.replica_count * self.grain):
-            if q % self.grain == 0:
-                first = q // self.grain * self.state.particle_count
-                self.integrator.advance_to(self.state, self.total_force, first, end, "serial")
-                self.integrator.show(self.state, self.total_force, first, end)
+        if ti.static(self.plan == "serial"):
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                self.integrator.advance_to(self.state, self.total_force, 0, end, "serial")
+                self.integrator.show(self.state, self.total_force, 0, end)
+        else:
+            for q in range(self.state.replica_count * self.grain):
+                if q % self.grain == 0:
+                    first = q // self.grain * self.state.particle_count
+                    self.integrator.advance_to(self.state, self.total_force, first, end, "serial")
+                    self.integrator.show(self.state, self.total_force, first, end)
 
     @ti.kernel
     def _launch_own(self, dt: float, steps: ti.i32, beyond: float):
@@ -289,7 +304,8 @@ class Stepper:
         if not len(stalled):
             return -1
         first = int(stalled[0]) * self.state.particle_count
-        size = np.linalg.norm(self.state.start_acceleration.to_numpy()[first : first + self.state.particle_count], axis=1)
+        found = self.integrator.accelerations(self.state)[first : first + self.state.particle_count]
+        size = np.linalg.norm(found, axis=1)
         return first + int(np.argmax(np.nan_to_num(size, nan=np.inf)))
 
     def adaptive_time(self) -> float:

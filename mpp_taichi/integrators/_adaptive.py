@@ -70,6 +70,10 @@ class Adaptive(Integrator):
         """Numbers of the replicas whose step has become too short for their time."""
         return np.flatnonzero(self.counts(state)[:, self.STALLED])
 
+    def accelerations(self, state: Any) -> np.ndarray:
+        """At the start of the last step, (total_count, dimensions) [length / time²]."""
+        return np.asarray(state.start_acceleration.to_numpy())
+
     @ti.func
     def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
         """Take the state as it is at `time`, with nothing known of it."""
@@ -118,3 +122,8 @@ class Adaptive(Integrator):
         if ti.static(total_force.depends_on_velocity):
             result += total_force.local_acceleration(state, first, i, ti.cast(time, float), True)
         return result
+
+
+def rounding() -> float:
+    """Of the precision of the run: the distance of the numbers beside 1."""
+    return 2.0**-23 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-52

@@ -25,6 +25,7 @@ class Integrator:
                      that wants any says so with a literal `needs_derivatives = True`, which scenes are checked by
     own_state        keeps the motion in fields of its own, and `launch` sets what is shown from them
     quickly_compiled its kernels are long, and compiled without Taichi's own optimisation (see quick_compilation.py)
+    writes_vectors   beside pairs its step is written for explicit vectors (see neighbors/explicit_vectors.py)
     takes_velocity   keeps its order beside forces that depend on velocity; a class where it is not so says it with a literal
                      False of its own, which scenes are checked by, and the method is refused beside such forces
     takes_time       goes beside forces that depend on time by themselves; said and checked in the same way
@@ -45,6 +46,7 @@ class Integrator:
     derivatives = 0
     own_state = False
     quickly_compiled = False
+    writes_vectors = False
     takes_velocity = True
     takes_time = True
     on_cpu_only = False

@@ -6,7 +6,7 @@ from typing import Any
 import taichi as ti
 
 from mpp_taichi.component import component, param
-from mpp_taichi.integrators._adaptive import Adaptive
+from mpp_taichi.integrators._adaptive import Adaptive, rounding
 from mpp_taichi.integrators._radau import differences_of_powers, powers_of_differences, radau_nodes
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
@@ -65,8 +65,8 @@ class Ias15(Adaptive):
 
         ε is as given, but no shorter steps than those whose derivatives stand out from round-off: 0.73 of τ in f32.
         """
-        epsilon = max(self.epsilon, 200.0 * _rounding())
-        return (5040.0 * epsilon) ** (1.0 / 7.0), max(epsilon, 1e4 * _rounding())
+        epsilon = max(self.epsilon, 200.0 * rounding())
+        return (5040.0 * epsilon) ** (1.0 / 7.0), max(epsilon, 1e4 * rounding())
 
     # A run -------------------------------------------------------------------------------------------------------------
 
@@ -323,8 +323,3 @@ class Ias15(Adaptive):
         faster = state.start_velocity[i] + push
         state.velocity_rest[i] = (faster - state.start_velocity[i]) - push
         state.start_velocity[i] = faster
-
-
-def _rounding() -> float:
-    """Of the precision of the run."""
-    return 2.0**-23 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-52

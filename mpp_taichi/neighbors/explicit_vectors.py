@@ -6,7 +6,9 @@ vector from end to end, whatever LLVM knows of the machine: three to four times 
 
 Taichi's code generator lacks part of this mode, and stops the process where it does: no transcendental function, `abs`,
 cast, comparison result, unary minus or `+=` on a whole vector, and no load or store of a whole vector field. Hence it is
-switched on only while a kernel written for it is compiled, never for a scene's other kernels.
+switched on only while a kernel written for it is compiled, never for a scene's other kernels. Without Taichi's own
+optimisation (`quick_compilation`) such kernels compute wrong numbers and say nothing: the two must not meet. Parts of a vector
+field that keeps its vectors together are reached by `field.get_scalar_field(lane)[i]` alone; then eight of them are one load.
 """
 
 import ast

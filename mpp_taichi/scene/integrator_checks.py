@@ -13,6 +13,7 @@ from mpp_taichi.snapshot import Snapshot
 # Methods made for certain forces, of which the scene must have one and no other, and the reason.
 MADE_FOR = {
     "adaptive_leapfrog": (("newtonian_gravity",), "its step follows a potential that has one sign"),
+    "taylor": (("newtonian_gravity", "uniform_gravity"), "its series are theirs"),
     "wisdom_holman": (("newtonian_gravity",), "its drifts are Kepler's orbits"),
 }
 CORRECTORS = (0, 3, 5, 7, 11, 17)
@@ -34,6 +35,8 @@ def check_integrator(spec: SceneSpec, faults: Faults) -> None:
         faults.add(place, key, f"knows no forces but {', '.join(forces)} ({reason}), not {', '.join(others)}")
     elif not spec.forces:
         faults.add(place, key, f"needs {', '.join(forces)}: {reason}")
+    elif len([force for force in spec.forces if force.name == "newtonian_gravity"]) > 1:
+        faults.add(place, key, "knows one newtonian_gravity, not several")
     elif spec.integrator.name == "wisdom_holman":
         _check_orbits(spec, key, faults)
 

@@ -1,0 +1,272 @@
+"""Power series of a motion under gravity: the recurrences of Taylor's method, several pairs side by side."""
+
+import itertools
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.types import Template
+
+FEW_PAIRS = 4  # that fit into one block of so many lanes; else blocks are of eight
+EXPONENT = -1.5  # of the squared distance
+LARGEST_SHARE = 8  # of a particle's pairs that are added up without a loop
+FEW_ORDERS = 6  # whose coefficients are large enough for the error of a constant to be seen
+
+
+@ti.data_oriented
+class GravitySeries:
+    """Coefficients of the positions, x(t + θ u) = Σ X_n θ^n, u the unit of time, from X_0 = x and X_1 = u v.
+
+    For each pair d = x_j − x_i, q = d·d + ε², s = q^(−3/2); Cauchy's products give
+
+        Q_n = Σ_k D_k·D_(n−k),  n Q_0 S_n = Σ_(k<n) (−3/2 (n − k) − k) Q_(n−k) S_k,  A_n = Σ_j G m_j Σ_k S_k D_(n−k),
+        X_(n+2) = u² A_n / ((n + 1)(n + 2))
+
+    A pair is computed once and acts on both. Pairs lie in blocks of lanes: all of a pair's D and S of one order for every
+    lane of a block, then the next quantity; then the next block, the next order. A sum over k so walks through whole
+    vectors, which is why the kernel wants `explicit_vectors`. Lanes left over repeat the first pair and pull at nothing.
+    Sources: Moore, Interval Analysis (1966) ch. 11; Jorba & Zou, Exp. Math. 14 (2005) 99.
+    """
+
+    def __init__(self, total_force: Any, start: Snapshot, order: int) -> None:
+        """Up to this order."""
+        self.total_force = total_force
+        self.count, self.dimensions = start.particle_count, total_force.dimensions
+        self.rows = order + 1  # of coefficients
+        pairs = self.count * (self.count - 1) // 2 if total_force.has_pairs else 0
+        self.pair_count = pairs
+        self.share = min(self.count - 1, LARGEST_SHARE) if pairs else 0
+        self.shares = -(-(self.count - 1) // self.share) if pairs else 0
+        self.lanes = 4 if pairs <= FEW_PAIRS else 8
+        self.blocks = -(-pairs // self.lanes)
+        self.slots = self.blocks * self.lanes  # for pairs
+        self.quantities = self.dimensions + 2  # D, Q (of order 0: 1/Q) and S
+        self.group = self.count if self.blocks == 1 else 1  # of particles whose series are summed side by side
+        self.row_size = self.blocks * self.quantities
+        # Known when kernels are compiled where all fit into one block; else looked up, and these stand for nothing.
+        self.pairs = list(itertools.combinations(range(self.count), 2)) if self.blocks == 1 else []
+        self.pairs += [(0, 1)] * (self.lanes - len(self.pairs))
+        self.softening_squared = float(total_force.pair_forces[0].softening) ** 2 if pairs else 0.0
+
+    def work_fields(self) -> dict[str, tuple[str, int]]:
+        """Coefficients; of each pair the places of its ends in a row, what pulls at them, and its series."""
+        return {
+            "coefficient": ("vector", self.rows * self.count),
+            "pair_end": ("index", 2 * self.slots),
+            "pair_series": (f"vector{self.lanes}", (self.rows - 2) * self.row_size),
+            "pair_force": ("scalar", self.blocks * self.dimensions * self.lanes),
+            "own_pair": ("index", self.share * self.shares * self.count),
+            "own_pull": ("scalar", self.share * self.shares * self.count),
+        }
+
+    @staticmethod
+    def component(state: Any, c: int) -> Any:
+        """Of the coefficients: one axis, as numbers. Where vectors are explicit, Taichi stores no part of a whole one."""
+        return state.coefficient.get_scalar_field(c)
+
+    def slot_of(self, i: int, j: int) -> int:
+        """Where the pair of particle i and its j-th other is."""
+        other = j if j < i else j + 1
+        return self.pairs.index((min(i, other), max(i, other)))
+
+    @ti.func
+    def begin(self, state: Template, first):
+        """Number the pairs."""
+        if ti.static(self.pair_count > 0):
+            r = first // self.count
+            slot = 0
+            for i in range(self.count):
+                for j in range(i + 1, self.count):
+                    self._set_end(state, r, slot, i, j)
+                    self._set_own(state, first, slot, i, j, j - 1, 1.0)
+                    self._set_own(state, first, slot, j, i, i, -1.0)
+                    slot += 1
+            while slot < self.slots:
+                self._set_end(state, r, slot, 0, 1)
+                slot += 1
+
+    @ti.func
+    def _set_end(self, state: Template, r, slot, i, j):
+        """Pair `slot` is d = x_j − x_i."""
+        state.pair_end[2 * (r * self.slots + slot)] = i
+        state.pair_end[2 * (r * self.slots + slot) + 1] = j
+
+    @ti.func
+    def _set_own(self, state: Template, first, slot, i, j, place, sign):
+        """Pair `slot` is the one of particle i at this place, and j pulls at it."""
+        own = (first + i) * self.shares * self.share + place
+        block, lane = slot // self.lanes, slot % self.lanes
+        state.own_pair[own] = (first // self.count * self.blocks + block) * self.dimensions * self.lanes + lane
+        for force in ti.static(self.total_force.pair_forces):
+            state.own_pull[own] = sign * force.response(state, first + i) * force.source(state, first + j)
+
+    @ti.func
+    def extend(self, state: Template, first, unit, time):
+        """Coefficients from 2 on, from 0 and 1."""
+        r = first // self.count
+        for n in range(self.rows - 2):
+            if ti.static(self.blocks == 1):
+                self._extend_few(state, first, r, n, unit, time)
+            else:
+                if ti.static(self.blocks > 1):
+                    self._pull_all(state, r, n)
+                for i in range(first, first + self.count):
+                    a = self._external(state, i, n, time)
+                    for part in range(self.shares):
+                        for member in ti.static(range(self.share)):
+                            own = (i * self.shares + part) * self.share + member
+                            for c in ti.static(range(self.dimensions)):
+                                a[c] += state.own_pull[own] * state.pair_force[state.own_pair[own] + c * self.lanes]
+                    self._place(state, first, r, i, n, unit, a)
+
+    @ti.func
+    def _pull_all(self, state: Template, r, n):
+        for block in range(self.blocks):
+            pull = self._pull(state, r, n, block)
+            for c, lane in ti.static(ti.ndrange(self.dimensions, self.lanes)):
+                state.pair_force[((r * self.blocks + block) * self.dimensions + c) * self.lanes + lane] = pull[c][lane]
+
+    @ti.func
+    def _extend_few(self, state: Template, first, r, n, unit, time):
+        """The same where all pairs fit into one vector: nothing is looked up."""
+        pull = self._pull(state, r, n, 0)
+        for i in ti.static(range(self.count)):
+            a = self._external(state, first + i, n, time)
+            for j in ti.static(range(self.count - 1)):
+                for c in ti.static(range(self.dimensions)):
+                    a[c] += state.own_pull[(first + i) * self.share + j] * pull[c][ti.static(self.slot_of(i, j))]
+            self._place(state, first, r, first + i, n, unit, a)
+
+    @ti.func
+    def _external(self, state: Template, i, n, time):
+        """Acceleration by what is not a pair, which has no other order than 0."""
+        a = [0.0 for c in ti.static(range(self.dimensions))]
+        if n == 0:
+            for force in ti.static(self.total_force.external):
+                g = force.accelerate(state, i, ti.Vector.zero(float, self.dimensions), time)
+                for c in ti.static(range(self.dimensions)):
+                    a[c] += g[c]
+        return a
+
+    @ti.func
+    def _place(self, state: Template, first, r, i, n, unit, a):
+        """Coefficient n + 2 of particle i."""
+        row = (r * self.rows + n + 2) * self.count + i - first
+        for c in ti.static(range(self.dimensions)):
+            x = self._divided(a[c] * (unit * unit), n, (n + 1) * (n + 2))
+            if ti.static(state.has_fixed_axes):
+                x = x if state.free[i][c] != 0.0 else 0.0
+            ti.static(self.component(state, c))[row] = x
+
+    @ti.func
+    def _divided(self, x, n, divisor):
+        """A product is faster, but its factor is rounded the same way in each step, which would show in the energy."""
+        result = x
+        if n < FEW_ORDERS:
+            result = x / divisor
+        else:
+            result = x * (1.0 / divisor)
+        return result
+
+    @ti.func
+    def _pull(self, state: Template, r, n, block):
+        """Order n of a block's pairs: their series, and what they add to the accelerations."""
+        lanes, axes = ti.static(self.lanes, self.dimensions)
+        origin = (r * (self.rows - 2) * self.blocks + block) * self.quantities
+        now = origin + n * self.row_size
+        d = self._separation(state, r, n, block)
+        for c in ti.static(range(axes)):
+            self._store(state, now + c, d[c])
+        pull = [ti.Vector.zero(float, lanes) for c in ti.static(range(axes))]
+        if n == 0:
+            squared = d[0] * d[0]
+            for c in ti.static(range(1, axes)):
+                squared = squared + d[c] * d[c]
+            inverse = 1.0 / (squared + self.softening_squared)
+            s = inverse * ti.sqrt(inverse)
+            self._store(state, now + axes, inverse)
+            self._store(state, now + axes + 1, s)
+            for c in ti.static(range(axes)):
+                pull[c] = s * d[c]
+        else:
+            q_terms = [ti.Vector.zero(float, lanes) for c in ti.static(range(axes))]
+            s_sum = ti.Vector.zero(float, lanes)
+            weight = EXPONENT * n  # of order k: −3/2 (n − k) − k
+            for k in range(1, n):
+                weight -= EXPONENT + 1.0
+                here, back = origin + k * self.row_size, origin + (n - k) * self.row_size
+                s = self._load(state, here + axes + 1)
+                s_sum = s_sum + (weight * s) * self._load(state, back + axes)
+                for c in ti.static(range(axes)):
+                    other = self._load(state, back + c)
+                    pull[c] = pull[c] + s * other
+                    q_terms[c] = q_terms[c] + other * self._load(state, here + c)
+            # The terms with order 0, and of order n.
+            q_sum = q_terms[0]
+            zeroth = d[0] * self._load(state, origin)
+            for c in ti.static(range(1, axes)):
+                q_sum = q_sum + q_terms[c]
+                zeroth = zeroth + d[c] * self._load(state, origin + c)
+            q = q_sum + 2.0 * zeroth
+            s0 = self._load(state, origin + axes + 1)
+            s = self._divided((s_sum + (EXPONENT * n) * (q * s0)) * self._load(state, origin + axes), n, n)
+            self._store(state, now + axes, q)
+            self._store(state, now + axes + 1, s)
+            for c in ti.static(range(axes)):
+                pull[c] = (pull[c] + s0 * d[c]) + s * self._load(state, origin + c)
+        return pull
+
+    @ti.func
+    def largest(self, state: Template, first, n):
+        """Of |D_n|²/Q_0 over the pairs; infinite where one is no number."""
+        r = first // self.count
+        result = 0.0
+        if ti.static(self.pair_count > 0):
+            axes, lanes = ti.static(self.dimensions, self.lanes)
+            total = 0.0
+            for block in range(self.blocks):
+                d = self._separation(state, r, n, block)
+                squared = d[0] * d[0]
+                for c in ti.static(range(1, axes)):
+                    squared = squared + d[c] * d[c]
+                origin = (r * (self.rows - 2) * self.blocks + block) * self.quantities
+                squared = squared * self._load(state, origin + axes)
+                for lane in ti.static(range(lanes)):
+                    result = ti.max(result, squared[lane])
+                    total += squared[lane]
+            if not total < ti.math.inf:
+                result = ti.math.inf
+        return result
+
+    @ti.func
+    def _separation(self, state: Template, r, n, block):
+        """D_n of a block: a vector of lanes for each axis."""
+        row = (r * self.rows + n) * self.count
+        p = 2 * (r * self.slots + block * self.lanes)
+        begin = [
+            row + (self.pairs[lane][0] if ti.static(self.blocks == 1) else state.pair_end[p + 2 * lane])
+            for lane in ti.static(range(self.lanes))
+        ]
+        end = [
+            row + (self.pairs[lane][1] if ti.static(self.blocks == 1) else state.pair_end[p + 2 * lane + 1])
+            for lane in ti.static(range(self.lanes))
+        ]
+        return [
+            ti.Vector(
+                [
+                    ti.static(self.component(state, c))[end[lane]] - ti.static(self.component(state, c))[begin[lane]]
+                    for lane in ti.static(range(self.lanes))
+                ]
+            )
+            for c in ti.static(range(self.dimensions))
+        ]
+
+    @ti.func
+    def _load(self, state: Template, place):
+        return ti.Vector([ti.static(state.pair_series.get_scalar_field(lane))[place] for lane in ti.static(range(self.lanes))])
+
+    @ti.func
+    def _store(self, state: Template, place, values):
+        for lane in ti.static(range(self.lanes)):
+            ti.static(state.pair_series.get_scalar_field(lane))[place] = values[lane]
