@@ -293,6 +293,7 @@ def test_what_it_cannot_do_is_refused_in_one_line():
     for forces, said in (
         ([GRAVITY, drag], "taylor: knows no forces but newtonian_gravity, uniform_gravity .*, not linear_drag"),
         ([{"coulomb": {}}], "taylor: knows no forces but newtonian_gravity, uniform_gravity .*, not coulomb"),
+        ([GRAVITY, GRAVITY], "taylor: knows one newtonian_gravity, not several"),
         ([], "taylor: needs newtonian_gravity, uniform_gravity"),
     ):
         with pytest.raises(SceneError, match=said):
