@@ -103,8 +103,16 @@ def test_springs_that_are_pulled_a_hundredfold_are_let_go():
         assert watched(simulation, 20, steps=4000) is None
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("scene", sorted(path.name for path in (ROOT / "scenes").glob("*.yaml")))
+ROUNDED = ("ring", "figure_eight", "membrane", "cloth", "pile", "piston")  # scenes whose round-off in f32 differs in kind
+
+
+@pytest.mark.parametrize(
+    ("scene", "precision"),
+    [
+        *((path.name, "f64") for path in sorted((ROOT / "scenes").glob("*.yaml"))),
+        *((f"{name}.yaml", "f32") for name in ROUNDED),
+    ],
+)
 def test_bundled_scenes_raise_no_alarm(scene, precision):
     with Simulation(ROOT / "scenes" / scene, backend="cpu", precision=precision) as simulation:
         many = simulation.state.particle_count > 1000

@@ -9,6 +9,7 @@ import pytest
 
 from mpp_taichi import component
 from mpp_taichi.errors import SceneError
+from mpp_taichi.precision import PRECISIONS
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.scalars import read_plain
 
@@ -211,7 +212,7 @@ def test_one_quantity_may_be_expected_of_several_particles():
     expect = {"orbital_period": [{"of": "b", "around": "a", "near": 1, "within": 1}, {"of": "c", "around": "a", "above": 0}]}
     spec = load_scene(scene(particles=bodies, expect=expect))
     assert [each.parameters for each in spec.expect] == [{"of": 1, "around": 0}, {"of": 2, "around": 0}]
-    assert spec.expect[0].within == {"f64": 1.0, "f32": 1.0}
+    assert spec.expect[0].within == dict.fromkeys(PRECISIONS, 1.0)
 
 
 def test_an_unknown_quantity_is_told_the_diagnostics_there_are():
