@@ -26,7 +26,7 @@ class Taylor(Adaptive):
     between the ends of steps the series is as good as they are. Sums of positions and velocities are compensated, so that
     the error of the energy grows like round-off, with the root of the number of steps. Coefficients are in a unit of time
     near the step, a power of two, so that they stay in the range of numbers. The fastest method for few bodies under gravity,
-    from about five digits up; the work for a step goes with the pairs and p². `newtonian_gravity` and `uniform_gravity` only.
+    from about seven digits on; the work for a step goes with the pairs and p². `newtonian_gravity` and `uniform_gravity` only.
     Sources: Moore, Interval Analysis (1966); Jorba & Zou, Exp. Math. 14 (2005) 99; for n bodies
     Biscani & Izzo, Mon. Not. R. Astron. Soc. 504 (2021) 2614.
     """
