@@ -81,7 +81,7 @@ class Stepper:
         if self.state.carries_low and dt != self._parts_of:
             self.state.step_parts.from_numpy(self._parts(dt))
             self._parts_of = dt
-        with quick_compilation() if self.integrator.implicit or self.integrator.quickly_compiled else nullcontext():
+        with quick_compilation() if self.integrator.quickly_compiled else nullcontext():
             self._advance(time, dt, steps, meter)
 
     def _advance(self, time: float, dt: float, steps: int, meter: Any) -> None:

@@ -1,8 +1,8 @@
 """Choice: the integrator, step and precision that reach a scene's `accuracy:` in the least time, found by pilot runs and kept.
 
 The pilot is a study of the scene. Of every method in every precision the step is interpolated that just reaches the target, in
-logarithms of error, steps and time between two of its runs; the fastest of them is run once more with that step, to see that
-it does. The choice is written down: the next run takes it as it is, on whatever machine, and so repeats bit for bit.
+logarithms of error, steps and time between two of its runs; the fastest of them, up to three, are run with that step, to see
+that they do and which is the fastest. The choice is written down: the next run takes it as it is, on whatever machine, and so repeats bit for bit.
 """
 
 import json

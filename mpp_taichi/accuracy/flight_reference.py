@@ -16,8 +16,7 @@ def fly(machine: Machine, budget: Budget) -> tuple[Reference, Sample] | None:
     """Positions at the end; their bar is what a random shift of the start by ±SHIFT has become until then.
 
     A collision enlarges a shift by the free path over the radius, some tens to hundreds of times, so that positions in a gas
-    soon mean nothing, however exact a flight is. Also the run that it is; None where
-    the flight itself breaks.
+    soon mean nothing, however exact a flight is. Also the run that it is; None where the flight itself breaks.
     """
     start = machine.problem.start
     configuration = machine.configuration(LOOKS)
@@ -27,15 +26,14 @@ def fly(machine: Machine, budget: Budget) -> tuple[Reference, Sample] | None:
     size = size_of(trace) or 1.0
     shift = SHIFT * size * np.random.default_rng(SEED).uniform(-1.0, 1.0, start.position.shape) * start.free
     shift[:, machine.problem.spec.dimensions :] = 0.0
-    differences, meaning = [], None
+    differences, lost = [], []
     for sign in (1.0, -1.0):  # what touches at one instant may go either way: one of the two shifts shows it
         beside = (start.position + sign * shift, start.velocity * start.free)
         other, shifted = machine.run(configuration, budget, follow=True, start=beside)
         if other.end is None or shifted is None:
             return None
         differences.append(distance(other.end, sample.end, size))
-        lost = lost_at(trace, shifted, size)
-        meaning = lost if meaning is None or (lost is not None and lost < meaning) else meaning
+        lost.append(lost_at(trace, shifted, size))
     largest, rms = (max(pair[part] for pair in differences) for part in (0, 1))
     found = Reference(
         integrator=machine.name,
@@ -47,6 +45,6 @@ def fly(machine: Machine, budget: Budget) -> tuple[Reference, Sample] | None:
         bar_rms=max(rms, SHIFT),
         trusted=largest < MEANING,
         differences=[pair[0] for pair in differences],
-        meaning=meaning,
+        meaning=min((time for time in lost if time is not None), default=None),
     )
     return found, sample

@@ -8,7 +8,7 @@ from mpp_taichi import component
 from mpp_taichi.accuracy.contact_methods import EXACT, ORDERS, solvers
 from mpp_taichi.accuracy.problem import Problem, defaults, with_integrator
 from mpp_taichi.backends import import_taichi
-from mpp_taichi.scene.integrator_checks import refused_formulas, suits
+from mpp_taichi.scene.integrator_checks import suits
 from mpp_taichi.scene.layout import layout_of
 from mpp_taichi.scene.physics_checks import refused_friction
 from mpp_taichi.stability import advise
@@ -55,7 +55,7 @@ def methods(problem: Problem) -> dict[str, Method]:
     for name in dict.fromkeys((own, *component.names("integrators"))):
         declared = component.declaration("integrators", name)
         takes_steps = name != "event_driven" and any(parameter.name == "dt" for parameter in declared.parameters)
-        if refused_friction(name, problem.spec, problem.start) or refused_formulas(name, problem.spec):
+        if refused_friction(name, problem.spec, problem.start):
             continue
         if not takes_steps or (name != own and defaults(name) is None):
             continue

@@ -72,10 +72,10 @@ class Machine:
 
     def configuration(self, steps: int, tolerance: float | None = None) -> Configuration:
         """So many steps; of an adaptive method so many looks, with its own tolerance when none is given."""
-        control = getattr(self.integrator, "controlled_by", "")
-        if control and tolerance is None:
-            tolerance = self._own_tolerance
-        return Configuration(self.name, steps, self.precision, self.backend, control, tolerance)
+        here = (self.name, steps, self.precision, self.backend)
+        if not self.integrator.adaptive:
+            return Configuration(*here)
+        return Configuration(*here, self.integrator.controlled_by, self._own_tolerance if tolerance is None else tolerance)
 
     def run(
         self, configuration: Configuration, budget: Budget, *, follow: bool = False, start: Phase | None = None

@@ -81,6 +81,19 @@ class Adaptive(Integrator):
     @ti.func
     def advance_to(self, state: Template, total_force: Template, first, end: Template, shape: Template):
         """Take steps until one ends at `end` or later."""
+        r = first // total_force.particle_count
+        while self.is_short_of(state, r, end):
+            if state.clock[self.CLOCK * r + 1] > 0.0:
+                self.enter_next(state, total_force, first)
+            self.take_step(state, total_force, first, shape)
+
+    @ti.func
+    def enter_next(self, state: Template, total_force: Template, first):
+        """Make the end of the last step the start of the next."""
+
+    @ti.func
+    def take_step(self, state: Template, total_force: Template, first, shape: Template):
+        """One step from its start, with the length of this and the next."""
 
     @ti.func
     def show(self, state: Template, total_force: Template, first, time: Template):
@@ -93,6 +106,16 @@ class Adaptive(Integrator):
             state.tally[self.TALLY * r + c] = 0
         state.clock[self.CLOCK * r] = time
         state.clock[self.CLOCK * r + 1] = 0.0
+
+    @ti.func
+    def time_of_change(self, state: Template, fastest, most, widest, dt):
+        """In which the largest acceleration changes the largest speed by as much as it is, or from rest crosses the system."""
+        result = ti.cast(dt, state.wide)
+        if most > 0.0 and fastest > 0.0:
+            result = fastest / most
+        elif most > 0.0 and widest > 0.0:
+            result = ti.sqrt(widest / most)
+        return result
 
     @ti.func
     def is_short_of(self, state: Template, r, end):

@@ -6,6 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.integrators._adaptive import Adaptive
+from mpp_taichi.integrators._compensated_sum import compensated_sum
 from mpp_taichi.integrators._runge_kutta import RungeKutta
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
@@ -114,23 +115,10 @@ class Embedded(Adaptive):
             state.position_rest[i], state.velocity_rest[i] = zero, zero
             state.start_acceleration[i] = found
             self._keep(state, total_force, first, i, 0, found)
-        following = ti.cast(dt, state.wide)
-        if most > 0.0 and fastest > 0.0:
-            following = fastest / most
-        elif most > 0.0 and widest > 0.0:
-            following = ti.sqrt(widest / most)
+        following = self.time_of_change(state, fastest, most, widest, dt)
         state.clock[self.CLOCK * r + 2] = state.control[self.CONTROL * r + 1] * following
         state.judged[2 * r] = 1.0
         state.judged[2 * r + 1] = 0.0
-
-    @ti.func
-    def advance_to(self, state: Template, total_force: Template, first, end: Template, shape: Template):
-        """Take steps until one ends at `end` or later."""
-        r = first // total_force.particle_count
-        while self.is_short_of(state, r, end):
-            if state.clock[self.CLOCK * r + 1] > 0.0:
-                self._enter_next(state, total_force, first)
-            self._take_step(state, total_force, first, shape)
 
     @ti.func
     def show(self, state: Template, total_force: Template, first, time: Template):
@@ -157,7 +145,7 @@ class Embedded(Adaptive):
     # A step --------------------------------------------------------------------------------------------------------------
 
     @ti.func
-    def _take_step(self, state: Template, total_force: Template, first, shape: Template):
+    def take_step(self, state: Template, total_force: Template, first, shape: Template):
         """From the start state with its slope: try, judge, and leave the length of this step and the next."""
         r = first // total_force.particle_count
         h = state.clock[self.CLOCK * r + 2]
@@ -256,21 +244,20 @@ class Embedded(Adaptive):
         return ti.cast(result, state.wide) / state.control[self.CONTROL * r]
 
     @ti.func
-    def _enter_next(self, state: Template, total_force: Template, first):
-        """The end of this step is the start of the next; Kahan's sums."""
+    def enter_next(self, state: Template, total_force: Template, first):
+        """The end of this step is the start of the next; sums are compensated."""
         r = first // total_force.particle_count
         h = ti.cast(state.clock[self.CLOCK * r + 1], float)
         last = ti.static(self._evaluated - 1)
         for i in range(first, first + total_force.particle_count):
             x, v = self._sums(state, total_force, first, i, last)
-            change = h * (state.start_velocity[i] + h * x) - state.position_rest[i]
-            summed = state.start_position[i] + change
-            state.position_rest[i] = (summed - state.start_position[i]) - change
-            state.start_position[i] = summed
-            push = h * v - state.velocity_rest[i]
-            faster = state.start_velocity[i] + push
-            state.velocity_rest[i] = (faster - state.start_velocity[i]) - push
-            state.start_velocity[i] = faster
+            way = h * (state.start_velocity[i] + h * x)
+            state.start_position[i], state.position_rest[i] = compensated_sum(
+                state.start_position[i], state.position_rest[i], way
+            )
+            state.start_velocity[i], state.velocity_rest[i] = compensated_sum(
+                state.start_velocity[i], state.velocity_rest[i], h * v
+            )
             slope = state.slope[first * self._count + last * total_force.particle_count + i - first]
             state.start_acceleration[i] = slope
             self._keep(state, total_force, first, i, 0, slope)

@@ -39,6 +39,7 @@ class Implicit(Integrator):
     """
 
     implicit = True
+    quickly_compiled = True
     beta = 1.0
     gamma = 1.0
     node = 1.0

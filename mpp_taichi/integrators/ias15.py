@@ -7,6 +7,7 @@ import taichi as ti
 
 from mpp_taichi.component import component, param
 from mpp_taichi.integrators._adaptive import Adaptive, rounding
+from mpp_taichi.integrators._compensated_sum import compensated_sum
 from mpp_taichi.integrators._radau import differences_of_powers, powers_of_differences, radau_nodes
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
@@ -81,12 +82,7 @@ class Ias15(Adaptive):
             fastest = ti.max(fastest, ti.cast(state.velocity[i].norm(), state.wide))
             most = ti.max(most, ti.cast(self.found(state, total_force, first, i, time).norm(), state.wide))
             widest = ti.max(widest, ti.cast((state.position[i] - state.position[first]).norm(), state.wide))
-        following = ti.cast(dt, state.wide)
-        if most > 0.0 and fastest > 0.0:
-            following = fastest / most
-        elif most > 0.0 and widest > 0.0:
-            following = ti.sqrt(widest / most)
-        state.clock[self.CLOCK * r + 2] = FIRST_SHARE * following
+        state.clock[self.CLOCK * r + 2] = FIRST_SHARE * self.time_of_change(state, fastest, most, widest, dt)
         zero = ti.Vector.zero(float, state.dimensions)
         for i in range(first, first + total_force.particle_count):
             state.start_position[i] = state.position[i]
@@ -98,15 +94,6 @@ class Ias15(Adaptive):
                 ti.static(self._named(state, "e", k))[i] = zero
 
     @ti.func
-    def advance_to(self, state: Template, total_force: Template, first, end: Template, shape: Template):
-        """Take steps until one ends at `end` or later."""
-        r = first // total_force.particle_count
-        while self.is_short_of(state, r, end):
-            if state.clock[self.CLOCK * r + 1] > 0.0:
-                self._enter_next(state, total_force, first)
-            self._take_step(state, total_force, first, shape)
-
-    @ti.func
     def show(self, state: Template, total_force: Template, first, time: Template):
         """The step's polynomial at a time within it."""
         r = first // total_force.particle_count
@@ -114,7 +101,7 @@ class Ias15(Adaptive):
         self._place(state, total_force, first, self.share_of_step(state, r, time), h, True)
 
     @ti.func
-    def _take_step(self, state: Template, total_force: Template, first, shape: Template):
+    def take_step(self, state: Template, total_force: Template, first, shape: Template):
         """From the start state, with `b` as predicted: iterate, judge, and leave the length of this step and the next."""
         r = first // total_force.particle_count
         begin = state.clock[self.CLOCK * r]
@@ -284,7 +271,7 @@ class Ias15(Adaptive):
                 power *= share
 
     @ti.func
-    def _enter_next(self, state: Template, total_force: Template, first):
+    def enter_next(self, state: Template, total_force: Template, first):
         """The end of this step is the start of the next, whose polynomial goes on as this one does, and errs as it did."""
         r = first // total_force.particle_count
         h = ti.cast(state.clock[self.CLOCK * r + 1], float)
@@ -306,7 +293,7 @@ class Ias15(Adaptive):
 
     @ti.func
     def _add_compensated(self, state: Template, i, h):
-        """Kahan's sum: what a sum was rounded off by is taken from the next change."""
+        """The step's own change of x and v."""
         x = ti.Vector.zero(float, state.dimensions)
         v = ti.Vector.zero(float, state.dimensions)
         for back in ti.static(range(TERMS)):
@@ -315,11 +302,6 @@ class Ias15(Adaptive):
             x += ti.static(1.0 / ((k + 2) * (k + 3))) * b
             v += ti.static(1.0 / (k + 2)) * b
         a = state.start_acceleration[i]
-        change = h * (state.start_velocity[i] + h * (0.5 * a + x)) - state.position_rest[i]
-        summed = state.start_position[i] + change
-        state.position_rest[i] = (summed - state.start_position[i]) - change
-        state.start_position[i] = summed
-        push = h * (a + v) - state.velocity_rest[i]
-        faster = state.start_velocity[i] + push
-        state.velocity_rest[i] = (faster - state.start_velocity[i]) - push
-        state.start_velocity[i] = faster
+        way, push = h * (state.start_velocity[i] + h * (0.5 * a + x)), h * (a + v)
+        state.start_position[i], state.position_rest[i] = compensated_sum(state.start_position[i], state.position_rest[i], way)
+        state.start_velocity[i], state.velocity_rest[i] = compensated_sum(state.start_velocity[i], state.velocity_rest[i], push)

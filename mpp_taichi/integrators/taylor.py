@@ -7,6 +7,7 @@ import taichi as ti
 
 from mpp_taichi.component import component, param
 from mpp_taichi.integrators._adaptive import Adaptive, rounding
+from mpp_taichi.integrators._compensated_sum import compensated_sum
 from mpp_taichi.integrators._gravity_series import GravitySeries
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
@@ -99,17 +100,9 @@ class Taylor(Adaptive):
         return FIRST_SHARE / ti.sqrt(rate)
 
     @ti.func
-    def advance_to(self, state: Template, total_force: Template, first, end: Template, shape: Template):
-        """Take steps until one ends at `end` or later."""
-        r = first // total_force.particle_count
-        while self.is_short_of(state, r, end):
-            if state.clock[self.CLOCK * r + 1] > 0.0:
-                self._enter_next(state, first, r)
-            self._take_step(state, first, r)
-
-    @ti.func
-    def _take_step(self, state: Template, first, r):
+    def take_step(self, state: Template, total_force: Template, first, shape: Template):
         """The series from where the state is, and how far it holds. Each order of the acceleration counts as an evaluation."""
+        r = first // total_force.particle_count
         begin, unit = state.clock[self.CLOCK * r], state.clock[self.CLOCK * r + 2]
         allowed = state.control[self.CONTROL * r]
         self.series.extend(state, first, ti.cast(unit, float), ti.cast(begin, float))
@@ -128,8 +121,9 @@ class Taylor(Adaptive):
             state.clock[self.CLOCK * r + 1] = 0.0  # so that the start of the step is what is shown
 
     @ti.func
-    def _enter_next(self, state: Template, first, r):
-        """The end of this step, in compensated sums (Kahan's), starts the next, whose unit of time is near this step."""
+    def enter_next(self, state: Template, total_force: Template, first):
+        """The end of this step, in compensated sums, starts the next, whose unit of time is near this step."""
+        r = first // total_force.particle_count
         h, unit = state.clock[self.CLOCK * r + 1], state.clock[self.CLOCK * r + 2]
         share, old = ti.cast(h / unit, float), ti.cast(unit, float)
         while unit > h:
@@ -143,15 +137,11 @@ class Taylor(Adaptive):
             for m, c in ti.static(ti.ndrange(self.series.group, state.dimensions)):
                 i, row = begin + m, self._row(first, begin + m)
                 x = ti.static(self.series.component(state, c))[row]
-                change = way[m][c] - state.position_rest[i][c]
-                summed = x + change
-                state.position_rest[i][c] = (summed - x) - change
-                ti.static(self.series.component(state, c))[row] = summed
+                x, state.position_rest[i][c] = compensated_sum(x, state.position_rest[i][c], way[m][c])
+                ti.static(self.series.component(state, c))[row] = x
                 v = ti.static(self.series.component(state, c))[row + self.series.count] * per_old
-                gain = push[m][c] * per_old - state.velocity_rest[i][c]
-                faster = v + gain
-                state.velocity_rest[i][c] = (faster - v) - gain
-                ti.static(self.series.component(state, c))[row + self.series.count] = faster * new
+                v, state.velocity_rest[i][c] = compensated_sum(v, state.velocity_rest[i][c], push[m][c] * per_old)
+                ti.static(self.series.component(state, c))[row + self.series.count] = v * new
         state.clock[self.CLOCK * r] = state.clock[self.CLOCK * r] + h  # `+=` would be an atomic
         state.clock[self.CLOCK * r + 2] = unit
 

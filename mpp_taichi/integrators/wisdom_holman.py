@@ -8,6 +8,7 @@ import taichi as ti
 from mpp_taichi.component import Particle, component, param
 from mpp_taichi.integrators import _correctors
 from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.integrators._compensated_sum import compensated_sum
 from mpp_taichi.integrators._kepler import kepler_changes
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
@@ -215,13 +216,8 @@ class WisdomHolman(Integrator):
         for k in range(first + 1, first + total_force.particle_count):
             x, v = state.jacobi_position[k], state.jacobi_velocity[k]
             way, push, solved = kepler_changes(x, v, state.inner_attraction[k], duration)
-            way -= state.position_rest[k]
-            push -= state.velocity_rest[k]
-            there, faster = x + way, v + push
-            state.position_rest[k] = (there - x) - way
-            state.velocity_rest[k] = (faster - v) - push
-            state.jacobi_position[k] = there
-            state.jacobi_velocity[k] = faster
+            state.jacobi_position[k], state.position_rest[k] = compensated_sum(x, state.position_rest[k], way)
+            state.jacobi_velocity[k], state.velocity_rest[k] = compensated_sum(v, state.velocity_rest[k], push)
             if not solved:
                 state.unsolved_orbits[2 * (first // total_force.particle_count)] += 1
                 state.unsolved_orbits[2 * (first // total_force.particle_count) + 1] = state.order_inside_out[k]
@@ -251,11 +247,8 @@ class WisdomHolman(Integrator):
             if k > first + 1:
                 r = state.jacobi_position[k]
                 a += (state.inner_attraction[k] / (r.norm_sqr() * r.norm())) * r
-            push = duration * a - state.velocity_rest[k]
             v = state.jacobi_velocity[k]
-            faster = v + push
-            state.velocity_rest[k] = (faster - v) - push
-            state.jacobi_velocity[k] = faster
+            state.jacobi_velocity[k], state.velocity_rest[k] = compensated_sum(v, state.velocity_rest[k], duration * a)
 
     @ti.func
     def _pull(self, state: Template, total_force: Template, first):
