@@ -35,6 +35,13 @@ METHODS = {
     "leapfrog": 1, "pefrl": 4, "srkn6b": 6, "srkn14a": 14, "kahan_li8": 17, "rkn8": 17, "dop853": 12,
     "wisdom_holman": 1, "adaptive_leapfrog": 0, "adaptive_dop853": 0, "ias15": 0, "taylor": 0,
 }  # fmt: skip
+HALF_DECADES = 10.0 ** -np.arange(3, 16.5, 0.5)
+CONTROLS = {
+    "adaptive_leapfrog": ("step", 0.1 / np.sqrt(10.0) ** np.arange(7)),
+    "adaptive_dop853": ("tolerance", 10.0 ** -np.arange(3.0, 15.0)),
+    "ias15": ("epsilon", 10.0 ** -np.arange(3.0, 10.0, 0.5)),
+    "taylor": ("tolerance", HALF_DECADES),
+}
 WARMED = 0.1  # seconds; what takes longer is warm most of the time
 LADDER = 10.0 ** (1 / 6)
 FINEST = 3e6  # evaluations of the force, of the dearest run
@@ -102,55 +109,58 @@ def warm(once):
     return seconds
 
 
+class Ours:
+    """One of our methods on a problem, compiled when it is first run; the step and the tolerance are arguments of kernels."""
+
+    def __init__(self, problem, method):
+        """Not compiled yet."""
+        self.problem, self.method, self.simulation = problem, method, None
+
+    def _compile(self, setting):
+        from mpp_taichi import Simulation
+
+        bodies = zip(self.problem.mass, self.problem.x, self.problem.v)
+        scene = {
+            "particles": [{"body": {"mass": float(m), "position": x.tolist(), "velocity": v.tolist()}} for m, x, v in bodies],
+            "forces": [{"newtonian_gravity": {"strength": self.problem.g}}],
+            "integrator": {self.method: {"dt": self.problem.span / 2, **setting}},
+        }
+        self.simulation = Simulation(scene, backend="cpu", precision="f64", plan="serial")
+        self._once(1, setting)
+
+    def _once(self, steps, setting):
+        simulation, span = self.simulation, self.problem.span
+        for name, value in setting.items():
+            setattr(simulation.integrator, name, value)
+        simulation.restart()
+        simulation.stepper.prepare(0.0)
+        began = time.process_time()
+        simulation.stepper.advance(0.0, span / steps, steps)
+        return time.process_time() - began
+
+    def run(self, steps, setting):
+        """Positions at the end, and seconds of the stepping."""
+        if self.simulation is None:
+            self._compile(setting)
+        seconds = warm(lambda: self._once(steps, setting))
+        return self.simulation.state.read()[0], seconds
+
+
 def ours(problem, method):
     """Runs of one of our methods: (label, run) with run() → positions, seconds."""
-    from mpp_taichi import Simulation
-
-    evaluations = METHODS[method]
+    compiled, evaluations = Ours(problem, method), METHODS[method]
     if evaluations:
-        settings = []
-        count = 20.0 * problem.periods / evaluations * (1 if evaluations > 1 or method in CENTRAL else 3)
+        count, settings = 20.0 * problem.periods / evaluations * (1 if evaluations > 1 or method in CENTRAL else 3), []
         while count * evaluations < FINEST:
-            settings.append({"dt": problem.span / round(count)})
+            settings.append((problem.span / round(count), round(count), {}))
             count *= LADDER
-    elif method == "ias15":
-        settings = [{"dt": problem.span / 2, "epsilon": epsilon} for epsilon in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9)]
-    elif method == "taylor":
-        settings = [{"dt": problem.span / 2, "tolerance": 10.0**-k} for k in np.arange(3, 16.5, 0.5)]
-    elif method == "adaptive_dop853":
-        settings = [{"dt": problem.span / 2, "tolerance": 10.0**-k} for k in range(3, 15, 2)]
     else:
-        settings = [{"dt": problem.span / 2, "step": step} for step in 0.1 / np.sqrt(10.0) ** np.arange(7)]
-
-    def runner(setting):
-        scene = {
-            "particles": [
-                {"body": {"mass": float(m), "position": x.tolist(), "velocity": v.tolist()}}
-                for m, x, v in zip(problem.mass, problem.x, problem.v)
-            ],
-            "forces": [{"newtonian_gravity": {"strength": problem.g}}],
-            "integrator": {method: setting},
-        }
-
-        def run():
-            with Simulation(scene, backend="cpu", precision="f64", plan="serial") as simulation:
-                mark = simulation.mark()
-                simulation.run(steps=1)  # compiles
-
-                def once():
-                    simulation.return_to(mark)
-                    began = time.process_time()
-                    simulation.try_steps(round(problem.span / simulation.dt))
-                    return time.process_time() - began
-
-                seconds = warm(once)
-                return simulation.snapshot().position, seconds
-
-        return run
-
-    named = [(next(setting.get(key) for key in ("epsilon", "step", "tolerance", "dt") if key in setting), setting)
-             for setting in settings]  # fmt: skip
-    return [(f"{method} {value:.3g}", runner(setting)) for value, setting in named]
+        name, values = CONTROLS[method]
+        settings = [(value, 2, {name: float(value)}) for value in values]
+    return [
+        (f"{method} {value:.3g}", lambda steps=steps, setting=setting: compiled.run(steps, setting))
+        for value, steps, setting in settings
+    ]
 
 
 def rebound_runs(problem, name):
@@ -158,7 +168,7 @@ def rebound_runs(problem, name):
     import rebound
 
     if name == "ias15":
-        settings = [(1e-3, 0), (1e-4, 0), (1e-5, 0), (1e-6, 0), (1e-7, 0), (1e-8, 0), (1e-9, 0)]
+        settings = [(epsilon, 0) for epsilon in CONTROLS["ias15"][1]]
     else:
         steps = [problem.span / (problem.periods * count) for count in 20 * LADDER ** np.arange(22)]
         settings = [(step, corrector) for corrector in ((0, 11) if name == "whfast" else (0,)) for step in steps]
@@ -220,9 +230,13 @@ def heyoka_runs(problem):
     """Its Taylor method in f64, compilation apart."""
 
     def runner(tolerance):
+        made = []  # once, at the first run
+
         def run():
-            integrator = problem.heyoka(float, tolerance)
-            start = np.array(integrator.state)
+            if not made:
+                integrator = problem.heyoka(float, tolerance)
+                made.extend([integrator, np.array(integrator.state)])
+            integrator, start = made
 
             def once():
                 integrator.time, integrator.state[:] = 0.0, start
@@ -235,7 +249,7 @@ def heyoka_runs(problem):
 
         return run
 
-    return [(f"taylor {tolerance:g}", runner(tolerance)) for tolerance in 10.0 ** -np.arange(3, 16.5, 0.5)]
+    return [(f"taylor {tolerance:g}", runner(tolerance)) for tolerance in HALF_DECADES]
 
 
 def measure(problem, repeats):
