@@ -46,6 +46,19 @@ WARMED = 0.1  # seconds; what takes longer is warm most of the time
 LADDER = 10.0 ** (1 / 6)
 FINEST = 3e6  # evaluations of the force, of the dearest run
 SHOWN = ("best of ours", "rebound leapfrog", "rebound whfast", "rebound ias15", "scipy dop853", "heyoka")
+DRAWN = (
+    "our front",
+    "rebound leapfrog",
+    "rebound whfast",
+    "rebound ias15",
+    "scipy dop853",
+    "heyoka",
+    "rebound whfast corrected",
+)
+PAGE_STYLE = (
+    "body { max-width: none; margin: 1rem 0; display: flex; flex-wrap: wrap } section { width: 30rem; margin: 0 .6rem }"
+    "h2 { font-size: 1rem; margin: 0 } .legend { font-size: .8rem }"
+)
 
 
 def kepler():
@@ -305,23 +318,36 @@ def page(results):
     from mpp_taichi.accuracy.report import style_sheet
     from mpp_taichi.accuracy.svg import Mark, Plot, Series, draw, marker
 
-    parts = [f"<!doctype html><meta charset='utf-8'><title>Work and precision</title><style>{style_sheet()}</style>"]
+    parts = [
+        f"<!doctype html><meta charset='utf-8'><title>Work and precision</title><style>{style_sheet()}{PAGE_STYLE}</style>"
+    ]
     for name, table in results.items():
-        mine = sorted((row for method in METHODS for row in table.get(method, [])), key=lambda row: row[2])
-        front, least = [], np.inf
-        for row in mine:
-            if row[1] < least:
-                least = row[1]
-                front.append(row)
-        groups = {"our front": front, **{other: table[other] for other in SHOWN[1:] if other in table}}
+        curves = {"our front": front(row for method in METHODS for row in table.get(method, []))}
+        for other in SHOWN[1:]:
+            for kind in ("", " corrected"):
+                if rows := [row for row in table.get(other, []) if row[0].endswith(" corrected") == bool(kind)]:
+                    curves[other + kind] = rows
+        kinds = {other: DRAWN.index(other) for other in curves}
         series = [
-            Series(other, k, [Mark(row[2], row[1], f"{row[0]}: {row[1]:.1e}, {1e3 * row[2]:.3g} ms") for row in rows])
-            for k, (other, rows) in enumerate(groups.items())
+            Series(
+                other, kinds[other], [Mark(row[2], row[1], f"{row[0]}: {row[1]:.1e}, {1e3 * row[2]:.3g} ms") for row in rows]
+            )
+            for other, rows in curves.items()
         ]
-        keys = "".join(f'<li><svg viewBox="0 0 26 14">{marker(k, 13, 7)}</svg>{other}</li>' for k, other in enumerate(groups))
+        keys = "".join(f'<li><svg viewBox="0 0 26 14">{marker(k, 13, 7)}</svg>{other}</li>' for other, k in kinds.items())
         plot = Plot(name, "time of the stepping [s]", "error of position at the end", series)
-        parts.append(f"<h2>{name}</h2><ul class='legend'>{keys}</ul>{draw(plot)}")
+        parts.append(f"<section><h2>{name}</h2>{draw(plot)}<ul class='legend'>{keys}</ul></section>")
     return "\n".join(parts)
+
+
+def front(rows):
+    """Those than which none is both faster and better, from the fastest on."""
+    best, least = [], np.inf
+    for row in sorted(rows, key=lambda row: row[2]):
+        if row[1] < least:
+            least = row[1]
+            best.append(row)
+    return best
 
 
 def main():
