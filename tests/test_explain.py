@@ -41,7 +41,7 @@ def profiler(monkeypatch):
 
 @pytest.mark.parametrize(
     ("scene", "integrator"),
-    [*((scene, name) for scene in (kepler, cluster, everything) for name in KINDS_OF_STEP), (everything, "kahan_li6")],
+    [*((scene, name) for scene in (cluster, everything) for name in KINDS_OF_STEP), (everything, "kahan_li6")],
 )
 def test_parallel_loops_are_those_that_the_profiler_counts(integrator, scene, profiler):
     with Simulation(scene(integrator=integrator), backend="cpu", plan="parallel") as simulation:

@@ -2,7 +2,8 @@
 
 The pilot is a study of the scene. Of every method in every precision the step is interpolated that just reaches the target, in
 logarithms of error, steps and time between two of its runs; the fastest of them, up to three, are run with that step, to see
-that they do and which is the fastest. The choice is written down: the next run takes it as it is, on whatever machine, and so repeats bit for bit.
+that they do and which is the fastest. The choice is written down: the next run takes it as it is, on whatever machine, and so
+repeats bit for bit.
 """
 
 import json
