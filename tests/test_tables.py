@@ -103,6 +103,7 @@ def test_kick_methods_are_of_their_order():
 # ninth and tenth hide it down to round-off; there it is only asked to be above seven.
 LADDERS = {
     "ruth3": (0.3, (256, 512, 1024), (64, 96, 128)),
+    "pefrl": (0.6, (96, 128, 192, 256), (16, 24, 32)),
     "mclachlan_atela4": (0.6, (64, 96, 128), (32, 48, 64)),
     "srkn6b": (0.6, (96, 128, 192, 256), (24, 32, 48)),
     "srkn11b": (0.6, (20, 24, 32, 40), (4, 5, 6, 8)),
