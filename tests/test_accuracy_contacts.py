@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+import yaml
 
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.contact_methods import solvers, with_solver
@@ -12,6 +13,7 @@ from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.store import Store, identity
 from mpp_taichi.accuracy.study import Study, Wishes
 from mpp_taichi.accuracy.workbench import Machine
+from mpp_taichi.cli.main import main
 from mpp_taichi.scene.load import load_scene
 
 
@@ -130,3 +132,14 @@ def test_a_solver_that_comes_to_a_standstill_is_a_row_with_the_reason():
     machine = machine_of(scene, "event_driven")
     sample, _ = machine.run(machine.configuration(64), Budget(1e9))
     assert sample.status == "diverged" and re.match("inelastic collapse at|.* contacts from time 2.9", sample.reason)
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"), [("leapfrog", "allowed are"), ("merging", "not for this scene, which can have swept")]
+)
+def test_in_a_scene_with_contacts_it_is_their_solvers_that_are_asked_for(tmp_path, capfd, asked, said):
+    path = tmp_path / "gas.yaml"
+    path.write_text(yaml.safe_dump(gas()), encoding="utf-8")
+    code = main(["accuracy", str(path), "--integrators", asked, "--out", str(tmp_path / "out")])
+    told = capfd.readouterr().err.strip().splitlines()[-1]
+    assert code == 2 and f"--integrators {asked}: {said}" in told and "event_driven" in told

@@ -7,6 +7,7 @@ the first one ended.
 
 import argparse
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,7 +57,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from mpp_taichi.scene.load import load_scene
 
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
-    wishes = _wishes(arguments)
+    wishes = _wishes(arguments, "integrators" if spec.contacts is None else "contacts")
     problem = pose(spec, arguments.until)
     from mpp_taichi.cli._request import OUTPUT_FOLDER
     from mpp_taichi.cli._signals import Interrupted, Interruption
@@ -74,6 +75,7 @@ def execute(arguments: argparse.Namespace) -> int:
             store = Store(folder, identity(problem, problem.span, __version__), fresh=arguments.fresh)
             tell = (lambda _: None) if arguments.quiet else say
             study = Study(problem, store, Budget(arguments.budget, interruption.raise_if_any), wishes, tell)
+            _check_methods(wishes, list(study.methods), tell)
             if store.resumed:
                 tell(f"{store.resumed} runs are known from before")
             try:
@@ -128,17 +130,29 @@ def _report(found: dict[str, Any], study: "Study", arguments: argparse.Namespace
         put(f"\nwrote {', '.join(found['files'])}")
 
 
-def _wishes(arguments: argparse.Namespace) -> "Wishes":
+def _wishes(arguments: argparse.Namespace, kind: str) -> "Wishes":
+    """Of integrators, or in a scene with contacts of their solvers."""
     from mpp_taichi.accuracy.study import Wishes
     from mpp_taichi.availability import BACKENDS
 
-    allowed = {"integrators": component.names("integrators"), "precisions": list(PRECISIONS), "backends": list(BACKENDS)}
+    allowed = {"integrators": component.names(kind), "precisions": list(PRECISIONS), "backends": list(BACKENDS)}
     for option, known in allowed.items():
         for name in getattr(arguments, option) or ():
             if name not in known:
                 raise UsageError(f"--{option} {name}: allowed are {', '.join(known)}")
     devices = [(backend, precision) for backend in arguments.backends for precision in arguments.precisions]
     return Wishes(arguments.integrators, devices)
+
+
+def _check_methods(wishes: "Wishes", suited: list[str], tell: Callable[[str], None]) -> None:
+    """Say which of those asked for the scene cannot have; UsageError where none is left."""
+    unsuited = [name for name in wishes.integrators or () if name not in suited]
+    if not unsuited:
+        return
+    line = f"--integrators {','.join(unsuited)}: not for this scene, which can have {', '.join(suited)}"
+    if len(unsuited) == len(wishes.integrators or ()):
+        raise UsageError(line)
+    tell(line)
 
 
 def names(text: str) -> list[str]:
