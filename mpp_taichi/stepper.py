@@ -133,7 +133,7 @@ class Stepper:
             return 0
         if self.integrator.implicit:
             return None
-        force = 1 + (1 + self.state.has_fixed_axes if self.total_force.has_pairs else 0)
+        force = 1 + (self.total_force.pair_loops(self.state) + self.state.has_fixed_axes if self.total_force.has_pairs else 0)
         sums = self.integrator.evaluations if self.integrator.wants_sum(self.total_force) else 0
         opening = 1 if self.integrator.joins_steps(self.total_force) else 0
         return sums * force + sum(

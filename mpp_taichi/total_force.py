@@ -67,6 +67,15 @@ class TotalForce:
         self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
         self.has_velocity_independent = any(not force.depends_on_velocity for force in forces)
 
+    def pair_loops(self, state: Any) -> int:
+        """Parallel loops over pairs of one sum on the cores of a CPU."""
+        return 2 if self.pair_sum is self.pairs and self.pairs.is_symmetric(state) else 1
+
+    def destroy(self) -> None:
+        """Give back the memory that sums took."""
+        if self.pairs is not None:
+            self.pairs.destroy()
+
     @property
     def conserves_energy(self) -> bool:
         """Whether every force has a potential, so that energy may be asked to stay."""

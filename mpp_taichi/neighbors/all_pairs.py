@@ -14,30 +14,16 @@ from typing import Any
 import taichi as ti
 
 from mpp_taichi.low_parts import added, separation, wide_position
-from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, is_elementwise
+from mpp_taichi.neighbors._pair_groups import grouped
+from mpp_taichi.neighbors.explicit_vectors import explicit_vectors
+from mpp_taichi.neighbors.symmetric_pairs import SymmetricPairs
 from mpp_taichi.types import Template
 
 VECTOR_BYTES = 64  # one AVX-512 register; two are 4–9 % faster in f32 and equal in f64, for twice the compile time
 SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 BLOCK_PAIRS = 16  # that are summed up before their sum is added with its low part: a sum of thousands loses three bits
+SYMMETRIC_COUNT = 512  # bodies from which on it is faster to evaluate each pair once
 UNROLLED_PAIRS = 36  # up to nine bodies the serial double loop is written out; beyond, compiling would take seconds
-
-
-class _Member:
-    """A force and its place among all forces."""
-
-    def __init__(self, index: int, force: Any) -> None:
-        self.index = index
-        self.force = force
-        self.elementwise = is_elementwise(type(force).shape)
-
-
-class _Group:
-    """Forces of one softening."""
-
-    def __init__(self, softening: float, members: Sequence[_Member]) -> None:
-        self.softening_squared = softening * softening
-        self.members = tuple(members)
 
 
 @ti.data_oriented
@@ -58,15 +44,14 @@ class AllPairs:
         config = ti.lang.impl.current_cfg()
         self.particle_count = particle_count
         self.dimensions = dimensions
-        self.members = tuple(_Member(index, force) for index, force in enumerate(pair_forces))
-        softenings = dict.fromkeys(float(force.softening) for force in pair_forces)
-        self.groups = tuple(_Group(s, [m for m in self.members if float(m.force.softening) == s]) for s in softenings)
+        self.members, self.groups = grouped(pair_forces)
         widest = VECTOR_BYTES // (4 if config.default_fp == ti.f32 else 8)
         self.lane_count = min(widest, 1 << (particle_count.bit_length() - 1))
         self.tile_count = -(-particle_count // self.lane_count)
         self.thread_count = config.cpu_max_num_threads
         self.has_work = particle_count > 1 and len(self.members) > 0
         self._checked_state: Any = None
+        self._symmetric: SymmetricPairs | None = None
         self.unrolled = particle_count * (particle_count - 1) // 2 <= UNROLLED_PAIRS
         self.sets_directly = particle_count == 2  # saves a tenth of a step; with more bodies zeros stored first are faster
 
@@ -160,7 +145,7 @@ class AllPairs:
                     total = state.acceleration[i]
                     for j in range(self.particle_count):
                         if i != j:
-                            total += self._acceleration_from(state, i, j)
+                            total += self.acceleration_from(state, i, j)
                     state.acceleration[i] = total
 
     @ti.func
@@ -173,13 +158,14 @@ class AllPairs:
             total = ti.Vector.zero(float, self.dimensions)
             for j in range(block * size, ti.min((block + 1) * size, self.particle_count)):
                 if i != j:
-                    total += self._acceleration_from(state, i, j)
+                    total += self.acceleration_from(state, i, j)
             for axis in ti.static(range(self.dimensions)):
                 whole[axis], lost[axis] = added(state, whole[axis], lost[axis], total[axis])
         state.acceleration[i] = whole
 
     @ti.func
-    def _acceleration_from(self, state: Template, i, j):
+    def acceleration_from(self, state: Template, i, j):
+        """Of body i, by body j."""
         d = separation(state, i, j)
         distance_squared = self._apart(d.dot(d), state, j)
         weight = 0.0
@@ -192,8 +178,17 @@ class AllPairs:
 
     # Cores of a CPU, lanes of their vector units ---------------------------------------------------------------------
 
+    def is_symmetric(self, state: Any) -> bool:
+        """Whether `add_accelerations` evaluates each pair once, in two parallel loops; for few bodies that is no faster."""
+        return self.particle_count >= SYMMETRIC_COUNT and not self.merges and not state.forces_see_low
+
+    def destroy(self) -> None:
+        """Give back memory that sums took."""
+        if self._symmetric is not None:
+            self._symmetric.destroy()
+
     def add_accelerations(self, state: Any) -> None:
-        """Add all accelerations on the CPU in a launch of its own, compiled with explicit vectors; same bits as inlined.
+        """Add all accelerations on the CPU in a launch of its own, compiled with explicit vectors.
 
         Raises TypeError when the vectors of the state are not stored component by component (`ti.Layout.SOA`): Taichi
         would store nothing, and say nothing.
@@ -202,8 +197,10 @@ class AllPairs:
             low = ("position_low",) if state.forces_see_low else ()
             self.require_components_apart(state, ("position", "acceleration", *low))
             self._checked_state = state
+        if self.is_symmetric(state):
+            self._symmetric = self._symmetric or SymmetricPairs(self)
         with explicit_vectors():
-            self._accumulate_on_cpu(state)
+            (self._symmetric.add_accelerations if self._symmetric else self._accumulate_on_cpu)(state)
 
     def require_components_apart(self, state: Any, names: Sequence[str]) -> None:
         """TypeError unless these vectors are stored component by component."""
@@ -259,8 +256,8 @@ class AllPairs:
                 k = self._outside(first + 2 * pair + 1, begin)
                 to_j = [self._way(state, j, axis, position, low) for axis in ti.static(range(self.dimensions))]
                 to_k = [self._way(state, k, axis, position, low) for axis in ti.static(range(self.dimensions))]
-                squared_j = self._apart(self._square(to_j), state, j)
-                squared_k = self._apart(self._square(to_k), state, k)
+                squared_j = self._apart(self.square(to_j), state, j)
+                squared_k = self._apart(self.square(to_k), state, k)
                 weight_j = ti.Vector.zero(float, self.lane_count)
                 weight_k = ti.Vector.zero(float, self.lane_count)
                 for group in ti.static(self.groups):
@@ -286,7 +283,7 @@ class AllPairs:
             to_j = [self._way(state, j, axis, position, low) for axis in ti.static(range(self.dimensions))]
             from_own = lane_number - ti.cast(step, float)
             own = ti.max(1.0 - from_own * from_own, 0.0)  # 1 in lane `step`, 0 in the others
-            squared = self._apart(self._square(to_j) + own, state, j)
+            squared = self._apart(self.square(to_j) + own, state, j)
             weight = ti.Vector.zero(float, self.lane_count)
             for group in ti.static(self.groups):
                 inverse = 1.0 / ti.sqrt(squared + group.softening_squared)
@@ -338,7 +335,8 @@ class AllPairs:
                 total[axis] = ti.Vector.zero(float, self.lane_count)
 
     @ti.func
-    def _square(self, separation: Template):
+    def square(self, separation: Template):
+        """Of the lengths of a tile's separations, given by components."""
         squared = separation[0] * separation[0]
         for axis in ti.static(range(1, self.dimensions)):
             squared = squared + separation[axis] * separation[axis]
@@ -347,18 +345,23 @@ class AllPairs:
     @ti.func
     def _add_weight(self, weight, state: Template, member: Template, response: Template, j, inverse):
         """Add one force's factor of the separation; the response of a lone force waits until the sum is done."""
-        shape = inverse
-        if ti.static(member.elementwise):
-            shape = member.force.shape(inverse)
-        else:
-            shape = ti.Vector([member.force.shape(inverse[lane]) for lane in ti.static(range(self.lane_count))])
-        addend = member.force.source(state, j) * shape
+        addend = member.force.source(state, j) * self.shape_of(member, inverse)
         if ti.static(len(self.members) > 1):
             addend = response[member.index] * addend
         result = addend
         if ti.static(member.index > 0):
             result = weight + addend
         return result
+
+    @ti.func
+    def shape_of(self, member: Template, inverse):
+        """A force's shape for a vector of inverse distances."""
+        shape = inverse
+        if ti.static(member.elementwise):
+            shape = member.force.shape(inverse)
+        else:
+            shape = ti.Vector([member.force.shape(inverse[lane]) for lane in ti.static(range(self.lane_count))])
+        return shape
 
     # Energy ----------------------------------------------------------------------------------------------------------
 

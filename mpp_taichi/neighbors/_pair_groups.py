@@ -1,0 +1,30 @@
+"""Pair forces sorted by softening: those of one softening share an inverse distance."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from mpp_taichi.neighbors.explicit_vectors import is_elementwise
+
+
+class Member:
+    """A force, its place among all forces, and whether its shape takes whole vectors."""
+
+    def __init__(self, index: int, force: Any) -> None:
+        self.index = index
+        self.force = force
+        self.elementwise = is_elementwise(type(force).shape)
+
+
+class Group:
+    """Forces of one softening."""
+
+    def __init__(self, softening: float, members: Sequence[Member]) -> None:
+        self.softening_squared = softening * softening
+        self.members = tuple(members)
+
+
+def grouped(pair_forces: Sequence[Any]) -> tuple[tuple[Member, ...], tuple[Group, ...]]:
+    """All members in their order, and the groups that they form."""
+    members = tuple(Member(index, force) for index, force in enumerate(pair_forces))
+    softenings = dict.fromkeys(float(force.softening) for force in pair_forces)
+    return members, tuple(Group(s, [m for m in members if float(m.force.softening) == s]) for s in softenings)
