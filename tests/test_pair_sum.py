@@ -154,7 +154,7 @@ def _digest(threads):
     digest = hashlib.sha256()
     for name in ("f32", "f64"):
         for precision in started(name, cpu_max_num_threads=threads):
-            launcher = launcher_of((Gravity(0.0), Charges(0.25)), bodies_of(1025, 3, precision), precision)
+            launcher = launcher_of((Gravity(0.0), Charges(0.25)), bodies_of(501, 3, precision), precision)
             for shape in ("lanes", "launch", "gather"):
                 once = launcher.run(shape)
                 assert once.tobytes() == launcher.run(shape).tobytes()
@@ -167,7 +167,7 @@ def test_bits_do_not_depend_on_the_number_of_threads():
     folder = os.path.dirname(__file__)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([folder, os.path.dirname(folder)])}
     digests = set()
-    for threads in (1, 2, 4):
+    for threads in (1, 3):
         command = [sys.executable, "-c", program, str(threads)]
         result = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=True)
         digests.add(result.stdout.split("digest ")[1])

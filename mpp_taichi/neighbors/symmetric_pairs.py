@@ -8,7 +8,7 @@ from mpp_taichi.types import Template
 
 BLOCK = 128  # bodies whose reactions stay in the first cache of a core; a multiple of every number of lanes
 MOST_CHUNKS = 16  # sums that threads may work on at once
-BODIES_PER_CHUNK = 256
+BODIES_PER_CHUNK = 512
 MOST_SUMS = 1 << 22  # of one axis, of all chunks together
 SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 
@@ -95,10 +95,11 @@ class SymmetricPairs:
             self._meet_tile(state, chunk, begin, end, tile)
         for k in range(self._reaction_at(chunk, 0, 0), self._reaction_at(chunk, BLOCK, 0)):
             row = self._load(self.reactions, k)
-            total = row[0]
-            for lane in ti.static(range(1, self.lanes)):
-                total += row[lane]
-            self.totals[k] = total
+            part = [row[lane] for lane in ti.static(range(self.lanes))]
+            for level in ti.static(range(self.lanes.bit_length() - 1)):  # in halves, so that few wait for each other
+                for lane in ti.static(range(self.lanes >> (level + 1))):
+                    part[lane] = part[lane] + part[lane + ti.static(self.lanes >> (level + 1))]
+            self.totals[k] = part[0]
         for t in range(BLOCK // self.lanes):
             for axis in ti.static(range(self.dimensions)):
                 place = self._sum_at(chunk, axis, begin // self.lanes + t)
