@@ -1,4 +1,4 @@
-"""All pairs: the direct sum of the pair forces over every two bodies, in three loop shapes.
+"""All pairs: the direct sum of the pair forces over every two bodies, in three loop shapes; a fourth is symmetric_pairs.py.
 
     a_i += sum over forces of response_i * sum over j != i of source_j * shape(s_ij) * d_ij
     d_ij = x_j - x_i,  s_ij = (|d_ij|^2 + softening^2)^(-1/2)
