@@ -65,7 +65,7 @@ def _shape(value):
     [
         {},
         {"particles": []},
-        {"particles": [{"body": {"mass": 1}}], "integrator": {"leapfrog": {"dt": 1}}},
+        {"particles": [{"body": {"position": [0, 0, 0]}}], "integrator": {"leapfrog": {"dt": 1}}},
         {"particles": [{"bodi": {}}], "integrator": {"leapfrog": {"dt": 1}}},
         {"particles": [{"body": {"mass": 1, "position": [0, 0, 0]}}], "integrator": {"leapfrog": {"dt": 1}, "rk4": {"dt": 1}}},
         {"particles": [{"body": {"mass": 1, "position": [0, 0, 0]}}], "integrator": {"leapfrog": {"dt": 0}}},
