@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import NoReturn
 
 from mpp_taichi import __version__
-from mpp_taichi.cli import accuracy, check, explain, info, record, run, schema
+from mpp_taichi.cli import accuracy, check, convert, explain, info, record, run, schema
 from mpp_taichi.cli._signals import Interrupted
 from mpp_taichi.cli._terminal import (
     CLOSED_OUTPUT_CODE,
@@ -35,6 +35,7 @@ VERBS: dict[str, ModuleType] = {
     "accuracy": accuracy,
     "explain": explain,
     "check": check,
+    "convert": convert,
     "info": info,
     "schema": schema,
 }

@@ -1,0 +1,40 @@
+"""Which importer reads a file: by its suffix, and among those of one suffix by how it begins."""
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+from mpp_taichi.errors import OutputError, SceneError
+
+MOST_BYTES = 256 * 1024 * 1024
+
+
+def importers() -> dict[str, Any]:
+    """Every importer, by the name of its file."""
+    found = sorted(path.stem for path in Path(__file__).parent.glob("[!_]*.py") if path.stem != "catalogue")
+    return {name: importlib.import_module(f"mpp_taichi.importers.{name}") for name in found}
+
+
+def import_scene(path: Path) -> tuple[str, dict[str, Any]]:
+    """Name of the importer, and the scene as a mapping.
+
+    Raises:
+        OutputError: the file cannot be read.
+        SceneError: no importer knows it, or it says something that cannot be read, with line and column.
+    """
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise SceneError(f"{path}: is larger than {MOST_BYTES // 1024**2} MiB")
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{path}: is no text in UTF-8: byte {error.start} cannot be read") from None
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    known = {name: each for name, each in importers().items() if path.suffix.lower() in each.SUFFIXES}
+    if not known:
+        suffixes = sorted({suffix for each in importers().values() for suffix in each.SUFFIXES})
+        raise SceneError(f"{path}: files of this kind cannot be read, allowed: {', '.join(suffixes)}")
+    for name, importer in known.items():
+        if len(known) == 1 or importer.recognises(text):
+            return name, importer.read(text, str(path))
+    raise SceneError(f"{path}: does not begin like any of {', '.join(known)}")
