@@ -33,7 +33,7 @@ def import_scene(path: Path) -> tuple[str, dict[str, Any]]:
     known = {name: each for name, each in importers().items() if path.suffix.lower() in each.SUFFIXES}
     if not known:
         suffixes = sorted({suffix for each in importers().values() for suffix in each.SUFFIXES})
-        raise SceneError(f"{path}: files of this kind cannot be read, allowed: {', '.join(suffixes)}")
+        raise SceneError(f"{path}: files of this kind cannot be read, allowed: .yaml, .npz, {', '.join(suffixes)}")
     for name, importer in known.items():
         if len(known) == 1 or importer.recognises(text):
             return name, importer.read(text, str(path))

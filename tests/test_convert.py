@@ -1,4 +1,4 @@
-"""Files of other programs: what they say comes over to the last digit, and what is wrong in them has a line and a column."""
+"""Files of other programs, in and out: they come over to the last digit; what is wrong in them has a line and a column."""
 
 import json
 
@@ -11,6 +11,7 @@ from mpp_taichi.cli.main import main
 from mpp_taichi.importers.catalogue import import_scene, importers
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.write import scene_text
+from mpp_taichi.snapshot import Snapshot
 
 PLANETS = """5
 2.50e11
@@ -151,7 +152,7 @@ FAULTS = {
     ("m.plist", "# nothing\n"): "the list has no particle",
     ("n.plist", PAPER.replace("dt 0.03", "dt 0")): ":12:4: dt must be above 0",
     ("o.plist", PAPER.replace("k2 2.9584e-4", "k2 1e999")): ":11:4: k2 must be a number, not '1e999'",
-    ("p.obj", "v 1 2 3"): "cannot be read, allowed: .plist, .txt",
+    ("p.obj", "v 1 2 3"): "cannot be read, allowed: .yaml, .npz, .plist, .txt",
 }
 
 
@@ -177,3 +178,63 @@ def test_files_that_are_no_text_or_not_there_are_told(tmp_path):
     assert main(["convert", str(path), str(tmp_path / "a.yaml")]) == 2
     assert main(["convert", str(tmp_path / "none.txt"), str(tmp_path / "a.yaml")]) == 5
     assert main(["convert", str(written(tmp_path, "p.txt", PLANETS)), str(tmp_path / "a.json")]) == 2
+
+
+def converted(source, target):
+    assert main(["convert", str(source), str(target), "-q"]) == 0
+    return target
+
+
+@pytest.mark.parametrize(("name", "text"), [("planets.txt", PLANETS), ("springs.plist", SPRINGS), ("data.plist", PAPER)])
+def test_particles_go_round_through_every_format_that_can_hold_them(tmp_path, name, text):
+    scene = converted(written(tmp_path, name, text), tmp_path / "scene.yaml")
+    start = assemble(load_scene(scene))
+    state = Snapshot.load(converted(scene, tmp_path / "state.npz"))
+    table = converted(tmp_path / "state.npz", tmp_path / "table.csv")
+    read = assemble(load_scene(written(tmp_path, "read.yaml", READ.format(table.name))))
+    for found in (state, read):
+        for key in ("position", "velocity", "mass", "radius", "charge", "free", "color"):
+            np.testing.assert_array_equal(getattr(found, key), getattr(start, key))
+        assert found.name == start.name
+    if name.endswith(".plist"):
+        again = import_scene(converted(scene, tmp_path / "again.plist"))[1]
+        first = import_scene(tmp_path / name)[1]
+        assert [again.get(key) for key in ("springs", "forces", "integrator")] == [
+            first.get(key) for key in ("springs", "forces", "integrator")
+        ]
+        for key in ("position", "velocity", "free"):
+            np.testing.assert_array_equal(getattr(assemble(load_scene(again)), key), getattr(start, key))
+    else:
+        again = import_scene(converted(tmp_path / "state.npz", tmp_path / "again.txt"))[1]
+        np.testing.assert_array_equal(assemble(load_scene(again)).position, start.position)  # five digits hold all of these
+
+
+READ = "particles: [{{file: {{path: {}}}}}]\nintegrator: {{leapfrog: {{dt: 1}}}}\n"
+
+
+@pytest.mark.parametrize(
+    ("changed", "to", "said"),
+    [
+        (", -0.5, 0]", ", -0.5, 0.1]", "of the plane z = 0"),
+        ("softening: 0", "softening: 0.1", "has no softening"),
+        ("rest_length: 1}", "rest_length: 2}", "that between 0 and 1 is not"),
+        ("linear_drag", "coulomb", "has no coulomb, only"),
+        ("name: left", "name: left one", "no name with white space in it, like 'left one'"),
+    ],
+)
+def test_what_a_format_cannot_hold_is_told(tmp_path, capsys, changed, to, said):
+    scene = """
+particles:
+  - body: {name: left, mass: 1, position: [0, -0.5, 0]}
+  - body: {mass: 1, position: [1, -0.5, 0], charge: 1}
+springs: [{link: {between: [0, 1], stiffness: 1, rest_length: 1}}]
+forces: [{newtonian_gravity: {strength: 1, softening: 0}}, {linear_drag: {coefficient: 1}}]
+integrator: {leapfrog: {dt: 0.01}}
+"""
+    if "coulomb" in to:
+        scene = scene.replace("linear_drag: {coefficient: 1}", "coulomb: {}")
+    path = written(tmp_path, "scene.yaml", scene.replace(changed, to, 1))
+    target = tmp_path / ("out.txt" if "plane" in said or "name" in said else "out.plist")
+    assert main(["convert", str(path), str(target)]) == 2 and not target.exists()
+    assert said in capsys.readouterr().err
+    assert main(["convert", str(path), str(tmp_path / "other.yaml")]) == 2  # of a scene no scene is made
