@@ -133,7 +133,36 @@ def test_numbers_keep_all_their_digits_in_yaml(tmp_path):
     assert yaml.safe_load(scene_text({"x": numbers}))["x"] == numbers
 
 
+SOLAR = """<?xml version="1.0" encoding="ISO-8859-1" ?>
+<SolarSystem TimeStep="120">
+    <Body Name="Sun" Radius="696342000" Mass="1.98855E30" IsSun="yes" R="255" G="255" B="128" skin="sun.jpg" Scale="50"/>
+    <Body Name="J\u00e9" Mass="5.97237E24" XPosition="149598023000" YVelocity="29780" R="0" G="0" Tilt="23.44"/>
+</SolarSystem>"""
+
+
+def test_a_solar_system_goes_around_once_in_a_year(tmp_path):
+    path = tmp_path / "SolarSystem.xml"
+    path.write_bytes(SOLAR.encode("latin-1"))
+    name, scene = import_scene(path)
+    assert name == "solar_system_xml" and scene["integrator"] == {"velocity_verlet": {"dt": 120.0}}
+    start = assemble(load_scene(scene))
+    assert start.name == ("Sun", "J\u00e9") and start.radius.tolist() == [696342000.0, 0.0]
+    np.testing.assert_allclose(start.color, [[1, 1, 128 / 255], [0, 0, 1]], rtol=1e-15)
+    x, v, mu = start.position[1, 0], start.velocity[1, 1], 6.67408e-11 * start.mass.sum()
+    period = 2 * np.pi * np.sqrt((1 / (2 / x - v * v / mu)) ** 3 / mu)
+    assert period == pytest.approx(365.25 * 86400, rel=2e-3)  # mean speed and mean distance, as the file has them
+
+
 FAULTS = {
+    ("q.xml", SOLAR.replace('Mass="5.97237E24"', 'Mass="heavy"')): ":4:5: Mass must be a number, not 'heavy'",
+    ("r.xml", SOLAR.replace("<Body", "<Planet", 1)): ":3:5: <Planet> stands where only <Body> may",
+    ("s.xml", SOLAR.replace("/>", ">", 1)): ":4:5: <Body> stands where only",
+    ("t.xml", SOLAR[:-6]): ":5:1",
+    ("u.xml", SOLAR.replace("<Solar", '<!DOCTYPE a [<!ENTITY b "c">]>\n<Solar', 1)): "a document type is not read",
+    ("v.xml", "<SolarSystem/>"): "has no <Body>",
+    ("w.xml", SOLAR.replace("J\u00e9", "Sun")): ":4:5: two bodies are called 'Sun'",
+    ("x.xml", SOLAR.replace('"120"', '"0"')): ":2:1: TimeStep must be above 0",
+    ("y.xml", SOLAR.replace(' Mass="5.97237E24"', "")): ":4:5: the body has no Mass",
     ("a.txt", "5\n2.5e11\n1 2 3 4 five earth.gif"): ":3:9: mass of body 0 must be a number, not 'five'",
     ("b.txt", PLANETS.replace("5\n", "6\n", 1)): ":7:46: the file ends where x of body 5 should follow",
     ("c.txt", "2 1e11\n0 0 0 0 1 2 3 4 5 6"): ":2:11: body 0 has no picture",
@@ -152,7 +181,7 @@ FAULTS = {
     ("m.plist", "# nothing\n"): "the list has no particle",
     ("n.plist", PAPER.replace("dt 0.03", "dt 0")): ":12:4: dt must be above 0",
     ("o.plist", PAPER.replace("k2 2.9584e-4", "k2 1e999")): ":11:4: k2 must be a number, not '1e999'",
-    ("p.obj", "v 1 2 3"): "cannot be read, allowed: .yaml, .npz, .plist, .txt",
+    ("p.obj", "v 1 2 3"): "cannot be read, allowed: .yaml, .npz, .plist, .txt, .xml",
 }
 
 

@@ -1,8 +1,9 @@
 """Convert between scenes, states and the files of other programs.
 
-IN is a scene (.yaml), a state that `run --snapshot` wrote (.npz), a particle list of MPPhys (.plist) or a universe file of
-Princeton's assignment (.txt). OUT is a scene, for which IN must be another program's file and is checked as a scene first; or
-the particles of IN, of a scene those that it begins with, as a state, a table (.csv), a particle list or a universe file.
+IN is a scene (.yaml), a state that `run --snapshot` wrote (.npz), a particle list of MPPhys (.plist), a universe file of
+Princeton's assignment (.txt) or a SolarSystem.xml. OUT is a scene, for which IN must be another program's file and is checked
+as a scene first; or the particles of IN, of a scene those that it begins with, as a state, a table (.csv), a particle list or
+a universe file.
 """
 
 import argparse
@@ -20,7 +21,7 @@ SCENES, STATE = (".yaml", ".yml"), ".npz"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("source", type=Path, metavar="IN", help="what to read: .yaml, .npz, .plist or .txt")
+    parser.add_argument("source", type=Path, metavar="IN", help="what to read: .yaml, .npz, .plist, .txt or .xml")
     parser.add_argument("target", type=_options.output_path, metavar="OUT", help="what to write: the same, or .csv")
     _options.add_report(parser)
 

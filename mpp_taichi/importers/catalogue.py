@@ -25,9 +25,7 @@ def import_scene(path: Path) -> tuple[str, dict[str, Any]]:
     try:
         if path.stat().st_size > MOST_BYTES:
             raise SceneError(f"{path}: is larger than {MOST_BYTES // 1024**2} MiB")
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: is no text in UTF-8: byte {error.start} cannot be read") from None
+        data = path.read_bytes()
     except OSError as error:
         raise OutputError(f"{path}: cannot be read: {error.strerror or error}") from None
     known = {name: each for name, each in importers().items() if path.suffix.lower() in each.SUFFIXES}
@@ -35,6 +33,16 @@ def import_scene(path: Path) -> tuple[str, dict[str, Any]]:
         suffixes = sorted({suffix for each in importers().values() for suffix in each.SUFFIXES})
         raise SceneError(f"{path}: files of this kind cannot be read, allowed: .yaml, .npz, {', '.join(suffixes)}")
     for name, importer in known.items():
+        text = _decoded(data, path, getattr(importer, "ENCODINGS", ("utf-8-sig",)))
         if len(known) == 1 or importer.recognises(text):
             return name, importer.read(text, str(path))
     raise SceneError(f"{path}: does not begin like any of {', '.join(known)}")
+
+
+def _decoded(data: bytes, path: Path, encodings: tuple[str, ...]) -> str:
+    for encoding in encodings:
+        try:
+            return data.decode(encoding).replace("\r\n", "\n")
+        except UnicodeDecodeError as error:
+            fault = error
+    raise SceneError(f"{path}: is no text in UTF-8: byte {fault.start} cannot be read")

@@ -1,0 +1,107 @@
+"""SolarSystem.xml: `<SolarSystem TimeStep="…">` with a `<Body …/>` for each body, in SI units (A. Roman, compphys.go.ro)."""
+
+import math
+from pathlib import PurePath
+from typing import Any
+from xml.parsers import expat
+
+from mpp_taichi.errors import SceneError
+from mpp_taichi.importers._words import Word
+from mpp_taichi.scene.location import Location
+
+SUFFIXES = (".xml",)
+ENCODINGS = ("utf-8-sig", "latin-1")
+G = 6.67408e-11  # as there [m³ / (kg s²)]
+STEP = 60.0  # where the file has none [s]
+YEAR = 365.25 * 86400.0
+
+
+def recognises(text: str) -> bool:
+    """Whether it has the element that holds all."""
+    return "<SolarSystem" in text
+
+
+def read(text: str, source: str) -> dict[str, Any]:
+    """The scene: gravity, by velocity Verlet; what is only for the picture (textures, spins, scales) is left out.
+
+    A position or velocity that is not given is 0, a colour 255. SceneError with line and column for what is no such file.
+    """
+    reader = _Reader(source)
+    try:
+        reader.parser.Parse(text.encode("utf-8"), True)
+    except expat.ExpatError as error:
+        raise SceneError(f"{source}:{error.lineno}:{error.offset + 1}: {expat.ErrorString(error.code)}") from None
+    if not reader.bodies:
+        raise SceneError(f"{source}: has no <Body>")
+    far = max(math.hypot(*body["position"]) for body in reader.bodies) or 1.0
+    return {
+        "title": PurePath(source).stem,
+        "particles": [{"body": body} for body in reader.bodies],
+        "forces": [{"newtonian_gravity": {"strength": G}}],
+        "integrator": {"velocity_verlet": {"dt": reader.dt}},
+        "run": {"duration": YEAR},
+        "view": {"camera": {"position": [0.0, -1.5 * far, 1.5 * far], "look_at": [0.0, 0.0, 0.0], "up": [0.0, 0.0, 1.0]}},
+    }
+
+
+class _Reader:
+    """Takes the elements as they come."""
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self.bodies: list[dict[str, Any]] = []
+        self.names: set[str] = set()
+        self.dt = STEP
+        self.depth = 0
+        self.parser = expat.ParserCreate("utf-8")  # the text is decoded already, whatever its first line says
+        self.parser.StartElementHandler = self._start
+        self.parser.EndElementHandler = self._end
+        self.parser.StartDoctypeDeclHandler = self._refuse_types
+
+    def _word(self, text: str) -> Word:
+        return Word(text, Location(self.source, self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1))
+
+    def _refuse_types(self, *_: object) -> None:
+        raise self._word("").fault("a declaration of a document type is not read")
+
+    def _start(self, name: str, given: dict[str, str]) -> None:
+        expected = ("SolarSystem", "Body")[min(self.depth, 1)]
+        if name != expected or self.depth > 1:
+            raise self._word(name).fault(f"<{name}> stands where only <{expected}> may")
+        self.depth += 1
+        if name == "SolarSystem":
+            self.dt = self._number(given, "TimeStep", STEP, above=0.0)
+        else:
+            self._add(given)
+
+    def _end(self, _: str) -> None:
+        self.depth -= 1
+
+    def _number(self, given: dict[str, str], key: str, default: float | None = None, above: float = -math.inf) -> float:
+        if key not in given:
+            if default is None:
+                raise self._word("").fault(f"the body has no {key}")
+            return default
+        value = self._word(given[key]).number(key)
+        if not value > above:
+            raise self._word("").fault(f"{key} must be above {above:g}, not {value:g}")
+        return value
+
+    def _add(self, given: dict[str, str]) -> None:
+        name = given.get("Name", "")
+        if name in self.names:
+            raise self._word("").fault(f"two bodies are called {name!r}")
+        self.names |= {name} if name else set()
+        color = [self._number(given, key, 255.0) / 255.0 for key in "RGB"]
+        if not all(0.0 <= each <= 1.0 for each in color):
+            raise self._word("").fault("R, G and B go from 0 to 255")
+        self.bodies.append(
+            {
+                "name": name,
+                "mass": self._number(given, "Mass"),
+                "position": [self._number(given, f"{axis}Position", 0.0) for axis in "XYZ"],
+                "velocity": [self._number(given, f"{axis}Velocity", 0.0) for axis in "XYZ"],
+                "radius": self._number(given, "Radius", 0.0, above=-1e-300),
+                "color": color,
+            }
+        )
