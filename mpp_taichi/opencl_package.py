@@ -1,4 +1,4 @@
-"""Where the OpenCL kernels of this project are: the folder `opencl/`, which is no part of the program and only compared with it.
+"""Where the OpenCL kernels of this project are: the folder `opencl/`, no part of the program and only compared with it.
 
 It is loaded from its place and under a name of its own, so that no other package called `opencl` can come between, and none is
 hidden. In a checkout it lies beside `mpp_taichi/`, in an installed package inside.

@@ -10,6 +10,10 @@ class Refused(Exception):
     """What OpenCL is asked for and cannot do here, in one line."""
 
 
+class Failed(Exception):
+    """A run that came to no good end, in one line."""
+
+
 @dataclass(frozen=True)
 class Device:
     """A device of a platform.
@@ -49,7 +53,7 @@ def devices() -> tuple[list[Device], str]:
 
 
 def choose(text: str | None = None) -> Device:
-    """The device whose id is `text`, or the only one that has every word of it in id, platform or type; None: a GPU, or the first.
+    """The device whose id is `text`, or the only one with every word of it in id, platform or type; None: a GPU, or the first.
 
     Raises:
         Refused: there is no device, none like that, or several.
@@ -64,14 +68,15 @@ def choose(text: str | None = None) -> Device:
     matching = exact or [
         device for device in found if all(word in f"{device.id} {device.platform} {device.type}".lower() for word in words)
     ]
-    listed = "; ".join(device.id for device in (matching or found))
-    if len(matching) != 1:
-        raise Refused(
-            f"{len(matching) or 'no'} OpenCL devices match {text!r}: {listed}"
-            if matching
-            else f"no OpenCL device matches {text!r}, here are: {listed}"
-        )
+    if not matching:
+        raise Refused(f"no OpenCL device matches {text!r}, there are: {_listed(found)}")
+    if len(matching) > 1:
+        raise Refused(f"{len(matching)} OpenCL devices match {text!r}, say which: {_listed(matching)}")
     return matching[0]
+
+
+def _listed(devices: list[Device]) -> str:
+    return "; ".join(device.id for device in devices)
 
 
 def driver_version(text: str) -> str:

@@ -1,0 +1,137 @@
+"""What of a scene there are kernels for, and a named refusal of the rest."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.contact_setup import ContactSetup, contact_setup
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
+from mpp_taichi.snapshot import Snapshot
+
+from .devices import Device, Refused
+from .n_body import PairForce
+from .program import REALS
+
+INTEGRATORS = ("leapfrog", "velocity_verlet", "rk4")
+SOLVERS = ("pairwise",)
+# Parameters of the forces that the kernels know; another one, or another value of `solver`, asks for something else.
+FORCES = {
+    "newtonian_gravity": {"strength", "softening"},
+    "coulomb": {"coulomb_constant", "softening"},
+    "uniform_gravity": {"acceleration"},
+    "linear_drag": {"coefficient"},
+}
+PLAIN = {None, "direct", "all_pairs", "auto"}
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A scene as the kernels take it."""
+
+    dimensions: int
+    precision: str
+    integrator: str
+    dt: float
+    gravity: tuple[float, float, float]
+    drag: float
+    pairs: tuple[PairForce, ...]
+    spring_damping: str  # "none", "axial" or "full"
+    has_springs: bool
+    held: bool  # whether an axis of a particle is
+    contacts: ContactSetup | None
+
+    @property
+    def has_forces(self) -> bool:
+        """Whether anything is to be summed."""
+        return bool(self.pairs) or self.has_springs or any(self.gravity) or self.drag > 0.0
+
+
+def problem_of(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: str) -> Problem:
+    """The scene for the kernels.
+
+    Raises:
+        Refused: there is none for something that it names.
+    """
+    _refuse(_reason(spec, snapshot, device, precision))
+    gravity, drag, pairs = np.zeros(3), 0.0, []
+    for force in spec.forces:
+        known = force.parameters
+        if force.name == "uniform_gravity":
+            gravity[: spec.dimensions] += np.asarray(known["acceleration"], float)[: spec.dimensions]
+        elif force.name == "linear_drag":
+            drag += float(known["coefficient"])
+        else:
+            pairs.append(_pair_force(force.name, known, snapshot))
+    damped = len(snapshot.springs) > 0 and bool((snapshot.springs.damping != 0).any())
+    return Problem(
+        dimensions=spec.dimensions,
+        precision=precision,
+        integrator=spec.integrator.name,
+        dt=float(spec.integrator.parameters["dt"]),
+        gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2])),
+        drag=drag,
+        pairs=tuple(pairs) if snapshot.particle_count > 1 else (),
+        spring_damping=spec.spring_damping if damped else "none",
+        has_springs=len(snapshot.springs) > 0,
+        held=not bool(snapshot.free[:, : spec.dimensions].all()),
+        contacts=contact_setup(spec, snapshot) if spec.contacts is not None else None,
+    )
+
+
+def _refuse(reason: str) -> None:
+    if reason:
+        raise Refused(f"no OpenCL kernel for {reason}")
+
+
+def _reason(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: str) -> str:
+    """What is missing, first things first; nothing where all is there."""
+    if precision not in REALS:
+        return f"precision {precision}, there are {', '.join(REALS)}"
+    if precision == "f64" and not device.handle.double_fp_config:
+        return f"f64 on {device.id}, which has none; there is f32"
+    if spec.timeline:
+        return "a timeline"
+    if spec.accuracy is not None:
+        return "an accuracy whose method is still to be chosen"
+    if snapshot.merged_into is not None:
+        return "spheres that merge"
+    if spec.integrator.name not in INTEGRATORS:
+        return f"the integrator {spec.integrator.name}, there are {', '.join(INTEGRATORS)}"
+    return next((reason for force in spec.forces if (reason := _force_reason(force))), "") or _contact_reason(spec)
+
+
+def _force_reason(force: ComponentSpec) -> str:
+    if force.name not in FORCES:
+        return f"the force {force.name}, there are {', '.join(FORCES)}"
+    others = {key: value for key, value in force.parameters.items() if key not in FORCES[force.name]}
+    return next((f"{force.name} with {key}: {value}" for key, value in others.items() if not _is_plain(key, value)), "")
+
+
+def _is_plain(key: str, value: Any) -> bool:
+    """Whether a parameter that is not known here asks for nothing: it is off, or names the direct sum."""
+    return value is None or (key == "solver" and value in PLAIN)
+
+
+def _contact_reason(spec: SceneSpec) -> str:
+    """Of contacts and walls."""
+    if spec.contacts is None:
+        return f"walls without contacts ({spec.walls[0].name})" if spec.walls else ""
+    if spec.contacts.solver.name not in SOLVERS:
+        return f"the contact solver {spec.contacts.solver.name}, there is {', '.join(SOLVERS)}"
+    if any(wall.name == "periodic_box" for wall in spec.walls):
+        return "a periodic_box"
+    return "contacts under rk4, whose drifts are no straight ways" if spec.integrator.name == "rk4" else ""
+
+
+def _pair_force(name: str, known: Mapping[str, Any], snapshot: Snapshot) -> PairForce:
+    """Source and response of each particle."""
+    softening = float(known["softening"])
+    if name == "newtonian_gravity":
+        strength = 1.0 if known["strength"] is None else float(known["strength"])
+        return PairForce(snapshot.mass, np.full(snapshot.particle_count, strength), softening)
+    charge, mass = snapshot.charge, snapshot.mass
+    with np.errstate(divide="ignore", invalid="ignore"):
+        response = np.where(charge != 0.0, -float(known["coulomb_constant"]) * charge / mass, 0.0)
+    return PairForce(charge, response, softening)
