@@ -81,8 +81,9 @@ def _listed(devices: list[Device]) -> str:
 
 def driver_version(text: str) -> str:
     """Of a platform's version, what the driver says of itself: "PoCL 3.1+debian" of "OpenCL 3.0 PoCL 3.1+debian  Linux, …"."""
-    rest = text.removeprefix(LANGUAGE).split(" ", 1)[-1].strip() if text.startswith(LANGUAGE) else text.strip()
-    return rest.split("  ")[0].split(",")[0].strip() or text.strip()
+    _, _, rest = text.removeprefix(LANGUAGE).partition(" ")
+    known = rest.strip() if text.startswith(LANGUAGE) else text
+    return known.split("  ")[0].split(",")[0].strip() or text.strip()
 
 
 def _type(pyopencl: Any, handle: Any) -> str:

@@ -10,12 +10,13 @@ from .devices import Device, Refused
 from .program import Memory, build
 from .tuning import fastest
 
-VARIANTS = ("naive", "tiled", "vectors", "third_law")
+VARIANTS = ("naive", "tiled", "vectors", "third_law")  # each also with " seeded", in f64
 FAR = 1e15  # where bodies without a source lie that fill the last tile: their squared distances are numbers of f32
 PADDING = 16  # the widest vectors
 SAMPLE = {"cpu": 8192, "gpu": 131_072, "accelerator": 8192}  # bodies on which variants are tried
 ROWS_PER_UNIT = 4  # of the third law, for each compute unit, so that a busy core holds up little
-GPU_TILES = tuple(("tiled", tile, bodies) for tile in (128, 256) for bodies in (1, 2, 4))
+TILES = tuple((tile, bodies) for tile in (128, 256) for bodies in (1, 2, 4))  # work-items of a group, bodies of each
+TILE_ON_CPU = (64, 1)  # work-items are loops there, and compiling many of them takes seconds
 
 
 @dataclass(frozen=True)
@@ -50,13 +51,16 @@ class PairSum:
     """
 
     def __init__(self, memory: Memory, device: Device, forces: Sequence[PairForce], *, variant: str | None = None):
-        """Allocate; find the fastest variant, or take the one of this name, and compile it."""
-        if variant is not None and variant not in VARIANTS:
-            raise Refused(f"no variant {variant!r} of the direct sum, there are {', '.join(VARIANTS)}")
+        """Allocate; `variant` is one to take instead of the fastest, which `tune` finds."""
+        name, _, seed = (variant or VARIANTS[0]).partition(" ")
+        if name not in VARIANTS or seed not in ("", "seeded") or (seed and memory.precision == "f32"):
+            raise Refused(f"no variant {variant!r} of the direct sum in {memory.precision}, there are {', '.join(VARIANTS)}")
         self._memory, self._device, self._forces = memory, device, tuple(forces)
+        self._asked = (name, bool(seed)) if variant is not None else None
         self.count = len(forces[0].source)
-        largest_tile = max((tile * bodies for _, tile, bodies in GPU_TILES), default=1) if self._wants_tiles(variant) else PADDING
-        self.stride = -(-self.count // largest_tile) * largest_tile
+        self._variants = self._named(name, bool(seed)) if variant is not None else self._usual()
+        filled = max([PADDING, *(each.group * each.bodies for each in self._variants if each.name == "tiled")])
+        self.stride = -(-self.count // filled) * filled
         self.columns = memory.reals(np.full(3 * self.stride, FAR))
         self.sum = memory.room(3 * self.stride)
         self._strengths = [tuple(memory.reals(self._filled(each)) for each in (one.source, one.response)) for one in forces]
@@ -64,8 +68,7 @@ class PairSum:
         self._rows: Any = None
         self._row_count = 1
         self._kernels: dict[tuple[Variant, bool], tuple[Any, ...]] = {}
-        self._names = variant
-        self.variant = self._variants()[0]
+        self.variant = self._variants[0]
 
     @property
     def launches(self) -> int:
@@ -74,17 +77,18 @@ class PairSum:
 
     def tune(self) -> None:
         """Find the fastest variant, on the first of the bodies where they are now."""
+        if self._asked is not None:
+            return
         count = min(self.count, SAMPLE[self._device.type])
-        softened = self._forces[0].softening > 0.0
-        key = ("n_body", self._device.id, self._memory.precision, softened, self._names, count)
+        key = ("n_body", self._device.id, self._memory.precision, self._forces[0].softening > 0.0, count)
 
         def attempt(variant: Variant) -> None:
             self._enqueue(variant, 0, count)
             self._memory.queue.finish()
 
-        best = fastest(key, self._variants(), attempt)
+        best = fastest(key, self._variants, attempt)
         if self._memory.precision == "f64":
-            best = fastest((*key, "seed"), [best, replace(best, seeded=not best.seeded)], attempt)
+            best = fastest((*key, "seeded"), [best, replace(best, seeded=True)], attempt)
         self.variant = best
         self._kernels = {key: kernels for key, kernels in self._kernels.items() if key[0] == best}
 
@@ -92,9 +96,6 @@ class PairSum:
         """Sum all forces at the places of `columns`."""
         for number in range(len(self._forces)):
             self._enqueue(self.variant, number, self.count)
-
-    def _wants_tiles(self, variant: str | None) -> bool:
-        return variant == "tiled" or (variant is None and self._device.type == "gpu")
 
     def _filled(self, values: np.ndarray) -> np.ndarray:
         """As long as the columns, nothing behind the last body."""
@@ -105,18 +106,18 @@ class PairSum:
         native = handle.native_vector_width_double if wide else handle.native_vector_width_float
         return min(16, max(4, native))
 
-    def _variants(self) -> list[Variant]:
+    def _usual(self) -> list[Variant]:
         """What is tried here; the kernels for GPUs are ten times slower on a CPU, and those of vectors as bad on a GPU."""
-        handle = self._device.handle
-        most = handle.max_work_group_size
-        if self._names is None:
-            names = ("vectors", "third_law") if self._device.type == "cpu" else ("naive", "tiled")
-        else:
-            names = (self._names,)
-        groups = {"naive": (min(256, most),), "vectors": (1, 4), "third_law": (1,)}
-        found = [Variant(name, group) for name in names if name in groups for group in groups[name]]
-        tiles = [Variant("tiled", tile, bodies) for _, tile, bodies in GPU_TILES if tile <= most]
-        return found + (tiles if "tiled" in names else [])
+        if self._device.type == "cpu":
+            return [Variant("vectors", 1), Variant("vectors", 4), Variant("third_law", 1)]
+        most = self._device.handle.max_work_group_size
+        return [*self._named("naive", False), *(Variant("tiled", tile, bodies) for tile, bodies in TILES if tile <= most)]
+
+    def _named(self, name: str, seeded: bool) -> list[Variant]:
+        """The one of this name."""
+        tile, bodies = TILE_ON_CPU if self._device.type == "cpu" else TILES[-2]
+        group = {"naive": min(256, self._device.handle.max_work_group_size), "tiled": tile}.get(name, 1)
+        return [Variant(name, group, bodies if name == "tiled" else 1, seeded)]
 
     def _built(self, variant: Variant, softened: bool) -> tuple[Any, ...]:
         """The kernels of a variant."""
@@ -158,5 +159,3 @@ class PairSum:
             self._row_count = max(1, min(ROWS_PER_UNIT * self._device.handle.max_compute_units, self.stride // self.lanes))
             self._rows = self._memory.room(self._row_count * 3 * self.stride)
         return self._rows
-
-

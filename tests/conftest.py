@@ -30,6 +30,18 @@ def software_vulkan():
     return report["device"]
 
 
+@pytest.fixture(scope="session")
+def opencl():
+    """The module that runs scenes in OpenCL; skip where no device starts, and say why."""
+    from mpp_taichi.opencl_package import load_opencl
+
+    runner = load_opencl()
+    _, reason = runner.devices()
+    if reason:
+        pytest.skip(f"no OpenCL here: {reason}")
+    return runner
+
+
 def pytest_configure(config):
     """Bundled scenes and tools are found from anywhere."""
     config.root_folder = ROOT

@@ -7,8 +7,8 @@ particles are numbered row by row (`rows`) or at random (`random`), as those of 
 contenders in one process and interleaved; medians of the repeats, ratios of neighbouring samples. The positions of each are
 compared with NumPy in float64 in the run that is timed, and the bits of two of our own runs with each other.
 
-`ours` is the program's own step under the plan that it chooses; `opencl` is opencl/kernels/spring_step.cl on the CPU device,
-with the best of several work-group sizes; `c` is tools/reference_springs.c on all threads, `c 1` on one; `atomic` is a parallel
+`ours` is the program's own step under the plan that it chooses; `opencl` is the runner of opencl/ on the CPU device, with the
+best of several work-group sizes; `c` is tools/reference_springs.c on all threads, `c 1` on one; `atomic` is a parallel
 step in Taichi with the force added to both ends of each spring by atomics. What is not here (a compiler, an OpenCL device) is
 skipped. A bar holds when both the medians and the fastest samples keep it: on a machine that others use, spinning threads of
 OpenMP wait for each other much longer than they work, and only the fastest samples tell what the code can do.
@@ -26,7 +26,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "opencl"), str(ROOT / "tools")]  # so that it also runs from a checkout
+sys.path[:0] = [str(ROOT), str(ROOT / "tools")]  # so that it also runs from a checkout
 
 from spring_contenders import (  # noqa: E402
     CHECKED_STEPS,
@@ -74,7 +74,7 @@ def benchmark(snapshot, precision, damped, library, device, threads, repeats):
             contender.advance(CHECKED_STEPS)
             rows[name]["same_bits"] = bool(np.array_equal(found, contender.positions()))
         if name == "opencl":
-            rows[name]["work_group"] = contender.work_group
+            rows[name]["variant"] = contender.variant
     loops = {name: steps_per_sample(contender) for name, contender in contenders.items()}
     seconds = {name: [] for name in contenders}
     names = list(contenders)
@@ -128,7 +128,7 @@ def show(case):
     )
     for name, row in case["rows"].items():
         low, high = row["quartiles"]
-        note = "".join(f"  {key} {row[key]}" for key in ("plan", "work_group") if key in row)
+        note = "".join(f"  {key} {row[key]}" for key in ("plan", "variant") if key in row)
         print(
             f"{name:8}{1e6 * row['seconds']:11.1f}{f'{1e6 * low:.1f} – {1e6 * high:.1f}':>23}{1e6 * row['fastest']:11.1f}"
             f"{row['half_springs_per_second'] / 1e9:18.3f}{row['speed_of_ours']:15.2f}{row['speed_of_our_fastest']:7.2f}"
@@ -157,13 +157,13 @@ def main():
         os.environ["POCL_AFFINITY"] = "1"
     os.environ["POCL_MAX_PTHREAD_COUNT"] = str(options.threads)
     from benchmark_pairs import pin_workers
-    from spring_step import devices
 
     from mpp_taichi import backends
+    from mpp_taichi.opencl_package import load_opencl
 
-    found, reason = devices()
-    device = next((one for one in found if one.type & 2), None)  # CL_DEVICE_TYPE_CPU
-    opencl = f"{device.platform.version}, {device.name}" if device else f"skipped, {reason or 'no CPU among the devices'}"
+    found, reason = load_opencl().devices()
+    device = next((one for one in found if one.type == "cpu"), None)
+    opencl = device.id if device else f"skipped, {reason or 'no CPU among the devices'}"
     results = []
     with tempfile.TemporaryDirectory() as folder:
         library, compiler = compile_reference(folder)

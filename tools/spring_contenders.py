@@ -5,6 +5,7 @@ import functools
 import shutil
 import subprocess
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,6 @@ ROOT = Path(__file__).parents[1]
 DT = 0.01
 CHECKED_STEPS = 10
 SMALLEST_SAMPLE = 0.02  # seconds of repeated steps that one sample of the clock covers
-WORK_GROUPS = (16, 64, 256)
 C_FLAGS = "-O3 -march=native -ffast-math -fopenmp -shared -fPIC".split()
 
 
@@ -197,42 +197,33 @@ class C:
 
 
 class OpenCL:
-    """The kernel of opencl/, with the work-group size that is fastest here."""
+    """The kernels of opencl/, with the work-group size that is fastest here."""
 
     def __init__(self, device, precision, snapshot, damped):
-        from spring_step import SpringStep
+        from mpp_taichi.opencl_package import load_opencl
+        from mpp_taichi.scene.load import load_scene
 
-        from mpp_taichi.state import half_springs
-
-        rows = half_springs(snapshot)
+        ends = [{"body": {"mass": 1.0, "position": [place, 0, 0]}} for place in (0, 1)]
+        link = {"link": {"between": [0, 1], "stiffness": 1.0, "rest_length": 1.0}}
+        spec = load_scene({"title": "Sheet", "particles": ends, "springs": [link], "integrator": {"leapfrog": {"dt": DT}}})
+        if not damped:
+            springs = replace(snapshot.springs, damping=np.zeros(len(snapshot.springs)))
+            snapshot = replace(snapshot, springs=springs)
         self.snapshot = snapshot
-        tried = {}
-        for size in WORK_GROUPS:
-            self.step = SpringStep(
-                device,
-                rows,
-                snapshot.position,
-                snapshot.velocity,
-                snapshot.mass,
-                precision=precision,
-                damped=damped,
-                work_group=size,
-            )
-            tried[size] = (min(samples(self, 3)), self.step)
-        self.work_group = min(tried, key=lambda size: tried[size][0])
-        self.step = tried[self.work_group][1]
+        self.runner = load_opencl().Runner(spec, snapshot, device=device, precision=precision)
+        self.variant = self.runner.variant
 
     def advance(self, steps):
         """Run steps."""
-        self.step.advance(DT, steps)
+        self.runner.advance(steps)
 
     def restart(self):
         """Go back to the start."""
-        self.step.write(self.snapshot.position, self.snapshot.velocity)
+        self.runner.restart(self.snapshot)
 
     def positions(self):
         """Where the particles are."""
-        return self.step.read()[0]
+        return self.runner.snapshot().position
 
 
 def samples(contender, repeats):
