@@ -29,7 +29,8 @@ class HardSpheres:
         """Allocate and compile."""
         import pyopencl
 
-        self._memory, self._setup, self._vectors = memory, setup, pyopencl.cltypes
+        self._memory, self._setup = memory, setup
+        self._vectors: Any = pyopencl.cltypes
         count = self.count = setup.particle_count
         surfaces = setup.enclosure.surfaces
         self._few = count <= FEW
@@ -113,7 +114,8 @@ class HardSpheres:
         """A grid around the spheres, in cubes that hold the largest."""
         place = np.nan_to_num(position[:, : self._setup.dimensions])
         lower, extent = place.min(axis=0), np.ptp(place, axis=0)
-        width = max(WIDER * 2.0 * float(self._setup.radius.max()), float(extent.max()) / MOST_CELLS, np.finfo(np.float32).tiny)
+        largest, smallest = float(self._setup.radius.max()), float(np.finfo(np.float32).tiny)
+        width = max(WIDER * 2.0 * largest, float(extent.max()) / MOST_CELLS, smallest)
         while np.prod(np.floor(extent / width) + 1) > self._most_cells:
             width *= 1.25
         cells = np.ones(4, int)

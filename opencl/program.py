@@ -8,7 +8,7 @@ import numpy as np
 FOLDER = Path(__file__).parent / "kernels"
 # Products and sums may be fused. Square roots and divisions keep the accuracy that OpenCL promises: in f64, correct rounding.
 OPTIONS = ("-cl-mad-enable", "-cl-no-signed-zeros")
-REALS = {"f32": np.float32, "f64": np.float64}
+REALS: dict[str, Any] = {"f32": np.float32, "f64": np.float64}
 
 
 def read(name: str) -> str:
@@ -27,7 +27,7 @@ def build(context: Any, names: tuple[str, ...], precision: str, definitions: dic
     import pyopencl
 
     text = "\n".join(read(name) for name in ("numbers", *names))
-    known = {"REAL": "float" if precision == "f32" else "double"}
+    known: dict[str, Any] = {"REAL": "float" if precision == "f32" else "double"}
     if precision == "f64":
         known["NEEDS_FP64"] = None
     flags = [f"-D{name}" if value is None else f"-D{name}={value}" for name, value in (known | definitions).items()]

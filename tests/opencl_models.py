@@ -2,12 +2,12 @@
 
 import numpy as np
 from reference import accelerations
-from scenes import everything
 
 from mpp_taichi.assemble import assemble
 from mpp_taichi.opencl_package import load_opencl
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.snapshot import Snapshot
+from scenes import everything
 
 UNIT = {"f32": 2.0**-24, "f64": 2.0**-53}
 FORCE_LIMITS = {"f32": 5e-6, "f64": 1e-13}  # of the largest acceleration: what each backend is to reach

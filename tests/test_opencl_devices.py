@@ -8,11 +8,11 @@ import sys
 
 import pytest
 from opencl_models import loaded
-from scenes import cluster, everything
 from test_opencl_spheres import spheres
 
 from mpp_taichi import opencl_package
 from mpp_taichi.opencl_package import load_opencl
+from scenes import cluster, everything
 
 POCL = "OpenCL 3.0 PoCL 3.1+debian  Linux, None+Asserts, RELOC, SPIR, LLVM 15.0.6, SLEEF, DISTRO, POCL_DEBUG"
 VERSIONS = {

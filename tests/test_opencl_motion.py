@@ -1,11 +1,11 @@
-"""A run in OpenCL is the program's own run, to the round-off that grows on the way: each integrator, forces alone and together."""
+"""A run in OpenCL is the program's own, to the round-off that grows on the way: each integrator, forces alone and together."""
 
 import numpy as np
 import pytest
 from opencl_models import UNIT, bodies, change_kernel, gravity_spec, loaded
-from scenes import cluster, everything, irregular_network
 
 from mpp_taichi import Simulation
+from scenes import cluster, everything, irregular_network
 
 INTEGRATORS = ["leapfrog", "velocity_verlet", "rk4"]
 STEPS = 20
@@ -24,8 +24,8 @@ SCENES = {
 def growth(spec, particles):
     """Of a perturbation over the run, exp(ω t) at most.
 
-    ω² ≤ 2 Σ D/m of the springs, plus 300 for gravity and charges: 4 G M/r³ with G M ≤ 4, charges less, and r ≥ 0.4 or ε where it
-    matters. Friction takes from it what it turns.
+    ω² ≤ 2 Σ D/m of the springs, plus 300 for gravity and charges: 4 G M/r³ with G M ≤ 4, charges less, and r ≥ 0.4 or ε where
+    it matters. Friction takes from it what it turns.
     """
     springs = particles.springs
     pull = np.bincount(springs.between.ravel(), np.repeat(springs.stiffness, 2), particles.particle_count) / particles.mass
