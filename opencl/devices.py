@@ -1,8 +1,10 @@
 """OpenCL devices: which there are, and how one is chosen by name and version."""
 
+import os
 from dataclasses import dataclass, field
 from typing import Any
 
+HINTS = {"POCL_VECTORIZER_PREFER_VECTOR_WIDTH": "512"}  # bits; LLVM alone takes 256 on processors that have both
 LANGUAGE = "OpenCL "  # what every version begins with: OpenCL, the version of the language, then the driver's own
 
 
@@ -33,6 +35,8 @@ class Device:
 
 def devices() -> tuple[list[Device], str]:
     """All devices here and "", or an empty list and the reason in one line."""
+    for name, value in HINTS.items():
+        os.environ.setdefault(name, value)  # read when the driver is loaded
     try:
         import pyopencl
     except Exception as error:  # noqa: BLE001 - a broken driver may raise anything while it is loaded
