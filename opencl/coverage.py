@@ -120,8 +120,6 @@ def _contact_reason(spec: SceneSpec) -> str:
         return f"walls without contacts ({spec.walls[0].name})" if spec.walls else ""
     if spec.contacts.solver.name not in SOLVERS:
         return f"the contact solver {spec.contacts.solver.name}, there is {', '.join(SOLVERS)}"
-    if any(wall.name == "periodic_box" for wall in spec.walls):
-        return "a periodic_box"
     return "contacts under rk4, whose drifts are no straight ways" if spec.integrator.name == "rk4" else ""
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from mpp_taichi.contact_setup import ContactSetup
 
 from .devices import Device, Failed
-from .program import Memory, build
+from .program import Memory, build, definition
 
 FEW = 128  # spheres up to which one work-item looks at all pairs: fewer launches
 PAIRS_PER_SPHERE = 8  # for which there is room: a contact graph of spheres has fewer than 7.5 edges for each
@@ -15,6 +15,7 @@ CELLS_PER_SPHERE = 4  # at most, on the whole grid
 MOST_CELLS = 1 << 15  # along an axis, so that in f32 a place in units of cells is rounded by 1/512 of a cell at most
 # Of a cell over the largest diameter: two spheres that touch are then less than a cell apart, whatever rounding does.
 WIDER = 1.01
+FEWEST_CELLS = 3  # along an axis that repeats: with fewer, a pair would be seen from both sides
 PARTS = 64  # of the cells, for sums over all of them
 DRIFTS_PER_GRID = 256  # after which the grid is fitted to the spheres again; they may leave it, at the cost of speed alone
 GROUP = 64
@@ -33,16 +34,22 @@ class HardSpheres:
         self._vectors: Any = pyopencl.cltypes
         count = self.count = setup.particle_count
         surfaces = setup.enclosure.surfaces
-        self._few = count <= FEW
+        self._period = np.array(setup.enclosure.period)[: setup.dimensions]
+        self._widest = max(WIDER * 2.0 * float(setup.radius.max()), float(np.finfo(np.float32).tiny))
+        self._few = count <= FEW or bool(((self._period > 0.0) & (self._period < FEWEST_CELLS * self._widest)).any())
         room = PAIRS_PER_SPHERE * count + 64
         definitions: dict[str, Any] = {"DIMENSIONS": setup.dimensions, "ROOM": room, "MATERIALS": len(setup.restitution)}
         definitions["SURFACES"] = len(surfaces)
+        if self._period.any():
+            names = ("PERIOD_X", "PERIOD_Y", "PERIOD_Z")
+            periods = {name: definition(value, memory.precision) for name, value in zip(names, setup.enclosure.period)}
+            definitions |= {"PERIODIC": None, **periods}
         if setup.contact_time > 0.0:
             definitions["HAS_CONTACT_TIME"] = None
         program = build(memory.context, ("hard_spheres",), memory.precision, definitions)
-        names = ["find_among_few"] if self._few else ["clear", "move_and_count", "sum_parts", "begin_cells", "sort", "find"]
-        names += ["work_off"] + ["bounce_off_walls"] * bool(surfaces)
-        self._kernels = {name: pyopencl.Kernel(program, name) for name in names}
+        on_grid = ["clear", "move_and_count", "sum_parts", "begin_cells", "sort", "find"]
+        used = [*(["find_among_few"] if self._few else on_grid), "work_off", *["bounce_off_walls"] * bool(surfaces)]
+        self._kernels = {name: pyopencl.Kernel(program, name) for name in used}
         flat = np.arange(3) < setup.dimensions
         self._radius = memory.reals(setup.radius)
         self._inverse_mass = memory.reals(memory.padded(setup.inverse_mass * flat))
@@ -111,23 +118,29 @@ class HardSpheres:
         self._run("find", self.count, count, *grid, self._start, *into, self._row, self._found)
 
     def _fit(self, position: np.ndarray) -> None:
-        """A grid around the spheres, in cubes that hold the largest."""
+        """A grid around the spheres, or of the box that repeats, in cells that hold the largest."""
         place = np.nan_to_num(position[:, : self._setup.dimensions])
-        lower, extent = place.min(axis=0), np.ptp(place, axis=0)
-        largest, smallest = float(self._setup.radius.max()), float(np.finfo(np.float32).tiny)
-        width = max(WIDER * 2.0 * largest, float(extent.max()) / MOST_CELLS, smallest)
-        while np.prod(np.floor(extent / width) + 1) > self._most_cells:
+        repeats = self._period > 0.0
+        lower = np.where(repeats, self._setup.enclosure.origin[: len(repeats)], place.min(axis=0))
+        extent = np.where(repeats, self._period, np.ptp(place, axis=0))
+        width = max(self._widest, float(extent.max()) / MOST_CELLS)
+        while (counted := cells_along(extent, width, repeats)).prod() > self._most_cells and width < extent.max():
             width *= 1.25
-        cells = np.ones(4, int)
-        cells[: len(extent)] = np.floor(extent / width) + 1
-        corner = np.zeros(4)
-        corner[: len(lower)] = lower
+        cells, corner, inverse = np.ones(4, int), np.zeros(4), np.zeros(4)
+        cells[: len(extent)], corner[: len(extent)] = counted, lower
+        inverse[: len(extent)] = np.where(repeats, counted / np.where(repeats, extent, 1.0), 1.0 / width)
         make = self._vectors.make_float4 if self._memory.precision == "f32" else self._vectors.make_double4
         self._cell_count = int(cells.prod())
-        self._grid = (make(*corner), self._memory.real(1.0 / width), self._vectors.make_int4(*cells))
+        self._grid = (make(*corner), make(*inverse), self._vectors.make_int4(*cells))
 
     def _run(self, name: str, items: int, *arguments: Any) -> None:
         self._memory.launch(self._kernels[name], items, 1 if items in (1, PARTS) else GROUP, *arguments)
+
+
+def cells_along(extent: np.ndarray, width: float, repeats: np.ndarray) -> np.ndarray:
+    """How many cells of at least this width there are along each axis; where it repeats, they fill it."""
+    whole = np.floor(extent / width).astype(int)
+    return np.where(repeats, np.maximum(whole, FEWEST_CELLS), whole + 1)
 
 
 def surface_numbers(surface: Any, dimensions: int) -> list[float]:

@@ -41,6 +41,28 @@ def gravity_spec(softening, integrator="leapfrog", dt=0.01):
     )
 
 
+def spheres(count, *, edges=(8, 8, 8), walls=(), dt=0.02, integrator="leapfrog", radius=0.25, repeats=False, **contacts):
+    """A gas in a box, of different radii and masses; one sphere is held."""
+    dimensions = len(edges)
+    lower, upper = [0.0] * dimensions, [float(edge) for edge in edges]
+    middle = [edge / 2 for edge in edges] + [0.0] * (3 - dimensions)
+    bead = {"mass": 3.0, "radius": 0.4, "position": middle, "free": [False] * 3}
+    gas = {"name": "gas", "count": count, "lower": lower, "upper": upper, "radius": radius, "radius_spread": 0.3, "speed": 2.0}
+    box = {"lower": lower, "upper": upper}
+    field = [{"uniform_gravity": {"acceleration": [0.3, -1.0, 0.2 * (dimensions == 3)]}}]
+    solver = {"solver": "pairwise", "restitution": 0.9, **contacts}
+    return {
+        "title": "Spheres",
+        "dimensions": dimensions,
+        "seed": 3,
+        "particles": [{"body": {"name": "bead", **bead}}, {"gas": gas}],
+        "forces": field,
+        "contacts": {"hard_spheres": solver},
+        "walls": [{"periodic_box": box} if repeats else {"box": box | {"restitution": 0.8}}, *walls],
+        "integrator": {integrator: {"dt": dt}},
+    }
+
+
 def gravity_error(runner, count, *, precision, softening=0.0, variant=None):
     """Largest difference from NumPy over the largest acceleration."""
     particles = bodies(count)

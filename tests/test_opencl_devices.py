@@ -7,8 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from opencl_models import loaded
-from test_opencl_spheres import spheres
+from opencl_models import loaded, spheres
 
 from mpp_taichi import opencl_package
 from mpp_taichi.opencl_package import load_opencl
@@ -66,7 +65,6 @@ def test_a_device_that_is_here_is_found_by_its_id(opencl):
         assert opencl.choose(device.id) == device and device.type in ("cpu", "gpu", "accelerator")
 
 
-PERIODIC = spheres(5) | {"walls": [{"periodic_box": {"lower": [0, 0, 0], "upper": [8, 8, 8]}}]}
 SWEPT = spheres(5) | {"contacts": {"hard_spheres": {"solver": "swept"}}}
 DRIVEN = cluster(5) | {"forces": [{"harmonic_drive": {"force": [1, 0, 0], "angular_frequency": 1.0}}]}
 CHANGING = everything() | {"timeline": [{"at": 0.1, "set": {"forces.linear_drag.coefficient": 0.5}}]}
@@ -74,7 +72,6 @@ REFUSALS = {
     "integrator": (cluster(5, integrator="yoshida4"), {}, "integrator yoshida4, there are leapfrog, velocity_verlet, rk4"),
     "force": (DRIVEN, {}, "force harmonic_drive, there are newtonian_gravity, "),
     "solver": (SWEPT, {}, "contact solver swept, there is pairwise"),
-    "periodic box": (PERIODIC, {}, "periodic_box"),
     "timeline": (CHANGING, {}, "timeline"),
     "precision": (cluster(5), {"precision": "ds"}, "precision ds, there are f32, f64"),
     "variant": (cluster(5), {"variant": "tree"}, "no variant 'tree' of the direct sum"),
@@ -103,6 +100,23 @@ def test_a_force_that_gained_a_parameter_is_refused_unless_it_is_off(opencl):
                 opencl.Runner(scene, start)
         else:
             opencl.Runner(scene, start).close()
+
+
+def test_the_fastest_way_is_taken_and_remembered(monkeypatch):
+    """By a clock that only the attempts move; first attempts, which compile, take long and do not count."""
+    tuning = load_opencl("tuning")
+    cost, tried, now = {"slow": 0.03, "fast": 0.02, "hopeless": 0.09}, [], [0.0]
+
+    def attempt(way):
+        now[0] += cost[way] + (1.0 if way not in tried else 0.0)
+        tried.append(way)
+
+    monkeypatch.setattr(tuning.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(tuning, "_remembered", {})
+    assert tuning.fastest("key", list(cost), attempt) == "fast"
+    assert tried.count("hopeless") == 2  # one more than to compile
+    tried.clear()
+    assert tuning.fastest("key", list(cost), attempt) == "fast" and not tried
 
 
 def test_the_folder_is_found_whatever_else_is_called_opencl(tmp_path):

@@ -45,29 +45,32 @@ def scene(model, count):
     from mpp_taichi.scene.load import load_scene
     from mpp_taichi.snapshot import Snapshot
 
-    random = np.random.default_rng(count)
     if model == "gravity":
         position, mass = bodies(count)
-        effects = {"forces": [{"newtonian_gravity": {"strength": 1.0, "softening": SOFTENING}}]}
         velocity, radius = np.zeros((count, 3)), np.zeros(count)
+        effects = {"forces": [{"newtonian_gravity": {"strength": 1.0, "softening": SOFTENING}}]}
     else:
-        along = round(count ** (1 / 3))
-        cell = (4 * np.pi / 3 / PACKING) ** (1 / 3)
-        lattice = np.stack(np.meshgrid(*[np.arange(along)] * 3, indexing="ij"), -1).reshape(-1, 3)
-        position = (lattice + 0.5) * cell + random.uniform(-0.5, 0.5, lattice.shape) * (cell - 2.0)
+        position, velocity, edge = gas(count)
         count = len(position)
-        velocity, mass, radius = random.normal(size=(count, 3)), np.ones(count), np.ones(count)
-        edge = along * cell
+        mass = radius = np.ones(count)
         effects = {
             "contacts": {"hard_spheres": {"solver": "pairwise", "restitution": 0.95}},
             "walls": [{"box": {"lower": [0, 0, 0], "upper": [edge] * 3}}],
         }
-    places = [[edge / 4, edge / 2, edge / 2], [3 * edge / 4, edge / 2, edge / 2]] if model == "spheres" else [[0, 0, 0], [1, 0, 0]]
-    pair = [{"body": {"mass": 1.0, "radius": 1.0, "position": [float(x) for x in place]}} for place in places]
+    places = ([1.0, 1.0, 1.0], [4.0, 1.0, 1.0])  # of two that stand for all in the text of the scene
+    pair = [{"body": {"mass": 1.0, "radius": 1.0, "position": place}} for place in places]
     spec = load_scene({"title": model, "particles": pair, "integrator": {"leapfrog": {"dt": DT[model]}}} | effects)
-    zeros = np.zeros(count)
-    free = np.ones((count, 3), bool)
+    zeros, free = np.zeros(count), np.ones((count, 3), bool)
     return spec, Snapshot(position, velocity, mass, radius, zeros, np.ones((count, 3)), free, ("",) * count)
+
+
+def gas(count):
+    """Unit spheres moved at random within the cells of a lattice: positions, velocities, edge of the box."""
+    random = np.random.default_rng(count)
+    along, cell = round(count ** (1 / 3)), (4 * np.pi / 3 / PACKING) ** (1 / 3)
+    lattice = np.stack(np.meshgrid(*[np.arange(along)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    position = (lattice + 0.5) * cell + random.uniform(-0.5, 0.5, lattice.shape) * (cell - 2.0)
+    return position, random.normal(size=lattice.shape), float(along * cell)
 
 
 class Ours:
@@ -196,11 +199,10 @@ def show(case):
     for name, row in case["rows"].items():
         low, high = row["quartiles"]
         error = f"{row['force_error']:.1e}" if "force_error" in row else "–"
-        print(
-            f"{name:10}{1e3 * row['seconds']:11.3f}{f'{1e3 * low:.3f} – {1e3 * high:.3f}':>23}{row['work_per_second'] / scale:11.2f}"
-            f"{row['speed_of_ours']:13.2f}{row['speed_of_our_fastest']:7.2f}{error:>13}{row['difference']:11.1e}  {row['variant']}",
-            flush=True,
-        )
+        spread, rate = f"{1e3 * low:.3f} – {1e3 * high:.3f}", row["work_per_second"] / scale
+        faster = f"{row['speed_of_ours']:13.2f}{row['speed_of_our_fastest']:7.2f}"
+        apart = f"{row['difference']:11.1e}  {row['variant']}"
+        print(f"{name:10}{1e3 * row['seconds']:11.3f}{spread:>23}{rate:11.2f}{faster}{error:>13}{apart}", flush=True)
 
 
 def judge(results):

@@ -7,20 +7,48 @@
  * counted into cells, sorted by cell, and each looks at those behind it in its own cell and the half of the cells around. Pairs
  * are listed in any order, sorted by number, and worked off by one work-item, so that the outcome is the same every time.
  *
- * Spheres outside the grid count as in its outermost cells; no pair is missed, since cells of neighbours stay neighbours.
+ * Spheres outside the grid count as in its outermost cells; no pair is missed, since cells of neighbours stay neighbours. In a
+ * box that repeats, places go on growing; separations are the nearest images, and along axes that repeat there are at least
+ * three cells, which fill the period, so that no pair is seen twice.
  *
  * Built with -DDIMENSIONS, -DROOM (pairs), -DMATERIALS, -DSURFACES, -DHAS_CONTACT_TIME where contacts shortly after another
- * are elastic.
+ * are elastic, -DPERIODIC where the box repeats, with -DPERIOD_X, _Y, _Z as numbers, 0 along an axis that does not.
  */
-#define LONG_AGO ((REAL)-1e30)
+#ifdef PERIODIC
+static inline REAL nearest(const REAL d, const REAL period) {
+    return period > 0 && fabs(d) > period / 2 ? d - period * floor(d / period + (REAL)0.5) : d;
+}
+#define REPEATS(period) ((period) > 0)
+#else
+#define PERIOD_X 0
+#define PERIOD_Y 0
+#define PERIOD_Z 0
+#define REPEATS(period) 0
+#endif
+
+/* From one place to the nearest image of another. */
+static inline REAL4 separation_of(const REAL4 one, const REAL4 two) {
+    const REAL4 d = two - one;
+#ifdef PERIODIC
+    return (REAL4)(nearest(d.x, PERIOD_X), nearest(d.y, PERIOD_Y), nearest(d.z, PERIOD_Z), 0);
+#else
+    return d;
+#endif
+}
 
 typedef struct {
     int x, y, z;
 } Cell;
 
-static inline Cell cell_of(const REAL4 place, const REAL4 corner, const REAL inverse_width, const int4 cells) {
+static inline Cell cell_of(const REAL4 place, const REAL4 corner, const REAL4 inverse_width, const int4 cells) {
+    REAL4 way = place - corner;
+#ifdef PERIODIC
+    if (REPEATS(PERIOD_X)) way.x -= PERIOD_X * floor(way.x / PERIOD_X);
+    if (REPEATS(PERIOD_Y)) way.y -= PERIOD_Y * floor(way.y / PERIOD_Y);
+    if (REPEATS(PERIOD_Z)) way.z -= PERIOD_Z * floor(way.z / PERIOD_Z);
+#endif
     /* What is no number comes to lie in the first cell. */
-    const REAL4 at = fmin(fmax((place - corner) * inverse_width, (REAL4)(0)), JOINED(convert_, REAL4)(cells - 1));
+    const REAL4 at = fmin(fmax(way * inverse_width, (REAL4)(0)), JOINED(convert_, REAL4)(cells - 1));
     Cell cell = {(int)at.x, (int)at.y, (int)at.z};
     return cell;
 }
@@ -33,7 +61,7 @@ __kernel void clear(__global int *restrict numbers, const int count) {
 }
 
 __kernel void move_and_count(const int count, __global REAL4 *restrict x, __global const REAL4 *restrict v, const REAL time,
-                             const REAL4 corner, const REAL inverse_width, const int4 cells, __global int *restrict cell,
+                             const REAL4 corner, const REAL4 inverse_width, const int4 cells, __global int *restrict cell,
                              __global int *restrict crowd) {
     const int i = get_global_id(0);
     if (i >= count) return;
@@ -80,7 +108,7 @@ __kernel void sort(const int count, __global const REAL4 *restrict x, __global c
 }
 
 static inline int overlap_of(const REAL4 one, const REAL4 two) {
-    const REAL4 d = two - one;
+    const REAL4 d = separation_of(one, two);
     const REAL reach = one.w + two.w;
     return dot3(d, d) < reach * reach;
 }
@@ -94,22 +122,37 @@ static void list(const int one, const int two, const int count, __global int *re
     }
 }
 
-__kernel void find(const int count, const REAL4 corner, const REAL inverse_width, const int4 cells,
+/* The number of a cell that may lie behind the last one; -1 where there is none. */
+static inline int beyond(const int cell, const int cells, const int repeats) {
+    return cell >= 0 && cell < cells ? cell : repeats ? (cell + cells) % cells : -1;
+}
+
+#define LOOK(begin, end)                                     \
+    for (int other = begin, last = end; other < last; other++) \
+        if (overlap_of(own, sorted[other])) list(order[slot], order[other], count, row, found);
+
+__kernel void find(const int count, const REAL4 corner, const REAL4 inverse_width, const int4 cells,
                    __global const int *restrict start, __global const int *restrict order, __global const REAL4 *restrict sorted,
                    __global int *restrict row, __global int2 *restrict found) {
     const int slot = get_global_id(0);
     if (slot >= count) return;
     const REAL4 own = sorted[slot];
     const Cell cell = cell_of(own, corner, inverse_width, cells);
-    const int before = max(cell.x - 1, 0), after = min(cell.x + 1, cells.x - 1);
     for (int up = 0; up < (DIMENSIONS == 3 ? 5 : 2); up++) {
         /* Its own row of cells, from itself on; the next row; and the three rows above. */
-        const int y = cell.y + (up < 2 ? up : up - 3), z = cell.z + (up >= 2);
-        if (y < 0 || y >= cells.y || z >= cells.z) continue;
+        const int y = beyond(cell.y + (up < 2 ? up : up - 3), cells.y, REPEATS(PERIOD_Y));
+        const int z = beyond(cell.z + (up >= 2), cells.z, REPEATS(PERIOD_Z));
+        if (y < 0 || z < 0) continue;
         const int row_of_cells = cells.x * (y + cells.y * z);
-        const int begin = up == 0 ? slot + 1 : start[row_of_cells + before], end = start[row_of_cells + after + 1];
-        for (int other = begin; other < end; other++)
-            if (overlap_of(own, sorted[other])) list(order[slot], order[other], count, row, found);
+        if (REPEATS(PERIOD_X)) {
+            for (int across = up == 0 ? 0 : -1; across <= 1; across++) {
+                const int c = row_of_cells + beyond(cell.x + across, cells.x, 1);
+                LOOK(up == 0 && across == 0 ? slot + 1 : start[c], start[c + 1])
+            }
+        } else {
+            const int before = max(cell.x - 1, 0), after = min(cell.x + 1, cells.x - 1);
+            LOOK(up == 0 ? slot + 1 : start[row_of_cells + before], start[row_of_cells + after + 1])
+        }
     }
 }
 
@@ -123,7 +166,7 @@ __kernel void find_among_few(const int count, __global REAL4 *restrict x, __glob
     for (int i = 0; i < count; i++) {
         row[i + 2] = 0;
         for (int j = i + 1; j < count; j++) {
-            const REAL4 d = x[j] - x[i];
+            const REAL4 d = separation_of(x[i], x[j]);
             const REAL reach = radius[i] + radius[j];
             if (dot3(d, d) < reach * reach) {
                 if (k < ROOM) {
@@ -153,7 +196,7 @@ static void bounce(const int i, const int j, __global REAL4 *restrict x, __globa
                    __global const REAL *restrict radius, __global const REAL4 *restrict inverse_mass,
                    __global const int *restrict material, __global const REAL *restrict restitution, const REAL time,
                    const REAL contact_time, __global REAL *restrict last_contact) {
-    const REAL4 separation = x[j] - x[i];
+    const REAL4 separation = separation_of(x[i], x[j]);
     const REAL distance = sqrt(dot3(separation, separation)), overlap = radius[i] + radius[j] - distance;
     if (overlap <= 0) return; /* an earlier pair has pushed them apart */
     const REAL4 n = distance > 0 ? separation / distance : (REAL4)(1, 0, 0, 0); /* no direction: take x */
