@@ -32,12 +32,18 @@ static inline REAL4 where_free(const int i, const REAL4 a, __global const REAL4 
 #endif
 }
 
-/* By all forces that do not depend on velocity. */
-static REAL4 still(const int i, const REAL4 here, __global const REAL4 *restrict x, FORCES) {
+/* By all forces that do not depend on velocity, springs left out. */
+static REAL4 outside(const int i, FORCES) {
     REAL4 a = (REAL4)(GRAVITY_X, GRAVITY_Y, GRAVITY_Z, 0);
 #ifdef PAIRS
     a += (REAL4)(pair_sum[i], pair_sum[i + stride], pair_sum[i + 2 * stride], 0);
 #endif
+    return a;
+}
+
+/* By all that do not. */
+static REAL4 still(const int i, const REAL4 here, __global const REAL4 *restrict x, FORCES) {
+    REAL4 a = outside(i, PASS_FORCES);
 #ifdef SPRINGS
     a += inverse_mass[i] * elastic_row(i, here, x, PASS_ROWS);
 #endif
@@ -52,6 +58,20 @@ static REAL4 braking(const int i, const REAL4 here, const REAL4 moving, __global
     force += friction_row(i, here, moving, x, v, PASS_ROWS);
 #endif
     return where_free(i, inverse_mass[i] * force, free_axes);
+}
+
+/* By all forces, and in `without` by those that do not depend on velocity. */
+static REAL4 all_together(const int i, const REAL4 here, const REAL4 moving, __global const REAL4 *restrict x,
+                          __global const REAL4 *restrict v, REAL4 *without, FORCES) {
+#if SPRING_DAMPING > 0
+    REAL4 elastic, friction;
+    elastic_and_friction_row(i, here, moving, x, v, &elastic, &friction, PASS_ROWS);
+    *without = where_free(i, outside(i, PASS_FORCES) + inverse_mass[i] * elastic, free_axes);
+    return *without + where_free(i, inverse_mass[i] * (friction - DRAG * moving), free_axes);
+#else
+    *without = still(i, here, x, PASS_FORCES);
+    return *without + braking(i, here, moving, x, v, PASS_FORCES);
+#endif
 }
 
 __kernel void note_places(FORCES, __global const REAL4 *restrict x) {
@@ -92,9 +112,9 @@ __kernel void first_half(FORCES, __global const REAL4 *restrict x, __global cons
     const int i = get_global_id(0);
     if (i >= count) return;
     const REAL4 here = x[i], moving = v[i];
-    const REAL4 a = still(i, here, x, PASS_FORCES);
+    REAL4 a;
+    middle[i] = moving + kick / 2 * all_together(i, here, moving, x, v, &a, PASS_FORCES);
     acceleration[i] = a;
-    middle[i] = moving + kick / 2 * (a + braking(i, here, moving, x, v, PASS_FORCES));
 }
 
 __kernel void second_half(FORCES, __global const REAL4 *restrict x, __global REAL4 *restrict x_next, __global REAL4 *restrict v,
@@ -118,7 +138,8 @@ __kernel void stage(FORCES, __global const REAL4 *restrict x, __global const REA
     const int i = get_global_id(0);
     if (i >= count) return;
     const REAL4 here = x[i], moving = v[i], start_velocity = v_0[i];
-    const REAL4 slope = still(i, here, x, PASS_FORCES) + braking(i, here, moving, x, v, PASS_FORCES);
+    REAL4 without;
+    const REAL4 slope = all_together(i, here, moving, x, v, &without, PASS_FORCES);
     slopes[i + k * count] = slope;
     const REAL weights[4] = {w_0, w_1, w_2, w_3}, bars[4] = {b_0, b_1, b_2, 0};
     REAL4 faster = weights[k] * slope, farther = bars[k] * slope;
@@ -137,6 +158,6 @@ __kernel void accelerate(FORCES, __global const REAL4 *restrict x, __global cons
                          __global REAL4 *restrict acceleration) {
     const int i = get_global_id(0);
     if (i >= count) return;
-    const REAL4 here = x[i], moving = v[i];
-    acceleration[i] = still(i, here, x, PASS_FORCES) + braking(i, here, moving, x, v, PASS_FORCES);
+    REAL4 without;
+    acceleration[i] = all_together(i, x[i], v[i], x, v, &without, PASS_FORCES);
 }
