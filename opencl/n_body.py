@@ -13,7 +13,8 @@ from .tuning import fastest
 VARIANTS = ("naive", "tiled", "vectors", "third_law")  # each also with " seeded", in f64
 FAR = 1e15  # where bodies without a source lie that fill the last tile: their squared distances are numbers of f32
 PADDING = 16  # the widest vectors
-SAMPLE = {"cpu": 8192, "gpu": 131_072, "accelerator": 8192}  # bodies on which variants are tried
+# Bodies on which variants are tried: on a CPU so few that an attempt often ends before something else has its turn.
+SAMPLE = {"cpu": 4096, "gpu": 131_072, "accelerator": 4096}
 ROWS_PER_UNIT = 4  # of the third law, for each compute unit, so that a busy core holds up little
 TILES = tuple((tile, bodies) for tile in (128, 256) for bodies in (1, 2, 4))  # work-items of a group, bodies of each
 TILE_ON_CPU = (64, 1)  # work-items are loops there, and compiling many of them takes seconds

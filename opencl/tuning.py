@@ -5,8 +5,8 @@ from collections.abc import Callable, Hashable, Sequence
 from typing import TypeVar
 
 Way = TypeVar("Way", bound=Hashable)
-ROUNDS = 9  # in which each way is tried once, so that what else the machine does falls on all of them
-ENOUGH = 0.15  # seconds after which a way is not tried again
+ROUNDS = 25  # in which each way is tried once, so that what else the machine does falls on all of them
+ENOUGH = 0.3  # seconds after which a way is not tried again
 HOPELESS = 3.0  # times the best so far, after which it is not either
 _remembered: dict[Hashable, object] = {}
 

@@ -1,14 +1,15 @@
 """How fast a step is in OpenCL beside the program's own, on the same processor.
 
     python tools/benchmark_opencl.py [--models gravity spheres] [--sizes 1024 …] [--repeats 7] [--threads 2] [--ladder]
-                                     [--no-pin] [--json FILE]
+                                     [--no-pin] [--cpu-time] [--json FILE]
 
 Leapfrog steps, f32 and f64: softened gravity between all bodies, and inelastic hard spheres in a box, the pairwise step. Both
 contenders in one process and interleaved; medians and quartiles of the repeats, ratios of neighbouring samples. In the run that
 is timed, forces are compared with NumPy in float64, and positions after some steps with each other. `ours` is the program's
 step under the plan that it chooses; `opencl` is the runner of opencl/ on the CPU device, with the variant and the work-group
 size that its own search finds fastest; with --ladder also every variant of the direct sum by its name. Springs are in
-tools/benchmark_springs.py.
+tools/benchmark_springs.py. On a machine that others use, `--cpu-time` compares the work itself: seconds of processor time of
+all threads instead of the wall clock's.
 """
 
 import argparse
@@ -138,7 +139,7 @@ def exact_forces(start):
     return np.array(result), rows
 
 
-def benchmark(model, count, precision, taichi_device, opencl_device, repeats, ladder):
+def benchmark(model, count, precision, taichi_device, opencl_device, repeats, ladder, clock):
     """One row per contender: seconds per step, work per second, our speed over it, differences."""
     spec, start = scene(model, count)
     contenders = {"ours": Ours(spec, start, taichi_device), "opencl": OpenCL(spec, start, opencl_device, precision)}
@@ -163,9 +164,9 @@ def benchmark(model, count, precision, taichi_device, opencl_device, repeats, la
             contenders[name].restart()
             time.sleep(PAUSE)
             contenders[name].advance(1)
-            began = time.perf_counter()
+            began = clock()
             contenders[name].advance(loops[name])
-            seconds[name].append((time.perf_counter() - began) / loops[name])
+            seconds[name].append((clock() - began) / loops[name])
     work = start.particle_count * ((start.particle_count - 1) if model == "gravity" else 1)
     for name, times in seconds.items():
         low, median, high = np.percentile(times, [25, 50, 75])
@@ -232,8 +233,10 @@ def main():
         "--threads", type=int, default=len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count()
     )
     parser.add_argument("--no-pin", action="store_true", help="leave the threads to the scheduler")
+    parser.add_argument("--cpu-time", action="store_true", help="processor time of all threads, for busy machines")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
+    clock = time.process_time if options.cpu_time else time.perf_counter
     pinned = sys.platform == "linux" and not options.no_pin
     cores = sorted(os.sched_getaffinity(0)) if pinned else []
     if pinned:
@@ -255,10 +258,11 @@ def main():
         if pinned:
             pin_workers(before, options.threads, cores)
         if not results:
-            print(f"{taichi_device.name}, {options.threads} threads; pinned: {pinned}\nOpenCL: {device.id}")
+            print(f"{taichi_device.name}, {options.threads} threads; pinned: {pinned}; clock: {clock.__name__}")
+            print(f"OpenCL: {device.id}")
         for model in options.models:
             for count in options.sizes or SIZES[model]:
-                rows = benchmark(model, count, precision, taichi_device, device, options.repeats, options.ladder)
+                rows = benchmark(model, count, precision, taichi_device, device, options.repeats, options.ladder, clock)
                 results.append({"model": model, "count": count, "precision": precision, "rows": rows})
                 show(results[-1])
         backends.stop()
@@ -274,6 +278,7 @@ def main():
             "system": platform.platform(),
             "threads": options.threads,
             "pinned": pinned,
+            "clock": clock.__name__,
             "opencl": device.id,
             "python": platform.python_version(),
             "taichi": ".".join(map(str, taichi.__version__)),
