@@ -80,6 +80,7 @@ class HardSpheres:
     def forget(self) -> None:
         """Positions and velocities were set from outside."""
         self._memory.write(self._last_contact, np.full(self.count, LONG_AGO, self._memory.real))
+        self._memory.write(self._given_up, np.zeros(1, np.int32))
         self._drifts_left = 0
 
     def drift(self, position: Any, velocity: Any, time: float, span: float) -> None:

@@ -125,15 +125,15 @@ class Motion:
     def launches_per_step(self) -> int:
         """Kernel launches of one step among many."""
         problem, pairs = self.problem, self.pairs.launches if self.pairs else 0
-        kick = 2 if problem.spring_damping != "none" else 1
         if problem.integrator == "rk4":
             return len(STAGES) * (pairs + 1)
-        halves = problem.integrator == "velocity_verlet" and (self._brakes or self.contacts is not None)
-        kicks = kick * (2 if halves else 1) * problem.has_forces if self.contacts is not None else kick * (2 if halves else 1)
+        kick = 2 if problem.spring_damping != "none" else 1
+        leapfrog = problem.integrator == "leapfrog"
         if self.contacts is None:
-            return pairs + kicks
-        drifts = 2 if problem.integrator == "leapfrog" else 1
-        return pairs + kicks + drifts * (self.contacts.launches + (self.pairs is not None))
+            return pairs + kick * (2 if self._brakes and not leapfrog else 1)
+        drift = self.contacts.launches + (self.pairs is not None)
+        kicks, drifts = (1, 2) if leapfrog else (2, 1)
+        return pairs + drifts * drift + (kicks * kick if problem.has_forces else 0)
 
     @property
     def _brakes(self) -> bool:
@@ -214,6 +214,11 @@ class Motion:
     def _kick(self, kick: float, drift: float) -> None:
         """A kick by the force where the particles are, and the drift after it."""
         self._sum_pairs()
+        self._kick_by_sum(kick, drift)
+        self._summed = self._summed and drift == 0.0
+
+    def _kick_by_sum(self, kick: float, drift: float) -> None:
+        """The same, pairs summed before."""
         spans = self._real(kick), self._real(drift)
         if self.problem.spring_damping != "none":
             self._run("first_half", self.position, self.velocity, self.middle, self.acceleration, spans[0])
@@ -222,7 +227,6 @@ class Motion:
         else:
             self._run("kick_and_drift", self.position, self.other, self.velocity, *spans)
         self.position, self.other = self.other, self.position
-        self._summed = self._summed and drift == 0.0
 
     def _sum_pairs(self) -> None:
         """Unless they have been summed where the particles are."""
@@ -246,7 +250,7 @@ class Motion:
     # --- tuning ---------------------------------------------------------------------------------------------------------
 
     def _tune(self, device: Device) -> None:
-        """Find the fastest size of a group; the state is not what it was afterwards."""
+        """Find the fastest size of a group for the loops over particles; the state is not what it was afterwards."""
         problem = self.problem
         if not problem.has_forces or self.count < WORTH_TRYING:
             return
@@ -254,9 +258,9 @@ class Motion:
         def attempt(group: int) -> None:
             self._group = group
             if problem.integrator == "rk4":
-                self._rk4(1)
+                self._run("accelerate", self.position, self.velocity, self.acceleration)
             else:
-                self._kick(problem.dt, problem.dt)
+                self._kick_by_sum(problem.dt, problem.dt)
             self.memory.queue.finish()
 
         effects = (problem.has_springs, problem.spring_damping, bool(problem.pairs))

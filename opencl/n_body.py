@@ -81,7 +81,7 @@ class PairSum:
         if self._asked is not None:
             return
         count = min(self.count, SAMPLE[self._device.type])
-        key = ("n_body", self._device.id, self._memory.precision, self._forces[0].softening > 0.0, count)
+        key = ("n_body", self._device.id, self._memory.precision, self._softened(self._forces[0]), count)
 
         def attempt(variant: Variant) -> None:
             self._enqueue(variant, 0, count)
@@ -91,6 +91,9 @@ class PairSum:
         if self._memory.precision == "f64":
             best = fastest((*key, "seeded"), [best, replace(best, seeded=True)], attempt)
         self.variant = best
+        if best.name != "third_law" and self._rows is not None:
+            self._memory.free(self._rows)
+            self._rows = None
         self._kernels = {key: kernels for key, kernels in self._kernels.items() if key[0] == best}
 
     def enqueue(self) -> None:
@@ -101,6 +104,10 @@ class PairSum:
     def _filled(self, values: np.ndarray) -> np.ndarray:
         """As long as the columns, nothing behind the last body."""
         return np.concatenate([values, np.zeros(self.stride - self.count)])
+
+    def _softened(self, force: PairForce) -> bool:
+        """Whether a body may meet itself: its distance is then not zero, as the kernels have it."""
+        return bool(self._memory.real(force.softening**2) > 0.0)
 
     def _lane_count(self) -> int:
         handle, wide = self._device.handle, self._memory.precision == "f64"
@@ -140,7 +147,7 @@ class PairSum:
 
     def _enqueue(self, variant: Variant, number: int, count: int) -> None:
         force, (source, response) = self._forces[number], self._strengths[number]
-        kernels = self._built(variant, force.softening > 0.0)
+        kernels = self._built(variant, self._softened(force))
         launch, real = self._memory.launch, self._memory.real
         squared, adds = real(force.softening**2), np.int32(number > 0)
         sizes = np.int32(count), np.int32(self.stride)

@@ -85,6 +85,12 @@ class Memory:
         self._opencl.enqueue_copy(self.queue, values, source)
         return values
 
+    def free(self, buffer: Any) -> None:
+        """Give one buffer back."""
+        self.queue.finish()
+        self._buffers.remove(buffer)
+        buffer.release()
+
     def release(self) -> None:
         """Give all buffers back."""
         self.queue.finish()

@@ -15,7 +15,7 @@ from .program import Memory
 
 __all__ = ["Device", "Failed", "Refused", "Runner", "choose", "devices", "run"]
 
-STEPS_TO_COMPILE = 2  # drivers compile a kernel when it is first launched
+STEPS_TO_COMPILE = 1  # drivers compile a kernel when it is first launched, and a step launches all of them
 
 
 class Runner:
