@@ -58,6 +58,22 @@ def test_a_device_is_chosen_by_words_of_name_and_version(monkeypatch):
         module.choose()
 
 
+def test_without_pyopencl_there_are_no_devices_and_a_reason(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyopencl", None)  # as Python has it of a module that cannot be imported
+    found, reason = load_opencl().devices()
+    assert found == [] and reason.startswith("pyopencl cannot be imported: ") and "\n" not in reason
+
+
+def test_f64_is_refused_where_the_device_has_none(opencl):
+    """And f32 is not, as far as the checks go."""
+    coverage, device = load_opencl("coverage"), opencl.choose()
+    spec, start = loaded(cluster(5))
+    without = dataclasses.replace(device, handle=type("Handle", (), {"double_fp_config": 0}))
+    with pytest.raises(opencl.Refused, match="f64 on .*, which has none"):
+        coverage.problem_of(spec, start, without, "f64")
+    assert coverage.problem_of(spec, start, without, "f32").precision == "f32"
+
+
 def test_a_device_that_is_here_is_found_by_its_id(opencl):
     found, reason = opencl.devices()
     assert reason == "" and len({device.id for device in found}) == len(found)
