@@ -19,6 +19,7 @@ FEWEST_CELLS = 3  # along an axis that repeats: with fewer, a pair would be seen
 PARTS = 64  # of the cells, for sums over all of them
 DRIFTS_PER_GRID = 256  # after which the grid is fitted to the spheres again; they may leave it, at the cost of speed alone
 GROUP = 64
+ITEMS_OF_ROUNDS = 256  # that work off pairs together on a GPU, where one alone would wait for memory all the time
 LONG_AGO = -1e30  # when a sphere that never touched anything did so last
 KINDS = ("plane", "cylinder", "sphere")
 
@@ -48,7 +49,10 @@ class HardSpheres:
             definitions["HAS_CONTACT_TIME"] = None
         program = build(memory.context, ("hard_spheres",), memory.precision, definitions)
         on_grid = ["clear", "move_and_count", "sum_parts", "begin_cells", "sort", "find"]
-        used = [*(["find_among_few"] if self._few else on_grid), "work_off", *["bounce_off_walls"] * bool(surfaces)]
+        self._together = device.type == "gpu" and not self._few
+        self._rounds_of = min(ITEMS_OF_ROUNDS, device.handle.max_work_group_size)
+        working_off = "work_off_together" if self._together else "work_off"
+        used = [*(["find_among_few"] if self._few else on_grid), working_off, *["bounce_off_walls"] * bool(surfaces)]
         self._kernels = {name: pyopencl.Kernel(program, name) for name in used}
         flat = np.arange(3) < setup.dimensions
         self._radius = memory.reals(setup.radius)
@@ -70,7 +74,8 @@ class HardSpheres:
     @property
     def variant(self) -> str:
         """In words."""
-        return "pairwise, all pairs" if self._few else "pairwise, cell grid"
+        found = "all pairs" if self._few else "cell grid"
+        return f"pairwise, {found}{', in rounds' if self._together else ''}"
 
     @property
     def launches(self) -> int:
@@ -93,8 +98,13 @@ class HardSpheres:
             self._find(*moved)
         spheres = (np.int32(self.count), position, velocity, self._radius, self._inverse_mass)
         when = (real(time + span), real(self._setup.contact_time), self._last_contact)
-        listed = (self._row, self._found, self._partner, self._given_up)
-        self._run("work_off", 1, *spheres, self._material, self._restitution, *when, *listed)
+        bounced = (*spheres, self._material, self._restitution, *when, self._row, self._found)
+        if self._together:
+            items = self._rounds_of
+            kernel, turns = self._kernels["work_off_together"], (self._cell, self._partner)  # both free by now
+            self._memory.launch(kernel, items, items, *bounced, *turns, self._given_up)
+        else:
+            self._run("work_off", 1, *bounced, self._partner, self._given_up)
         if "bounce_off_walls" in self._kernels:
             self._run("bounce_off_walls", self.count, *spheres, *when, self._surfaces)
 

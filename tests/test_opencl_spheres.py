@@ -86,6 +86,21 @@ def test_the_bits_do_not_depend_on_the_order_in_which_pairs_are_found(opencl):
 
 
 CROWD = "a crowd in a box"
+
+
+def test_pairs_in_rounds_lead_where_one_after_the_other_does(opencl):
+    """As GPUs work them off, here in the driver at hand; a close packing, so that spheres have several pairs at once."""
+    spec, start = loaded(spheres(1200, radius=0.26))
+    device = opencl.choose()
+    ends = []
+    for kind in ("cpu", "gpu"):
+        with opencl.Runner(spec, start, device=replace(device, type=kind)) as runner:
+            assert ("rounds" in runner.variant) == (kind == "gpu")
+            runner.advance(20)
+            ends.append(runner.snapshot())
+    assert np.array_equal(ends[0].position, ends[1].position) and np.array_equal(ends[0].velocity, ends[1].velocity)
+
+
 FAULTS = {
     "wrong sign": (CROWD, "v[i] -= impulse * (w_i * n);", "v[i] += impulse * (w_i * n);"),
     "dropped pair": (CROWD, "LOOK(up == 0 ? slot + 1 :", "LOOK(up == 0 ? slot + 2 :"),

@@ -5,7 +5,8 @@
  *
  * and so off walls. Overlapping pairs are found on a grid of cells, at least as wide as two of the largest spheres: spheres are
  * counted into cells, sorted by cell, and each looks at those behind it in its own cell and the half of the cells around. Pairs
- * are listed in any order, sorted by number, and worked off by one work-item, so that the outcome is the same every time.
+ * are listed in any order, sorted by number, and worked off by one work-item, or in rounds of pairs that share no sphere and come
+ * before all that do, so that the outcome is the same every time.
  *
  * Spheres outside the grid count as in its outermost cells; no pair is missed, since cells of neighbours stay neighbours. In a
  * box that repeats, places go on growing; separations are the nearest images, and along axes that repeat there are at least
@@ -236,6 +237,50 @@ __kernel void work_off(const int count, __global REAL4 *restrict x, __global REA
         }
         for (int k = begin; k < end; k++)
             bounce(i, partner[k], x, v, radius, inverse_mass, material, restitution, time, contact_time, last_contact);
+    }
+}
+
+/* By one group of work-items, in rounds: a pair has its turn when none is left before it that shares a sphere with it, so that
+ * the outcome is that of one after the other. A sphere's next pair is the one of the lowest lower number, and of these of the
+ * lowest upper one. Each round ends at least the first pair that is left, so there are no more rounds than pairs. */
+__kernel void work_off_together(const int count, __global REAL4 *x, __global REAL4 *v, __global const REAL *restrict radius,
+                                __global const REAL4 *restrict inverse_mass, __global const int *restrict material,
+                                __global const REAL *restrict restitution, const REAL time, const REAL contact_time,
+                                __global REAL *last_contact, __global const int *restrict row, __global int2 *found,
+                                __global int *lower, __global int *upper, __global int *restrict given_up) {
+    __local int left;
+    const int own = get_local_id(0), group = get_local_size(0), kept = min(row[count + 2], ROOM);
+    if (own == 0) *given_up += row[count + 2] - kept;
+    int more = kept > 0;
+    while (more) {
+        if (own == 0) left = 0;
+        for (int k = own; k < kept; k += group)
+            if (found[k].x >= 0) lower[found[k].x] = lower[found[k].y] = upper[found[k].x] = upper[found[k].y] = INT_MAX;
+        barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+        for (int k = own; k < kept; k += group) {
+            const int i = found[k].x, j = found[k].y;
+            if (i >= 0) {
+                left = 1;
+                atomic_min(&lower[i], i);
+                atomic_min(&lower[j], i);
+            }
+        }
+        barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+        for (int k = own; k < kept; k += group) {
+            const int i = found[k].x, j = found[k].y;
+            if (i >= 0 && lower[i] == i) atomic_min(&upper[i], j);
+            if (i >= 0 && lower[j] == i) atomic_min(&upper[j], j);
+        }
+        barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+        for (int k = own; k < kept; k += group) {
+            const int i = found[k].x, j = found[k].y;
+            if (i >= 0 && lower[i] == i && lower[j] == i && upper[i] == j && upper[j] == j) {
+                bounce(i, j, x, v, radius, inverse_mass, material, restitution, time, contact_time, last_contact);
+                found[k].x = -1;
+            }
+        }
+        more = left;
+        barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
     }
 }
 
