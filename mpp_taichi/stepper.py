@@ -91,7 +91,7 @@ class Stepper:
             for s in range(steps):
                 self._advance(time + s * dt, dt, 1, None)
                 meter.keep(s, time + (s + 1) * dt)
-        elif self.contacts is not None and self.contacts.flies:
+        elif self.contacts is not None and not self.contacts.drifts:
             self.contacts.advance(time, steps * dt)
         elif self.contacts is not None:
             for s in range(steps):

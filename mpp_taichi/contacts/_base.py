@@ -15,16 +15,25 @@ class ContactSolver:
 
     drifts   moves the spheres along straight ways, and resolves contacts on the way: `drift`
     flies    moves the spheres itself for any time, without steps: `advance`
+    leads    takes the steps of an adaptive method, `integrator`, and cuts them at contacts: `advance`; set before `bind`
     logs     notes every contact, to be taken by `take_log`; set before `bind`, where a solver `can_log`
     forces   the TotalForce that acts on the spheres, or None; set before `bind`
+    memory   of its `work_fields` those that one step hands on to the next, to be saved with the state
     """
 
     drifts = False
     flies = False
+    leads = False
     can_log = False
     logs = False
     forces: Any = None
+    integrator: Any = None
+    memory: tuple[str, ...] = ()
     setup: ContactSetup
+
+    def work_fields(self, particle_count: int) -> dict[str, tuple[str, int]]:
+        """Fields of the State beyond those of the integrator, by name: kind and count (see State)."""
+        return {}
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Take the spheres, and the State whose position and velocity are to be changed; allocate what is needed."""

@@ -43,6 +43,7 @@ class Ias15(Adaptive):
     )
 
     order = 15
+    path_degree = TERMS + 2
     controlled_by = "epsilon"
     memory = (
         "clock", "tally", "start_position", "start_velocity", "start_acceleration", "position_rest", "velocity_rest",
@@ -99,6 +100,19 @@ class Ias15(Adaptive):
         r = first // total_force.particle_count
         h = ti.cast(state.clock[self.CLOCK * r + 1], float)
         self._place(state, total_force, first, self.share_of_step(state, r, time), h, True)
+
+    @ti.func
+    def write_paths(self, state: Template, total_force: Template, coefficient: Template):
+        """The step's polynomial: x₀, h v₀, h² a₀/2 and h² b_k / ((k+2)(k+3))."""
+        n = ti.static(total_force.particle_count)
+        h = ti.cast(state.clock[1], float)
+        for i in range(n):
+            coefficient[i] = state.start_position[i] - state.position_rest[i]
+            coefficient[n + i] = h * state.start_velocity[i]
+            coefficient[2 * n + i] = 0.5 * h * h * state.start_acceleration[i]
+            for k in ti.static(range(TERMS)):
+                b = ti.static(self._named(state, "b", k))[i]
+                coefficient[(k + 3) * n + i] = h * h * ti.static(1.0 / ((k + 2) * (k + 3))) * b
 
     @ti.func
     def take_step(self, state: Template, total_force: Template, first, shape: Template):

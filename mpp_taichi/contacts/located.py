@@ -1,0 +1,117 @@
+"""Hard spheres under a method that chooses its steps: contacts are found on its own path, and the step is cut there."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.component import component, param
+from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
+from mpp_taichi.contacts._bounce import Bounce
+from mpp_taichi.contacts._rebound import Rebound
+from mpp_taichi.contacts._step_paths import StepPaths
+from mpp_taichi.contacts._step_search import StepSearch
+from mpp_taichi.contacts._tally import Tally
+from mpp_taichi.quick_compilation import quick_compilation
+
+
+@component
+@ti.data_oriented
+class Located(ContactSolver):
+    """Each step of an adaptive method is searched for its first contact, on the polynomial of its looks, and cut there.
+
+    What touches and approaches then bounces, two things at a time, by number where several do; the method begins anew from
+    there with the length of the step it had, so that a contact costs a step. The error is that of the method, whatever the
+    forces and the speeds: nothing tunnels, no matter how far a step leads. Contacts do not depend on when one looks. Serial,
+    for few bodies: a step looks at all pairs, each contact twice more. For what bounces, not for what lies, rolls or slides:
+    where contacts follow each other ever sooner, give them a `contact_time`, or a run ends at `event_limit`.
+    """
+
+    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
+    contact_time: float = param(
+        0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off"
+    )
+    event_limit: int = param(100_000, minimum=1, help="contacts between two looks, beyond which a run is given up")
+
+    leads = True
+    memory = ("due", "last_contact")
+
+    def work_fields(self, particle_count: int) -> dict[str, tuple[str, int]]:
+        """When the present step comes to a contact, infinity where it does not; and when each sphere had its last one."""
+        return {"due": ("wide", 1), "last_contact": ("wide", particle_count)}
+
+    def bind(self, setup: ContactSetup, state: Any) -> None:
+        """Work on the state's positions and velocities, by the steps of `integrator` under `forces`."""
+        self.setup, self.state = setup, state
+        self.bounce = Bounce(setup)
+        self.tally = Tally(setup.particle_count, len(setup.enclosure.surfaces), state.wide)
+        self.paths = StepPaths(setup.particle_count, setup.dimensions, self.integrator.path_degree)
+        self.search = StepSearch(self.bounce, self.paths, self.tally, state)
+        self.rebound = Rebound(self.bounce, self.paths, self.tally, state)
+
+    def prepare(self, time: float) -> None:
+        """The method begins at `time`: it is in no step yet, and nothing has touched."""
+        self.state.due.from_numpy(np.array([np.inf]))
+        self.state.last_contact.from_numpy(np.full(self.setup.particle_count, -np.inf))
+
+    def advance(self, time: float, span: float) -> None:
+        """Go on to time + span, and show the state as it is then; a contact after that is left for later."""
+        with quick_compilation():
+            self._lead(time + span)
+
+    @ti.kernel
+    def _lead(self, end: ti.f64):
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            contacts, going = 0, True
+            while going:
+                if self.state.due[0] <= end:
+                    contacts += self._touch(self.event_limit - contacts)
+                    if contacts > self.event_limit:
+                        self.tally.give_up(1)
+                        going = False
+                elif self.integrator.is_short_of(self.state, 0, end):
+                    if self.state.clock[1] > 0.0:
+                        self.integrator.enter_next(self.state, self.forces, 0)
+                    self.integrator.take_step(self.state, self.forces, 0, "serial")
+                    self._look_ahead()
+                else:
+                    going = False
+            self.integrator.show(self.state, self.forces, 0, end)
+
+    @ti.func
+    def _look_ahead(self):
+        """Find out when the step that was just taken comes to a contact."""
+        self.state.due[0] = ti.cast(ti.math.inf, self.state.wide)
+        if self.state.clock[1] > 0.0:
+            self.paths.take(self.state, self.forces, self.integrator)
+            share = self.search.first_contact()
+            if share <= 1.0:
+                self.state.due[0] = self.state.clock[0] + share * self.state.clock[1]
+
+    @ti.func
+    def _touch(self, limit):
+        """What touches when it is due bounces, and the method begins anew; returns how many bounces, 1 at least."""
+        time = self.state.due[0]
+        self.paths.take(self.state, self.forces, self.integrator)  # who went back in time has others
+        self.integrator.show(self.state, self.forces, 0, time)
+        bounces = self.rebound.bounce_all(time, limit)
+        self.integrator.begin_again(self.state, self.forces, 0, time, "serial")
+        self.state.due[0] = ti.cast(ti.math.inf, self.state.wide)
+        return ti.max(bounces, 1)
+
+    def collect(self) -> ContactReport:
+        """What was counted since it was last asked."""
+        return self.tally.collect()
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        for part in (self.bounce, self.tally, self.paths):
+            part.destroy()
+
+    def failure(self, count: int) -> str:
+        """Contacts followed each other too quickly, or two spheres stayed next to touching."""
+        return (
+            f"more than {self.event_limit:,} contacts between two looks, or spheres that roll, slide or lie on each other; "
+            "try a contact_time, or a smaller dt"
+        )
