@@ -4,7 +4,7 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.contacts._bounce import ROUNDINGS, Bounce
+from mpp_taichi.contacts._bounce import Bounce
 from mpp_taichi.contacts._step_paths import StepPaths
 from mpp_taichi.contacts._tally import Tally
 from mpp_taichi.types import Template
@@ -25,7 +25,7 @@ class Rebound:
 
     @ti.func
     def bounce_all(self, time, limit):
-        """Everything that touches at `time`, the state being that of then; returns how many bounces, at most `limit` and some."""
+        """Everything that touches at `time`, the state being that of then; returns how many bounces, `limit` and some at most."""
         s = ti.cast((time - self.state.clock[0]) / self.state.clock[1], float)
         bounces, going = 0, True
         while going:
