@@ -91,8 +91,10 @@ class Stepper:
             for s in range(steps):
                 self._advance(time + s * dt, dt, 1, None)
                 meter.keep(s, time + (s + 1) * dt)
-        elif self.contacts is not None and not self.contacts.drifts:
+        elif self.contacts is not None and self.contacts.flies:
             self.contacts.advance(time, steps * dt)
+        elif self.contacts is not None and self.contacts.leads:
+            self.contacts.lead(time, dt, steps)
         elif self.contacts is not None:
             for s in range(steps):
                 self._step_with_contacts(self.contacts, time + s * dt, dt)

@@ -75,6 +75,7 @@ def test_a_bouncing_ball_is_where_the_parabolas_lead_after_a_thousand_bounces():
         assert after.position[0, :2] == pytest.approx([20.015, 0.1 + 0.75], abs=error)
         assert after.velocity[0, :2] == pytest.approx([0.01, 1.0], abs=2.0 * error)
         assert run.contact_report.largest_overlap < error / 0.1
+        assert run.integrator.counts(run.state)[0, run.integrator.STEPS] >= 1001  # a contact costs a step
         assert run.contact_report.wall_impulse[0] == pytest.approx(1001 * 4.0, rel=error)
 
 
@@ -219,6 +220,28 @@ def test_a_ball_that_comes_to_rest_wants_a_contact_time_and_never_hangs():
         assert report.wall_count == report.elastic_count + 11 and report.unresolved == 0
         assert report.dissipated_energy == pytest.approx(2.0, rel=1e-6)  # but for (2^-10 / 2)² of the hops that are left
         assert 0.1 <= run.snapshot().position[0, 1] < 0.1 + contact_time**2
+
+
+def test_no_contact_is_missed_where_many_things_attract_each_other():
+    """Looked at from outside four hundred times: nothing is in anything else, whatever the solver says."""
+    random = np.random.default_rng(5)
+    places = [[-1.5, -1.0], [0.0, -1.2], [1.4, -0.8], [-0.8, 0.9], [0.7, 1.0], [1.6, 0.9]]
+    radius, mass = random.uniform(0.1, 0.4, 6), random.uniform(0.1, 2.0, 6)
+    bodies = [{"mass": m, "radius": r, "position": x} for m, r, x in zip(mass.tolist(), radius.tolist(), places)]
+    walls = [{"sphere": {"center": [0, 0], "radius": 2.5, "inside": True}}, floor(-1.8)]
+    options = dict(walls=walls, forces=[{"newtonian_gravity": {"strength": 1}}], integrator={CHEAP: {"tolerance": 1e-5}})
+    with simulation(bodies, **options) as run:
+        least = np.inf
+        for k in range(400):
+            run.run(until=0.05 * (k + 1))
+            x = run.snapshot().position
+            apart = np.linalg.norm(x[:, None] - x, axis=2) - radius[:, None] - radius + 9.0 * np.eye(6)
+            least = min(least, apart.min(), (2.5 - radius - np.linalg.norm(x, axis=1)).min(), (x[:, 1] + 1.8 - radius).min())
+        report = run.contact_report
+        assert report.pair_count > 100 and report.wall_count > 30
+        # Times up to 20 and places of steps that are 10 long at most are rounded, at speeds up to 10.
+        assert -least < 100.0 * EPSILON * 20.0
+        assert report.largest_overlap * radius.min() < 100.0 * EPSILON * 20.0
 
 
 @pytest.mark.parametrize("integrator", CUT_AT_CONTACTS)

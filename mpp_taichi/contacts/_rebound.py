@@ -25,7 +25,7 @@ class Rebound:
 
     @ti.func
     def bounce_all(self, time, limit):
-        """Everything that touches at `time`, the state being that of then; returns how many bounces, `limit` and some at most."""
+        """What touches at `time`, the state being that of then; returns the number of bounces, `limit` and some at most."""
         s = ti.cast((time - self.state.clock[0]) / self.state.clock[1], float)
         bounces, going = 0, True
         while going:
@@ -71,7 +71,7 @@ class Rebound:
         x, v, now = self.state.position[i], self.state.velocity[i], ti.cast(time, float)
         w = _geometry.surface_velocity(self.surfaces[k], x)
         gap = _geometry.gap(self.surfaces[k], x, self.bounce.radius[i], now)
-        if gap <= TWICE * self.paths.wall_blur(self.surfaces[k], i, s, now, ti.cast(self.state.clock[1], float)):
+        if gap <= TWICE * self.paths.wall_blur(self.surfaces[k], i, s, now):
             n = _geometry.normal(self.surfaces[k], x, now)
             u = v - w
             if n.dot(u) < -self.bounce.slowest * (v.norm() + w.norm()):

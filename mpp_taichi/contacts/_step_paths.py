@@ -9,30 +9,30 @@ from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 
 ROUNDINGS = 8.0  # of a coordinate, that a place on a path may be wrong by
+TIME_ROUNDING = 2.0**-52
 
 
 @ti.data_oriented
 class StepPaths:
     """The polynomials of a step, x_i(s) = Σ_m c_m s^m, s = 0 … 1 the share of it, and bounds of what they do over all of it.
 
-    coefficient    c_m of sphere i at m · count + i [length]
-    way            Σ m |c_m| ≥ |x′| [length]
-    size           |c_0| [length]
-    lag            by how much of the step its times are rounded
+    coefficient        c_m of sphere i at m · count + i [length]
+    state.way          Σ m |c_m| ≥ |x′| [length]
+    state.start_blur   what rounding of its start, and of times, makes of a place [length]
     """
 
-    def __init__(self, count: int, dimensions: int, degree: int) -> None:
-        """Allocate."""
-        self.count, self.dimensions, self.degree = count, dimensions, degree
+    BOUNDS = ("way", "start_blur")
+
+    def __init__(self, state: Any, degree: int) -> None:
+        """Allocate for the spheres of a State that has the BOUNDS."""
+        self.state, self.degree = state, degree
+        self.count, self.dimensions = state.particle_count, state.dimensions
         real = np.float32 if ti.lang.impl.current_cfg().default_fp == ti.f32 else np.float64
         self.epsilon = float(np.finfo(real).eps)
         self.rounding = ROUNDINGS * self.epsilon
-        self.coefficient = ti.Vector.field(dimensions, float)
-        self.way, self.size, self.lag = (ti.field(float) for _ in range(3))
+        self.coefficient = ti.Vector.field(self.dimensions, float)
         builder = ti.FieldsBuilder()
-        builder.dense(ti.i, (degree + 1) * count).place(self.coefficient)
-        for field, entries in ((self.way, count), (self.size, count), (self.lag, 1)):
-            builder.dense(ti.i, entries).place(field)
+        builder.dense(ti.i, (degree + 1) * self.count).place(self.coefficient)
         self._tree: Any = builder.finalize()
 
     def destroy(self) -> None:
@@ -44,14 +44,13 @@ class StepPaths:
         """The step that the integrator is in."""
         integrator.write_paths(state, total_force, self.coefficient)
         begin, h = state.clock[0], state.clock[1]
-        latest = ti.max(ti.abs(begin), ti.abs(begin + h))
-        self.lag[0] = ti.cast(2.0**-52 * latest / h if h > 0.0 else 0.0, float)
+        lag = ti.cast(TIME_ROUNDING * ti.max(ti.abs(begin), ti.abs(begin + h)) / h, float)
         for i in range(self.count):
             way = 0.0
             for m in range(1, self.degree + 1):
                 way += m * self.coefficient[m * self.count + i].norm()
-            self.way[i] = way
-            self.size[i] = self.coefficient[i].norm()
+            self.state.way[i] = way
+            self.state.start_blur[i] = self.rounding * self.coefficient[i].norm() + way * lag
 
     @ti.func
     def place(self, i, s):
@@ -90,15 +89,15 @@ class StepPaths:
     @ti.func
     def blur(self, i, s):
         """What rounding of places and of the time makes of the place of sphere i [length]."""
-        return self.rounding * (self.size[i] + self.way[i] * s) + self.way[i] * self.lag[0]
+        return self.state.start_blur[i] + self.rounding * self.state.way[i] * s
 
     @ti.func
-    def wall_blur(self, surface: Template, i, s, time, h):
-        """The same of its distance from a surface, which may move; h is the length of the step [time]."""
+    def wall_blur(self, surface: Template, i, s, time):
+        """The same of its distance from a surface, which may move."""
         point = ti.Vector([surface.point[c] for c in ti.static(range(self.dimensions))], float)
         speed = _geometry.surface_velocity(surface, point).norm()
         extent = point.norm() + surface.radius + speed * ti.abs(time)
-        return self.blur(i, s) + self.rounding * extent + speed * h * self.lag[0]
+        return self.blur(i, s) + self.rounding * extent
 
     @ti.func
     def last_wait(self, gap, rate, bend):

@@ -49,7 +49,7 @@ class StepSearch:
     def _pair_contact(self, i, j, reach, horizon):
         """The share at which i and j touch, up to `horizon`, or infinity."""
         result = ti.math.inf
-        way = self.paths.way[i] + self.paths.way[j]
+        way = self.state.way[i] + self.state.way[j]
         slowest = self.paths.rounding * way
         near = (self.paths.coefficient[j] - self.paths.coefficient[i]).norm() - reach
         s, waits, going = 0.0, 0, False
@@ -82,7 +82,7 @@ class StepSearch:
         radius, h = self.bounce.radius[i], ti.cast(length, float)
         x, v = self.paths.place(i, 0.0)
         w = h * _geometry.surface_velocity(self.surfaces[k], x)
-        way = self.paths.way[i] + w.norm()
+        way = self.state.way[i] + w.norm()
         slowest = self.paths.rounding * way
         is_plane = ti.static(self.surfaces[k].kind == "plane")
         is_bowl = ti.static(self.surfaces[k].kind != "plane" and self.surfaces[k].inside)
@@ -100,7 +100,7 @@ class StepSearch:
             now = ti.cast(begin + s * length, float)
             gap = _geometry.gap(self.surfaces[k], x, radius, now)
             rate = _geometry.normal(self.surfaces[k], x, now).dot(v - w)
-            blur = self.paths.wall_blur(self.surfaces[k], i, s, now, h)
+            blur = self.paths.wall_blur(self.surfaces[k], i, s, now)
             touches, least = gap <= blur, slowest
             if ti.static(is_bowl):
                 # gap (2 inner − gap) is less of the squared distance than its largest, and bends smoothly on the axis as well.

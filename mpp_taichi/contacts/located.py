@@ -34,18 +34,19 @@ class Located(ContactSolver):
     event_limit: int = param(100_000, minimum=1, help="contacts between two looks, beyond which a run is given up")
 
     leads = True
-    memory = ("due", "last_contact")
+    memory = ("due", "last_contact", *StepPaths.BOUNDS)
 
     def work_fields(self, particle_count: int) -> dict[str, tuple[str, int]]:
-        """When the present step comes to a contact, infinity where it does not; and when each sphere had its last one."""
-        return {"due": ("wide", 1), "last_contact": ("wide", particle_count)}
+        """When the present step comes to a contact, or infinity; when each sphere had its last one; bounds of its path."""
+        bounds = {name: ("scalar", particle_count) for name in StepPaths.BOUNDS}
+        return {"due": ("wide", 1), "last_contact": ("wide", particle_count), **bounds}
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Work on the state's positions and velocities, by the steps of `integrator` under `forces`."""
         self.setup, self.state = setup, state
         self.bounce = Bounce(setup)
         self.tally = Tally(setup.particle_count, len(setup.enclosure.surfaces), state.wide)
-        self.paths = StepPaths(setup.particle_count, setup.dimensions, self.integrator.path_degree)
+        self.paths = StepPaths(state, self.integrator.path_degree)
         self.search = StepSearch(self.bounce, self.paths, self.tally, state)
         self.rebound = Rebound(self.bounce, self.paths, self.tally, state)
 
@@ -54,34 +55,39 @@ class Located(ContactSolver):
         self.state.due.from_numpy(np.array([np.inf]))
         self.state.last_contact.from_numpy(np.full(self.setup.particle_count, -np.inf))
 
-    def advance(self, time: float, span: float) -> None:
-        """Go on to time + span, and show the state as it is then; a contact after that is left for later."""
+    def lead(self, time: float, dt: float, looks: int) -> None:
+        """Go on through so many looks, and show the state at the last; a contact after that is left for later."""
         with quick_compilation():
-            self._lead(time + span)
+            self._lead(time, dt, looks)
 
     @ti.kernel
-    def _lead(self, end: ti.f64):
+    def _lead(self, time: ti.f64, dt: ti.f64, looks: ti.i32):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            contacts, going = 0, True
-            while going:
-                if self.state.due[0] <= end:
-                    contacts += self._touch(self.event_limit - contacts)
+            k, contacts = 0, 0
+            while k < looks:
+                end = time + (k + 1) * dt
+                touches = self.state.due[0] <= end
+                if not touches and self.integrator.is_short_of(self.state, 0, end):
+                    self._take_step()
+                else:
+                    if touches or k == looks - 1:
+                        self.integrator.show(self.state, self.forces, 0, ti.min(self.state.due[0], end))
+                    if touches:
+                        contacts += self._touch(self.event_limit - contacts)
+                    else:
+                        k += 1
+                        contacts = 0
                     if contacts > self.event_limit:
                         self.tally.give_up(1)
-                        going = False
-                elif self.integrator.is_short_of(self.state, 0, end):
-                    if self.state.clock[1] > 0.0:
-                        self.integrator.enter_next(self.state, self.forces, 0)
-                    self.integrator.take_step(self.state, self.forces, 0, "serial")
-                    self._look_ahead()
-                else:
-                    going = False
-            self.integrator.show(self.state, self.forces, 0, end)
+                        k = looks
 
     @ti.func
-    def _look_ahead(self):
-        """Find out when the step that was just taken comes to a contact."""
+    def _take_step(self):
+        """The next step, and when it comes to a contact."""
+        if self.state.clock[1] > 0.0:
+            self.integrator.enter_next(self.state, self.forces, 0)
+        self.integrator.take_step(self.state, self.forces, 0, "serial")
         self.state.due[0] = ti.cast(ti.math.inf, self.state.wide)
         if self.state.clock[1] > 0.0:
             self.paths.take(self.state, self.forces, self.integrator)
@@ -93,8 +99,6 @@ class Located(ContactSolver):
     def _touch(self, limit):
         """What touches when it is due bounces, and the method begins anew; returns how many bounces, 1 at least."""
         time = self.state.due[0]
-        self.paths.take(self.state, self.forces, self.integrator)  # who went back in time has others
-        self.integrator.show(self.state, self.forces, 0, time)
         bounces = self.rebound.bounce_all(time, limit)
         self.integrator.begin_again(self.state, self.forces, 0, time, "serial")
         self.state.due[0] = ti.cast(ti.math.inf, self.state.wide)
