@@ -266,17 +266,22 @@ def test_looks_change_no_bit_and_lie_on_the_path_that_is_searched(integrator):
                 run.run(until=until * (k + 1) / looks)
             assert run.contact_report.pair_count >= 2 and run.contact_report.wall_count >= 2
             ends.append(run.snapshot())
-        run.dt = 0.01
-        mark = run.mark()
-        run.run(until=6.0)
+        run.dt = 2e-3
+        while not np.isfinite(run.state.due.to_numpy()[0]):  # until the step that it is in has a contact ahead
+            run.run(steps=1)
+        mark, end = run.mark(), run.time + 2.0
+        remembered = [getattr(run.state, name).to_numpy() for name in ("due", "last_contact", "way", "start_blur")]
+        run.run(until=end)
         after, counted = run.snapshot(), run.integrator.counts(run.state)
         run.return_to(mark)
-        run.run(until=6.0)
+        found = [getattr(run.state, name).to_numpy() for name in ("due", "last_contact", "way", "start_blur")]
+        assert all(np.array_equal(one, other) for one, other in zip(remembered, found))
+        run.run(until=end)
         assert np.array_equal(run.snapshot().position, after.position)
         assert np.array_equal(run.integrator.counts(run.state), counted)
         # The path of the last step, at the last look; coefficients of a step, no larger than 10, are rounded.
         clock, paths = run.state.clock.to_numpy(), run.contacts.paths
-        share = (6.0 - clock[0]) / clock[1]
+        share = (run.time - clock[0]) / clock[1]
         rows = paths.coefficient.to_numpy().reshape(-1, 2, 2)
         assert 0.0 < share < 1.0
         assert np.polynomial.polynomial.polyval(share, rows) == pytest.approx(run.snapshot().position[:, :2], abs=1e-12)

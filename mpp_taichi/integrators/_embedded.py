@@ -161,10 +161,10 @@ class Embedded(Adaptive):
         self._complete(state, total_force, 0, h)
         for i in range(n):
             coefficient[i] = state.start_position[i] - state.position_rest[i]
-            for m in range(self.path_degree):
-                x, _ = self._sums(state, total_force, 0, i, powers + m)
-                coefficient[(m + 1) * n + i] = h * h * x
-            coefficient[n + i] = coefficient[n + i] + h * state.start_velocity[i]
+            coefficient[n + i] = h * state.start_velocity[i]
+            for m in range(2, self.path_degree + 1):
+                x, _ = self._sums(state, total_force, 0, i, powers + m - 1)
+                coefficient[m * n + i] = h * h * x
 
     # A step --------------------------------------------------------------------------------------------------------------
 
