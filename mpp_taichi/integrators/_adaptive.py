@@ -112,6 +112,11 @@ class Adaptive(Integrator):
         self.begin(state, total_force, first, time, length, shape)
         for c in ti.static(range(self.TALLY)):
             state.tally[self.TALLY * r + c] = state.tally[self.TALLY * r + c] + counted[c]
+        self.keep_length(state, r, length)
+
+    @ti.func
+    def keep_length(self, state: Template, r, length):
+        """Make the first step after `begin` as long as this."""
         state.clock[self.CLOCK * r + 2] = length
 
     @ti.func

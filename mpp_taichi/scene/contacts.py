@@ -74,8 +74,8 @@ def specification(validated: Any, node: Any) -> ContactsSpec | None:
 
 # Methods whose drifts lead forward in time alone: contacts on the way would be undone by one that leads back.
 DRIFTING = ("leapfrog", "symplectic_euler", "velocity_verlet")
-# Methods that choose their steps, and take up anew where one was cut at a contact with a length of step that is their own.
-CUT_AT_CONTACTS = ("ias15", "adaptive_dop853", "adaptive_bogacki_shampine")
+# Methods that choose their steps by what they find, so that they can begin anew at any time. adaptive_leapfrog carries its step along.
+CUT_AT_CONTACTS = ("ias15", "taylor", "adaptive_dop853", "adaptive_bogacki_shampine")
 
 
 def check_contacts(spec: SceneSpec, tree: Node, faults: Faults) -> None:
