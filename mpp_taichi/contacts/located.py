@@ -14,6 +14,8 @@ from mpp_taichi.contacts._step_search import StepSearch
 from mpp_taichi.contacts._tally import Tally
 from mpp_taichi.quick_compilation import quick_compilation
 
+MOST_AT_ONCE = 1000  # times that something touches while the time does not move: inelastic collapse
+
 
 @component
 @ti.data_oriented
@@ -64,7 +66,7 @@ class Located(ContactSolver):
     def _lead(self, time: ti.f64, dt: ti.f64, looks: ti.i32):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            k, contacts = 0, 0
+            k, contacts, stuck = 0, 0, 0
             while k < looks:
                 end = time + (k + 1) * dt
                 touches = self.state.due[0] <= end
@@ -74,11 +76,12 @@ class Located(ContactSolver):
                     if touches or k == looks - 1:
                         self.integrator.show(self.state, self.forces, 0, ti.min(self.state.due[0], end))
                     if touches:
+                        stuck = 0 if self.state.due[0] > self.state.clock[0] else stuck + 1
                         contacts += self._touch(self.event_limit - contacts)
                     else:
                         k += 1
                         contacts = 0
-                    if contacts > self.event_limit:
+                    if contacts > self.event_limit or stuck > MOST_AT_ONCE:
                         self.tally.give_up(1)
                         k = looks
 

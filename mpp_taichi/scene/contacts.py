@@ -74,7 +74,7 @@ def specification(validated: Any, node: Any) -> ContactsSpec | None:
 
 # Methods whose drifts lead forward in time alone: contacts on the way would be undone by one that leads back.
 DRIFTING = ("leapfrog", "symplectic_euler", "velocity_verlet")
-# Methods that choose their steps by what they find, so that they can begin anew at any time. adaptive_leapfrog carries its step along.
+# Methods that choose a step by what they find, so that they can begin anew at any time; adaptive_leapfrog carries its along.
 CUT_AT_CONTACTS = ("ias15", "taylor", "adaptive_dop853", "adaptive_bogacki_shampine")
 
 
