@@ -9,12 +9,13 @@ from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts._bounce import Bounce
 from mpp_taichi.contacts._rebound import Rebound
-from mpp_taichi.contacts._step_paths import StepPaths
+from mpp_taichi.contacts._step_paths import TIME_ROUNDING, StepPaths
 from mpp_taichi.contacts._step_search import StepSearch
 from mpp_taichi.contacts._tally import Tally
 from mpp_taichi.quick_compilation import quick_compilation
 
-MOST_AT_ONCE = 1000  # times that something touches while the time does not move: inelastic collapse
+MOMENT = 64.0 * TIME_ROUNDING  # of the time: contacts nearer than that are at one time, and so many of them in a row are a
+MOST_AT_ONCE = 1000  # collapse, be it of what is inelastic or of what something else presses
 
 
 @component
@@ -76,7 +77,8 @@ class Located(ContactSolver):
                     if touches or k == looks - 1:
                         self.integrator.show(self.state, self.forces, 0, ti.min(self.state.due[0], end))
                     if touches:
-                        stuck = 0 if self.state.due[0] > self.state.clock[0] else stuck + 1
+                        moves = self.state.due[0] - self.state.clock[0] > MOMENT * ti.abs(self.state.clock[0])
+                        stuck = 0 if moves else stuck + 1
                         contacts += self._touch(self.event_limit - contacts)
                     else:
                         k += 1
