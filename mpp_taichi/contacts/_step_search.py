@@ -21,14 +21,14 @@ class StepSearch:
     again. Two spheres cannot bend towards each other by more than their accelerations differ, as the turning of the line
     between them only opens the gap. In a curved wall it closes it, so there the squared distance is followed. A contact is
     a gap that has closed, but for rounding, and that goes on closing.
-    Source: Mirtich, PhD thesis, UC Berkeley (1996), §2.3.
+    Source: Mirtich, Impulse-based Dynamic Simulation of Rigid Body Systems, PhD thesis, UC Berkeley (1996).
     """
 
     def __init__(self, bounce: Bounce, paths: StepPaths, tally: Tally, state: Any) -> None:
         """Bind the parts."""
         self.bounce, self.paths, self.tally, self.state = bounce, paths, tally, state
         self.surfaces = bounce.surfaces
-        self.count, self.dimensions = paths.count, paths.dimensions
+        self.count = paths.count
 
     @ti.func
     def first_contact(self):

@@ -14,8 +14,8 @@ from mpp_taichi.contacts._step_search import StepSearch
 from mpp_taichi.contacts._tally import Tally
 from mpp_taichi.quick_compilation import quick_compilation
 
-MOMENT = 64.0 * TIME_ROUNDING  # of the time: contacts nearer than that are at one time, and so many of them in a row are a
-MOST_AT_ONCE = 1000  # collapse, be it of what is inelastic or of what something else presses
+MOMENT = 64.0 * TIME_ROUNDING  # of the time: contacts nearer than that are at one time
+MOST_AT_ONCE = 1000  # of those in a row; more are a collapse of what is inelastic, or of what is crushed
 
 
 @component
@@ -121,6 +121,6 @@ class Located(ContactSolver):
     def failure(self, count: int) -> str:
         """Contacts followed each other too quickly, or two spheres stayed next to touching."""
         return (
-            f"more than {self.event_limit:,} contacts between two looks, or spheres that roll, slide or lie on each other; "
-            "try a contact_time, or a smaller dt"
+            f"more than {self.event_limit:,} contacts between two looks, or ever more at one time, "
+            "or spheres that roll, slide or lie on each other; try a contact_time, or a smaller dt"
         )

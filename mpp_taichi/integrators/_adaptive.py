@@ -102,22 +102,20 @@ class Adaptive(Integrator):
 
     @ti.func
     def begin_again(self, state: Template, total_force: Template, first, time: Template, shape: Template):
-        """Take the state as it is at a time within the last step, where something has changed it; what was counted stays.
-
-        Steps go on as long as that one was, or as the next was to be where that is shorter.
-        """
+        """Take the state as it is at a time within the last step, where something has changed it; what was counted stays."""
         r = first // total_force.particle_count
-        length = ti.min(state.clock[self.CLOCK * r + 1], state.clock[self.CLOCK * r + 2])
+        length = self.length_again(state, r)
         counted = ti.Vector([state.tally[self.TALLY * r + c] for c in ti.static(range(self.TALLY))], ti.i32)
-        self.begin(state, total_force, first, time, length, shape)
+        self.begin(state, total_force, first, time, state.clock[self.CLOCK * r + 1], shape)
         for c in ti.static(range(self.TALLY)):
             state.tally[self.TALLY * r + c] = state.tally[self.TALLY * r + c] + counted[c]
-        self.keep_length(state, r, length)
+        if length > 0.0:
+            state.clock[self.CLOCK * r + 2] = length
 
     @ti.func
-    def keep_length(self, state: Template, r, length):
-        """Make the first step after `begin` as long as this."""
-        state.clock[self.CLOCK * r + 2] = length
+    def length_again(self, state: Template, r):
+        """Of the first step after one was cut: that of the last, or of what was to be the next; 0: as for any start."""
+        return ti.min(state.clock[self.CLOCK * r + 1], state.clock[self.CLOCK * r + 2])
 
     @ti.func
     def write_paths(self, state: Template, total_force: Template, coefficient: Template):
