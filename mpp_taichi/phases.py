@@ -96,6 +96,9 @@ class CompiledPhase:
             check_low_parts(spec, self.integrator, device)
             scratch_count += self.integrator.low_scratch_count()
             work_fields = {**work_fields, "step_parts": ("pair", len(self.integrator.step_numbers(1.0)))}
+        solver = self._contact_solver(spec, device, event_log=event_log) if spec.contacts is not None else None
+        if solver is not None:
+            work_fields = {**work_fields, **solver.work_fields(start.particle_count)}
         check_room(work_fields, dimensions=spec.dimensions, replica_count=replica_count, on_cpu=device.on_cpu)
         self.state = State(
             start,
@@ -106,11 +109,13 @@ class CompiledPhase:
             replica_count=replica_count,
             wide=backends.widest_float(device),
             work=work_fields,
-            memory=self.integrator.memory,
+            memory=(*self.integrator.memory, *(solver.memory if solver is not None else ())),
             precision=device.precision,
             guards_rounding=not device.probes.compensation,
         )
-        self.contacts = self._contacts(phase, device, event_log=event_log) if spec.contacts is not None else None
+        if solver is not None:
+            solver.bind(contact_setup(spec, start), self.state)
+        self.contacts = solver
         self.stepper = Stepper(
             self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=device.on_cpu, contacts=self.contacts
         )
@@ -123,22 +128,20 @@ class CompiledPhase:
             raise BackendError(f"{spec.integrator.name} has no parallel plan; there are serial and replicas")
         self.plan = "serial" if self.plan == "parallel" else self.plan
 
-    def _contacts(self, phase: Phase, device: Device, *, event_log: bool) -> ContactSolver:
-        """The scene's contact solver, bound to the spheres as this phase has them."""
-        spec = phase.spec
+    def _contact_solver(self, spec: SceneSpec, device: Device, *, event_log: bool) -> ContactSolver:
+        """The scene's contact solver, not yet bound to its spheres."""
         if self.plan == "replicas":
             raise BackendError("the plan replicas has no contacts; run one copy of the scene")
         if not device.on_cpu:
             # Seen on software Vulkan: loops of a thread end in silence, and contacts with them.
             raise BackendError(f"contacts run on the CPU only, not on {device.backend}; use --backend cpu")
         assert spec.contacts is not None
-        solver = component.build("contacts", spec.contacts.solver.name, spec.contacts.solver.parameters)
+        solver: ContactSolver = component.build("contacts", spec.contacts.solver.name, spec.contacts.solver.parameters)
         if event_log and not solver.can_log:
             name = spec.contacts.solver.name
             raise SceneError(f"{spec.contacts.solver.location}: {name} keeps no log of events, allowed: event_driven, merging")
         solver.logs = event_log
-        solver.forces = self.total_force
-        solver.bind(contact_setup(spec, phase.particles), self.state)
+        solver.forces, solver.integrator = self.total_force, self.integrator
         return solver
 
     def _steps_per_launch(self, device: Device) -> int:

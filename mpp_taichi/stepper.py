@@ -93,6 +93,8 @@ class Stepper:
                 meter.keep(s, time + (s + 1) * dt)
         elif self.contacts is not None and self.contacts.flies:
             self.contacts.advance(time, steps * dt)
+        elif self.contacts is not None and self.contacts.leads:
+            self.contacts.lead(time, dt, steps)
         elif self.contacts is not None:
             for s in range(steps):
                 self._step_with_contacts(self.contacts, time + s * dt, dt)

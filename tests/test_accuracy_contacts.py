@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
+from mpp_taichi import SceneError
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.contact_methods import solvers, with_solver
 from mpp_taichi.accuracy.flight_reference import fly
@@ -143,3 +144,8 @@ def test_in_a_scene_with_contacts_it_is_their_solvers_that_are_asked_for(tmp_pat
     code = main(["accuracy", str(path), "--integrators", asked, "--out", str(tmp_path / "out")])
     told = capfd.readouterr().err.strip().splitlines()[-1]
     assert code == 2 and f"--integrators {asked}: {said}" in told and "event_driven" in told
+
+
+def test_contacts_with_steps_of_a_methods_own_choice_are_not_compared():
+    with pytest.raises(SceneError, match="located contacts have those of ias15: vary its tolerance"):
+        pose(load_scene(gas(contacts={"hard_spheres": {"solver": "located"}}, integrator={"ias15": {}})))

@@ -31,7 +31,12 @@ def spheres(bodies, *, solver, dt=0.01, dimensions=3, restitution=1.0, walls=(),
         "forces": list(forces),
         "run": {"duration": duration},
     }
-    return scene if solver == "event_driven" else scene | {"integrator": {"leapfrog": {"dt": dt}}}
+    return scene if solver == "event_driven" else scene | {"integrator": {stepped_by(solver): {"dt": dt}}}
+
+
+def stepped_by(solver):
+    """A method that the solver goes with."""
+    return "adaptive_bogacki_shampine" if solver == "located" else "leapfrog"
 
 
 def oblique_pair(seed):
@@ -184,7 +189,7 @@ def test_energy_of_a_gas_is_kept_and_the_summary_tells_of_its_contacts(solver, t
         "contacts": {"hard_spheres": {"solver": solver}},
         "walls": [{"box": {"lower": [0, 0], "upper": [3, 2.5]}}],
         "run": {"duration": 2.0},
-    } | ({} if solver == "event_driven" else {"integrator": {"leapfrog": {"dt": 0.01}}})
+    } | ({} if solver == "event_driven" else {"integrator": {stepped_by(solver): {"dt": 0.01}}})
     path = tmp_path / "gas.yaml"
     path.write_text(yaml.safe_dump(scene))
     assert main([str(path), "--headless", "--json", "--backend", "cpu", "--precision", "f64"]) == 0

@@ -15,16 +15,25 @@ class ContactSolver:
 
     drifts   moves the spheres along straight ways, and resolves contacts on the way: `drift`
     flies    moves the spheres itself for any time, without steps: `advance`
+    leads    takes the steps of an adaptive method, its `integrator`, set before `bind`, and cuts them at contacts: `lead`
     logs     notes every contact, to be taken by `take_log`; set before `bind`, where a solver `can_log`
     forces   the TotalForce that acts on the spheres, or None; set before `bind`
+    memory   of its `work_fields` those that one step hands on to the next, to be saved with the state
     """
 
     drifts = False
     flies = False
+    leads = False
     can_log = False
     logs = False
     forces: Any = None
+    integrator: Any = None
+    memory: tuple[str, ...] = ()
     setup: ContactSetup
+
+    def work_fields(self, particle_count: int) -> dict[str, tuple[str, int]]:
+        """Fields of the State beyond those of the integrator, by name: kind and count (see State)."""
+        return {}
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Take the spheres, and the State whose position and velocity are to be changed; allocate what is needed."""
@@ -39,6 +48,10 @@ class ContactSolver:
 
     def advance(self, time: float, span: float) -> None:
         """Go on from `time` to time + span."""
+        raise NotImplementedError
+
+    def lead(self, time: float, dt: float, looks: int) -> None:
+        """Go on from `time` through so many looks, `dt` apart, and show the state at the last."""
         raise NotImplementedError
 
     def collect(self) -> ContactReport:

@@ -22,6 +22,7 @@ class Adaptive(Integrator):
     """
 
     adaptive = True
+    path_degree = 0  # of the polynomials that `write_paths` gives; 0: it gives none
     controlled_by = ""
     CONTROL = 2
     on_cpu_only = True  # loops without a bound
@@ -98,6 +99,27 @@ class Adaptive(Integrator):
     @ti.func
     def show(self, state: Template, total_force: Template, first, time: Template):
         """Positions and velocities at a time within the last step."""
+
+    @ti.func
+    def begin_again(self, state: Template, total_force: Template, first, time: Template, shape: Template):
+        """Take the state as it is at a time within the last step, where something has changed it; what was counted stays."""
+        r = first // total_force.particle_count
+        length = self.length_again(state, r)
+        counted = ti.Vector([state.tally[self.TALLY * r + c] for c in ti.static(range(self.TALLY))], ti.i32)
+        self.begin(state, total_force, first, time, state.clock[self.CLOCK * r + 1], shape)
+        for c in ti.static(range(self.TALLY)):
+            state.tally[self.TALLY * r + c] = state.tally[self.TALLY * r + c] + counted[c]
+        if length > 0.0:
+            state.clock[self.CLOCK * r + 2] = length
+
+    @ti.func
+    def length_again(self, state: Template, r):
+        """Of the first step after one was cut: that of the last, or of what was to be the next; 0: as for any start."""
+        return ti.min(state.clock[self.CLOCK * r + 1], state.clock[self.CLOCK * r + 2])
+
+    @ti.func
+    def write_paths(self, state: Template, total_force: Template, coefficient: Template):
+        """The polynomials of the last step's positions, of one copy: x_i = Σ_m coefficient[m n + i] s^m, s = 0 … 1."""
 
     @ti.func
     def start_clock(self, state: Template, r, time):

@@ -125,11 +125,7 @@ class Embedded(Adaptive):
         """The step's polynomial at a time within it."""
         r = first // total_force.particle_count
         s, h = self.share_of_step(state, r, time), ti.cast(state.clock[self.CLOCK * r + 1], float)
-        if ti.static(self._count > self._evaluated):
-            if state.judged[2 * r + 1] == 0.0 and h > 0.0:
-                start, stop = ti.static(self._evaluated, self._count)
-                self._take_slopes(state, total_force, first, start, stop, h, "serial")
-                state.judged[2 * r + 1] = 1.0
+        self._complete(state, total_force, first, h)
         powers, last = ti.static(self._count + len(self.pair.error_weights), len(self._table()) - 1)
         for k in range(2 * self._count):
             weight = ti.cast(0.0, float)
@@ -141,6 +137,34 @@ class Embedded(Adaptive):
             velocity = state.start_velocity[i]
             state.position[i] = state.start_position[i] + (h * (s * velocity + h * x) - state.position_rest[i])
             state.velocity[i] = velocity + (h * v - state.velocity_rest[i])
+
+    @ti.func
+    def _complete(self, state: Template, total_force: Template, first, h):
+        """Slopes that only looks want, where this step has not got them yet."""
+        r = first // total_force.particle_count
+        if ti.static(self._count > self._evaluated):
+            if state.judged[2 * r + 1] == 0.0 and h > 0.0:
+                start, stop = ti.static(self._evaluated, self._count)
+                self._take_slopes(state, total_force, first, start, stop, h, "serial")
+                state.judged[2 * r + 1] = 1.0
+
+    @property
+    def path_degree(self) -> int:
+        """That of the polynomial of looks."""
+        return max(len(row) for row in self.pair.dense_weights)
+
+    @ti.func
+    def write_paths(self, state: Template, total_force: Template, coefficient: Template):
+        """The polynomial of looks: x₀, h v₀ and h² Σ_k w_mk f_k."""
+        n, powers = ti.static(total_force.particle_count, self._count + len(self.pair.error_weights))
+        h = ti.cast(state.clock[1], float)
+        self._complete(state, total_force, 0, h)
+        for i in range(n):
+            coefficient[i] = state.start_position[i] - state.position_rest[i]
+            coefficient[n + i] = h * state.start_velocity[i]
+            for m in range(2, self.path_degree + 1):
+                x, _ = self._sums(state, total_force, 0, i, powers + m - 1)
+                coefficient[m * n + i] = h * h * x
 
     # A step --------------------------------------------------------------------------------------------------------------
 

@@ -18,6 +18,7 @@ DIFFERENCES = differences_of_powers(NODES)
 TERMS = 7
 ITERATIONS = 12  # of a step's equations at most; round-off ends them before
 FIRST_SHARE = 0.01  # of the time in which the speed changes by as much as it is, for the first step
+AGAIN_SHARE = 0.7  # of what was to be the next step, when something has changed: one a little too long would not be done again
 LARGEST_CHANGE = 4.0  # of the length of a step from one to the next; one that had to be shorter than 1 / this is done again
 
 
@@ -43,6 +44,7 @@ class Ias15(Adaptive):
     )
 
     order = 15
+    path_degree = TERMS + 2
     controlled_by = "epsilon"
     memory = (
         "clock", "tally", "start_position", "start_velocity", "start_acceleration", "position_rest", "velocity_rest",
@@ -99,6 +101,24 @@ class Ias15(Adaptive):
         r = first // total_force.particle_count
         h = ti.cast(state.clock[self.CLOCK * r + 1], float)
         self._place(state, total_force, first, self.share_of_step(state, r, time), h, True)
+
+    @ti.func
+    def length_again(self, state: Template, r):
+        """That of the last step, but a little less than its end asks for."""
+        return ti.min(state.clock[self.CLOCK * r + 1], AGAIN_SHARE * state.clock[self.CLOCK * r + 2])
+
+    @ti.func
+    def write_paths(self, state: Template, total_force: Template, coefficient: Template):
+        """The step's polynomial: x₀, h v₀, h² a₀/2 and h² b_k / ((k+2)(k+3))."""
+        n = ti.static(total_force.particle_count)
+        h = ti.cast(state.clock[1], float)
+        for i in range(n):
+            coefficient[i] = state.start_position[i] - state.position_rest[i]
+            coefficient[n + i] = h * state.start_velocity[i]
+            coefficient[2 * n + i] = 0.5 * h * h * state.start_acceleration[i]
+            for k in ti.static(range(TERMS)):
+                b = ti.static(self._named(state, "b", k))[i]
+                coefficient[(k + 3) * n + i] = h * h * ti.static(1.0 / ((k + 2) * (k + 3))) * b
 
     @ti.func
     def take_step(self, state: Template, total_force: Template, first, shape: Template):

@@ -179,6 +179,29 @@ class Taylor(Adaptive):
                 speed = ti.static(self.series.component(state, c))[row + self.series.count] + push[m][c]
                 state.velocity[i][c] = speed * per_unit - state.velocity_rest[i][c]
 
+    @property
+    def path_degree(self) -> int:
+        """That of the series."""
+        return self.order
+
+    @ti.func
+    def write_paths(self, state: Template, total_force: Template, coefficient: Template):
+        """The step's series, in parts of the step."""
+        n = ti.static(total_force.particle_count)
+        share = ti.cast(state.clock[1] / state.clock[2], float)
+        for i in range(n):
+            power = ti.cast(1.0, float)
+            for m in range(self.order + 1):
+                for c in ti.static(range(state.dimensions)):
+                    coefficient[m * n + i][c] = ti.static(self.series.component(state, c))[m * self.series.count + i] * power
+                power *= share
+            coefficient[i] = coefficient[i] - state.position_rest[i]
+
+    @ti.func
+    def length_again(self, state: Template, r):
+        """The series says how long a step is."""
+        return ti.cast(0.0, state.wide)
+
     def accelerations(self, state: Any) -> np.ndarray:
         """Twice the coefficients 2, over the unit of time squared."""
         rows = state.coefficient.to_numpy().reshape(state.replica_count, self.series.rows, self.series.count, -1)

@@ -74,6 +74,8 @@ def specification(validated: Any, node: Any) -> ContactsSpec | None:
 
 # Methods whose drifts lead forward in time alone: contacts on the way would be undone by one that leads back.
 DRIFTING = ("leapfrog", "symplectic_euler", "velocity_verlet")
+# Methods that choose a step by what they find, so that they can begin anew at any time; adaptive_leapfrog carries its along.
+CUT_AT_CONTACTS = ("ias15", "taylor", "adaptive_dop853", "adaptive_bogacki_shampine")
 
 
 def check_contacts(spec: SceneSpec, tree: Node, faults: Faults) -> None:
@@ -88,11 +90,12 @@ def check_contacts(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     place, key = tree.value["contacts"].value["hard_spheres"].value["solver"].location, "contacts.hard_spheres.solver"
     if solver.name == "event_driven":
         _check_free_flight(spec, place, key, faults)
+    elif solver.name == "located":
+        _check_located(spec, place, key, faults)
     elif spec.integrator.name not in DRIFTING:
-        goes = f"goes with the integrators {', '.join(DRIFTING)}"
-        faults.add(
-            place, key, f"{solver.name} resolves contacts on straight ways between kicks: it {goes}, not {spec.integrator.name}"
-        )
+        goes = f"goes with the integrators {', '.join(DRIFTING)}, not {spec.integrator.name}"
+        other = ", which goes with solver: located" if spec.integrator.name in CUT_AT_CONTACTS else ""
+        faults.add(place, key, f"{solver.name} resolves contacts on straight ways between kicks: it {goes}{other}")
     if solver.name == MERGING:
         _check_merging(spec, faults)
 
@@ -107,6 +110,16 @@ def _check_free_flight(spec: SceneSpec, place: Location, key: str, faults: Fault
     if spec.springs:
         rule = "cannot act here: between collisions event_driven knows no springs"
         faults.add(spec.springs[0].location, "springs", rule)
+
+
+def _check_located(spec: SceneSpec, place: Location, key: str, faults: Faults) -> None:
+    if spec.integrator.name not in CUT_AT_CONTACTS:
+        goes = f"goes with the integrators {', '.join(CUT_AT_CONTACTS)}, not {spec.integrator.name}"
+        faults.add(place, key, f"located cuts the steps of a method that chooses them at contacts: it {goes}")
+    for number, wall in enumerate(spec.walls):
+        if wall.name == "periodic_box":
+            rule = "cannot be where contacts are located: a step may lead through more than one copy of the box"
+            faults.add(wall.location, f"walls[{number}].{wall.name}", rule)
 
 
 def _check_merging(spec: SceneSpec, faults: Faults) -> None:

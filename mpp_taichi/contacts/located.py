@@ -1,0 +1,126 @@
+"""Hard spheres under a method that chooses its steps: contacts are found on its own path, and the step is cut there."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.component import component, param
+from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
+from mpp_taichi.contacts._bounce import Bounce
+from mpp_taichi.contacts._rebound import Rebound
+from mpp_taichi.contacts._step_paths import TIME_ROUNDING, StepPaths
+from mpp_taichi.contacts._step_search import StepSearch
+from mpp_taichi.contacts._tally import Tally
+from mpp_taichi.quick_compilation import quick_compilation
+
+MOMENT = 64.0 * TIME_ROUNDING  # of the time: contacts nearer than that are at one time
+MOST_AT_ONCE = 1000  # of those in a row; more are a collapse of what is inelastic, or of what is crushed
+
+
+@component
+@ti.data_oriented
+class Located(ContactSolver):
+    """Each step of an adaptive method is searched for its first contact, on the polynomial of its looks, and cut there.
+
+    What touches and approaches then bounces, two things at a time, by number where several do; the method begins anew from
+    there with the length of the step it had, so that a contact costs a step. The error is that of the method, whatever the
+    forces and the speeds: nothing tunnels, no matter how far a step leads. Contacts do not depend on when one looks. Serial,
+    for few bodies: a step looks at all pairs, each contact twice more. For what bounces, not for what lies, rolls or slides:
+    where contacts follow each other ever sooner, give them a `contact_time`, or a run ends at `event_limit`.
+    """
+
+    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
+    contact_time: float = param(
+        0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off"
+    )
+    event_limit: int = param(100_000, minimum=1, help="contacts between two looks, beyond which a run is given up")
+
+    leads = True
+    memory = ("due", "last_contact", *StepPaths.BOUNDS)
+
+    def work_fields(self, particle_count: int) -> dict[str, tuple[str, int]]:
+        """When the present step comes to a contact, or infinity; when each sphere had its last one; bounds of its path."""
+        bounds = {name: ("scalar", particle_count) for name in StepPaths.BOUNDS}
+        return {"due": ("wide", 1), "last_contact": ("wide", particle_count), **bounds}
+
+    def bind(self, setup: ContactSetup, state: Any) -> None:
+        """Work on the state's positions and velocities, by the steps of `integrator` under `forces`."""
+        self.setup, self.state = setup, state
+        self.bounce = Bounce(setup)
+        self.tally = Tally(setup.particle_count, len(setup.enclosure.surfaces), state.wide)
+        self.paths = StepPaths(state, self.integrator.path_degree)
+        self.search = StepSearch(self.bounce, self.paths, self.tally, state)
+        self.rebound = Rebound(self.bounce, self.paths, self.tally, state)
+
+    def prepare(self, time: float) -> None:
+        """The method begins at `time`: it is in no step yet, and nothing has touched."""
+        self.state.due.from_numpy(np.array([np.inf]))
+        self.state.last_contact.from_numpy(np.full(self.setup.particle_count, -np.inf))
+
+    def lead(self, time: float, dt: float, looks: int) -> None:
+        """Go on through so many looks, and show the state at the last; a contact after that is left for later."""
+        with quick_compilation():
+            self._lead(time, dt, looks)
+
+    @ti.kernel
+    def _lead(self, time: ti.f64, dt: ti.f64, looks: ti.i32):
+        ti.loop_config(serialize=True)
+        for _ in range(1):
+            k, contacts, stuck = 0, 0, 0
+            while k < looks:
+                end = time + (k + 1) * dt
+                touches = self.state.due[0] <= end
+                if not touches and self.integrator.is_short_of(self.state, 0, end):
+                    self._take_step()
+                else:
+                    if touches or k == looks - 1:
+                        self.integrator.show(self.state, self.forces, 0, ti.min(self.state.due[0], end))
+                    if touches:
+                        moves = self.state.due[0] - self.state.clock[0] > MOMENT * ti.abs(self.state.clock[0])
+                        stuck = 0 if moves else stuck + 1
+                        contacts += self._touch(self.event_limit - contacts)
+                    else:
+                        k += 1
+                        contacts = 0
+                    if contacts > self.event_limit or stuck > MOST_AT_ONCE:
+                        self.tally.give_up(1)
+                        k = looks
+
+    @ti.func
+    def _take_step(self):
+        """The next step, and when it comes to a contact."""
+        if self.state.clock[1] > 0.0:
+            self.integrator.enter_next(self.state, self.forces, 0)
+        self.integrator.take_step(self.state, self.forces, 0, "serial")
+        self.state.due[0] = ti.cast(ti.math.inf, self.state.wide)
+        if self.state.clock[1] > 0.0:
+            self.paths.take(self.state, self.forces, self.integrator)
+            share = self.search.first_contact()
+            if share <= 1.0:
+                self.state.due[0] = self.state.clock[0] + share * self.state.clock[1]
+
+    @ti.func
+    def _touch(self, limit):
+        """What touches when it is due bounces, and the method begins anew; returns how many bounces, 1 at least."""
+        time = self.state.due[0]
+        bounces = self.rebound.bounce_all(time, limit)
+        self.integrator.begin_again(self.state, self.forces, 0, time, "serial")
+        self.state.due[0] = ti.cast(ti.math.inf, self.state.wide)
+        return ti.max(bounces, 1)
+
+    def collect(self) -> ContactReport:
+        """What was counted since it was last asked."""
+        return self.tally.collect()
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        for part in (self.bounce, self.tally, self.paths):
+            part.destroy()
+
+    def failure(self, count: int) -> str:
+        """Contacts followed each other too quickly, or two spheres stayed next to touching."""
+        return (
+            f"more than {self.event_limit:,} contacts between two looks, or ever more at one time, "
+            "or spheres that roll, slide or lie on each other; try a contact_time, or a smaller dt"
+        )
