@@ -17,6 +17,9 @@ PARTICLE_QUANTITIES = ("mass", "charge", "radius")
 # Quantities of the half-springs, gathered per particle (compressed sparse rows).
 SPRING_QUANTITIES = ("spring_start", "spring_neighbor", "spring_stiffness", "spring_rest_length", "spring_damping")
 
+# The trees of work fields that do not hold numbers of the run's precision.
+TREES = {"index": "integers", "wide": "wide", "wide_pair": "wide", "lattice": "wide"}
+
 
 def half_springs(snapshot: Snapshot) -> dict[str, np.ndarray]:
     """Both ends of every spring, sorted by the particle they pull at: compressed sparse rows.
@@ -94,7 +97,7 @@ class State:
         self.quantities: list[str] = ["position", "velocity", "acceleration"]
         if self.carries_low:
             self.quantities += ["position_low", "velocity_low"]
-        self._builder = ti.FieldsBuilder()
+        self._builders: dict[str, ti.FieldsBuilder] = {}
         layout = ti.Layout.SOA if streaming else ti.Layout.AOS
         for name in self.quantities:
             setattr(self, name, self._vector(layout))
@@ -112,22 +115,14 @@ class State:
             self._scalar("merged_into", ti.i32, self.total_count)
         if self.guards_rounding:
             self.nothing = ti.field(ti.i32)  # 0, which only the running kernel finds out
-            self._builder.place(self.nothing)
+            self._builder("integers").place(self.nothing)
         host = half_springs(snapshot) if needs & set(SPRING_QUANTITIES) else {}
         for name in SPRING_QUANTITIES:
             if name in needs:
                 self._scalar(name, ti.i32 if host[name].dtype == np.int32 else float, max(len(host[name]), 1))
-        wide_names = [name for name, (kind, _) in work.items() if kind in ("wide", "wide_pair", "lattice")]
         for name in work:
-            if name not in wide_names:
-                self._work(name, *work[name], layout)
-        self._trees = [self._builder.finalize()]
-        if wide_names:
-            # In one tree with 4-byte numbers, 8-byte ones may come to lie across their alignment, which Vulkan reads as others.
-            self._builder = ti.FieldsBuilder()
-            for name in wide_names:
-                self._work(name, *work[name], layout)
-            self._trees.append(self._builder.finalize())
+            self._work(name, *work[name], layout)
+        self._trees = [builder.finalize() for builder in self._builders.values()]
         self._fill(snapshot, needs, host)
         self.moving_as_scratch = tuple(self._moving_as(field) for field in self.scratch)
 
@@ -138,18 +133,27 @@ class State:
         result.velocity_has_low = False
         return result
 
+    def _builder(self, tree: str) -> ti.FieldsBuilder:
+        """Of one tree for each width of numbers.
+
+        In a tree with 4-byte numbers 8-byte ones may come to lie across their alignment, and on Vulkan share bytes with others.
+        """
+        if tree not in self._builders:
+            self._builders[tree] = ti.FieldsBuilder()
+        return self._builders[tree]
+
     def _vector(self, layout: Any) -> Any:
         result = ti.Vector.field(self.dimensions, float)
         if layout == ti.Layout.SOA:
             for k in range(self.dimensions):
-                self._builder.dense(ti.i, self.total_count).place(result.get_scalar_field(k))
+                self._builder("numbers").dense(ti.i, self.total_count).place(result.get_scalar_field(k))
         else:
-            self._builder.dense(ti.i, self.total_count).place(result)
+            self._builder("numbers").dense(ti.i, self.total_count).place(result)
         return result
 
     def _scalar(self, name: str, dtype: Any, count: int) -> None:
         result = ti.field(dtype)
-        self._builder.dense(ti.i, count).place(result)
+        self._builder("integers" if dtype == ti.i32 else "numbers").dense(ti.i, count).place(result)
         setattr(self, name, result)
         self.quantities.append(name)
 
@@ -171,7 +175,7 @@ class State:
                 "wide": lambda: ti.field(self.wide),
                 "wide_pair": lambda: ti.Vector.field(2, self.wide),
             }[kind]()
-            self._builder.dense(ti.i, max(count, 1)).place(made)
+            self._builder(TREES.get(kind, "numbers")).dense(ti.i, max(count, 1)).place(made)
             setattr(self, name, made)
         self.quantities.append(name)
 
