@@ -56,7 +56,7 @@ class Stepper:
                 field.fill(0)
         if self.integrator.keeps_force:
             force = self.integrator.starting_force(self.total_force)
-            self.integrator.prepare(self.state, lambda: self._sum_forces(force, time))
+            self.integrator.prepare(self.state, lambda: self.sum_forces(force, time))
             if self.integrator.implicit:
                 self._start_implicit(force, time)
         self.integrator.arrange(self.state)
@@ -70,7 +70,8 @@ class Stepper:
         if self.contacts is not None:
             self.contacts.prepare(time)
 
-    def _sum_forces(self, force: TotalForce, time: float) -> None:
+    def sum_forces(self, force: TotalForce, time: float) -> None:
+        """Accelerations by the forces that do not depend on velocity, as the plan sums them."""
         if self.plan == "parallel":
             self.launch_force(force, time)
         else:

@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import NoReturn
 
 from mpp_taichi import __version__
-from mpp_taichi.cli import accuracy, check, convert, explain, info, record, run, schema
+from mpp_taichi.cli import accuracy, check, compare, convert, explain, info, record, run, schema
 from mpp_taichi.cli._signals import Interrupted
 from mpp_taichi.cli._terminal import (
     CLOSED_OUTPUT_CODE,
@@ -33,13 +33,14 @@ VERBS: dict[str, ModuleType] = {
     "run": run,
     "record": record,
     "accuracy": accuracy,
+    "compare": compare,
     "explain": explain,
     "check": check,
     "convert": convert,
     "info": info,
     "schema": schema,
 }
-LATER_VERBS = ("compare", "sweep", "convert")
+LATER_VERBS = ("sweep",)
 INTERNAL_ERROR_CODE = 1
 LONGEST_MESSAGE = 300
 DEBUG_VARIABLE = "MPP_TAICHI_DEBUG"

@@ -1,0 +1,107 @@
+"""Compare backends: the same scene on each of them, in a process of its own: do they agree, and what does each take in time?
+
+First a certificate: forces particle by particle and trajectories over many steps against a reference in NumPy, with a verdict
+"rounding" or "bug" and the number that decided it. Then a table of times, rates and shares of what the device reaches. Writes
+DIR/compare.json and DIR/compare.html. The code is 4 where a backend differs by more than rounding.
+"""
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi import __version__
+from mpp_taichi.cli import _options
+from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, put_json, say
+from mpp_taichi.cli.accuracy import names, span_of_time
+
+if TYPE_CHECKING:
+    from mpp_taichi.compare.comparison import Wishes
+
+BUDGET_SECONDS = 60.0
+BUG_CODE = 4
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    _options.add_scene(parser)
+    parser.add_argument(
+        "--backends", type=names, metavar="A,B", help="of cpu,cuda,vulkan,metal,opencl,numpy; all of them when absent"
+    )
+    parser.add_argument("--precisions", type=names, default=["f64", "f32"], metavar="P,Q", help="f64,f32 when absent")
+    parser.add_argument(
+        "--budget", type=span_of_time, default=BUDGET_SECONDS, metavar="60s", help="wall time to aim at: 60s, 10min, 1h"
+    )
+    parser.add_argument("--steps", type=_options.positive_integer, metavar="N", help="most steps of the trajectories compared")
+    parser.add_argument("--scaling", action="store_true", help="steps per second of generated scenes, from 2 particles on")
+    parser.add_argument("--threads", type=_options.positive_integer, metavar="N", help="of the cpu backend")
+    parser.add_argument(
+        "--out", type=_options.output_path, metavar="DIR", help="folder to write; out/SCENE.compare when absent"
+    )
+    _options.add_report(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Compare, say, write."""
+    from mpp_taichi.scene.load import load_scene
+
+    wishes = _wishes(arguments)
+    spec = load_scene(arguments.scene, overrides=arguments.overrides)
+    from mpp_taichi.accuracy.budget import Budget
+    from mpp_taichi.cli._request import OUTPUT_FOLDER
+    from mpp_taichi.cli._signals import Interruption
+    from mpp_taichi.compare.comparison import Comparison
+    from mpp_taichi.compare.words import sentence
+    from mpp_taichi.recorders._lock import OutputLock
+
+    folder = arguments.out or OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.compare"
+    with output_reserved(arguments.json), Interruption() as interruption:
+        lock = OutputLock(folder / "compare.json")
+        try:
+            tell = (lambda _: None) if arguments.quiet else say
+            comparison = Comparison(spec, wishes, Budget(arguments.budget, interruption.raise_if_any), tell)
+            comparison.run()
+            found = plain(comparison.facts())
+            found["known"]["mpp_taichi"] = __version__
+            found["sentence"] = sentence(found)
+            found["files"] = _write(folder, found)
+        finally:
+            lock.release()
+    _report(found, arguments)
+    return BUG_CODE if comparison.bugs else 0
+
+
+def _write(folder: Path, found: dict[str, Any]) -> list[str]:
+    """compare.json and compare.html."""
+    from mpp_taichi.compare.report import page
+    from mpp_taichi.whole_file import whole_file
+
+    texts = {"compare.json": json.dumps(found, indent=1, allow_nan=False), "compare.html": page(found)}
+    for name, text in texts.items():
+        with whole_file(folder / name, "the report") as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return [str(folder / name) for name in texts]
+
+
+def _report(found: dict[str, Any], arguments: argparse.Namespace) -> None:
+    from mpp_taichi.compare.table import lines
+    from mpp_taichi.compare.words import circumstances, machine
+
+    if arguments.json:
+        put_json(found)
+    elif not arguments.quiet:
+        put("\n".join([*lines(found["rows"]), "", *circumstances(found), machine(found)]))
+        put(f"\n{found['sentence']}")
+        put(f"\nwrote {', '.join(found['files'])}")
+
+
+def _wishes(arguments: argparse.Namespace) -> "Wishes":
+    from mpp_taichi.compare.comparison import ALL_BACKENDS, Wishes
+    from mpp_taichi.compare.course import ROUNDING
+
+    arguments.backends = arguments.backends or list(ALL_BACKENDS)
+    for option, known in {"backends": ALL_BACKENDS, "precisions": tuple(ROUNDING)}.items():
+        for name in getattr(arguments, option):
+            if name not in known:
+                raise UsageError(f"--{option} {name}: allowed are {', '.join(known)}")
+    return Wishes(arguments.backends, arguments.precisions, arguments.threads, arguments.scaling, arguments.steps)

@@ -1,0 +1,187 @@
+"""Agreement: collects the evidence of all backends and has it judged, within a time."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi import component
+from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.compare import neighbors
+from mpp_taichi.compare.certificate import Judge, verdict
+from mpp_taichi.compare.course import COPIES, Course, Finding
+from mpp_taichi.compare.evidence import Evidence
+from mpp_taichi.compare.numpy_reference import ROUNDINGS
+from mpp_taichi.compare.row import Row
+from mpp_taichi.scene.estimate import estimate
+
+Ask = Callable[..., dict[str, Any] | None]  # a row, a command and its fields; None where the row has failed
+LOOKS = 8
+USUAL_STEPS = 1000  # of a scene that says no end
+NUMPY_SHARE = 0.3  # of the time: for the NumPy reference; as much for all backends, and the rest for neighbors
+PAIR_SECONDS = 5e-9  # of the NumPy reference, roughly and at best: to tell whether a step of it is worth beginning
+LEAST_SHARE = 0.1  # of the budget, for neighbors in any case
+FURTHER = 2  # times as many steps, at least, for neighbors to be worth their time
+# Bases of integrators whose steps depend on nothing but the state: no tolerance decides what they do.
+PLAIN_STEPS = ("Splitting", "RungeKutta", "Hermite", "Integrator")
+PLAIN_CONTACTS = ("pairwise",)  # solvers of which the same holds, and that more than one backend has
+
+
+class Agreement:
+    """The certificates of the rows that run."""
+
+    def __init__(self, judge: Judge, files: Path, ask: Ask, budget: Budget, tell: Callable[[str], None]) -> None:
+        """`files` is a folder for what workers read and write."""
+        self.judge, self._files, self._ask, self._budget, self._tell = judge, files, ask, budget, tell
+        self.remarks: list[str] = []
+        self._reasons: dict[Row, str] = {}  # why a row is not judged, where the scene is not to blame
+        self.steps = 0  # of the longest trajectory compared
+
+    def certify(self, rows: Sequence[Row], precisions: Sequence[str], most_steps: int | None, end: float) -> None:
+        """Judge every row; `end` is when of the budget it should be done."""
+        judge, began = self.judge, self._budget.spent
+        share = max(0.0, NUMPY_SHARE * (end - began))
+        usual = min(self._usual_steps(), most_steps or USUAL_STEPS**3)
+        looks = self._looks_in_numpy(usual, share)
+        course = None
+        if looks:
+            self._tell(f"following the reference for {looks[-1]:,} steps")
+            course = judge.follow(precisions, looks)
+        found = self._gather_all(rows, looks, share)
+        findings: dict[Row, list[Finding]] = {}
+        for row, evidence in found.items():
+            self._tell(f"judging {row.name}")
+            has_forces = len(evidence.position) > 0 and judge.force_refusal is None
+            findings[row] = judge.forces(evidence, row.precision) if has_forces else []
+            if course is not None:
+                findings[row] += course.findings(evidence, row.precision)
+                row.certificate |= course.looks(evidence, row.precision)
+            self.steps = max(self.steps, int(evidence.steps.max(initial=0)))
+        if usual >= FURTHER * self.steps:
+            self._follow_neighbors(found, findings, precisions, usual, end)
+        if not (self.steps or self.remarks):
+            self.remarks.append("trajectories are not judged: steps take too long for the budget")
+        for row, several in findings.items():
+            row.certificate |= verdict(several, self._reasons.get(row, judge.step_refusal)) | judge.conservation(
+                found[row], row.precision
+            )
+
+    # --- how far ----------------------------------------------------------------------------------------------------------
+
+    def _usual_steps(self) -> int:
+        """Of the scene's own run, or to the first event of its timeline."""
+        spec = self.judge.spec
+        usual = estimate(spec).steps or USUAL_STEPS
+        return min(usual, max(1, math.floor(spec.timeline[0].at / self.judge.dt))) if spec.timeline else usual
+
+    def _looks_in_numpy(self, usual: int, share: float) -> list[int]:
+        if self.judge.step_refusal is not None or self.judge.pairs_per_step * PAIR_SECONDS > share:
+            return []
+        return spread(1, int(max(1, min(usual, share / self.judge.step_seconds()))))
+
+    def _gather_all(self, rows: Sequence[Row], looks: Sequence[int], share: float) -> dict[Row, Evidence]:
+        places, speeds = (np.stack(column) for column in zip(*self.judge.states()))
+        np.savez(self._files / "states.npz", position=places, velocity=speeds)
+        found = {}
+        for row in rows:
+            evidence = self._gather(row, "states.npz", affordable(looks, row, share / len(rows)))
+            if evidence is not None:
+                found[row] = evidence
+        return found
+
+    def _gather(self, row: Row, states: str | None, looks: Sequence[int]) -> Evidence | None:
+        """What a row did; the forces at the states too, where they are named."""
+        self._tell(f"looking at {row.name}")
+        file = self._files / "evidence.npz"
+        forces = bool(self.judge.spec.forces or len(self.judge.start.springs)) and states is not None
+        name = str(self._files / (states or "states.npz"))
+        if self._ask(row, "gather", states=name, looks=list(looks), forces=forces, to=str(file)) is None:
+            return None
+        with np.load(file, allow_pickle=False) as arrays:
+            return Evidence(**{name: arrays[name] for name in arrays.files})
+
+    # --- further ----------------------------------------------------------------------------------------------------------
+
+    def _follow_neighbors(
+        self,
+        found: dict[Row, Evidence],
+        findings: dict[Row, list[Finding]],
+        precisions: Sequence[str],
+        usual: int,
+        end: float,
+    ) -> None:
+        """Compare longer trajectories, or those of other methods, with the fastest backend whose forces are right in f64."""
+        spec = self.judge.spec
+        refused = self.judge.step_refusal
+        plain = component.declaration("integrators", spec.integrator.name).base in PLAIN_STEPS
+        if not plain or (spec.contacts is not None and spec.contacts.solver.name not in PLAIN_CONTACTS):
+            self.remarks.append(f"trajectories are not judged: {refused}")
+            return
+        bases = [row for row in found if row.precision == "f64" and row.backend != "numpy" and row.seconds_per_step]
+        bases = [row for row in bases if all(each.holds for each in findings[row])]
+        if not bases or len(found) < 2:
+            if refused:
+                self.remarks.append(f"trajectories are not judged: {refused}")
+            return
+        base = min(bases, key=lambda row: row.seconds_per_step)
+        left = max(LEAST_SHARE * self._budget.seconds, end - self._budget.spent)
+        most = int(min(usual, left / 2 / ((1 + len(precisions) + COPIES) * base.seconds_per_step)))
+        if most < FURTHER * max(1, self.steps):
+            return
+        looks = spread(max(1, self.steps), most)
+        course = self._course_of(base, found[base], precisions, looks)
+        if course is None:
+            return
+        for row in found:
+            mine = affordable(looks, row, left / 2 / len(found))
+            if row is base or not mine or mine[-1] <= self.steps:
+                continue
+            evidence = self._gather(row, None, mine)
+            if evidence is not None:
+                found[row] = replace(found[row], steps=evidence.steps, places=evidence.places, speeds=evidence.speeds)
+                findings[row] += course.findings(evidence, row.precision)
+                told = course.looks(evidence, row.precision)
+                row.certificate["looks_beside"] = {"base": base.name, **told}
+                if course.limits is not None and not findings[row]:
+                    self._reasons[row] = f"rounding of {row.precision} may decide which spheres meet, and when"
+        mate = next((row for row in found if row is not base and row.precision == "f64" and findings[row]), None)
+        if mate is not None and not findings[base]:  # which of the two stands in for the reference makes no difference
+            findings[base] = [replace(each, looked_at=f"{each.looked_at}: {mate.name}") for each in findings[mate]]
+        self.remarks.append(f"trajectories of up to {looks[-1]:,} steps were compared with that of {base.name}")
+
+    def _course_of(self, base: Row, felt: Evidence, precisions: Sequence[str], looks: Sequence[int]) -> Course | None:
+        judge = self.judge
+        self._tell(f"following {base.name} and its neighbors for {looks[-1]:,} steps")
+        push = np.zeros_like(judge.start.position)
+        if len(felt.acceleration):
+            roundings = judge.roundings if judge.force_refusal is None else ROUNDINGS + judge.start.particle_count
+            push = roundings * judge.dt * np.abs(felt.acceleration).max(axis=0)
+        places, speeds = neighbors.starts(judge.start, precisions, judge.free, push)
+        given, to = self._files / "starts.npz", self._files / "followed.npz"
+        np.savez(given, position=places, velocity=speeds)
+        if self._ask(base, "follow", starts=str(given), looks=list(looks), to=str(to)) is None:
+            return None
+        with np.load(to, allow_pickle=False) as arrays:
+            return neighbors.course(
+                precisions,
+                looks,
+                arrays["places"],
+                arrays["speeds"],
+                updates=1 + (base.facts.get("evaluations") or 1),
+                size=judge.size,
+                given_by=f"beside {base.name}",
+                limits=None if judge.spec.contacts is None else neighbors.limits_of_contacts(judge.start, judge.dt, looks),
+            )
+
+
+def spread(first: int, last: int) -> list[int]:
+    """Looks from one count of steps to another, in a geometric series."""
+    return sorted({round(first * (last / first) ** (k / (LOOKS - 1))) for k in range(LOOKS)})
+
+
+def affordable(looks: Sequence[int], row: Row, seconds: float) -> list[int]:
+    """The looks that a row reaches in a time, the first of them in any case."""
+    return [look for look in looks if look == looks[0] or look * row.seconds_per_step <= seconds]

@@ -1,0 +1,25 @@
+"""Busy: warnings that timings mean little, because others use the machine or because they scatter."""
+
+from collections.abc import Mapping
+
+QUIET_SHARE = 0.25  # of the processors that may be at work for others before a comparison begins
+QUIET_SPREAD = 0.1  # interquartile range over median
+
+
+def warnings(load: float | None, processors: int, spreads: Mapping[str, float]) -> list[str]:
+    """What to know before trusting the times.
+
+    `load` is the system's load average before the comparison began, None where the system does not say; `spreads` are
+    interquartile ranges of the repeats over their median, by row.
+    """
+    found = []
+    if load is not None and load > QUIET_SHARE * processors:
+        found.append(
+            f"the machine was busy before the comparison began: load average {load:.2f} on {processors} processors; "
+            "times are of what was left"
+        )
+    loose = {name: spread for name, spread in spreads.items() if spread > QUIET_SPREAD}
+    if loose:
+        told = ", ".join(f"{name} {100 * spread:.0f} %" for name, spread in loose.items())
+        found.append(f"repeats differ by more than {100 * QUIET_SPREAD:.0f} % (half of them lie that far apart): {told}")
+    return found

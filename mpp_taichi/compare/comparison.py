@@ -1,0 +1,271 @@
+"""Comparison: a scene on every backend, each in its own process: first whether they agree, then what each takes."""
+
+import importlib.metadata
+import os
+import platform
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.assemble import assemble
+from mpp_taichi.availability import BACKENDS, TAICHI_VERSION, availability, cpu_name
+from mpp_taichi.compare import busy, scaling
+from mpp_taichi.compare.agreement import Agreement
+from mpp_taichi.compare.certificate import Judge
+from mpp_taichi.compare.course import CHANCE
+from mpp_taichi.compare.process import WorkerError, WorkerProcess, empty_cache
+from mpp_taichi.compare.row import Row, described, peak_of
+from mpp_taichi.compare.work import work_of
+from mpp_taichi.scene.spec import SceneSpec
+
+ALL_BACKENDS = (*BACKENDS, "opencl", "numpy")
+PRECISIONS = {"numpy": ("f64",)}  # of a backend that has not both
+REPEATS = 7
+LEAST_REPEATS = 3
+PATIENCE = 60.0  # seconds beyond the budget that a worker may take to answer
+LEAST_LEFT = 0.25  # of the budget, however long starting took
+# Until when, as shares of what starting has left of the budget, certificate, times and (with it) scaling may last.
+SHARES = {False: (0.55, 0.75, 1.0), True: (0.15, 0.3, 0.9)}
+NOT_FOR_WORKERS = ("timeline", "accuracy", "expect", "record", "inspect", "sliders", "view")
+
+
+def pyopencl_version() -> str | None:
+    """None where it is not installed."""
+    try:
+        return importlib.metadata.version("pyopencl")
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What is compared."""
+
+    backends: Sequence[str] = ALL_BACKENDS
+    precisions: Sequence[str] = ("f64", "f32")
+    threads: int | None = None
+    scaling: bool = False
+    most_steps: int | None = None  # of the trajectories
+
+
+class Comparison:
+    """Runs the parts in turn; `facts` has what there is at any time."""
+
+    def __init__(self, spec: SceneSpec, wishes: Wishes, budget: Budget, tell: Callable[[str], None]) -> None:
+        """Make the start that all begin with."""
+        self.spec, self.wishes, self.budget, self._tell = spec, wishes, budget, tell
+        self.start = assemble(spec)
+        self.judge = Judge(spec, self.start, float(spec.integrator.parameters["dt"]))
+        self.rows: list[Row] = []
+        self.agreement: Agreement | None = None
+        self.remarks: list[str] = []
+        self.load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+        self.scene = {key: value for key, value in spec.resolved.items() if key not in NOT_FOR_WORKERS}
+        self.folder = str(Path(spec.source).resolve().parent)
+
+    def run(self) -> None:
+        """All of it; every process that was started has ended afterwards."""
+        with tempfile.TemporaryDirectory(prefix="mpp-compare-", ignore_cleanup_errors=True) as folder:
+            self._files = Path(folder)
+            try:
+                self._open_all()
+                opened = self.budget.spent
+                left = max(self.budget.left(), LEAST_LEFT * self.budget.seconds)
+                judged, timed, scaled = (opened + share * left for share in SHARES[self.wishes.scaling])
+                self._certify(judged)
+                self._time(timed)
+                self._probe()
+                if self.wishes.scaling:
+                    self._scale(scaled)
+                self._end_all()
+                self._warm()
+            finally:
+                for row in self.running:
+                    row.process.kill()  # type: ignore[union-attr]
+                    row.process = None
+
+    @property
+    def running(self) -> list[Row]:
+        """Rows whose process is there."""
+        return [row for row in self.rows if row.process is not None]
+
+    # --- the parts ----------------------------------------------------------------------------------------------------------
+
+    def _open_all(self) -> None:
+        self.start.save(self._files / "start.npz")
+        for backend in self.wishes.backends:
+            reason = ""
+            if backend in BACKENDS and not (report := availability(backend))["available"]:
+                reason = f"does not start here: {report['reason']}"
+            precisions = [each for each in self.wishes.precisions if each in PRECISIONS.get(backend, (each,))]
+            if not precisions:
+                reason = f"computes in {', '.join(PRECISIONS[backend])} alone"
+            if reason:
+                self.rows.append(Row(backend, "", "missing", reason))
+                continue
+            for precision in precisions:
+                self._open(Row(backend, precision))
+
+    def _open(self, row: Row) -> None:
+        self._tell(f"starting {row.name}")
+        self.rows.append(row)
+        try:
+            row.process = self._process(row)
+            row.facts = self._build(row)
+        except WorkerError as error:
+            row.give_up(str(error), "missing")
+
+    def _process(self, row: Row) -> WorkerProcess:
+        cache = self._files / f"cache-{row.backend}-{row.precision}"
+        return WorkerProcess(self._files, cache if cache.is_dir() else empty_cache(cache), self.budget.look)
+
+    def _build(self, row: Row, scene: dict | None = None) -> dict[str, Any]:
+        assert row.process is not None
+        answer = row.process.ask(
+            "build",
+            self._patience,
+            scene=scene or self.scene,
+            folder=self.folder,
+            start=None if scene else str(self._files / "start.npz"),
+            backend=row.backend,
+            precision=row.precision,
+            threads=self.wishes.threads,
+        )
+        facts: dict[str, Any] = answer["facts"]
+        software = row.backend in BACKENDS and row.backend != "cpu" and availability(row.backend)["software"]
+        return {**facts, "on_processor": facts.pop("on_cpu") or software}
+
+    def _certify(self, end: float) -> None:
+        for row in self.running:
+            share = max(0.1, (end - self.budget.spent) / (8 * len(self.running)))
+            row.seconds_per_step = (self._ask(row, "calibrate", seconds=share) or {}).get("seconds_per_step", 0.0)
+        self.agreement = Agreement(self.judge, self._files, self._ask, self.budget, self._tell)
+        self.agreement.certify(self.running, self.wishes.precisions, self.wishes.most_steps, end)
+        self.remarks += self.agreement.remarks
+
+    def _time(self, end: float) -> None:
+        """Steps and copies, all rows in turn, round after round."""
+        for repeat in range(REPEATS):
+            self._tell(f"timing, round {repeat + 1} of {REPEATS}")
+            for row in self.running:
+                if (answer := self._ask(row, "time")) is not None:
+                    row.step_samples.append(answer["seconds_per_step"])
+                if row.process is not None and (answer := self._ask(row, "copy")) is not None:
+                    row.copy_samples.append(answer["seconds"])
+            if repeat + 1 >= LEAST_REPEATS and self.budget.spent > end:
+                self.remarks.append(f"times are medians of {repeat + 1} repeats, for want of time")
+                break
+
+    def _probe(self) -> None:
+        for row in self.running:
+            self._tell(f"measuring what the device of {row.name} reaches")
+            row.peaks = self._ask(row, "peaks") or {}
+
+    def _end_all(self) -> None:
+        for row in self.running:
+            row.process.ask_to_end()  # type: ignore[union-attr]
+        for row in self.running:
+            row.process.end()  # type: ignore[union-attr]
+            row.process = None
+
+    def _warm(self) -> None:
+        """The same start again, with what the compilers kept of the first."""
+        for row in self.rows:
+            if row.status != "ok" or row.backend == "numpy":
+                continue
+            if self.budget.left() < 0.0:
+                self.remarks.append("warm compilation was not measured for all: the budget ended")
+                return
+            self._tell(f"starting {row.name} again")
+            row.process = self._process(row)
+            try:
+                row.warm_compile_seconds = self._build(row)["compile_seconds"]
+            except WorkerError as error:
+                self.remarks.append(f"{row.name} did not start a second time: {error}")
+            row.process.end()
+            row.process = None
+
+    def _scale(self, end: float) -> None:
+        """Times of generated scenes of the same effects, of more and more particles, all rows in turn at each number."""
+        reason = scaling.refusal(self.spec)
+        if reason:
+            self.remarks.append(f"no scaling: {reason}")
+            return
+        left = self.running
+        walls: dict[Row, list[float]] = {row: [] for row in left}
+        for count in scaling.COUNTS:
+            for row in list(left):
+                began = self.budget.spent
+                if not scaling.fits(row.scaling, walls[row], count, (end - began) / max(1, len(left))):
+                    left.remove(row)
+                    continue
+                self._tell(f"{row.name}, {count:,} particles")
+                try:
+                    self._build(row, scaling.scene_of(self.spec, self.start, count))
+                    found = row.process.ask("calibrate", self._patience, seconds=1.0)  # type: ignore[union-attr]
+                    row.scaling.append((count, found["seconds_per_step"]))
+                    walls[row].append(self.budget.spent - began)
+                except WorkerError as error:
+                    self.remarks.append(f"{row.name} with {count:,} particles: {error}")
+                    left.remove(row)
+
+    def _ask(self, row: Row, command: str, **fields: Any) -> dict[str, Any] | None:
+        """The answer; None, and the reason in the row, where there is none."""
+        assert row.process is not None
+        try:
+            return row.process.ask(command, self._patience, **fields)
+        except WorkerError as error:
+            row.give_up(str(error))
+            return None
+
+    @property
+    def _patience(self) -> float:
+        return max(0.0, self.budget.left()) + PATIENCE
+
+    # --- what was found -----------------------------------------------------------------------------------------------------
+
+    @property
+    def bugs(self) -> list[Row]:
+        """Rows that differ by more than rounding."""
+        return [row for row in self.rows if row.certificate.get("verdict") == "bug"]
+
+    def facts(self) -> dict[str, Any]:
+        """Everything as plain data."""
+        evaluations = next((row.facts["evaluations"] for row in self.rows if row.facts.get("evaluations")), None)
+        work = work_of(self.spec, self.start, evaluations)
+        spreads = {row.name: row.step_spread for row in self.rows if row.step_spread is not None}
+        return {
+            "scene": self.spec.source,
+            "title": self.spec.title,
+            "particle_count": work.particles,
+            "spring_count": work.springs,
+            "effects": self.spec.effects(work.springs),
+            "integrator": self.spec.integrator.name,
+            "dt": self.judge.dt,
+            "evaluations_per_step": work.evaluations,
+            "interactions_per_step": work.interactions,
+            "chance_of_false_alarm": CHANCE,
+            "steps_compared": 0 if self.agreement is None else self.agreement.steps,
+            "rows": [described(row, work, peak_of(self.rows, row)) for row in self.rows],
+            "crossovers": scaling.crossovers({row.name: row.scaling for row in self.rows if row.scaling}),
+            "warnings": busy.warnings(self.load, os.cpu_count() or 1, spreads),
+            "remarks": self.remarks,
+            "load_average": self.load,
+            "budget_seconds": self.budget.seconds,
+            "spent_seconds": self.budget.spent,
+            "known": {
+                "cpu": cpu_name(),
+                "processors": os.cpu_count(),
+                "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+                "python": platform.python_version(),
+                "numpy": np.__version__,
+                "taichi": TAICHI_VERSION,
+                "pyopencl": pyopencl_version(),
+            },
+            "status": "bug" if self.bugs else "ok",
+        }

@@ -1,0 +1,35 @@
+"""Felt forces: the accelerations of a simulation where its particles are, by the loops of its own plan."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.state import State
+from mpp_taichi.stepper import Stepper
+from mpp_taichi.total_force import TotalForce
+
+
+@ti.data_oriented
+class FeltForces:
+    """The sum that a step finds, and to it what depends on velocity."""
+
+    def __init__(self, state: State, total_force: TotalForce, stepper: Stepper) -> None:
+        """Bind the parts."""
+        self.state, self.total_force, self.stepper = state, total_force, stepper
+
+    def measure(self, time: float) -> np.ndarray:
+        """Accelerations, (N, dimensions), in float64."""
+        acceleration: Any = self.state.acceleration
+        acceleration.fill(0.0)
+        if self.total_force.has_velocity_independent:
+            self.stepper.sum_forces(self.total_force, time)
+        if self.total_force.depends_on_velocity:
+            self._add_friction(time)
+        return acceleration.to_numpy().astype(np.float64)
+
+    @ti.kernel
+    def _add_friction(self, time: float):
+        for i in range(self.state.particle_count):
+            more = self.total_force.local_acceleration(self.state, 0, i, time, True)
+            self.state.acceleration[i] = self.state.acceleration[i] + more

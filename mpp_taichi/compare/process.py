@@ -1,0 +1,129 @@
+"""Process: a worker as its parent sees it, asked and answered line by line, given up when it does not answer."""
+
+import contextlib
+import json
+import os
+import queue
+import shutil
+import subprocess
+import sys
+import threading
+import time as clock
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from mpp_taichi.availability import cache_folder
+from mpp_taichi.errors import MppError
+
+LOOK_SECONDS = 0.1  # between two looks for an interruption while an answer is awaited
+END_SECONDS = 20.0  # that a worker has to end by itself, writing its cache of kernels
+
+
+class WorkerError(MppError):
+    """A worker says why it cannot do what it was asked, or has died, or does not answer."""
+
+
+class WorkerProcess:
+    """A child process; `look` is called while an answer is awaited and may raise."""
+
+    def __init__(self, folder: Path, cache: Path, look: Callable[[], None]) -> None:
+        """Start it. `folder` takes its standard error, `cache` what compilers keep."""
+        self._look = look
+        self._log = folder / f"worker-{id(self):x}.log"
+        root = str(Path(__file__).parents[2])
+        environment = dict(os.environ, PYTHONPATH=os.pathsep.join([root, os.environ.get("PYTHONPATH", "")]))
+        environment |= caches(cache)
+        with open(self._log, "wb") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "mpp_taichi.compare.worker"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=log,
+                env=environment,
+                text=True,
+                encoding="utf-8",
+            )
+        self._answers: queue.Queue[str] = queue.Queue()
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self._answers.put(line)
+        self._answers.put("")
+
+    def ask(self, command: str, within: float, **fields: Any) -> dict[str, Any]:
+        """The answer to a line.
+
+        Raises:
+            WorkerError: it cannot, or it died, or there was no answer `within` so many seconds.
+        """
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(json.dumps({"do": command, **fields}) + "\n")
+            self._process.stdin.flush()
+        except OSError:
+            raise WorkerError(self._death()) from None
+        text = self._await(clock.monotonic() + within)
+        if text is None:
+            self.kill()
+            raise WorkerError(f"it did not answer within {within:.0f} s")
+        if not text:
+            raise WorkerError(self._death())
+        answer: dict[str, Any] = json.loads(text)
+        if not answer.pop("ok"):
+            raise WorkerError(answer["reason"])
+        return answer
+
+    def _await(self, end: float) -> str | None:
+        while clock.monotonic() < end:
+            self._look()
+            with contextlib.suppress(queue.Empty):
+                return self._answers.get(timeout=LOOK_SECONDS)
+        return None
+
+    def _death(self) -> str:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(5.0)
+        lines = self._log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        last = f": {lines[-1][:300]}" if lines else ""
+        return f"its process ended with status {self._process.returncode}{last}"
+
+    def ask_to_end(self) -> None:
+        """Ask no more."""
+        with contextlib.suppress(OSError, ValueError):
+            assert self._process.stdin is not None
+            self._process.stdin.close()
+
+    def end(self) -> None:
+        """Let it end by itself, so that what it compiled is kept; then end it."""
+        self.ask_to_end()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(END_SECONDS)
+        self.kill()
+
+    def kill(self) -> None:
+        """End it now."""
+        if self._process.poll() is None:
+            self._process.kill()
+        self._process.wait()
+
+
+def caches(folder: Path) -> dict[str, str]:
+    """Variables that lead Taichi, PoCL, pyopencl and the drivers of GPUs to keep what they compile in a folder."""
+    return {
+        "XDG_CACHE_HOME": str(folder),
+        "POCL_CACHE_DIR": str(folder / "pocl"),
+        "CUDA_CACHE_PATH": str(folder / "cuda"),
+        "__GL_SHADER_DISK_CACHE_PATH": str(folder / "gl"),
+    }
+
+
+def empty_cache(folder: Path) -> Path:
+    """A cache in which nothing is compiled, and all is known of the backends."""
+    for name in ("", "pocl", "cuda", "gl"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    if cache_folder().is_dir():
+        shutil.copytree(cache_folder(), folder / cache_folder().name, dirs_exist_ok=True)
+    return folder

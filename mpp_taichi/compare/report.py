@@ -1,0 +1,135 @@
+"""Report: a comparison as one HTML page with plots, readable without a network, in light and in dark; well-formed XML too."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+from xml.sax.saxutils import escape
+
+from mpp_taichi.accuracy import svg
+from mpp_taichi.accuracy.report import style_sheet
+from mpp_taichi.accuracy.svg import Mark, Plot, Series
+from mpp_taichi.compare import table
+from mpp_taichi.compare.words import EXPLANATION, circumstances, machine
+
+
+def page(found: dict[str, Any]) -> str:
+    """The page; `found` is the comparison as plain data, with its `sentence`."""
+    title = f"Backends side by side: {found['title'] or found['scene']}"
+    numbers = {name: k for k, name in enumerate(dict.fromkeys(row["backend"] for row in found["rows"]))}
+    figures = [
+        f'<figure style="max-width: 760px">{svg.draw(plot)}<figcaption>{escape(" ".join(plot.notes))}</figcaption></figure>'
+        for plot in _plots(found, numbers)
+    ]
+    sentence = found["sentence"]
+    parts = [
+        "<!DOCTYPE html>",
+        '<html lang="en" xmlns="http://www.w3.org/1999/xhtml"><head><meta charset="utf-8"/>',
+        '<meta name="viewport" content="width=device-width, initial-scale=1"/>',
+        f"<title>{escape(title)}</title><style>{style_sheet()}</style></head><body>",
+        f"<h1>{escape(title)}</h1>",
+        f'<p class="said">{escape(sentence[:1].upper() + sentence[1:])}.</p>',
+        *(f'<p class="quiet">{escape(line)}</p>' for line in circumstances(found)),
+        _table(found["rows"]),
+        f'<p class="quiet">{escape(EXPLANATION)}</p>',
+        _legend(numbers),
+        f'<div class="plots">{"".join(figures)}</div>',
+        "<h2>Every comparison with the reference</h2>",
+        f'<p class="quiet">{escape(_chance(found))}</p>',
+        _findings(found["rows"]),
+        "<h2>Where and with what</h2>",
+        f'<p class="quiet">{escape(machine(found))}</p>',
+        "</body></html>",
+    ]
+    return "\n".join(parts)
+
+
+def _chance(found: dict[str, Any]) -> str:
+    return (
+        "Allowances are derived from the number of roundings and from what the motion makes of them; the chance that a sound "
+        f"backend exceeds one is {found['chance_of_false_alarm']:.0e} for a certificate."
+    )
+
+
+def _plots(found: dict[str, Any], numbers: dict[str, int]) -> list[Plot]:
+    plots = []
+    apart = [series for row in found["rows"] for series in _apart(row, numbers)]
+    if apart:
+        said = "Largest distance of a particle from the reference, or later from a backend; dashed: what rounding may make."
+        plots.append(Plot("Distance from the reference", "steps", "distance, of the system’s size", apart, (said,)))
+    curves = [
+        Series(
+            f"{row['backend']} {row['precision']}",
+            numbers[row["backend"]],
+            [
+                Mark(point["particle_count"], 1.0 / point["step_seconds"], f"{row['backend']} {row['precision']}")
+                for point in row["scaling"]
+            ],
+            dashed=row["precision"] != "f64",
+        )
+        for row in found["rows"]
+        if row["scaling"]
+    ]
+    if curves:
+        said = "Generated scenes of the same effects. Dashed: not f64."
+        plots.append(Plot("Steps per second", "particles", "steps / s", curves, (said,)))
+    return plots
+
+
+def _apart(row: dict[str, Any], numbers: dict[str, int]) -> list[Series]:
+    looks = [*row.get("looks", ()), *row.get("looks_beside", {}).get("looks", ())]
+    name, number = f"{row['backend']} {row['precision']}", numbers[row["backend"]]
+    apart = [Mark(look["steps"], _finite(look["distance"]), name) for look in looks]
+    allowed = [Mark(look["steps"], _finite(look["allowed"])) for look in looks]
+    return [
+        Series(name, number, apart),
+        Series(f"{name}: allowed", number, allowed, marked=False, dashed=True),
+    ]
+
+
+def _finite(value: float | None) -> float:
+    """A number to draw; what is not finite has come as None, and is left out of plots."""
+    return math.nan if value is None else value
+
+
+def _legend(numbers: dict[str, int]) -> str:
+    entries = []
+    for name, number in numbers.items():
+        line = f'<polyline class="l{number % 8}" points="0,7 26,7"/>'
+        entries.append(f'<li><svg viewBox="0 0 26 14">{line}{svg.marker(number, 13, 7)}</svg>{escape(name)}</li>')
+    return f'<ul class="legend">{"".join(entries)}</ul>'
+
+
+def _table(rows: Sequence[dict[str, Any]]) -> str:
+    body = [(table.cells(row), "broken" if row["status"] != "ok" else "") for row in rows]
+    return _html_table(table.HEAD, body)
+
+
+def _findings(rows: Sequence[dict[str, Any]]) -> str:
+    head = ("backend", "", "comparison", "off", "allowed", "share", "of", "particle", "looked at")
+    body = []
+    for row in rows:
+        for finding in row.get("findings", ()):
+            ratio = finding["ratio"]
+            texts = (
+                row["backend"],
+                row["precision"],
+                finding["check"],
+                *(table.number(finding[key]) for key in ("difference", "allowance")),
+                "∞" if ratio is None else f"{ratio:.2g}",
+                finding["of"],
+                f"{finding['particle']:,}",
+                finding["looked_at"],
+            )
+            body.append((texts, ""))
+    return _html_table(head, body)
+
+
+def _html_table(head: Sequence[str], body: Sequence[tuple[Sequence[str], str]]) -> str:
+    top = "".join(f"<th>{escape(name)}</th>" for name in head)
+    rows = []
+    for texts, style in body:
+        tags = [f"<td>{escape(text)}</td>" for text in texts]
+        if len(texts) < len(head):  # the last text has the rest of the row for itself
+            tags[-1] = f'<td colspan="{len(head) - len(texts) + 1}" style="text-align: left">{escape(texts[-1])}</td>'
+        rows.append(f'<tr class="{style}">{"".join(tags)}</tr>')
+    return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'

@@ -1,0 +1,72 @@
+"""Table: rows of a comparison as text."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from mpp_taichi.accuracy.verdict import duration
+
+HEAD = (
+    *("backend", "", "verdict", "decided by", "off", "allowed", "energy", "compile", "again", "step", "±", "launches", "copy"),
+    *("rate", "GFLOP/s", "of peak"),
+)
+WIDE = 4  # columns that are aligned to the left
+RATES = (
+    ("interactions_per_second", "pairs/s"),
+    ("springs_per_second", "springs/s"),
+    ("particle_steps_per_second", "particles/s"),
+)
+
+
+def cells(row: dict[str, Any]) -> tuple[str, ...]:
+    """A row as texts; a missing one ends with the reason."""
+    if row["status"] != "ok":
+        return (row["backend"], row["precision"] or "", row["status"], row["reason"])
+    decided = row.get("decided_by")
+    rates = row["rates"]
+    rate = next((f"{_short(rates[name])} {unit}" for name, unit in RATES if name in rates), "")
+    shares = [rates[name] for name in ("share_of_peak_flops", "share_of_peak_bytes") if name in rates]
+    energy = row.get("energy_change")
+    launches = row["launches_per_step"]
+    return (
+        row["backend"],
+        row["precision"],
+        row["verdict"],
+        decided["check"] if decided else row["verdict_reason"],
+        number(decided["difference"]) if decided else "",
+        number(decided["allowance"]) if decided else "",
+        "" if energy is None else number(abs(energy)),
+        duration(row["cold_compile_seconds"]),
+        duration(row["warm_compile_seconds"]),
+        duration(row["step_seconds"]),
+        "" if row["step_spread"] is None else f"{100 * row['step_spread']:.0f} %",
+        "" if launches is None else f"{launches:g}",
+        duration(row["copy_seconds"]),
+        rate,
+        f"{rates['flops'] / 1e9:.3g}" if "flops" in rates else "",
+        f"{100 * shares[0]:.0f} %" if shares else "",
+    )
+
+
+def lines(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """The table, columns aligned; a reason may be as long as it is."""
+    table = [HEAD, *(cells(row) for row in rows)]
+    widths = [max((len(row[k]) for row in table if len(row) == len(HEAD)), default=0) for k in range(len(HEAD))]
+    widths[:2] = [max(len(row[k]) for row in table) for k in range(2)]
+    return [
+        "  ".join(
+            text.ljust(width) if column < WIDE else text.rjust(width) for column, (text, width) in enumerate(zip(row, widths))
+        ).rstrip()
+        for row in table
+    ]
+
+
+def number(value: float | None) -> str:
+    """A difference; what is not finite has come as None."""
+    return "none" if value is None else f"{value:.1e}"
+
+
+def _short(number: float) -> str:
+    for size, unit in ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if number >= size:
+            return f"{number / size:.3g} {unit}"
+    return f"{number:.3g} "

@@ -1,0 +1,109 @@
+"""Taichi contender: a Simulation on one of Taichi's backends."""
+
+import time as clock
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.backends import import_taichi
+from mpp_taichi.errors import BackendError
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.simulation import Simulation
+from mpp_taichi.snapshot import Snapshot
+
+COPIES = 5  # of which the median is told
+
+
+class TaichiContender:
+    """A scene, its timeline left out, on a backend and in a precision."""
+
+    def __init__(
+        self, spec: SceneSpec, start: Snapshot, backend: str, precision: str, *, threads: int | None = None, plan: str = "auto"
+    ) -> None:
+        """Start the backend, and take one step, which compiles it.
+
+        Raises:
+            BackendError: it does not start here, or cannot run this scene.
+        """
+        self.simulation = Simulation(
+            replace(spec, timeline=(), accuracy=None),
+            backend=backend,
+            precision=precision,
+            plan=plan,
+            threads=threads if backend == "cpu" else None,
+            start=start,
+            force=True,
+        )
+        began = clock.perf_counter()
+        sound = self.simulation.try_steps(1)
+        first = clock.perf_counter() - began
+        if not sound:
+            raise BackendError(f"the first step on {backend} in {precision} gives a number that is not finite")
+        again = self.advance(1)
+        device = self.simulation.device
+        self.facts: dict[str, Any] = {
+            "device": device.name,
+            "on_cpu": device.on_cpu,
+            "threads": device.threads or None,
+            "plan": self.simulation.plan,
+            "evaluations": None if self.simulation.integrator.implicit else self.simulation.integrator.evaluations,
+            "launches_per_step": self.simulation.stepper.launches_per_step(),
+            "setup_seconds": self.simulation.setup_seconds,
+            "compile_seconds": max(0.0, first - again),
+        }
+        self._forces: Any = None
+        self.restart()
+
+    def accelerations_at(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As the protocol says; by the loops that the simulation's own plan runs."""
+        from mpp_taichi.compare.felt_forces import FeltForces  # imports Taichi, which has to be started
+
+        simulation = self.simulation
+        self.begin(position, velocity)
+        if self._forces is None:
+            self._forces = FeltForces(simulation.state, simulation.total_force, simulation.stepper)
+        acceleration = np.zeros_like(position)
+        acceleration[:, : simulation.spec.dimensions] = self._forces.measure(simulation.time)
+        place, speed = simulation.state.read()
+        return place, speed, acceleration
+
+    def restart(self) -> None:
+        """As the protocol says."""
+        self.simulation.restart()
+
+    def begin(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        """As the protocol says."""
+        self.simulation.restart()
+        self.simulation.state.write(position, velocity)
+
+    def advance(self, steps: int) -> float:
+        """As the protocol says; a number that is not finite stays for others to see."""
+        began = clock.perf_counter()
+        self.simulation.try_steps(steps)  # waits for the device
+        return clock.perf_counter() - began
+
+    def read(self) -> tuple[np.ndarray, np.ndarray]:
+        """As the protocol says."""
+        return self.simulation.state.read()
+
+    def copy_seconds(self) -> float:
+        """As the protocol says."""
+        position: Any = getattr(self.simulation.state, "position")  # noqa: B009 — a field, there by its name
+        import_taichi().sync()
+        seen = []
+        for _ in range(COPIES):
+            began = clock.perf_counter()
+            position.to_numpy()
+            seen.append(clock.perf_counter() - began)
+        return float(np.median(seen))
+
+    def peaks(self) -> dict[str, float]:
+        """As the protocol says."""
+        from mpp_taichi.compare.taichi_peaks import taichi_peaks
+
+        return taichi_peaks(self.simulation.device)
+
+    def close(self) -> None:
+        """As the protocol says."""
+        self.simulation.close()

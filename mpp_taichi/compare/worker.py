@@ -1,0 +1,151 @@
+"""Worker: one backend with one scene in a process of its own, told what to do by lines of JSON.
+
+Run as `python -m mpp_taichi.compare.worker`. Each line on standard input is `{"do": name, …}`; the answer is a line on
+standard output, `{"ok": true, …}` or `{"ok": false, "reason": …}`. Arrays go by `.npz` files that the line names. What
+libraries print goes to standard error.
+"""
+
+import contextlib
+import json
+import os
+import sys
+import time as clock
+from typing import Any, TextIO
+
+import numpy as np
+
+from mpp_taichi.compare.evidence import Contender, follow, gather
+from mpp_taichi.errors import MppError
+from mpp_taichi.scene.load import load_scene
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.snapshot import Snapshot
+
+SAMPLE_SECONDS = 0.05  # a timing is at least so long, against the clock's own grain
+MOST_STEPS = 1 << 20
+
+
+def contender(spec: SceneSpec, start: Snapshot, backend: str, precision: str, threads: int | None) -> Contender:
+    """The scene on a backend."""
+    if backend == "numpy":
+        from mpp_taichi.compare.numpy_contender import NumpyContender
+
+        return NumpyContender(spec, start, precision)
+    if backend == "opencl":
+        from mpp_taichi.compare.opencl_contender import OpenclContender
+
+        return OpenclContender(spec, start, precision)
+    from mpp_taichi.compare.taichi_contender import TaichiContender
+
+    return TaichiContender(spec, start, backend, precision, threads=threads)
+
+
+class Worker:
+    """Answers lines."""
+
+    def __init__(self) -> None:
+        """Nothing is built yet."""
+        self._contender: Contender | None = None
+        self._steps = 1
+
+    def answer(self, line: dict[str, Any]) -> dict[str, Any]:
+        """Do what a line says."""
+        return getattr(self, f"do_{line.pop('do')}")(**line)
+
+    def do_build(
+        self, scene: dict, folder: str, start: str | None, backend: str, precision: str, threads: int | None
+    ) -> dict[str, Any]:
+        """Load the scene and put it on the backend, in the place of the one before; `start` absent: as the scene begins."""
+        from mpp_taichi.assemble import assemble
+
+        self.do_close()
+        os.chdir(folder)  # where files that the scene names are
+        spec = load_scene(scene)
+        self._contender = contender(spec, Snapshot.load(start) if start else assemble(spec), backend, precision, threads)
+        self._steps = 1
+        return {"facts": self._contender.facts}
+
+    def do_gather(self, states: str, looks: list[int], forces: bool, to: str) -> dict[str, Any]:
+        """The evidence, written to a file."""
+        with np.load(states, allow_pickle=False) as given:
+            pairs = list(zip(given["position"], given["velocity"], strict=True))
+        found = gather(self._ready, pairs, looks, forces=forces)
+        np.savez(to, **vars(found))
+        return {}
+
+    def do_follow(self, starts: str, looks: list[int], to: str) -> dict[str, Any]:
+        """Runs from other starts, written to a file."""
+        with np.load(starts, allow_pickle=False) as given:
+            pairs = list(zip(given["position"], given["velocity"], strict=True))
+        places, speeds = follow(self._ready, pairs, looks)
+        np.savez(to, places=places, speeds=speeds)
+        return {}
+
+    def do_calibrate(self, seconds: float) -> dict[str, Any]:
+        """Find how many steps take SAMPLE_SECONDS, within so many seconds."""
+        began, steps = clock.perf_counter(), 1
+        self._time(1)
+        while (taken := self._time(steps)) < SAMPLE_SECONDS and steps < MOST_STEPS:
+            if clock.perf_counter() - began > seconds:
+                break
+            steps *= max(2, min(16, int(1.2 * SAMPLE_SECONDS / max(taken, 1e-6))))
+        self._steps = steps
+        return {"steps": steps, "seconds_per_step": taken / steps}
+
+    def do_time(self) -> dict[str, Any]:
+        """Seconds of a step, by as many as were found to take long enough, from the start."""
+        return {"seconds_per_step": self._time(self._steps) / self._steps}
+
+    def do_copy(self) -> dict[str, Any]:
+        """Seconds that positions take to the host."""
+        return {"seconds": self._ready.copy_seconds()}
+
+    def do_peaks(self) -> dict[str, Any]:
+        """What the device reaches at best."""
+        return self._ready.peaks()
+
+    def do_close(self) -> dict[str, Any]:
+        """Give everything back."""
+        if self._contender is not None:
+            self._contender.close()
+        self._contender = None
+        return {}
+
+    @property
+    def _ready(self) -> Contender:
+        if self._contender is None:
+            raise MppError("no scene was built")
+        return self._contender
+
+    def _time(self, steps: int) -> float:
+        self._ready.restart()
+        return self._ready.advance(steps)
+
+
+def main() -> None:
+    """Answer until standard input ends."""
+    with _own_output() as output:
+        worker = Worker()
+        for text in sys.stdin:
+            try:
+                answer = {"ok": True, **worker.answer(json.loads(text))}
+            except MppError as error:
+                answer = {"ok": False, "reason": " ".join(str(error).split())}
+            except Exception as error:  # drivers raise whatever they like; the row says it
+                answer = {"ok": False, "reason": f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"}
+            output.write(json.dumps(answer) + "\n")
+            output.flush()
+        with contextlib.suppress(Exception):
+            worker.do_close()
+
+
+@contextlib.contextmanager
+def _own_output() -> Any:
+    """A stream to standard output for the answers alone; what libraries print goes to standard error."""
+    kept: TextIO = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    with kept:
+        yield kept
+
+
+if __name__ == "__main__":
+    main()

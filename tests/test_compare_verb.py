@@ -1,0 +1,128 @@
+"""The verb compare: rows, missing backends, exit codes, and a page that opens."""
+
+import json
+import shutil
+import subprocess
+import xml.etree.ElementTree as ElementTree
+from types import SimpleNamespace
+
+import pytest
+import yaml
+from PIL import Image
+
+from mpp_taichi.cli.main import main
+from mpp_taichi.compare import scaling, table
+from mpp_taichi.compare.numpy_reference import Reference
+from mpp_taichi.compare.process import WorkerError, WorkerProcess
+from scenes import kepler
+
+KEYS = {"scene", "integrator", "particle_count", "rows", "crossovers", "warnings", "known", "sentence", "status"}
+ROW_KEYS = {
+    *("backend", "precision", "status", "reason", "verdict", "decided_by", "findings", "energy_change", "momentum_change"),
+    *("cold_compile_seconds", "warm_compile_seconds", "step_seconds", "step_spread", "launches_per_step", "copy_seconds"),
+    *("rates", "peaks", "device", "scaling"),
+}
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """Kepler's problem on the CPU, on NumPy, and on a backend that no machine has beside them."""
+    folder = tmp_path_factory.mktemp("compare")
+    scene = folder / "kepler.yaml"
+    scene.write_text(yaml.safe_dump({**kepler(dt=0.01), "run": {"duration": 5.0}}), encoding="utf-8")
+    out = folder / "out"
+    words = ["compare", str(scene), "--backends", "cpu,metal,numpy", "--precisions", "f32,f64", "--budget", "10s", "--quiet"]
+    code = main([*words, "--out", str(out)])
+    found = json.loads((out / "compare.json").read_text(encoding="utf-8"))
+    return SimpleNamespace(code=code, scene=scene, out=out, found=found, rows=found["rows"])
+
+
+def test_backends_that_agree_end_with_0(compared):
+    assert compared.code == 0 and compared.found["status"] == "ok"
+    assert "agree to rounding" in compared.found["sentence"]
+    ok = [row for row in compared.rows if row["status"] == "ok"]
+    assert [(row["backend"], row["precision"], row["verdict"]) for row in ok] == [
+        ("cpu", "f32", "rounding"),
+        ("cpu", "f64", "rounding"),
+        ("numpy", "f64", "rounding"),
+    ]
+
+
+def test_a_missing_backend_is_a_row_with_the_reason(compared):
+    import sys
+
+    if sys.platform == "darwin":
+        pytest.skip("Metal is here")
+    (row,) = (row for row in compared.rows if row["backend"] == "metal")
+    assert row["status"] == "missing" and "macOS" in row["reason"] and row["step_seconds"] is None
+    assert any("macOS" in line and "missing" in line for line in table.lines(compared.rows))
+
+
+def test_the_numbers_are_there_and_fit_together(compared):
+    found = compared.found
+    assert found.keys() >= KEYS and 1 <= found["steps_compared"] <= 500
+    for row in compared.rows:
+        if row["status"] != "ok":
+            continue
+        assert row.keys() >= ROW_KEYS
+        assert row["step_seconds"] == sorted(row["step_samples"])[len(row["step_samples"]) // 2]
+        pairs = 2 / row["step_seconds"]  # two bodies, one evaluation a step
+        assert row["rates"]["interactions_per_second"] == pytest.approx(pairs)
+        flops = {"f32": 20, "f64": 30}[row["precision"]] * pairs
+        assert row["rates"]["flops"] == pytest.approx(flops)
+        best = max(each["peaks"]["flops"] for each in compared.rows if each["precision"] == row["precision"])
+        assert row["rates"]["share_of_peak_flops"] == pytest.approx(flops / best)
+        # Leapfrog at e = 0.3 and ω dt = 0.01 wobbles by (ω dt)² times a number of the order of one; f32 adds its rounding.
+        assert abs(row["energy_change"]) < 1e-4 and row["momentum_change"] < 1e-4
+        assert row["backend"] == "numpy" or row["cold_compile_seconds"] > 0.0
+
+
+def test_a_bug_ends_with_4(compared, monkeypatch, capfd):
+    """The reference is made wrong in this process; the worker is sound, but they cannot agree."""
+    steady = Reference.steady
+    monkeypatch.setattr(Reference, "steady", lambda self, *rest: -steady(self, *rest))
+    monkeypatch.setattr(scaling, "COUNTS", (2, 8))
+    words = ["compare", str(compared.scene), "--backends", "numpy", "--budget", "5s", "--json", "--steps", "10", "--scaling"]
+    assert main([*words, "--out", str(compared.out.parent / "bug")]) == 4
+    found = json.loads(capfd.readouterr().out)
+    (row,) = found["rows"]
+    assert found["status"] == row["verdict"] == "bug" and row["decided_by"]["ratio"] > 1e6
+    assert "numpy f64: bug" in found["sentence"]
+    assert [point["particle_count"] for point in row["scaling"]] == [2, 8]
+
+
+def test_a_worker_that_dies_or_cannot_says_why(tmp_path):
+    worker = WorkerProcess(tmp_path, tmp_path, lambda: None)
+    with pytest.raises(WorkerError, match="no scene was built"):
+        worker.ask("time", 60.0)
+    worker.kill()
+    with pytest.raises(WorkerError, match="its process ended with status"):
+        worker.ask("time", 60.0)
+
+
+@pytest.mark.parametrize("words", [("--backends", "abacus"), ("--precisions", "f16"), ("--budget", "never")])
+def test_wrong_words_are_wrong_usage(compared, words):
+    assert main(["compare", str(compared.scene), *words]) == 2
+
+
+def test_the_page_is_whole_and_opens_in_a_browser(compared, tmp_path):
+    page = compared.out / "compare.html"
+    text = page.read_text(encoding="utf-8")
+    tree = ElementTree.fromstring(text)  # as strict as XML
+    tags = [element.tag.rpartition("}")[2] for element in tree.iter()]
+    assert "script" not in tags and tags.count("table") == 2 and "url(" not in text
+    assert not [element for element in tree.iter() for name in element.attrib if name in ("src", "href")]
+    words = " ".join(tree.itertext())
+    assert compared.found["sentence"][1:] in words and "macOS" in words and compared.found["known"]["cpu"] in words
+    browser = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None)
+    if browser is None:
+        pytest.skip("no browser here: chromium is not installed")
+    picture = tmp_path / "page.png"
+    options = ["--headless", "--no-sandbox", "--disable-gpu", "--window-size=1000,1400", f"--user-data-dir={tmp_path / 'p'}"]
+    command = [browser, *options, "--virtual-time-budget=1000", f"--screenshot={picture}", page.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert picture.is_file(), done.stderr
+    colors = Image.open(picture).convert("RGB").getcolors(maxcolors=2**24)
+    ink = {color for count, color in colors if count >= 20}
+    # Paper, and the lines of the first backend and of the third (the second is missing).
+    assert {(255, 255, 255), (0x2A, 0x6F, 0xCF), (0xB9, 0x7A, 0x00)} <= ink
