@@ -325,6 +325,7 @@ class Simulation(Motion):
             for compiled in self._compiled.values():
                 if compiled.contacts is not None:
                     compiled.contacts.destroy()
+                compiled.total_force.destroy()
                 compiled.state.destroy()
             backends.release(self.device)
         self._closed = True
