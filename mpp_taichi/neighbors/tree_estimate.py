@@ -7,8 +7,9 @@ multipole of second order for a group of bodies if
 
 with d from the nearest point of the group's box. The left side bounds the order of the error, the pull of the octupole and of
 all beyond it: Σ m |δ|³ ≤ b tr Q, and a body at b may be as near as ρ − b (Salmon and Warren, J. Comput. Phys. 111 (1994) 136).
-Here a is the field of all other groups, from a first walk with monopoles: the weaker of those at the first and the last body,
-since a run may reach from one clump into another. It is a relative error for each node, as in Springel, MNRAS 364 (2005) 1105,
+Here a is the field of all other groups, from a first walk with monopoles, softened by twice the radius of the group, since what
+its neighbours add differs from body to body: the weaker of those at the first and the last body, since a run may reach from one
+clump into another. It is a relative error for each node, as in Springel, MNRAS 364 (2005) 1105,
 who takes the field of the step before; here forces are a function of positions alone.
 """
 
@@ -19,7 +20,7 @@ import taichi as ti
 from mpp_taichi.neighbors.tree_nodes import LEAF
 
 GROUP = 32  # bodies that share a walk; twice as many are no faster
-CANCELLATION = 0.1  # where pulls cancel, their sum is no measure: in the middle of a sphere no error is small beside it
+CANCELLATION = 0.03  # where pulls cancel, their sum is no measure: in the middle of a sphere no error is small beside it
 SMALLEST_PULL = 1e-30  # in units of the frame; without it nothing would be small enough where there is no pull at all
 
 
@@ -51,6 +52,8 @@ class TreeEstimate:
             begin = group * self.group_leaves
             last = ti.min((group + 1) * GROUP, self.particle_count) - 1
             places = [self.nodes.body(ti.min(group * GROUP, last)), self.nodes.body(last)]
+            size = 2.0 * self.nodes.radius(self.group_node(group))
+            blur = softening_squared + size * size
             field = [ti.Vector.zero(float, self.dimensions) for place in ti.static(range(2))]
             strength = [0.0 for place in ti.static(range(2))]
             node = 0
@@ -66,7 +69,7 @@ class TreeEstimate:
                     if first + self.nodes.leaves[node] <= begin or first >= begin + self.group_leaves:
                         for place in ti.static(range(2)):
                             d = center - places[place]
-                            within = d.norm_sqr() + radius_squared + softening_squared
+                            within = d.norm_sqr() + radius_squared + blur
                             if within > 0.0:
                                 pull = self.nodes.mass(node) / (within * ti.sqrt(within))
                                 field[place] += pull * d

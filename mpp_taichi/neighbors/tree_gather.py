@@ -51,7 +51,7 @@ class TreeGather:
             node = 0
             while node < self.nodes.node_count:
                 center = self.nodes.center(node)
-                outside = ti.max(ti.max(lower - center, center - upper), 0.0)
+                outside = ti.max(lower - center, center - upper, 0.0)
                 squared = outside.dot(outside)
                 radius, octupole = self.nodes.radius(node), self.nodes.octupole(node)
                 if self.field.is_far(squared, radius, octupole, limit, softening_squared):

@@ -141,7 +141,7 @@ class TreeNodes:
             lever += self.order.mass[slot] * x
         center = 0.5 * (lower + upper)
         if mass > 0.0:
-            center = lever / mass
+            center = ti.max(lower, ti.min(lever / mass, upper))  # a rounding outside, and a body could be apart from itself
         second = ti.Vector.zero(float, self.second_count)
         radius_squared = 0.0
         for slot in range(begin, end):
@@ -162,6 +162,7 @@ class TreeNodes:
         center = 0.5 * (lower + upper)
         if mass > 0.0:
             center = (masses[0] * self.center(left) + masses[1] * self.center(right)) / mass
+            center = ti.max(lower, ti.min(center, upper))
         second = ti.Vector.zero(float, self.second_count)
         radius_of_parts = 0.0
         for part in ti.static(range(2)):

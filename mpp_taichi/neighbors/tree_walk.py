@@ -20,7 +20,7 @@ from mpp_taichi.types import Template
 SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 CHUNKS_PER_THREAD = 16  # pieces of the work, taken as threads get free
 VECTOR_BYTES = 64  # as in all_pairs
-LIST = 256  # entries of a list, worked off when it is full; those of nodes take 23 KiB of the cache
+LIST = 256  # even; entries of a list, worked off when it is full; those of nodes take 23 KiB of the cache
 
 
 @ti.data_oriented
@@ -87,8 +87,8 @@ class TreeWalk:
         width = ti.static(self.nodes.moment_width)
         begin = group * GROUP
         corner = self.field.group_node(group) * self.nodes.box_width
-        middle = [0.5 * (self.nodes.box[corner + axis] + self.nodes.box[corner + d + axis]) for axis in ti.static(range(d))]
-        half = [0.5 * (self.nodes.box[corner + d + axis] - self.nodes.box[corner + axis]) for axis in ti.static(range(d))]
+        lower = [self.nodes.box[corner + axis] for axis in ti.static(range(d))]
+        upper = [self.nodes.box[corner + d + axis] for axis in ti.static(range(d))]
         limit = self.field.limit[group]
         for tile in range(self.tile_count):
             self._sum_group(begin, begin + tile * self.lane_count, softening_squared, potential)
@@ -101,7 +101,8 @@ class TreeWalk:
                 shape = node * self.nodes.shape_width
                 squared = 0.0
                 for axis in ti.static(range(d)):
-                    way = ti.max(ti.abs(self.nodes.shape[shape + axis] - middle[axis]) - half[axis], 0.0)
+                    x = self.nodes.shape[shape + axis]
+                    way = ti.max(lower[axis] - x, x - upper[axis], 0.0)
                     squared += way * way
                 radius, octupole = self.nodes.shape[shape + d], self.nodes.shape[shape + d + 1]
                 if self.field.is_far(squared, radius, octupole, limit, softening_squared):
