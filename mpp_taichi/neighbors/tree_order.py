@@ -18,9 +18,9 @@ SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 CHUNKS = 256  # of a reduction; fixed, so that sums do not depend on the threads
 AXIS_BITS = 20  # of a coordinate
 DIGIT_BITS = 10  # of a key that one pass of the sort looks at
-WIDEST_FRAME = (
-    64.0  # mean distances from the mean; one in 64 may be farther and is sorted less, or it would leave others no cells
-)
+WIDEST_FRAME = 64.0
+"""In mean distances from the mean. One body in 64 may lie farther out and is sorted less well there; if all had to be in, one
+alone could leave no cells to the others."""
 
 
 @ti.data_oriented
