@@ -37,7 +37,10 @@ class EnergyMeter:
         if not self.total_force.forces:
             return 0.0
         self._measure(time)
-        return total(self.terms.to_numpy().astype(np.float64))
+        terms = self.terms.to_numpy().astype(np.float64)
+        if self.total_force.by_tree:
+            terms += self.total_force.tree_potential(self.state)
+        return total(terms)
 
     def mechanics(self, snapshot: Snapshot, time: float) -> dict[str, Any]:
         """The conserved quantities of a snapshot of this state, of the masses that its device keeps: forces are of those."""

@@ -11,9 +11,10 @@ from mpp_taichi.backends import Device
 from mpp_taichi.contact_setup import contact_setup
 from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.errors import BackendError, CapacityError, PrecisionError, SceneError
-from mpp_taichi.precision import carries_low_parts
+from mpp_taichi.precision import carries_low_parts, forces_see_low_parts
 from mpp_taichi.scene.estimate import LARGEST_COUNT, available_bytes
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.snapshot import Snapshot
 
 
@@ -86,6 +87,8 @@ class CompiledPhase:
             raise BackendError(f"{spec.integrator.name} runs on the CPU only, not on {device.backend}; use --backend cpu")
         if self.integrator.adaptive or self.integrator.own_state:
             self._check_one_thread(plan, spec)
+        if self.total_force.by_tree:
+            self._check_parallel(plan, replica_count)
         if self.plan not in plans.PLANS or (replica_count > 1) != (self.plan == "replicas"):
             raise BackendError(
                 f"plan {plan!r} does not fit; there are auto, serial and parallel for one copy, replicas for several"
@@ -128,6 +131,14 @@ class CompiledPhase:
             raise BackendError(f"{spec.integrator.name} has no parallel plan; there are serial and replicas")
         self.plan = "serial" if self.plan == "parallel" else self.plan
 
+    def _check_parallel(self, plan: str, replica_count: int) -> None:
+        """A tree is built and walked by all threads together."""
+        if plan == "serial" or replica_count > 1:
+            raise BackendError(
+                "newtonian_gravity with solver: tree has the parallel plan alone, for one copy; use solver: direct"
+            )
+        self.plan = "parallel" if plan == "auto" else plan
+
     def _contact_solver(self, spec: SceneSpec, device: Device, *, event_log: bool) -> ContactSolver:
         """The scene's contact solver, not yet bound to its spheres."""
         if self.plan == "replicas":
@@ -150,7 +161,7 @@ class CompiledPhase:
         if limit is None:
             return 2**31 - 1
         if self.plan == "parallel":
-            longest = self.state.particle_count if self.total_force.has_pairs else 0
+            longest = self.total_force.longest_loop
             allowed = 2**31 - 1
         else:
             longest = self.stepper.loop_iterations_per_step()
@@ -169,6 +180,8 @@ def check_low_parts(spec: SceneSpec, integrator: Any, device: Device) -> None:
     refused = None if integrator.takes_low_parts else f"the method {spec.integrator.name}"
     if spec.contacts is not None:
         refused = f"the contact solver {spec.contacts.solver.name}"
+    if tree_of(spec) is not None and forces_see_low_parts(device.precision):
+        refused = "newtonian_gravity with solver: tree"
     if refused:
         raise PrecisionError(f"{refused} does not carry low parts, so it cannot run in {device.precision}; use f64 or f32")
 

@@ -7,6 +7,7 @@ replicas   one thread per independent copy, many steps in one launch: ensembles 
 
 from mpp_taichi import component
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.tree_checks import VISITS_OF_A_TREE, tree_of
 
 PLANS = ("serial", "parallel", "replicas")
 # Work per step above which the parallel plan is faster on a CPU, in units of one pair interaction of the serial plan
@@ -34,6 +35,8 @@ def step_work(spec: SceneSpec, particle_count: int, spring_count: int) -> int:
     """Work of one step in the units of CROSSOVER_WORK, before anything of the scene is imported."""
     has_pairs = any(component.declaration("forces", force.name).base == "PairForce" for force in spec.forces)
     pairs = particle_count * (particle_count - 1) // 2 if has_pairs else 0
+    if tree_of(spec) is not None:
+        pairs = min(pairs, VISITS_OF_A_TREE * particle_count)
     evaluations = TYPICAL_EVALUATIONS[component.declaration("integrators", spec.integrator.name).base]
     return evaluations * (pairs + WORK_PER_HALF_SPRING * 2 * spring_count + WORK_PER_PARTICLE * particle_count)
 

@@ -40,8 +40,8 @@ class Stepper:
         self.total_force = total_force
         self.integrator = integrator
         self.plan = plan
-        # The pair sum of the CPU is compiled in a mode of its own, so it cannot share a kernel with the rest of the step.
-        self.launches_stages = plan == "parallel" and on_cpu and total_force.has_pairs
+        # The pair sum of the CPU is compiled in a mode of its own, and a tree is many kernels: none of them fits into the step.
+        self.launches_stages = plan == "parallel" and total_force.has_pairs and (on_cpu or total_force.by_tree)
         self.grain = CPU_GRAIN if on_cpu else 1
         self._bad: Any = ti.field(ti.i32, shape=())
         self._parts_of: float | None = None  # the dt whose parts the state has

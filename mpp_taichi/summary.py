@@ -77,7 +77,8 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
     evaluations = float(max(1, simulation.integrator.evaluations))
     if control:
         evaluations = control["step_control"]["force_evaluations"] / simulation.step_count
-    pairs = count * (count - 1) * evaluations if simulation.total_force.has_pairs else 0
+    by_pairs = simulation.total_force.has_pairs and not simulation.total_force.by_tree
+    pairs = count * (count - 1) * evaluations if by_pairs else 0
     return {
         "scene": spec.source,
         "title": spec.title,
@@ -182,6 +183,8 @@ def plan_reason(simulation: "Simulation", plan_asked: str) -> str:
         return "asked for"
     if not simulation.device.on_cpu:
         return "a device of many threads"
+    if simulation.total_force.by_tree:
+        return "a tree is built and walked by all threads"
     relation = "below" if simulation.plan == "serial" else "from"
     return f"work of a step {simulation.step_work:,}, {relation} the crossover of {plans.CROSSOVER_WORK:,} on"
 

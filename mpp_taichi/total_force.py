@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import taichi as ti
 
 from mpp_taichi import component
@@ -52,12 +53,20 @@ class TotalForce:
         self.has_pairs = len(pairs) > 0 and particle_count > 1
         self.pairs: Any = None
         self.pair_sum: Any = None  # who loops over the pairs
-        if self.has_pairs:
+        by_tree = [force for force in pairs if getattr(force, "solver", "direct") == "tree"]
+        self.by_tree = self.has_pairs and len(by_tree) > 0
+        if self.by_tree:
+            from mpp_taichi.neighbors.tree import TreeSum  # only for scenes that want it
+
+            if len(pairs) > 1 or derivatives or merges:
+                raise TypeError("a tree sums gravity alone, without derivatives, over bodies that do not merge")
+            self.pair_sum = TreeSum(by_tree[0], particle_count, dimensions)
+        elif self.has_pairs:
             from mpp_taichi.neighbors.all_pairs import AllPairs  # only for scenes that have pairs
 
             self.pairs = AllPairs(pairs, particle_count, dimensions, merges=merges)
             self.pair_sum = self.pairs
-        if self.has_pairs and derivatives:
+        if self.pairs and derivatives:
             from mpp_taichi.neighbors.pair_derivatives import PairDerivatives  # only for methods that want them
 
             self.pair_sum = PairDerivatives(self.pairs, derivatives)
@@ -77,6 +86,13 @@ class TotalForce:
             self.pairs.destroy()
 
     @property
+    def longest_loop(self) -> int:
+        """Most iterations that a thread makes for one particle of the parallel plan."""
+        if self.by_tree:
+            return self.pair_sum.longest_loop
+        return self.particle_count if self.has_pairs else 0
+
+    @property
     def conserves_energy(self) -> bool:
         """Whether every force has a potential, so that energy may be asked to stay."""
         return all(force.conserves_energy for force in self.forces)
@@ -93,6 +109,15 @@ class TotalForce:
     def needs(self) -> frozenset:
         """Union of what the forces need."""
         return frozenset().union(*(force.needs for force in self.forces))
+
+    def tree_potential(self, state: Any) -> np.ndarray:
+        """Shares of the particles of the first replica in the potential energy that a tree sums, `by_tree`."""
+        return self.pair_sum.potential_terms(state)
+
+    def destroy(self) -> None:
+        """Give the memory of a tree back."""
+        if self.by_tree:
+            self.pair_sum.destroy()
 
     @ti.func
     def local_acceleration(self, state: Template, first, i, time, velocity_dependent: Template):
@@ -263,13 +288,16 @@ class TotalForce:
 
     @ti.func
     def potential_energy_of(self, state: Template, first, i, time):
-        """Share of particle i in the potential energy, in f64: a pair or a spring is split evenly between its ends."""
+        """Share of particle i in the potential energy, in f64: a pair or a spring is split evenly between its ends.
+
+        What a tree sums is left out: `tree_potential` has it for all particles at once.
+        """
         result = ti.cast(0.0, state.wide)
         for force in ti.static(self.external):
             result += force.potential(state, i, time)
         for bond in ti.static(self.bonds):
             for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
                 result += 0.5 * bond.potential(state, i, first + state.spring_neighbor[h], h)
-        if ti.static(self.has_pairs):
+        if ti.static(self.has_pairs and not self.by_tree):
             result += self.pairs.potential_energy_of(state, i)
         return result

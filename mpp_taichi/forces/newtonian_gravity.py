@@ -12,7 +12,10 @@ class NewtonianGravity(PairForce):
     """Newtonian gravity, a_i = G Σ_j m_j d / (|d|² + ε²)^(3/2) with d = x_j − x_i.
 
     With ε > 0 this is exactly the force of the potential −G m_i m_j / √(|d|² + ε²), Plummer's sphere. Massless particles
-    feel it and exert none. Source: Newton 1687; Plummer, MNRAS 71 (1911) 460.
+    feel it and exert none. The solver `direct` sums over all pairs, O(N²); `tree` takes far bodies together, O(N log N), with a
+    relative error that 99 % of the particles keep below `accuracy` (docs/gravity.md).
+
+    Source: Newton 1687; Plummer, MNRAS 71 (1911) 460.
     """
 
     strength: float = param(
@@ -23,6 +26,14 @@ class NewtonianGravity(PairForce):
         help="G, or k² in Gaussian units; absent: the G of the scene's units, or 1",
     )
     softening: float = param(0.0, minimum=0.0, unit="length", help="ε, the radius inside which gravity is softened")
+    solver: str = param("direct", choices=("direct", "tree"), help="how it is summed: pair by pair, or far bodies together")
+    accuracy: float = param(
+        None,
+        optional=True,
+        minimum=1e-6,
+        maximum=0.1,
+        help="relative error of the force that 99 % keep; tree alone; absent: 1e-3",
+    )
     needs = frozenset({"mass"})
     has_derivatives = True
 

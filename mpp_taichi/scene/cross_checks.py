@@ -5,6 +5,7 @@ from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.integrator_checks import check_integrator
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.tree_checks import check_tree
 
 
 def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
@@ -15,6 +16,7 @@ def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     _check_accuracy(spec, tree, faults)
     check_contacts(spec, tree, faults)
     check_integrator(spec, faults)
+    check_tree(spec, faults)
     names = [entry.name for entry in spec.forces]
     for number, entry in enumerate(spec.forces):
         if entry.name in names[:number]:

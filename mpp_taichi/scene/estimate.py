@@ -7,10 +7,12 @@ from mpp_taichi.errors import CapacityError
 from mpp_taichi.scene import timeline
 from mpp_taichi.scene.layout import build, layout_of
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.tree_checks import VISITS_OF_A_TREE, tree_of
 
 # Host memory taken while a scene is assembled, device fields included: upper bounds for the estimate.
 BYTES_PER_PARTICLE = 600
 BYTES_PER_SPRING = 400
+BYTES_PER_PARTICLE_OF_A_TREE = 150
 
 LARGEST_COUNT = 2**31 - 1  # an index is a signed 32-bit integer on every device
 MOST_STEPS = 10**9
@@ -21,7 +23,8 @@ class Estimate:
     """What a run needs.
 
     bytes                              host memory while the scene is assembled and copied to the device, an upper bound
-    pair_interactions_per_evaluation   ordered pairs N (N − 1) that one evaluation of the pair forces visits
+    pair_interactions_per_evaluation   ordered pairs N (N − 1) that one evaluation of the pair forces visits; with a tree, about
+                                       what it visits instead
     steps                              None where the scene does not end by itself
     """
 
@@ -38,13 +41,15 @@ def estimate(spec: SceneSpec) -> Estimate:
     particles = layout.total
     springs = sum(build("networks", entry).spring_count(layout.lattice) for entry in spec.springs)
     has_pairs = any(component.declaration("forces", entry.name).base == "PairForce" for entry in spec.forces)
+    by_tree = tree_of(spec) is not None
+    pairs = particles * (particles - 1) if has_pairs else 0
     return Estimate(
         particle_count=particles,
         spring_count=springs,
-        bytes=particles * BYTES_PER_PARTICLE
+        bytes=particles * (BYTES_PER_PARTICLE + (BYTES_PER_PARTICLE_OF_A_TREE if by_tree else 0))
         + springs * BYTES_PER_SPRING
         + sum(estimate(event.scene).bytes for event in spec.timeline),  # every phase stays, for a restart
-        pair_interactions_per_evaluation=particles * (particles - 1) if has_pairs else 0,
+        pair_interactions_per_evaluation=min(pairs, VISITS_OF_A_TREE * particles) if by_tree else pairs,
         steps=_steps(spec),
     )
 

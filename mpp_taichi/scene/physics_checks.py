@@ -10,6 +10,7 @@ from mpp_taichi.scene.faults import FAULTS_SHOWN
 from mpp_taichi.scene.integrator_checks import planetary_faults
 from mpp_taichi.scene.layout import ParticleLayout
 from mpp_taichi.scene.spec import Location, SceneSpec
+from mpp_taichi.scene.tree_checks import tree_faults
 from mpp_taichi.snapshot import Snapshot
 
 LARGEST_COORDINATE = 1e100
@@ -26,7 +27,7 @@ Fault = tuple[Location, str]
 def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *, moved: bool = False) -> None:
     """Raise SceneError with every arrangement that cannot be run; nothing that depends on the places when they have `moved`."""
     found: list[Fault] = []
-    always = (_numbers, _masses, _rates, _friction, planetary_faults)
+    always = (_numbers, _masses, _rates, _friction, planetary_faults, tree_faults)
     for check in always if moved else (*always, _coincidences, _center_of_mass):
         found += check(spec, snapshot, layout)
     lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]

@@ -1,0 +1,81 @@
+"""Tree gather: the walk of `tree_walk.py` for GPUs, one thread for each body and no lists.
+
+Bodies of a group ask the same of every node, so threads that run together stay together.
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.neighbors.tree_estimate import GROUP, TreeEstimate
+from mpp_taichi.neighbors.tree_nodes import LEAF
+from mpp_taichi.types import Template
+
+
+@ti.data_oriented
+class TreeGather:
+    """Sums by slot, in the units of the frame with G = 1: what TreeWalk has, but for the order of the sums."""
+
+    def __init__(self, order: Any, nodes: Any) -> None:
+        """Allocate for the bodies of a TreeOrder and their TreeNodes."""
+        self.order, self.nodes = order, nodes
+        self.dimensions = order.dimensions
+        self.padded_count = order.padded_count
+        self.field = TreeEstimate(order, nodes)
+        self.total, self.well = ti.field(float), ti.field(float)
+        builder = ti.FieldsBuilder()
+        builder.dense(ti.i, self.padded_count * self.dimensions).place(self.total)
+        builder.dense(ti.i, self.padded_count).place(self.well)
+        self._tree = builder.finalize()
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self.field.destroy()
+        self._tree.destroy()
+
+    def run(self, softening: float, tolerance: float, *, potential: bool) -> None:
+        """All sums; those of the potential only where they are asked for."""
+        self.field.estimate(softening * softening, tolerance)
+        self._walk(softening * softening, potential)
+
+    @ti.kernel
+    def _walk(self, softening_squared: float, potential: Template):
+        for slot in range(self.order.particle_count):
+            group = slot // GROUP
+            home = self.field.group_node(group)
+            lower, upper = self.nodes.corner(home, 0), self.nodes.corner(home, 1)
+            limit = self.field.limit[group]
+            x = self.nodes.body(slot)
+            total = ti.Vector.zero(float, self.dimensions)
+            well = 0.0
+            node = 0
+            while node < self.nodes.node_count:
+                center = self.nodes.center(node)
+                outside = ti.max(lower - center, center - upper, 0.0)
+                squared = outside.dot(outside)
+                radius, octupole = self.nodes.radius(node), self.nodes.octupole(node)
+                if self.field.is_far(squared, radius, octupole, limit, softening_squared):
+                    d = center - x
+                    inverse = 1.0 / ti.sqrt(d.dot(d) + softening_squared)
+                    along, across, turned, depth = self.nodes.pull(
+                        self.nodes.moments, node * self.nodes.moment_width, d, inverse
+                    )
+                    for axis in ti.static(range(self.dimensions)):
+                        total[axis] += along * d[axis] - across * turned[axis]
+                    well += depth
+                    node = self.nodes.skip[node]
+                else:
+                    if self.nodes.leaves[node] == 1:
+                        first = self.nodes.first_leaf[node] * LEAF
+                        for j in range(first, ti.min(first + LEAF, self.order.particle_count)):
+                            if j != slot:
+                                d = self.nodes.body(j) - x
+                                inverse = 1.0 / ti.sqrt(d.dot(d) + softening_squared)
+                                pull = self.order.mass[j] * inverse
+                                well += pull
+                                total += pull * (inverse * inverse) * d
+                    node += 1
+            for axis in ti.static(range(self.dimensions)):
+                self.total[axis * self.padded_count + slot] = total[axis]
+            if ti.static(potential):
+                self.well[slot] = well

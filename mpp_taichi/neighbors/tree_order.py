@@ -1,0 +1,248 @@
+"""Tree order: bodies sorted along Hilbert's curve, in the frame that the tree works in.
+
+The frame has its origin at the mean position and a length of its own, a power of two above the largest coordinate, so that
+products of many lengths stay within the range of f32. Hilbert's curve goes through 2^20 cells along each axis, one step to a
+neighbour at a time: bodies that follow each other are near each other. Source of the index: Skilling, AIP Conf. Proc. 707
+(2004) 381.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.types import Template
+
+SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
+CHUNKS = 256  # of a reduction; fixed, so that sums do not depend on the threads
+AXIS_BITS = 20  # of a coordinate
+DIGIT_BITS = 10  # of a key that one pass of the sort looks at
+WIDEST_FRAME = 64.0
+"""In mean distances from the mean. One body in 64 may lie farther out and is sorted less well there; if all had to be in, one
+alone could leave no cells to the others."""
+
+
+@ti.data_oriented
+class TreeOrder:
+    """The bodies by their place on the curve, and by index where that is the same, whatever the number of threads.
+
+    order      (count,) which body is in a slot
+    position   (dimensions × padded_count,) coordinates by slot in the frame, axis after axis
+    mass       (padded_count,) by slot, in units of `mass_unit`
+
+    Slots from `particle_count` on are filled up with bodies without mass, each at a place of its own.
+    """
+
+    def __init__(self, particle_count: int, padded_count: int, dimensions: int, *, on_cpu: bool) -> None:
+        """Allocate; needs a started Taichi, whose precision and thread count it takes."""
+        config = ti.lang.impl.current_cfg()
+        self.particle_count = particle_count
+        self.padded_count = padded_count
+        self.dimensions = dimensions
+        self.grain = SMALLEST_BLOCK if on_cpu else 1
+        self.sorter_count = min(config.cpu_max_num_threads, 8) if on_cpu else 256
+        self.buckets = 1 << DIGIT_BITS
+        self.scan_count = 8
+        self.words = -(-AXIS_BITS * dimensions // 30)
+        self.order, self.other_order = ti.field(ti.i32), ti.field(ti.i32)
+        self.key = tuple(ti.field(ti.u32) for _ in range(self.words))
+        self.other_key = tuple(ti.field(ti.u32) for _ in range(self.words))
+        self.tally, self.scan = ti.field(ti.i32), ti.field(ti.i32)
+        self.position, self.mass, self.partial = ti.field(float), ti.field(float), ti.field(float)
+        builder = ti.FieldsBuilder()
+        for count, fields in (
+            (particle_count, (self.order, self.other_order, *self.key, *self.other_key)),
+            (self.sorter_count * self.buckets, (self.tally,)),
+            (self.scan_count + 1, (self.scan,)),
+            (padded_count * dimensions, (self.position,)),
+            (padded_count, (self.mass,)),
+            (CHUNKS * (2 * dimensions + 1), (self.partial,)),
+        ):
+            for field in fields:
+                builder.dense(ti.i, count).place(field)
+        self._tree = builder.finalize()
+        self.center = np.zeros(3)
+        self.length = 1.0
+        self.mass_unit = 1.0
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self._tree.destroy()
+
+    def build(self, position: Any, mass: Any) -> bool:
+        """Sort; False where a position or a mass is not finite, and nothing was sorted."""
+        d = self.dimensions
+        self._sum_up(position, mass)
+        sums = self.partial.to_numpy().reshape(CHUNKS, 2 * d + 1).astype(float)
+        total_mass = float(sums[:, d].sum())
+        center = sums[:, :d].sum(0) / self.particle_count
+        if not (np.isfinite(center).all() and math.isfinite(total_mass)):
+            return False
+        self.center[:d] = center
+        self._deviate(position, *self.center)
+        deviations = self.partial.to_numpy().reshape(CHUNKS, 2 * d + 1).astype(float)
+        mean = float(deviations[:, :d].sum(0).max()) / self.particle_count
+        largest = float(deviations[:, d : 2 * d].max())
+        self.length = _power_of_two(largest)
+        self.mass_unit = _power_of_two(total_mass)
+        width = min(largest, WIDEST_FRAME * mean) or 1.0
+        self._place(position, *self.center, 1.0 / self.length, 0.5 * self.length / width)
+        for word in reversed(range(self.words)):
+            for shift in range(0, 30, DIGIT_BITS):
+                self._sort(word, shift)
+        self._gather(position, mass, *self.center, 1.0 / self.length, 1.0 / self.mass_unit)
+        return True
+
+    @ti.func
+    def _begin(self, part, parts):
+        """First of the bodies of a part; 64 bits, because the product may not fit 32."""
+        return ti.cast(ti.cast(part, ti.i64) * self.particle_count // parts, ti.i32)
+
+    @ti.kernel
+    def _sum_up(self, position: Template, mass: Template):
+        for q in range(CHUNKS * self.grain):
+            if q % self.grain == 0:
+                chunk = q // self.grain
+                total = ti.Vector.zero(float, self.dimensions)
+                weight = 0.0
+                for i in range(self._begin(chunk, CHUNKS), self._begin(chunk + 1, CHUNKS)):
+                    total += position[i]
+                    weight += mass[i]
+                row = chunk * (2 * self.dimensions + 1)
+                for axis in ti.static(range(self.dimensions)):
+                    self.partial[row + axis] = total[axis]
+                self.partial[row + self.dimensions] = weight
+
+    @ti.kernel
+    def _deviate(self, position: Template, x: float, y: float, z: float):
+        center = ti.Vector([x, y, z])
+        for q in range(CHUNKS * self.grain):
+            if q % self.grain == 0:
+                chunk = q // self.grain
+                total = ti.Vector.zero(float, self.dimensions)
+                largest = ti.Vector.zero(float, self.dimensions)
+                for i in range(self._begin(chunk, CHUNKS), self._begin(chunk + 1, CHUNKS)):
+                    for axis in ti.static(range(self.dimensions)):
+                        way = ti.abs(position[i][axis] - center[axis])
+                        total[axis] += way
+                        largest[axis] = ti.max(largest[axis], way)
+                row = chunk * (2 * self.dimensions + 1)
+                for axis in ti.static(range(self.dimensions)):
+                    self.partial[row + axis] = total[axis]
+                    self.partial[row + self.dimensions + axis] = largest[axis]
+
+    @ti.kernel
+    def _place(self, position: Template, x: float, y: float, z: float, inverse_length: float, stretch: float):
+        """Key of every body; `stretch` maps the frame to half the cells of an axis."""
+        center = ti.Vector([x, y, z])
+        for i in range(self.particle_count):
+            cell = ti.Vector.zero(ti.u32, self.dimensions)
+            for axis in ti.static(range(self.dimensions)):
+                share = (position[i][axis] - center[axis]) * inverse_length * stretch + 0.5
+                inside = ti.max(0.0, ti.min(share * (1 << AXIS_BITS), (1 << AXIS_BITS) - 1.0))
+                cell[axis] = ti.cast(inside, ti.u32)
+            index = self._hilbert(cell)
+            for word in ti.static(range(self.words)):
+                self.key[word][i] = index[word]
+            self.order[i] = i
+
+    @ti.func
+    def _hilbert(self, cell):
+        """Index on the curve as words of 30 bits, the most significant first."""
+        x = cell
+        last = ti.static(self.dimensions - 1)
+        for step in range(AXIS_BITS - 1):
+            bit = ti.cast(AXIS_BITS - 1 - step, ti.u32)
+            lower = (ti.cast(1, ti.u32) << bit) - ti.cast(1, ti.u32)
+            for axis in ti.static(range(self.dimensions)):
+                chosen = ti.cast(0, ti.u32) - ((x[axis] >> bit) & ti.cast(1, ti.u32))  # all ones where the bit is set
+                swap = (x[0] ^ x[axis]) & lower & ~chosen
+                x[0] ^= swap ^ (lower & chosen)
+                x[axis] ^= swap
+        for axis in ti.static(range(1, self.dimensions)):
+            x[axis] ^= x[axis - 1]
+        turn = x[last]
+        for shift in ti.static((1, 2, 4, 8, 16)):
+            turn ^= turn >> ti.cast(shift, ti.u32)
+        turn >>= ti.cast(1, ti.u32)
+        words = ti.Vector.zero(ti.u32, self.words)
+        for axis in ti.static(range(self.dimensions)):
+            x[axis] ^= turn
+        for word in ti.static(range(self.words)):
+            bits = ti.static(30 // self.dimensions)
+            below = ti.static(AXIS_BITS - bits * (word + 1))
+            for k in ti.static(range(min(bits, AXIS_BITS - bits * word))):
+                for axis in ti.static(range(self.dimensions)):
+                    bit = (x[axis] >> ti.cast(max(below, 0) + k, ti.u32)) & ti.cast(1, ti.u32)
+                    words[word] |= bit << ti.cast(k * self.dimensions + last - axis, ti.u32)
+        return words
+
+    @ti.kernel
+    def _sort(self, word: Template, shift: ti.u32):
+        """One stable pass by a digit: each sorter takes a run of bodies, and what follows keeps the order of runs."""
+        for k in range(self.sorter_count * self.buckets):
+            self.tally[k] = 0
+        for q in range(self.sorter_count * self.grain):
+            if q % self.grain == 0:
+                sorter = q // self.grain
+                row = sorter * self.buckets
+                for slot in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
+                    digit = ti.cast((self.key[word][slot] >> shift) & ti.cast(self.buckets - 1, ti.u32), ti.i32)
+                    self.tally[row + digit] = self.tally[row + digit] + 1
+        share = ti.static(self.buckets // self.scan_count)
+        for q in range(self.scan_count * self.grain):
+            if q % self.grain == 0:
+                part = q // self.grain
+                total = 0
+                for bucket in range(part * share, (part + 1) * share):
+                    for sorter in range(self.sorter_count):
+                        total += self.tally[sorter * self.buckets + bucket]
+                self.scan[part + 1] = total
+        for q in range(self.scan_count * self.grain):
+            if q % self.grain == 0:
+                part = q // self.grain
+                slot = 0
+                for earlier in range(part):
+                    slot += self.scan[earlier + 1]
+                for bucket in range(part * share, (part + 1) * share):
+                    for sorter in range(self.sorter_count):
+                        k = sorter * self.buckets + bucket
+                        here = self.tally[k]
+                        self.tally[k] = slot
+                        slot += here
+        for q in range(self.sorter_count * self.grain):
+            if q % self.grain == 0:
+                sorter = q // self.grain
+                row = sorter * self.buckets
+                for slot in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
+                    digit = ti.cast((self.key[word][slot] >> shift) & ti.cast(self.buckets - 1, ti.u32), ti.i32)
+                    target = self.tally[row + digit]
+                    self.tally[row + digit] = target + 1
+                    self.other_order[target] = self.order[slot]
+                    for each in ti.static(range(word + 1)):
+                        self.other_key[each][target] = self.key[each][slot]
+        for slot in range(self.particle_count):
+            self.order[slot] = self.other_order[slot]
+            for each in ti.static(range(word + 1)):
+                self.key[each][slot] = self.other_key[each][slot]
+
+    @ti.kernel
+    def _gather(self, position: Template, mass: Template, x: float, y: float, z: float, per_length: float, per_mass: float):
+        center = ti.Vector([x, y, z])
+        for slot in range(self.padded_count):
+            if slot < self.particle_count:
+                i = self.order[slot]
+                for axis in ti.static(range(self.dimensions)):
+                    self.position[axis * self.padded_count + slot] = (position[i][axis] - center[axis]) * per_length
+                self.mass[slot] = mass[i] * per_mass
+            else:
+                # Outside the frame, and apart from each other: no distance is 0.
+                for axis in ti.static(range(self.dimensions)):
+                    self.position[axis * self.padded_count + slot] = 2.0 + ti.cast(slot - self.particle_count, float)
+                self.mass[slot] = 0.0
+
+
+def _power_of_two(size: float) -> float:
+    """The least power of two above a size; 1 where there is none."""
+    return math.ldexp(1.0, math.frexp(size)[1]) if size > 0.0 else 1.0

@@ -1,0 +1,231 @@
+"""Tree walk: gravity of nodes that are far enough as multipoles, and of the bodies of leaves that are not one by one.
+
+A node of mass M and second moments Q = Σ m δ δᵀ about its center of mass, at d from a body, with u = (|d|² + ε²)^(−1/2):
+
+    a = G { d u³ [M + u² (7.5 dᵀQd u² − 1.5 tr Q)] − 3 Q d u⁵ },   φ = −G u [M + u² (1.5 dᵀQd u² − 0.5 tr Q)]
+
+which is Plummer's potential expanded to second order; without softening the traces are those of the quadrupole. The first order
+vanishes about the center of mass. Which nodes are far enough, `tree_estimate.py` says. A group of bodies shares the walk.
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.neighbors.explicit_vectors import explicit_vectors
+from mpp_taichi.neighbors.tree_estimate import GROUP, TreeEstimate
+from mpp_taichi.neighbors.tree_nodes import LEAF
+from mpp_taichi.types import Template
+
+SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
+CHUNKS_PER_THREAD = 16  # pieces of the work, taken as threads get free
+VECTOR_BYTES = 64  # as in all_pairs
+LIST = 256  # even; entries of a list, worked off when it is full; those of nodes take 23 KiB of the cache
+
+
+@ti.data_oriented
+class TreeWalk:
+    """Sums by slot, in the units of the frame with G = 1.
+
+    total   (padded_count × dimensions,) accelerations, axis after axis
+    well    (padded_count,) −φ, where it was asked for
+    """
+
+    def __init__(self, order: Any, nodes: Any) -> None:
+        """Allocate for the bodies of a TreeOrder and their TreeNodes."""
+        config = ti.lang.impl.current_cfg()
+        self.order, self.nodes = order, nodes
+        self.dimensions = order.dimensions
+        self.padded_count = order.padded_count
+        self.group_count = order.padded_count // GROUP
+        self.field = TreeEstimate(order, nodes)
+        self.lane_count = min(GROUP, VECTOR_BYTES // (4 if config.default_fp == ti.f32 else 8))
+        self.tile_count = GROUP // self.lane_count
+        self.chunk_count = CHUNKS_PER_THREAD * config.cpu_max_num_threads
+        self.total, self.well, self.cells = (ti.field(float) for _ in range(3))
+        self.runs = ti.field(ti.i32)
+        builder = ti.FieldsBuilder()
+        for size, field in (
+            (self.padded_count * self.dimensions, self.total),
+            (self.padded_count, self.well),
+            (self.chunk_count * LIST * nodes.moment_width, self.cells),
+            (self.chunk_count * LIST * 2, self.runs),
+        ):
+            builder.dense(ti.i, size).place(field)
+        self._tree = builder.finalize()
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self.field.destroy()
+        self._tree.destroy()
+
+    def run(self, softening: float, tolerance: float, *, potential: bool) -> None:
+        """All sums; those of the potential only where they are asked for."""
+        self.field.estimate(softening * softening, tolerance)
+        with explicit_vectors():
+            self._walk(softening * softening, potential)
+
+    # Which nodes -----------------------------------------------------------------------------------------------------
+
+    @ti.kernel
+    def _walk(self, softening_squared: float, potential: Template):
+        for q in range(self.chunk_count * SMALLEST_BLOCK):
+            if q % SMALLEST_BLOCK == 0:
+                chunk = q // SMALLEST_BLOCK
+                for group in range(self._begin(chunk), self._begin(chunk + 1)):
+                    self._serve(chunk * LIST, group, softening_squared, potential)
+
+    @ti.func
+    def _begin(self, chunk):
+        """First group of a chunk; 64 bits, because the product may not fit 32."""
+        return ti.cast(ti.cast(chunk, ti.i64) * self.group_count // self.chunk_count, ti.i32)
+
+    @ti.func
+    def _serve(self, entry, group, softening_squared, potential: Template):
+        """Sums of a group; its lists begin at `entry`."""
+        d = ti.static(self.dimensions)
+        width = ti.static(self.nodes.moment_width)
+        begin = group * GROUP
+        corner = self.field.group_node(group) * self.nodes.box_width
+        lower = [self.nodes.box[corner + axis] for axis in ti.static(range(d))]
+        upper = [self.nodes.box[corner + d + axis] for axis in ti.static(range(d))]
+        limit = self.field.limit[group]
+        for tile in range(self.tile_count):
+            self._sum_group(begin, begin + tile * self.lane_count, softening_squared, potential)
+        node = 0
+        while node < self.nodes.node_count:
+            cells = 0
+            runs = 0
+            last_end = -1
+            while node < self.nodes.node_count and cells < LIST and runs < LIST:
+                shape = node * self.nodes.shape_width
+                squared = 0.0
+                for axis in ti.static(range(d)):
+                    x = self.nodes.shape[shape + axis]
+                    way = ti.max(lower[axis] - x, x - upper[axis], 0.0)
+                    squared += way * way
+                radius, octupole = self.nodes.shape[shape + d], self.nodes.shape[shape + d + 1]
+                if self.field.is_far(squared, radius, octupole, limit, softening_squared):
+                    for k in ti.static(range(width)):
+                        self.cells[(entry + cells) * width + k] = self.nodes.moments[node * width + k]
+                    cells += 1
+                    node = self.nodes.skip[node]
+                else:
+                    if self.nodes.leaves[node] == 1:
+                        first = self.nodes.first_leaf[node] * LEAF
+                        if first < begin or first >= begin + GROUP:
+                            if first == last_end:
+                                runs -= 1  # goes on where the run before ends
+                            else:
+                                self.runs[(entry + runs) * 2] = first
+                            last_end = first + LEAF
+                            self.runs[(entry + runs) * 2 + 1] = last_end
+                            runs += 1
+                    node += 1
+            if cells % 2 == 1:  # they are summed in twos: one more of no mass, LIST being even
+                for k in ti.static(range(width)):
+                    self.cells[(entry + cells) * width + k] = 0.0
+                    if ti.static(k < d):
+                        self.cells[(entry + cells) * width + k] = self.cells[(entry + cells - 1) * width + k]
+                cells += 1
+            for tile in range(self.tile_count):
+                slot = begin + tile * self.lane_count
+                self._sum_lists(slot, entry, cells, runs, softening_squared, potential)
+
+    # What they add, with a lane for each body ------------------------------------------------------------------------
+
+    @ti.func
+    def _coordinate(self, slot, axis: Template):
+        return self.order.position[axis * self.padded_count + slot]
+
+    @ti.func
+    def _lanes(self, slot, axis: Template):
+        """Coordinates of the bodies of a tile."""
+        return ti.Vector([self._coordinate(slot + lane, axis) for lane in ti.static(range(self.lane_count))])
+
+    @ti.func
+    def _way(self, j, position: Template):
+        """Separations of body j from those of a tile, axis by axis."""
+        return [
+            self.order.position[axis * self.padded_count + j] - position[axis] for axis in ti.static(range(self.dimensions))
+        ]
+
+    @ti.func
+    def _square(self, way: Template, softening_squared):
+        result = softening_squared + way[0] * way[0]
+        for axis in ti.static(range(1, self.dimensions)):
+            result = result + way[axis] * way[axis]
+        return result
+
+    @ti.func
+    def _sum_group(self, begin, slot, softening_squared, potential: Template):
+        """Set the sums of the tile at `slot` to those over the bodies of its group."""
+        d = ti.static(self.dimensions)
+        position = [self._lanes(slot, axis) for axis in ti.static(range(d))]
+        total = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(d))]
+        well = ti.Vector.zero(float, self.lane_count)
+        lane_number = ti.Vector([ti.cast(lane, float) for lane in ti.static(range(self.lane_count))])
+        for j in range(begin, begin + GROUP):
+            way = self._way(j, position)
+            from_own = lane_number - ti.cast(j - slot, float)
+            own = ti.max(1.0 - from_own * from_own, 0.0)  # 1 in the body's own lane, 0 in the others
+            inverse = 1.0 / ti.sqrt(self._square(way, softening_squared) + own)
+            pull = self.order.mass[j] * inverse
+            if ti.static(potential):
+                well = well + pull * (1.0 - own)
+            pull = pull * (inverse * inverse)
+            for axis in ti.static(range(d)):
+                total[axis] = total[axis] + pull * way[axis]
+        for lane in ti.static(range(self.lane_count)):
+            for axis in ti.static(range(d)):
+                self.total[axis * self.padded_count + slot + lane] = total[axis][lane]
+            if ti.static(potential):
+                self.well[slot + lane] = well[lane]
+
+    @ti.func
+    def _sum_lists(self, slot, entry, cells, runs, softening_squared, potential: Template):
+        """Add what is on the lists to the sums of a tile, two at a time: 1/r and 1/s are s/(r s) and r/(r s)."""
+        d = ti.static(self.dimensions)
+        position = [self._lanes(slot, axis) for axis in ti.static(range(d))]
+        total = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(d))]
+        well = ti.Vector.zero(float, self.lane_count)
+        for pair in range(cells // 2):
+            a = (entry + 2 * pair) * self.nodes.moment_width
+            b = a + self.nodes.moment_width
+            to_a = [self.cells[a + axis] - position[axis] for axis in ti.static(range(d))]
+            to_b = [self.cells[b + axis] - position[axis] for axis in ti.static(range(d))]
+            distance_a = ti.sqrt(self._square(to_a, softening_squared))
+            distance_b = ti.sqrt(self._square(to_b, softening_squared))
+            both = 1.0 / (distance_a * distance_b)
+            along_a, across_a, turned_a, depth_a = self.nodes.pull(self.cells, a, to_a, both * distance_b)
+            along_b, across_b, turned_b, depth_b = self.nodes.pull(self.cells, b, to_b, both * distance_a)
+            for axis in ti.static(range(d)):
+                total[axis] = total[axis] + (along_a * to_a[axis] - across_a * turned_a[axis])
+                total[axis] = total[axis] + (along_b * to_b[axis] - across_b * turned_b[axis])
+            if ti.static(potential):
+                well = well + depth_a + depth_b
+        for run in range(runs):
+            first = self.runs[(entry + run) * 2]
+            last = self.runs[(entry + run) * 2 + 1]
+            for pair in range((last - first) // 2):
+                j = first + 2 * pair
+                to_j = self._way(j, position)
+                to_k = self._way(j + 1, position)
+                distance_j = ti.sqrt(self._square(to_j, softening_squared))
+                distance_k = ti.sqrt(self._square(to_k, softening_squared))
+                both = 1.0 / (distance_j * distance_k)
+                inverse_j = both * distance_k
+                inverse_k = both * distance_j
+                pull_j = self.order.mass[j] * (inverse_j * inverse_j * inverse_j)
+                pull_k = self.order.mass[j + 1] * (inverse_k * inverse_k * inverse_k)
+                for axis in ti.static(range(d)):
+                    total[axis] = total[axis] + pull_j * to_j[axis]
+                    total[axis] = total[axis] + pull_k * to_k[axis]
+                if ti.static(potential):
+                    well = well + self.order.mass[j] * inverse_j + self.order.mass[j + 1] * inverse_k
+        for lane in ti.static(range(self.lane_count)):
+            for axis in ti.static(range(d)):
+                k = axis * self.padded_count + slot + lane
+                self.total[k] = self.total[k] + total[axis][lane]
+            if ti.static(potential):
+                self.well[slot + lane] = self.well[slot + lane] + well[lane]

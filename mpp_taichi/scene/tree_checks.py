@@ -1,0 +1,53 @@
+"""What gravity by a tree does not go with, known without compiling anything."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mpp_taichi import component
+from mpp_taichi.scene.faults import Faults
+from mpp_taichi.scene.layout import ParticleLayout
+from mpp_taichi.scene.spec import ComponentSpec, Location, SceneSpec
+from mpp_taichi.snapshot import Snapshot
+
+FAMILIES = ("Splitting", "RungeKutta")
+"""Of integrators that ask for nothing but accelerations, all particles at once."""
+VISITS_OF_A_TREE = 3000
+"""Nodes and bodies whose pull on a particle is worked out, roughly, at an accuracy of 1e-3."""
+INSTEAD = "leapfrog, yoshida4, rk4, dop853"
+
+
+def tree_of(spec: SceneSpec) -> ComponentSpec | None:
+    """The force of the scene that a tree sums, if there is one."""
+    return next((force for force in spec.forces if force.parameters.get("solver") == "tree"), None)
+
+
+def check_tree(spec: SceneSpec, faults: Faults) -> None:
+    """Refuse what a tree cannot serve, and an accuracy where there is none."""
+    for force in spec.forces:
+        if force.parameters.get("accuracy") is not None and force.parameters.get("solver") == "direct":
+            faults.add(
+                force.location, f"{force.name}.accuracy", "the direct sum has none to choose, allowed: with solver: tree"
+            )
+    tree = tree_of(spec)
+    if tree is None:
+        return
+    key = f"{tree.name}.solver"
+    method = spec.integrator.name
+    if component.declaration("integrators", method).base not in FAMILIES:
+        rule = f"sums accelerations for steps of equal length, not for {method}, allowed: {INSTEAD}, among others"
+        faults.add(tree.location, key, f"tree {rule}")
+    others = [f.name for f in spec.forces if f is not tree and component.declaration("forces", f.name).base == "PairForce"]
+    if others:
+        faults.add(tree.location, key, f"tree sums gravity alone, not beside {', '.join(others)}, allowed: direct")
+    if spec.contacts is not None and spec.contacts.solver.name == "merging":
+        faults.add(tree.location, key, "tree does not know bodies that merge, allowed: direct")
+
+
+def tree_faults(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[tuple[Location, str]]:
+    """Negative masses: a node has a center of mass only where all of it attracts."""
+    tree = tree_of(spec)
+    if tree is not None and np.any(snapshot.mass < 0.0):
+        index = int(np.argmax(snapshot.mass < 0.0))
+        rule = "must be 0 or more for solver: tree"
+        yield tree.location, f"{tree.name}.solver: {layout.label(index)} has the mass {snapshot.mass[index]:g}, {rule}"
