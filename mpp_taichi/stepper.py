@@ -128,9 +128,9 @@ class Stepper:
     def launches_per_step(self) -> int | None:
         """Parallel loops started in one step; a serial or replica launch holds many steps and counts as none.
 
-        None where contacts are resolved, and under the parallel plan of an implicit method: as many as it takes.
+        None where contacts are resolved, under the parallel plan of an implicit method, and with a tree: as many as it takes.
         """
-        if self.contacts is not None:
+        if self.contacts is not None or self.total_force.by_tree:
             return None
         if self.plan != "parallel":
             return 0

@@ -82,7 +82,9 @@ class TotalForce:
 
     def destroy(self) -> None:
         """Give back the memory that sums took."""
-        if self.pairs is not None:
+        if self.by_tree:
+            self.pair_sum.destroy()
+        elif self.pairs is not None:
             self.pairs.destroy()
 
     @property
@@ -113,11 +115,6 @@ class TotalForce:
     def tree_potential(self, state: Any) -> np.ndarray:
         """Shares of the particles of the first replica in the potential energy that a tree sums, `by_tree`."""
         return self.pair_sum.potential_terms(state)
-
-    def destroy(self) -> None:
-        """Give the memory of a tree back."""
-        if self.by_tree:
-            self.pair_sum.destroy()
 
     @ti.func
     def local_acceleration(self, state: Template, first, i, time, velocity_dependent: Template):
