@@ -22,7 +22,10 @@ def refusal(spec: SceneSpec) -> str | None:
 
 def scene_of(spec: SceneSpec, start: Snapshot, count: int) -> dict[str, Any]:
     """A scene with about `count` particles, as a mapping: a square lattice with springs, or else a Plummer sphere."""
-    forces = [{force.name: {key: value for key, value in force.parameters.items() if key != "of"}} for force in spec.forces]
+    forces = [
+        {force.name: {key: value for key, value in force.parameters.items() if key != "of" and value is not None}}
+        for force in spec.forces
+    ]
     scene: dict[str, Any] = {
         "title": f"{count} particles",
         "forces": forces,
