@@ -17,6 +17,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 BLOCK = 40_000  # separations at a time: a few arrays of them fit into a core's cache
+DIRECT = "direct"  # the solver of a force that sums over all pairs
 KNOWN_FORCES = {  # with the parameters that are known of them
     "newtonian_gravity": ("strength", "softening"),
     "coulomb": ("coulomb_constant", "softening"),
@@ -94,8 +95,9 @@ def refusal(spec: SceneSpec) -> str | None:
 
 
 def pair_forces(spec: SceneSpec) -> int:
-    """How many forces of a scene act between all pairs."""
-    return sum(component.declaration("forces", force.name).base == "PairForce" for force in spec.forces)
+    """How many forces of a scene are summed over all pairs."""
+    direct = [force.name for force in spec.forces if force.parameters.get("solver", DIRECT) == DIRECT]
+    return sum(component.declaration("forces", name).base == "PairForce" for name in direct)
 
 
 class Reference:
