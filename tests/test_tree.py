@@ -313,6 +313,17 @@ def test_a_cluster_keeps_its_energy_as_with_the_direct_sum():
     np.testing.assert_allclose(near, exact, rtol=3e-5)
 
 
+def test_the_great_ring_runs(request):
+    """The scene of a million particles, with fewer; its own expectation holds."""
+    path = request.config.root_folder / "scenes" / "large" / "great_ring.yaml"
+    assert estimate(load_scene(path)).particle_count == 1_000_001
+    with Simulation(path, backend="cpu", precision="f64", threads=2, overrides=["constants.count=5000"]) as simulation:
+        before = simulation.energy_meter.mechanics(simulation.snapshot(), simulation.time)["total_energy"]
+        simulation.run()
+        after = simulation.energy_meter.mechanics(simulation.snapshot(), simulation.time)["total_energy"]
+    assert abs(after / before - 1.0) < 1e-5
+
+
 def test_held_axes_stay():
     held = {"body": {"mass": 0.1, "position": [3, 0, 0], "free": [False, True, False]}}
     changed = scene(steps=5)
