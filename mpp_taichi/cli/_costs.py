@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from mpp_taichi import component
 from mpp_taichi.component import REQUIRED, Declaration, Parameter
 from mpp_taichi.scene.spec import ComponentSpec, Location, SceneSpec
+from mpp_taichi.scene.tree_checks import tree_of
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
@@ -99,6 +100,8 @@ def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
         if declared.base == "BondForce" or any(force.name == name for force in spec.forces):
             continue
         if _flies(spec) and name != "uniform_gravity":
+            continue
+        if declared.base == "PairForce" and tree_of(spec) is not None:  # which stands beside no other
             continue
         parameters = _slight(declared)
         if parameters is not None:
