@@ -22,7 +22,7 @@ from mpp_taichi.accuracy.reference import Convergence, converge
 from mpp_taichi.accuracy.sample import Configuration, Measured, Sample
 from mpp_taichi.accuracy.store import Store, identity
 from mpp_taichi.accuracy.study import Study, Wishes
-from mpp_taichi.accuracy.verdict import duration, sentence, step_ratio
+from mpp_taichi.accuracy.verdict import duration, factor, sentence, step_ratio
 from mpp_taichi.accuracy.workbench import Machine, Trace, Workbench
 from mpp_taichi.backends import import_taichi
 from mpp_taichi.cli.main import main
@@ -243,7 +243,7 @@ def test_the_sentence_says_what_the_rows_say(kepler_study):
             (bound(row), row[cost]) for row in rows if on_front(row, cost) and row["errors"]["position"]["value"] is not None
         ]
         slope = np.polyfit(-np.log10([error for error, _ in points]), np.log10([price for _, price in points]), 1)[0]
-        assert f"{10**slope:.1f}× {word}" in said
+        assert f"{factor(10**slope)} {word}" in said
     fastest = min(row["median_seconds"] for row in rows if bound(row) <= 1e-6)
     alike = [row for row in rows if bound(row) <= 1e-6 and row["median_seconds"] <= 1.1 * fastest]
     best = min(alike, key=bound)

@@ -94,8 +94,8 @@ def sentence(found: dict[str, Any]) -> str:
     parts = []
     if found["time_per_digit"] is not None:
         forces = found["evaluations_per_digit"]
-        also = f" and {_factor(forces)} the force evaluations" if forces is not None else ""
-        parts.append(f"ten times less error costs {_factor(found['time_per_digit'])} the time{also}")
+        also = f" and {factor(forces)} the force evaluations" if forces is not None else ""
+        parts.append(f"ten times less error costs {factor(found['time_per_digit'])} the time{also}")
     target = f"{found['target']:.0e}".replace("e-0", "e-")
     if choice := found.get("choice"):
         parts.append(
@@ -123,11 +123,12 @@ def _own(own: dict[str, Any], found: dict[str, Any]) -> str:
         return f"{setting} {relation}: its error is {error}"
     ratio = own["step_ratio"]
     if ratio < 1.0:
-        return f"{setting} has the error {error}: its step is {_factor(1.0 / ratio)} coarser than {target} allows"
-    return f"{setting} has the error {error}: its step is {_factor(ratio)} finer than {target} needs"
+        return f"{setting} has the error {error}: its step is {factor(1.0 / ratio)} coarser than {target} allows"
+    return f"{setting} has the error {error}: its step is {factor(ratio)} finer than {target} needs"
 
 
-def _factor(value: float) -> str:
+def factor(value: float) -> str:
+    """`12×`, `1.4×`, or near and below one `1.03×`."""
     return f"{value:.0f}×" if value >= 10.0 else f"{value:.1f}×" if value >= 1.05 else f"{value:.2f}×"
 
 
