@@ -81,6 +81,7 @@ class CompiledPhase:
             merges=merges,
             derivatives=self.integrator.derivatives,
         )
+        check_sines(spec, self.total_force.forces, device)
         replica_count = max(1, len(replica_starts))
         self.plan = plan if plan != "auto" else plans.choose(self.work, on_cpu=device.on_cpu, replica_count=replica_count)
         if self.integrator.on_cpu_only and not device.on_cpu:
@@ -173,6 +174,15 @@ class CompiledPhase:
                 "use --backend cpu or another plan"
             )
         return allowed
+
+
+def check_sines(spec: SceneSpec, forces: Sequence[Any], device: Device) -> None:
+    """PrecisionError where a force takes a sine that the backend has not got: kernels of Vulkan have it in f32 alone."""
+    for entry, force in zip(spec.forces, forces):
+        if force.takes_sine and device.backend == "vulkan" and device.precision == "f64":
+            raise PrecisionError(
+                f"{entry.name} takes a sine, which vulkan has in f32 alone; use --precision f32 or --backend cpu"
+            )
 
 
 def check_low_parts(spec: SceneSpec, integrator: Any, device: Device) -> None:

@@ -7,8 +7,10 @@ import pytest
 from compiled import TIME, CompiledForces, build_force, random_snapshot, snapshot_of
 from reference import accelerations
 
-from mpp_taichi import backends, component
+from mpp_taichi import Simulation, backends, component
+from mpp_taichi.errors import PrecisionError
 from mpp_taichi.snapshot import Springs
+from scenes import kepler
 
 FORCES = component.names("forces")
 STEP = 1e-5  # of the central difference: its error ~ STEP² U''' and the round-off ~ 1e-16 U / STEP balance near here
@@ -188,3 +190,16 @@ def test_massless_bodies_feel_gravity_and_exert_none():
     together = CompiledForces([gravity], extended).acceleration()
     np.testing.assert_allclose(together[:5], alone, rtol=1e-15)
     assert np.abs(together[5]).max() > 0.1
+
+
+def test_a_drive_is_refused_by_name_where_there_is_no_sine_for_it(software_vulkan):
+    """Vulkan's sine is of f32 alone: in f64 Taichi stops with an error of its own."""
+    scene = kepler(forces=[{"harmonic_drive": {"force": [0, 0.1, 0], "angular_frequency": 1.0}}])
+    with pytest.raises(PrecisionError, match="harmonic_drive takes a sine, which vulkan has in f32 alone"):
+        Simulation(scene, backend="vulkan", precision="f64")
+    ends = []
+    for backend in ("vulkan", "cpu"):
+        with Simulation(scene, backend=backend, precision="f32", plan="serial") as simulation:
+            ends.append(simulation.run(steps=20).snapshot().position)
+    # 20 steps of some ten roundings of places below two.
+    assert 0 < np.abs(ends[1]).max() and np.abs(ends[0] - ends[1]).max() <= 20 * 10 * 2 * 2.0**-24

@@ -17,6 +17,7 @@ class Force:
     conserves_energy = True  # False: the force does work that no potential accounts for
     depends_on_velocity = False
     depends_on_time = False  # by itself, not by the motion alone
+    takes_sine = False  # of an angle, which Taichi has on Vulkan in f32 alone
     has_derivatives = False  # along the motion, for methods that sum jerks; said with a literal True of the class itself
 
 

@@ -23,6 +23,7 @@ class HarmonicDrive(ExternalForce):
     has_derivatives = True
     conserves_energy = False
     depends_on_time = True
+    takes_sine = True
 
     @property
     def drives_some(self) -> bool:
