@@ -109,6 +109,8 @@ class Session:
             [sys.executable, "-c", textwrap.dedent(PROGRAM), str(limit)],
             cwd=folder,
             env=self.environment,
+            # A background job of a shell is started with interrupts ignored, and so would be its children.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
             stdout=self.log,
             stderr=self.errors,
         )
