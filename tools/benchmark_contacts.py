@@ -10,8 +10,6 @@ collisions along the way (`line`, all pairs) or in a tree, overlapping spheres a
 """
 
 import argparse
-import json
-import platform
 import sys
 import time
 from pathlib import Path
@@ -19,7 +17,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-sys.path[:0] = [str(Path(__file__).parents[1])]  # so that it also runs from a checkout
+ROOT = Path(__file__).parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "tools")]  # so that it also runs from a checkout
+
+from verdicts import finish  # noqa: E402
 
 COUNTS = (100_000, 1_000_000)
 CROSSOVER = (64, 128, 256, 512, 1024, 2048)
@@ -240,14 +241,7 @@ def main():
                 show("beside REBOUND", n, rows)
                 results.append({"spheres": n, "precision": precision, "rows": rows})
         backends.stop()
-    print()
-    for text, value, bar, held in verdicts:
-        print(f"{'ok  ' if held else 'FAIL'} {text} {bar:g}: {value:.3g}")
-    if options.json:
-        machine = {"processor": device.name, "system": platform.platform(), "threads": options.threads}
-        bars = [{"bar": text, "limit": bar, "value": value, "held": bool(held)} for text, value, bar, held in verdicts]
-        options.json.write_text(json.dumps({"machine": machine, "results": results, "bars": bars}, indent=1), encoding="utf-8")
-    return 0 if all(held for *_, held in verdicts) else 1
+    return finish(verdicts, results, options.json, processor=device.name, threads=options.threads)
 
 
 if __name__ == "__main__":

@@ -13,9 +13,7 @@ all threads instead of the wall clock's.
 """
 
 import argparse
-import json
 import os
-import platform
 import sys
 import time
 from pathlib import Path
@@ -26,6 +24,7 @@ ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tools")]  # so that it also runs from a checkout
 
 from benchmark_pairs import bodies, pin_workers  # noqa: E402
+from verdicts import finish  # noqa: E402
 
 SIZES = {"gravity": (1024, 2048, 4096, 8192, 16384, 32768, 65536), "spheres": (1024, 16384, 131072)}
 LADDER = ("naive", "tiled", "vectors", "third_law")
@@ -266,27 +265,10 @@ def main():
                 results.append({"model": model, "count": count, "precision": precision, "rows": rows})
                 show(results[-1])
         backends.stop()
-    import taichi
-
-    verdicts = judge(results)
-    print()
-    for text, value, bar, held in verdicts:
-        print(f"{'ok  ' if held else 'FAIL'} {text} {bar:g}: {value:.3g}")
-    if options.json:
-        machine = {
-            "processor": taichi_device.name,
-            "system": platform.platform(),
-            "threads": options.threads,
-            "pinned": pinned,
-            "clock": clock.__name__,
-            "opencl": device.id,
-            "python": platform.python_version(),
-            "taichi": ".".join(map(str, taichi.__version__)),
-            "numpy": np.__version__,
-        }
-        bars = [{"bar": text, "limit": bar, "value": value, "held": bool(held)} for text, value, bar, held in verdicts]
-        options.json.write_text(json.dumps({"machine": machine, "results": results, "bars": bars}, indent=1), encoding="utf-8")
-    return 0 if all(held for *_, held in verdicts) else 1
+    return finish(
+        judge(results), results, options.json,
+        processor=taichi_device.name, threads=options.threads, pinned=pinned, clock=clock.__name__, opencl=device.id,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -16,9 +16,7 @@ often share one core for some milliseconds, and the clock then measures the sche
 
 import argparse
 import ctypes
-import json
 import os
-import platform
 import shutil
 import subprocess
 import sys
@@ -28,6 +26,7 @@ from pathlib import Path
 
 import numpy as np
 from pair_contenders import numba_contender, rebound_contender
+from verdicts import finish
 
 ROOT = Path(__file__).parents[1]
 SOFTENING = 1.0 / 64
@@ -351,28 +350,11 @@ def main():
                 results[precision][str(size)] = benchmark(size, precision, library, options.threads, options.repeats, clock)
                 show(f"{precision}, {size} bodies", results[precision][str(size)])
             backends.stop()
-    import taichi
-
-    verdicts = judge(results)
-    print()
-    for text, value, bar, held in verdicts:
-        print(f"{'ok  ' if held else 'FAIL'} {text} {bar:g}: {value:.3g}")
-    if options.json:
-        machine = {
-            "processor": device.name,
-            "system": platform.platform(),
-            "threads": options.threads,
-            "pinned": pinned,
-            "clock": clock.__name__,
-            "compiler": compiler,
-            "python": platform.python_version(),
-            "taichi": ".".join(map(str, taichi.__version__)),
-            "numpy": np.__version__,
-        }
-        bars = [{"bar": text, "limit": bar, "value": value, "held": bool(held)} for text, value, bar, held in verdicts]
-        report = {"machine": machine, "softening": SOFTENING, "results": results, "bars": bars}
-        options.json.write_text(json.dumps(report, indent=1), encoding="utf-8")
-    return 0 if all(held for *_, held in verdicts) else 1
+    return finish(
+        judge(results), results, options.json,
+        processor=device.name, threads=options.threads, pinned=pinned, clock=clock.__name__, compiler=compiler,
+        softening=SOFTENING,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -15,9 +15,7 @@ OpenMP wait for each other much longer than they work, and only the fastest samp
 """
 
 import argparse
-import json
 import os
-import platform
 import sys
 import tempfile
 import time
@@ -39,6 +37,7 @@ from spring_contenders import (  # noqa: E402
     sheet,
     steps_per_sample,
 )
+from verdicts import finish  # noqa: E402
 
 COUNTS = (4096, 1_000_000)
 PAUSE = 0.005  # seconds between contenders, for spinning threads to go to sleep
@@ -186,27 +185,10 @@ def main():
                         results.append(case | {"precision": precision, "damped": damped, "rows": rows})
                         show(results[-1])
             backends.stop()
-    import taichi
-
-    verdicts = judge(results)
-    print()
-    for text, value, bar, held in verdicts:
-        print(f"{'ok  ' if held else 'FAIL'} {text} {bar:g}: {value:.3g}")
-    if options.json:
-        machine = {
-            "processor": taichi_device.name,
-            "system": platform.platform(),
-            "threads": options.threads,
-            "pinned": pinned,
-            "compiler": compiler,
-            "opencl": opencl,
-            "python": platform.python_version(),
-            "taichi": ".".join(map(str, taichi.__version__)),
-            "numpy": np.__version__,
-        }
-        bars = [{"bar": text, "limit": bar, "value": value, "held": bool(held)} for text, value, bar, held in verdicts]
-        options.json.write_text(json.dumps({"machine": machine, "results": results, "bars": bars}, indent=1), encoding="utf-8")
-    return 0 if all(held for *_, held in verdicts) else 1
+    return finish(
+        judge(results), results, options.json,
+        processor=taichi_device.name, threads=options.threads, pinned=pinned, compiler=compiler, opencl=opencl,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -50,21 +50,29 @@ def page(found: dict[str, Any], rows: Sequence[Row]) -> str:
     title = f"What accuracy costs: {found['title'] or found['scene']}"
     plots = _plots(found, rows, numbers)
     figures = [f"<figure>{svg.draw(plot)}<figcaption>{escape(' '.join(plot.notes))}</figcaption></figure>" for plot in plots]
+    body = [
+        _legend(rows, numbers),
+        f'<div class="plots">{"".join(figures)}</div>',
+        "<h2>Every run</h2>",
+        f'<p class="quiet">{escape(EXPLANATION)}</p>',
+        _table(rows, found["verdict"]),
+    ]
+    return framed(title, found["sentence"], circumstances(found), body, machine(found))
+
+
+def framed(title: str, sentence: str, circumstances: Sequence[str], body: Sequence[str], machine: str) -> str:
+    """A page of a report: its title, the sentence that sums it up, what it was found under, the body, and where."""
     parts = [
         "<!DOCTYPE html>",
         '<html lang="en" xmlns="http://www.w3.org/1999/xhtml"><head><meta charset="utf-8"/>',
         '<meta name="viewport" content="width=device-width, initial-scale=1"/>',
         f"<title>{escape(title)}</title><style>{style_sheet()}</style></head><body>",
         f"<h1>{escape(title)}</h1>",
-        f'<p class="said">{escape(_capital(found["sentence"]))}.</p>',
-        *(f'<p class="quiet">{escape(line)}</p>' for line in circumstances(found)),
-        _legend(rows, numbers),
-        f'<div class="plots">{"".join(figures)}</div>',
-        "<h2>Every run</h2>",
-        f'<p class="quiet">{escape(EXPLANATION)}</p>',
-        _table(rows, found["verdict"]),
+        f'<p class="said">{escape(sentence[:1].upper() + sentence[1:])}.</p>',
+        *(f'<p class="quiet">{escape(line)}</p>' for line in circumstances),
+        *body,
         "<h2>Where and with what</h2>",
-        f'<p class="quiet">{escape(machine(found))}</p>',
+        f'<p class="quiet">{escape(machine)}</p>',
         "</body></html>",
     ]
     return "\n".join(parts)
@@ -215,7 +223,3 @@ def style_sheet() -> str:
     light, dark = (" ".join(f"--s{k}: {color};" for k, color in enumerate(colors)) for colors in (LIGHT, DARK))
     series = "".join(f".c{k} {{ fill: var(--s{k}); stroke: var(--s{k}) }} .l{k} {{ stroke: var(--s{k}) }}\n" for k in range(8))
     return STYLE.replace("%%", "%").replace("%s", light, 1).replace("%s", dark, 1) + series + ".hollow { fill: var(--paper) }"
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

@@ -60,7 +60,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _read(path: Path) -> tuple[dict[str, Any] | None, "Source"]:
     """A scene made of another program's file, if it is one; and the particles."""
-    from mpp_taichi.assemble import assemble, rest_positions
+    from mpp_taichi.assemble import assemble
     from mpp_taichi.exporters._source import Source
     from mpp_taichi.importers.catalogue import import_scene
     from mpp_taichi.scene.load import load_scene
@@ -68,7 +68,7 @@ def _read(path: Path) -> tuple[dict[str, Any] | None, "Source"]:
 
     if path.suffix == STATE:
         state = Snapshot.load(path)
-        return None, Source(str(path), state, state.position)
+        return None, Source(str(path), state)
     imported = None if path.suffix in SCENES else import_scene(path)[1]
     spec = load_scene(path if imported is None else imported)
-    return imported, Source(str(path), assemble(spec), rest_positions(spec), spec)
+    return imported, Source(str(path), assemble(spec), spec)

@@ -6,7 +6,7 @@ from typing import Any
 from xml.sax.saxutils import escape
 
 from mpp_taichi.accuracy import svg
-from mpp_taichi.accuracy.report import style_sheet
+from mpp_taichi.accuracy.report import framed
 from mpp_taichi.accuracy.svg import Mark, Plot, Series
 from mpp_taichi.compare import table
 from mpp_taichi.compare.words import EXPLANATION, circumstances, machine
@@ -20,15 +20,7 @@ def page(found: dict[str, Any]) -> str:
         f'<figure style="max-width: 760px">{svg.draw(plot)}<figcaption>{escape(" ".join(plot.notes))}</figcaption></figure>'
         for plot in _plots(found, numbers)
     ]
-    sentence = found["sentence"]
-    parts = [
-        "<!DOCTYPE html>",
-        '<html lang="en" xmlns="http://www.w3.org/1999/xhtml"><head><meta charset="utf-8"/>',
-        '<meta name="viewport" content="width=device-width, initial-scale=1"/>',
-        f"<title>{escape(title)}</title><style>{style_sheet()}</style></head><body>",
-        f"<h1>{escape(title)}</h1>",
-        f'<p class="said">{escape(sentence[:1].upper() + sentence[1:])}.</p>',
-        *(f'<p class="quiet">{escape(line)}</p>' for line in circumstances(found)),
+    body = [
         _table(found["rows"]),
         f'<p class="quiet">{escape(EXPLANATION)}</p>',
         _legend(numbers),
@@ -36,11 +28,8 @@ def page(found: dict[str, Any]) -> str:
         "<h2>Every comparison with the reference</h2>",
         f'<p class="quiet">{escape(_chance(found))}</p>',
         _findings(found["rows"]),
-        "<h2>Where and with what</h2>",
-        f'<p class="quiet">{escape(machine(found))}</p>',
-        "</body></html>",
     ]
-    return "\n".join(parts)
+    return framed(title, found["sentence"], circumstances(found), body, machine(found))
 
 
 def _chance(found: dict[str, Any]) -> str:

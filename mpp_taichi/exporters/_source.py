@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mpp_taichi.assemble import rest_positions
 from mpp_taichi.errors import SceneError
 from mpp_taichi.snapshot import Snapshot
 
@@ -17,14 +18,16 @@ class Source:
     """A state to write.
 
     file  where it comes from, for messages
-    rest  positions without displacements [length], (particle_count, 3)
     spec  the scene, where there is one
     """
 
     file: str
     state: Snapshot
-    rest: np.ndarray
     spec: "SceneSpec | None" = None
+
+    def rest(self) -> np.ndarray:
+        """Positions without displacements [length], (particle_count, 3); only a scene knows of any."""
+        return self.state.position if self.spec is None else rest_positions(self.spec)
 
     def refuse(self, reason: str) -> SceneError:
         """An error that says why it cannot be written so."""

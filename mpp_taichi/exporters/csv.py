@@ -1,5 +1,9 @@
 """A table with a row to a particle, with all digits; the generator `file` reads it back."""
 
+import csv
+import io
+from collections.abc import Sequence
+
 from mpp_taichi.exporters._source import Source
 
 SUFFIX = ".csv"
@@ -9,15 +13,12 @@ SCALARS = ("mass", "radius", "charge")
 def text(source: Source) -> str:
     """`name,mass,radius,charge,position_x,…,velocity_x,…,free_x,…,color_r,…`."""
     state = source.state
-    columns = {"name": [_quoted(name) for name in state.name]}
+    columns: dict[str, Sequence[str]] = {"name": state.name}
     columns |= {key: [repr(float(x)) for x in getattr(state, key)] for key in SCALARS}
     for key, letters in (("position", "xyz"), ("velocity", "xyz"), ("free", "xyz"), ("color", "rgb")):
         for axis, letter in enumerate(letters):
             values = getattr(state, key)[:, axis]
             columns[f"{key}_{letter}"] = [str(int(x)) if key == "free" else repr(float(x)) for x in values]
-    rows = [",".join(row) for row in zip(*columns.values(), strict=True)]
-    return "\n".join([",".join(columns), *rows]) + "\n"
-
-
-def _quoted(name: str) -> str:
-    return '"' + name.replace('"', '""') + '"' if any(mark in name for mark in ',"\n\r') else name
+    stream = io.StringIO(newline="")
+    csv.writer(stream, lineterminator="\n").writerows([columns, *zip(*columns.values(), strict=True)])
+    return stream.getvalue()

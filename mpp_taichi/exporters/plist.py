@@ -17,18 +17,18 @@ def text(source: Source) -> str:
     SceneError for what a list has no command for: other forces, softening, contacts, springs whose length at rest is not the
     distance at which their ends are placed.
     """
-    state, rest = source.state, source.rest
+    state, rest = source.state, source.rest()
     lines = ["# ID x y z m c r R G B"]
     columns = zip(rest, state.mass, state.charge, state.radius, state.color, strict=True)
     lines += [f"pos {k} {_row((*x, m, c, r, *color))}" for k, (x, m, c, r, color) in enumerate(columns)]
     lines += [f"vel {k} {_row(v)}" for k, v in enumerate(state.velocity) if v.any()]
     lines += [f"vfix {k} {' '.join(str(int(axis)) for axis in free)}" for k, free in enumerate(state.free) if not free.all()]
     lines += [f"dis {k} {_row(x)}" for k, x in enumerate(state.position - rest) if x.any()]
-    return "\n".join([*lines, *_springs(source), *_globals(source)]) + "\n"
+    return "\n".join([*lines, *_springs(source, rest), *_globals(source)]) + "\n"
 
 
-def _springs(source: Source) -> Iterable[str]:
-    springs, rest = source.state.springs, source.rest
+def _springs(source: Source, rest: np.ndarray) -> Iterable[str]:
+    springs = source.state.springs
     if not len(springs):
         return
     distance = np.linalg.norm(rest[springs.between[:, 1]] - rest[springs.between[:, 0]], axis=1)

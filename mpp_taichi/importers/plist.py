@@ -76,13 +76,17 @@ def _numbers(values: list[Word], names: str) -> list[float]:
     return [word.number(name) for word, name in zip(values, names.split(), strict=True)]
 
 
+def _check_color(word: Word, color: list[float]) -> None:
+    if not all(0.0 <= each <= 1.0 for each in color):
+        raise word.fault("a colour is three numbers from 0 to 1")
+
+
 def _pos(found: _List, values: list[Word]) -> None:
     number = values[0].whole("a particle's number", 0, MOST)
     if number != len(found.bodies):
         raise values[0].fault(f"particles are numbered from 0 on: {len(found.bodies)} comes next, not {number}")
     x, y, z, mass, charge, radius, *color = _numbers(values[1:], "x y z m c r R G B")
-    if not all(0.0 <= each <= 1.0 for each in color):
-        raise values[7].fault("a colour is three numbers from 0 to 1")
+    _check_color(values[7], color)
     if radius < 0.0:
         raise values[6].fault(f"r must be at least 0, not {radius:g}")
     found.bodies.append({"mass": mass, "position": [x, y, z], "charge": charge, "radius": radius, "color": color})
@@ -105,8 +109,7 @@ def _s(found: _List, values: list[Word]) -> None:
     for word, value in zip(values[1:3], (stiffness, damping)):
         if value < 0.0:
             raise word.fault(f"must be at least 0, not {value:g}")
-    if not all(0.0 <= each <= 1.0 for each in color):
-        raise values[3].fault("a colour is three numbers from 0 to 1")
+    _check_color(values[3], color)
     kind = {"stiffness": stiffness, "damping": damping, "color": color}
     found.types[values[0].whole("the number of a type of springs", 0, MOST)] = kind
 
