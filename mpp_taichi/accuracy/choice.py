@@ -14,18 +14,19 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from mpp_taichi.accuracy import force_solvers
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.front import Row
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import pose, with_integrator
 from mpp_taichi.accuracy.sample import Configuration, Measured
 from mpp_taichi.accuracy.store import Store, identity
-from mpp_taichi.accuracy.study import Study, Wishes, describe
+from mpp_taichi.accuracy.study import Study, Wishes
 from mpp_taichi.accuracy.verdict import duration
 from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import MppError, OutputError, StabilityError
 from mpp_taichi.scene.load import load_scene
-from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.whole_file import whole_file
 
 PILOT_SECONDS = 30.0
@@ -73,7 +74,20 @@ class Choice:
         made = with_integrator(spec, self.integrator, self.dt, **asked)
         parameters = {key: value for key, value in made.integrator.parameters.items() if value is not None}
         resolved = {key: value for key, value in spec.resolved.items() if key != "accuracy"}
-        return replace(made, resolved={**resolved, "integrator": {self.integrator: parameters}})
+        chosen: dict[str, Any] = {"integrator": {made.integrator.name: parameters}}
+        if force_solvers.own_name(made) != made.integrator.name or force_solvers.own_name(spec) != spec.integrator.name:
+            chosen["forces"] = [_resolved(*pair) for pair in zip(resolved["forces"], made.forces)]
+        return replace(made, resolved={**resolved, **chosen})
+
+
+def _resolved(entry: Any, force: ComponentSpec) -> Any:
+    """What the scene says of a force, with the solver that was chosen for gravity."""
+    if force.name != force_solvers.GRAVITY:
+        return entry
+    said = (entry.get(force.name) or {}) if isinstance(entry, Mapping) else {}
+    given = {key: value for key, value in said.items() if key not in ("solver", "accuracy")}
+    chosen = {key: force.parameters[key] for key in ("solver", "accuracy") if force.parameters.get(key) is not None}
+    return {force.name: {**given, **chosen}}
 
 
 @dataclass(frozen=True)
@@ -162,7 +176,7 @@ def _decide(study: Study, target: float, asked: str | None, precisions: Sequence
     if quantity is None and asked == "energy":
         raise StabilityError(f"{place}: the scene does not keep its energy; ask of position")
     if quantity is None:
-        known = "there is no reference" if study.reference is None else describe(study.reference)
+        known = "there is no reference" if study.reference is None else study.reference.told
         raise StabilityError(f"{place}: positions at the end are not known well enough ({known}); ask of energy")
     # What a part of the run may have: errors of positions grow up to quadratically, those of energies linearly.
     part = study.problem.span / study.whole
@@ -191,9 +205,7 @@ def _decide(study: Study, target: float, asked: str | None, precisions: Sequence
             tolerance=configuration.tolerance,
         )
     if quantity == "position" and study.reference is not None and study.reference.bar > allowed:
-        raise StabilityError(
-            f"{place}: {target:g} of position is beyond the reference itself, which is {describe(study.reference)}"
-        )
+        raise StabilityError(f"{place}: {target:g} of position is beyond the reference itself, which is {study.reference.told}")
     best = min((row.error(quantity).bound for row in rows if row.sample.status == "ok"), default=math.inf)
     raise StabilityError(f"{place}: nothing that was tried reaches {target:g} of {quantity}; the best was {best:.1e}")
 

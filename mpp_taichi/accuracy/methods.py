@@ -1,10 +1,12 @@
 """Methods: what the integrators of the catalogue say of themselves, before any of them is compiled."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mpp_taichi import component
+from mpp_taichi.accuracy import force_solvers
 from mpp_taichi.accuracy.contact_methods import EXACT, ORDERS, solvers
 from mpp_taichi.accuracy.problem import Problem, defaults, with_integrator
 from mpp_taichi.backends import import_taichi
@@ -21,7 +23,7 @@ LOOKS = 64  # at energies and positions in a run; a reference takes a multiple o
 
 @dataclass(frozen=True)
 class Method:
-    """One integrator, for one scene.
+    """One integrator, for one scene; its name may have a tree in it, see force_solvers.
 
     evaluations    forces per step; a guess for implicit methods, 1 for adaptive ones
     fewest_steps   that springs and drag allow over the span
@@ -44,8 +46,11 @@ class Method:
         return self.tolerance is not None
 
 
-def methods(problem: Problem) -> dict[str, Method]:
-    """Integrators that advance by steps, take the scene's forces and need nothing else to be said; its own among them."""
+def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, Method]:
+    """Integrators that advance by steps, take the scene's forces and need nothing else to be said; its own among them.
+
+    Gravity is summed directly; by a tree as well in methods that are `asked` for, and with the scene's own where it may pay.
+    """
     import_taichi()
     if problem.spec.contacts is not None:
         orders = {**ORDERS, EXACT: 0}
@@ -61,6 +66,12 @@ def methods(problem: Problem) -> dict[str, Method]:
             continue
         if suits(with_integrator(problem.spec, name, problem.own_dt), problem.start, layout):
             found[name] = _method(problem, name)
+    for name in force_solvers.variants(problem.spec, problem.start, asked):
+        integrator = force_solvers.split(name)[0]
+        if integrator in found and force_solvers.allows_tree(
+            with_integrator(problem.spec, name, problem.own_dt), problem.start
+        ):
+            found[name] = replace(found[integrator], name=name)
     return found
 
 
@@ -77,8 +88,12 @@ def _method(problem: Problem, name: str) -> Method:
 
 
 def for_reference(found: dict[str, Method]) -> list[Method]:
-    """Explicit methods whose step can be halved, the most promising first: by order, symplectic, and more forces a step."""
-    halved = [method for method in found.values() if not method.implicit and not method.adaptive]
+    """Explicit methods with direct sums whose step can be halved, the most promising first.
+
+    By order, symplectic, and more forces a step.
+    """
+    direct = [method for method in found.values() if method.name == force_solvers.split(method.name)[0]]
+    halved = [method for method in direct if not method.implicit and not method.adaptive]
     return sorted(halved, key=_promise, reverse=True)
 
 

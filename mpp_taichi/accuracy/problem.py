@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mpp_taichi import component
+from mpp_taichi.accuracy import force_solvers
 from mpp_taichi.accuracy.contact_methods import with_solver
 from mpp_taichi.assemble import assemble
 from mpp_taichi.component import REQUIRED
@@ -14,6 +15,7 @@ from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.contacts import merges
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.scene.timeline import time_after
+from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.snapshot import Snapshot
 
 
@@ -41,19 +43,22 @@ class Problem:
 
     @property
     def own_method(self) -> str:
-        """The integrator, or with contacts their solver."""
+        """The integrator, by a tree with its accuracy; or with contacts their solver."""
         contacts = self.spec.contacts
-        return self.spec.integrator.name if contacts is None else contacts.solver.name
+        return force_solvers.own_name(self.spec) if contacts is None else contacts.solver.name
 
     def identity(self) -> str:
-        """Hash of the physics: particles, springs, forces and contacts; not of names, colours, methods or what is shown."""
+        """Hash of the physics: particles, springs, forces and contacts; not of names, colours, methods or what is shown.
+
+        A force is the same whether it is summed directly or by a tree.
+        """
         digest = hashlib.sha256()
         springs = self.start.springs
         start = self.start
         arrays = (start.position, start.velocity, start.mass, start.charge, start.free)
         for array in (*arrays, springs.between, springs.stiffness, springs.damping, springs.rest_length):
             digest.update(np.ascontiguousarray(array, dtype=np.float64).tobytes())
-        forces = [[force.name, force.parameters] for force in self.spec.forces]
+        forces = [[force.name, force.parameters] for force in force_solvers.with_force_solver(self.spec, None).forces]
         rest: list = [forces, self.spec.dimensions, self.spec.spring_damping]
         if self.spec.contacts is not None:
             digest.update(np.ascontiguousarray(start.radius, dtype=np.float64).tobytes())
@@ -81,6 +86,7 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
     if "dt" not in spec.integrator.parameters:
         raise SceneError(f"{place}: accuracy compares steps, and {spec.integrator.name} has no dt")
     start = assemble(spec)
+    _check_direct_sums(spec, start)
     if not start.free.any():
         raise SceneError(f"{place}: accuracy has nothing to measure: no particle moves")
     if until is None:
@@ -90,14 +96,29 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
     return Problem(spec, start, until)
 
 
+def _check_direct_sums(spec: SceneSpec, start: Snapshot) -> None:
+    """Refuse trees where nothing could be said of their errors."""
+    tree = tree_of(spec)
+    if tree is None:
+        return
+    if spec.contacts is not None:
+        raise SceneError(f"{tree.location}: accuracy compares solvers of contacts with the direct sum alone: solver: direct")
+    most, count = force_solvers.MOST_BODIES, start.particle_count
+    if count > most:
+        rule = f"a tree is measured against the direct sum, of up to {most:,} particles"
+        raise SceneError(f"{tree.location}: accuracy: {rule}, not {count:,}: measure a smaller scene like it")
+
+
 def with_integrator(spec: SceneSpec, name: str, dt: float, **chosen: float) -> SceneSpec:
     """The scene run by a method, with that method's defaults and what was chosen; its own keeps the scene's parameters.
 
-    With contacts it is their solver that is named.
+    With contacts it is their solver that is named; without, the name may have a tree in it, see force_solvers.
     """
     own = spec.integrator
     if spec.contacts is not None:
         return replace(with_solver(spec, name, dt), accuracy=None)
+    name, tree_accuracy = force_solvers.split(name)
+    spec = force_solvers.with_force_solver(spec, tree_accuracy)
     given = own.parameters if own.name == name else defaults(name)
     assert given is not None
     return replace(spec, integrator=ComponentSpec(name, {**given, "dt": dt, **chosen}, own.location), accuracy=None)

@@ -3,13 +3,13 @@
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from mpp_taichi.accuracy import chaos as chaos_of
 from mpp_taichi.accuracy import flight_reference, radau_reference
 from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.chaos import Chaos
 from mpp_taichi.accuracy.contact_methods import EXACT
+from mpp_taichi.accuracy.force_solvers import split
 from mpp_taichi.accuracy.front import ENERGY_BAR, Row, time_front
 from mpp_taichi.accuracy.ladder import COARSEST, Ladder
 from mpp_taichi.accuracy.methods import LOOKS, Method, equal_cost, first_steps, for_reference, methods
@@ -26,6 +26,7 @@ log = logging.getLogger(__name__)
 REFERENCE = ("cpu", "f64")
 REFERENCE_SHARE = 0.3  # of the budget
 LEAST_REFERENCE_SHARE = 0.15
+CHAOS_SHARE = 0.5  # of what is left for the first backend and precision
 FIRST_SHARE = 0.65  # until the end of the first backend and precision, where there are others
 ALL_SHARE = 0.96  # the rest is for writing
 WORTH_RETURNING = 0.2  # of the budget: so much left is used where ladders were cut short
@@ -69,7 +70,7 @@ class Study:
         self.whole = problem.span
         self.problem = problem if store.span is None else problem.shortened(store.span)
         self.store, self.budget, self.wishes, self.tell = store, budget, wishes, tell
-        self.methods = methods(problem)
+        self.methods = methods(problem, wishes.integrators or ())
         self.own = self.methods[problem.own_method]
         self.reference: Reference | None = None
         self.chaos: Chaos | None = None
@@ -193,7 +194,7 @@ class Study:
     def _choose_span(self, bench: Workbench) -> None:
         """Shorten a scene that takes too long for dozens of runs; the store remembers the span, whatever the next budget is."""
         if self.store.span is None:
-            machine = bench.machine(self.own.name)
+            machine = bench.machine(split(self.own.name)[0])  # the reference is without a tree
             own_seconds = self._own_steps * machine.seconds_per_step
             allowed = OWN_SHARE * self.budget.seconds
             if own_seconds > allowed:
@@ -231,7 +232,7 @@ class Study:
         if found.runs:
             self.reference = self._finer(bench, found.reference())
             self.store.notes["reference"] = self.reference.facts()
-            self.tell(f"reference: {describe(self.reference)}")
+            self.tell(f"reference: {self.reference.told}")
             if not self.reference.trusted:
                 self._remarks.append(
                     "the reference was not shown to have converged; a longer budget, or a second call, goes on"
@@ -265,7 +266,7 @@ class Study:
         self.store.add(sample)
         self.conserves_energy = sample.energy is not None
         self.store.notes["reference"] = self.reference.facts()
-        self.tell(f"reference: {describe(self.reference)}")
+        self.tell(f"reference: {self.reference.told}")
         if self.problem.span < whole.span:
             self.tell(f"looking at the first t = {self.problem.span:.6g}, in which no round-off grows to be seen")
         return True
@@ -326,7 +327,7 @@ class Study:
             machine = bench.machine(method.name)
         else:
             machine, steps = self._reference_machine(bench)
-        if 2.0 * steps * machine.seconds_per_step < self.budget.left(FIRST_SHARE) / 2.0:
+        if 2.0 * max(steps, chaos_of.PIECES) * machine.seconds_per_step < CHAOS_SHARE * self.budget.left(FIRST_SHARE):
             self.chaos = chaos_of.measure(machine, steps, self.reference.size, self.budget)
             self.store.notes["chaos"] = vars(self.chaos)
 
@@ -335,9 +336,8 @@ class Study:
             return
         self.tell(f"{bench.backend} {bench.precision}: {', '.join(names)}")
         sweep = Sweep(bench, self.store, self.budget, self.methods, self._error)
-        if bench.machines:
-            machine = next(iter(bench.machines.values()))
-            sweep.seconds_per_evaluation = machine.seconds_per_step / machine.evaluations
+        for machine in bench.machines.values():
+            sweep.learn(machine)
         ladders = [self._ladder(self.methods[name]) for name in names]
         sweep.climb(ladders, share=end - REPEATS_SHARE * (end - begin), first=self.own.name)
         sweep.repeat(share=end)
@@ -356,43 +356,3 @@ class Study:
         patient, tolerance = self.problem.spec.contacts is not None, method.tolerance
         steps = (method.name, method.order, anchor, fewest)
         return Ladder(*steps, floor, coarsest=coarsest, tolerance=tolerance, patient=patient)
-
-
-def describe(reference: Reference) -> str:
-    """`pefrl with 12800 steps, good to 3e-14`."""
-    good = f"good to {reference.bar:.0e} of the system's size" if reference.trusted else "not shown to have converged"
-    if reference.integrator == EXACT:
-        return f"event-driven flight in f64, {good if reference.trusted else 'whose end round-off decides'}"
-    how = f"{reference.steps:,} steps" if reference.tolerance is None else f"{reference.control} = {reference.tolerance:.2g}"
-    return f"{reference.integrator} in f64, {how}, {good}"
-
-
-def facts(study: Study) -> dict[str, Any]:
-    """Everything found, as plain data."""
-    reference, chaos = study.reference, study.chaos
-    return {
-        "scene": study.problem.spec.source,
-        "title": study.problem.spec.title,
-        "status": study.status,
-        "known": study.store.known,
-        "particle_count": study.problem.start.particle_count,
-        "span": study.problem.span,
-        "whole_span": study.whole,
-        "quantity": study.quantity,
-        "reference": None if reference is None else reference.facts(),
-        "chaos": None if chaos is None else chaos.facts(),
-        "remarks": study.remarks,
-        "budget_seconds": study.budget.seconds,
-        "spent_seconds": study.budget.spent,
-        "resumed_samples": study.store.resumed,
-        "rows": [row_facts(row) for row in study.rows()],
-    }
-
-
-def row_facts(row: Row) -> dict[str, Any]:
-    """One row as plain data: each error as {value, at_most}, of which one at most is a number."""
-    names = ("position", "position_rms", "energy", "momentum", "angular_momentum")
-    errors = {name: vars(getattr(row, name)) for name in names}
-    sample = {key: value for key, value in row.sample.facts().items() if key not in names}
-    key = row.sample.configuration.key
-    return {"key": key, "is_own": row.is_own, **sample, "median_seconds": row.seconds, "errors": errors}

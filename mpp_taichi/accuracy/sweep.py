@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.contact_methods import EXACT
+from mpp_taichi.accuracy.force_solvers import split
 from mpp_taichi.accuracy.ladder import Ladder
 from mpp_taichi.accuracy.methods import Method, rank
 from mpp_taichi.accuracy.sample import Configuration, Sample
@@ -35,7 +36,7 @@ class Sweep:
     ) -> None:
         """Nothing is run yet."""
         self.bench, self.store, self.budget, self.methods, self.error_of = bench, store, budget, methods, error_of
-        self.seconds_per_evaluation: float | None = None
+        self.seconds_per_evaluation: dict[bool, float] = {}  # by whether a tree sums
         self.left_out = 0
 
     def configuration(self, ladder: Ladder, rung: int) -> Configuration:
@@ -80,6 +81,10 @@ class Sweep:
                 if wanted and expected < self.budget.left(share):
                     sample.seconds.append(self.bench.machine(name).time(sample.configuration, self.budget))
 
+    def learn(self, machine: Machine) -> None:
+        """How long a force takes."""
+        self.seconds_per_evaluation[_by_tree(machine.name)] = machine.seconds_per_step / machine.evaluations
+
     def measure(self, configuration: Configuration) -> Sample:
         """Run once, kept in the store; a method that the scene does not allow is a sample with the reason."""
         try:
@@ -92,7 +97,7 @@ class Sweep:
         else:
             sample, _ = machine.run(configuration, self.budget)
             timed(machine, sample, self.budget)
-            self.seconds_per_evaluation = machine.seconds_per_step / machine.evaluations
+            self.learn(machine)
         self.store.add(sample)
         return sample
 
@@ -140,7 +145,9 @@ class Sweep:
         method, steps = self.methods[ladder.integrator], ladder.steps(rung)
         if self._is_compiled(method.name):
             return steps * self.bench.machine(method.name).seconds_per_step
-        return steps * method.evaluations * (self.seconds_per_evaluation or 0.0)
+        known = self.seconds_per_evaluation
+        guess = max(known.values(), default=0.0)
+        return steps * method.evaluations * known.get(_by_tree(method.name), guess)
 
     def _is_compiled(self, name: str) -> bool:
         return name in self.bench.machines
@@ -154,6 +161,10 @@ class Sweep:
         if ladder.errors:
             return 1.0
         return FIRST_ORDER_LAST if ladder.order <= 1 else 1.0 + rank(self.methods, self.methods[ladder.integrator])
+
+
+def _by_tree(name: str) -> bool:
+    return split(name)[1] is not None
 
 
 def timed(machine: Machine, sample: Sample, budget: Budget) -> None:

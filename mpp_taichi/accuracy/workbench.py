@@ -7,16 +7,21 @@ time: a workbench of another precision ends the one before it.
 import math
 import time as clock
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpp_taichi import backends
 from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.force_solvers import with_force_solver
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import Problem, with_integrator
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.errors import MppError
 from mpp_taichi.simulation import Simulation
+
+if TYPE_CHECKING:
+    from mpp_taichi.energy import EnergyMeter
 
 Phase = tuple[np.ndarray, np.ndarray]
 MOST_FOLLOWED = 1000  # particles whose positions are kept at every look
@@ -48,6 +53,7 @@ class Machine:
         self.simulation = Simulation(spec, backend=backend, precision=precision)
         self.integrator, self.contacts = self.simulation.integrator, self.simulation.contacts
         self.backend, self.precision = backend, precision
+        self.energy_meter = self._direct_meter() if self.simulation.total_force.by_tree else self.simulation.energy_meter
         self._own_tolerance = getattr(self.integrator, self.integrator.controlled_by) if self.integrator.adaptive else None
         self.extent = float(np.abs(problem.start.position).max()) + problem.span * float(np.abs(problem.start.velocity).max())
         self._begin()
@@ -221,7 +227,15 @@ class Machine:
         position, velocity = self.simulation.state.read()
         there = self.problem.start.moved(position=position, velocity=velocity, time=time, step=step)
         with np.errstate(over="ignore", invalid="ignore"):
-            return self.simulation.energy_meter.mechanics(there, time), position
+            return self.energy_meter.mechanics(there, time), position
+
+    def _direct_meter(self) -> "EnergyMeter":
+        """Of the true energy, whose errors those of a tree are a part of."""
+        from mpp_taichi.energy import EnergyMeter
+        from mpp_taichi.total_force import TotalForce, compose
+
+        spec, start = with_force_solver(self.problem.spec, None), self.problem.start
+        return EnergyMeter(self.simulation.state, TotalForce(compose(spec, start), start.particle_count, spec.dimensions))
 
     def _judge(self, sample: Sample, rows: list[dict]) -> None:
         if not rows:

@@ -39,7 +39,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--until", type=_options.positive_number, metavar="T", help="simulated time; the scene's own when absent"
     )
-    parser.add_argument("--integrators", type=names, metavar="A,B", help="methods to try; all that suit when absent")
+    parser.add_argument(
+        "--integrators",
+        type=names,
+        metavar="A,B",
+        help="methods to try, as leapfrog or leapfrog+tree-1e-3; all that suit when absent",
+    )
     parser.add_argument(
         "--precisions", type=names, default=["f64", "f32"], metavar="P,Q", help="of f64,ds,f32c,f32; f64,f32 when absent"
     )
@@ -67,6 +72,7 @@ def execute(arguments: argparse.Namespace) -> int:
     code = 0
     with output_reserved(arguments.json), Interruption() as interruption:
         from mpp_taichi.accuracy.budget import Budget
+        from mpp_taichi.accuracy.findings import findings
         from mpp_taichi.accuracy.store import Store, identity
         from mpp_taichi.accuracy.study import Study
 
@@ -83,22 +89,12 @@ def execute(arguments: argparse.Namespace) -> int:
             except Interrupted as signal:
                 study.status, code = "interrupted", signal.code
             own = spec.accuracy.error if spec.accuracy is not None else TARGET
-            found = _findings(study, arguments.target or own)
+            found: dict[str, Any] = findings(study, arguments.target or own)
             found["files"] = _write(folder, found, study)
         finally:
             lock.release()
     _report(found, study, arguments)
     return code
-
-
-def _findings(study: "Study", target: float) -> dict[str, Any]:
-    from mpp_taichi.accuracy.study import facts
-    from mpp_taichi.accuracy.verdict import sentence, verdict
-
-    found = facts(study)
-    found["verdict"] = verdict(study.rows(), study.quantity, target)
-    found["sentence"] = sentence(found["verdict"])
-    return found
 
 
 def _write(folder: Path, found: dict[str, Any], study: "Study") -> list[str]:
@@ -138,10 +134,20 @@ def _wishes(arguments: argparse.Namespace, kind: str) -> "Wishes":
     allowed = {"integrators": component.names(kind), "precisions": list(PRECISIONS), "backends": list(BACKENDS)}
     for option, known in allowed.items():
         for name in getattr(arguments, option) or ():
-            if name not in known:
+            if _without_tree(name) not in known:
                 raise UsageError(f"--{option} {name}: allowed are {', '.join(known)}")
     devices = [(backend, precision) for backend in arguments.backends for precision in arguments.precisions]
     return Wishes(arguments.integrators, devices)
+
+
+def _without_tree(name: str) -> str:
+    """The integrator of a method."""
+    from mpp_taichi.accuracy.force_solvers import split
+
+    try:
+        return split(name)[0]
+    except ValueError as error:
+        raise UsageError(f"--integrators {name}: {error}") from None
 
 
 def _check_methods(wishes: "Wishes", suited: list[str], tell: Callable[[str], None]) -> None:

@@ -10,9 +10,9 @@ from mpp_taichi.neighbors.tree_gather import TreeGather
 from mpp_taichi.neighbors.tree_nodes import TreeNodes
 from mpp_taichi.neighbors.tree_order import TreeOrder
 from mpp_taichi.neighbors.tree_walk import TreeWalk
+from mpp_taichi.scene.tree_checks import DEFAULT_ACCURACY
 from mpp_taichi.types import Template
 
-DEFAULT_ACCURACY = 1e-3
 NODE_TOLERANCE = {2: 200.0, 3: 500.0}
 NODE_EXPONENT = 1.5
 """One node may be wrong by `NODE_TOLERANCE` · (accuracy / levels of the tree)^`NODE_EXPONENT`. With a tolerance of t, nodes are

@@ -14,6 +14,8 @@ FAMILIES = ("Splitting", "RungeKutta")
 """Of integrators that ask for nothing but accelerations, all particles at once."""
 VISITS_OF_A_TREE = 3000
 """Nodes and bodies whose pull on a particle is worked out, roughly, at an accuracy of 1e-3."""
+DEFAULT_ACCURACY = 1e-3
+"""Relative error of the force that 99 % of the particles keep, where the scene says nothing."""
 INSTEAD = "leapfrog, yoshida4, rk4, dop853"
 
 

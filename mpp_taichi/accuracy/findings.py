@@ -1,0 +1,42 @@
+"""Findings: all that a study found as plain data, for reports and files."""
+
+from typing import Any
+
+from mpp_taichi.accuracy.front import Row
+from mpp_taichi.accuracy.study import Study
+from mpp_taichi.accuracy.verdict import sentence, verdict
+
+
+def findings(study: Study, target: float) -> dict[str, Any]:
+    """Everything found, and what it says about a target."""
+    reference, chaos = study.reference, study.chaos
+    rows = study.rows()
+    said = verdict(rows, study.quantity, target)
+    return {
+        "scene": study.problem.spec.source,
+        "title": study.problem.spec.title,
+        "status": study.status,
+        "known": study.store.known,
+        "particle_count": study.problem.start.particle_count,
+        "span": study.problem.span,
+        "whole_span": study.whole,
+        "quantity": study.quantity,
+        "reference": None if reference is None else reference.facts(),
+        "chaos": None if chaos is None else chaos.facts(),
+        "remarks": study.remarks,
+        "budget_seconds": study.budget.seconds,
+        "spent_seconds": study.budget.spent,
+        "resumed_samples": study.store.resumed,
+        "rows": [row_facts(row) for row in rows],
+        "verdict": said,
+        "sentence": sentence(said),
+    }
+
+
+def row_facts(row: Row) -> dict[str, Any]:
+    """One row as plain data: each error as {value, at_most}, of which one at most is a number."""
+    names = ("position", "position_rms", "energy", "momentum", "angular_momentum")
+    errors = {name: vars(getattr(row, name)) for name in names}
+    sample = {key: value for key, value in row.sample.facts().items() if key not in names}
+    key = row.sample.configuration.key
+    return {"key": key, "is_own": row.is_own, **sample, "median_seconds": row.seconds, "errors": errors}
