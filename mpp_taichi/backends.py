@@ -74,6 +74,9 @@ def import_taichi() -> Any:
         raise BackendError(
             f"taichi cannot be imported ({error}); it has wheels for Python 3.10–3.13 on Linux x86-64, Windows, macOS arm64"
         ) from error
+    from mpp_taichi.front_end import remember_sources
+
+    remember_sources()
     return taichi
 
 
