@@ -253,12 +253,11 @@ def test_gravity_after_a_merger_is_that_of_the_merged_body_alone(plan, count):
         expected = run.run(steps=60).snapshot()
         assert np.allclose(after.position[kept], expected.position, rtol=0, atol=tolerance)
         assert mechanics["total_energy"] == pytest.approx(run.mechanics()["total_energy"], rel=1e-13)
-    for hosts in (kept[:2], kept[-2:]):  # of the same tile of eight bodies, and of another
-        start.position[gone] = start.position[hosts]
-        with Simulation(scene, backend="cpu", precision="f64", plan=plan, start=start) as run:
-            assert math.isfinite(run.mechanics()["total_energy"])
-            coincident = run.run(steps=60).snapshot()
-            assert np.allclose(coincident.position[kept], expected.position, rtol=0, atol=tolerance)
+    start.position[gone] = start.position[kept[[0, -1]]]  # of the same tile of eight bodies, and of another
+    with Simulation(scene, backend="cpu", precision="f64", plan=plan, start=start) as run:
+        assert math.isfinite(run.mechanics()["total_energy"])
+        coincident = run.run(steps=60).snapshot()
+        assert np.allclose(coincident.position[kept], expected.position, rtol=0, atol=tolerance)
 
 
 def collapse(count=30, *, dt=0.01, **others):
