@@ -11,9 +11,6 @@ processor's time keeps it.
 """
 
 import argparse
-import json
-import os
-import platform
 import sys
 import time
 from pathlib import Path
@@ -22,7 +19,9 @@ from types import SimpleNamespace
 import numpy as np
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))  # so that it also runs from a checkout
+sys.path[:0] = [str(ROOT), str(ROOT / "tools")]  # so that it also runs from a checkout
+
+from verdicts import finish  # noqa: E402
 
 COUNTS = (1_000, 10_000, 100_000)
 SAMPLE = 40_000  # collisions
@@ -187,7 +186,7 @@ def main():
     arguments = parser.parse_args()
     from mpp_taichi import backends
 
-    backends.start("cpu", "f64")
+    device = backends.start("cpu", "f64")
     results = []
     for dimensions in arguments.dimensions:
         cases = prepare(arguments.counts, dimensions, arguments.packing)
@@ -196,19 +195,12 @@ def main():
                 for contender in case["contenders"].values():
                     sample(contender)
         results += table(cases)
-    met = True
+    verdicts = []
     for row in (row for row in results if row["contender"] == "ours"):
-        fast, flat = row["per_processor_second"] >= LEAST_PER_SECOND, row["growth"] <= MOST_GROWTH
-        met = met and fast and flat
-        print(
-            f"{row['dimensions']}D, N = {row['count']}: {row['per_processor_second']:.3g} collisions/s, at least "
-            f"{LEAST_PER_SECOND:g}: {'held' if fast else 'MISSED'}; cost grows {row['growth']:.2f}×, at most {MOST_GROWTH}×: "
-            f"{'held' if flat else 'MISSED'}"
-        )
-    if arguments.json:
-        machine = {"processor": platform.processor(), "cores": os.cpu_count(), "packing": arguments.packing}
-        arguments.json.write_text(json.dumps({"machine": machine, "results": results}, indent=1))
-    return 0 if met else 1
+        where, rate = f"{row['dimensions']}D, {row['count']} spheres", row["per_processor_second"]
+        verdicts.append((f"{where}: collisions/s, at least", rate, LEAST_PER_SECOND, rate >= LEAST_PER_SECOND))
+        verdicts.append((f"{where}: growth of the cost, at most", row["growth"], MOST_GROWTH, row["growth"] <= MOST_GROWTH))
+    return finish(verdicts, results, arguments.json, processor=device.name, packing=arguments.packing)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,218 @@
+"""docs/performance.md from what the benchmarks wrote: a table of ratios of each, every bar, and the machine."""
+
+INTRODUCTION = """\
+# Performance
+
+Every number of this page was measured by one command, which wrote it as well:
+
+    python tools/measure_performance.py
+
+Speed is a ratio to another program on the same machine, measured in turns in one run; medians. Above 1 this program is the
+faster one. What is missing (a compiler, a package, a device) has no column. Losses are in the tables as wins are, and all bars
+at the end.
+"""
+GPU = """\
+## On a GPU
+
+{sentence}
+
+    python -m mpp_taichi compare scenes/ring.yaml --backends cuda,vulkan,opencl --scaling
+    python -m mpp_taichi compare scenes/cloth.yaml --backends cuda,vulkan,opencl --scaling
+    python -m mpp_taichi accuracy scenes/cluster.yaml --backends cuda --precisions f64,ds,f32c,f32
+
+These measure it where there is one: the certificate first, then rates, shares of the measured peak and steps per second from 2
+particles to the largest that fit. The tests run the same verbs on the backends of a CPU.
+"""
+
+
+def page(found, commands):
+    """The text; `found` maps the names of benchmarks to what they wrote, `commands` to how they were called."""
+    parts = [INTRODUCTION + "\n" + _machine(found)]
+    for name, (title, tables) in SECTIONS.items():
+        if name in found:
+            parts.append("\n\n".join([f"## {title}\n\n    {commands[name]}", *tables(found[name]["results"])]))
+    comparisons = [found[name] for name in sorted(found) if name.startswith("compare")]
+    parts += [_comparison(each, commands[f"compare {each['scene']}"]) for each in comparisons]
+    on_gpu = any(row["status"] == "ok" and not row["on_cpu"] for each in comparisons for row in each["rows"])
+    parts.append(GPU.format(sentence="Its rows are above." if on_gpu else "**Not run on a GPU.**"))
+    parts.append(_bars(found))
+    return "\n\n".join(part.strip() for part in parts) + "\n"
+
+
+def table(head, rows):
+    """Markdown; numbers to the right."""
+    lines = [f"| {' | '.join(head)} |", f"|{'|'.join('---' if k == 0 else '---:' for k in range(len(head)))}|"]
+    return "\n".join([*lines, *(f"| {' | '.join(str(cell) for cell in row)} |" for row in rows)])
+
+
+def ratio(value):
+    """`0.86`, `12`; a dash where there is none."""
+    return "–" if value is None else f"{value:.2g}" if value < 10 else f"{value:.0f}"
+
+
+def size(value):
+    """`3.2 G`, `870 k`."""
+    scale, unit = next((each for each in ((1e9, "G"), (1e6, "M"), (1e3, "k")) if value >= each[0]), (1.0, ""))
+    return f"{value / scale:.3g} {unit}".strip()
+
+
+def duration(seconds):
+    """`1.2 ms`."""
+    if seconds is None:
+        return "–"
+    scale, unit = next((each for each in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")) if seconds >= each[0]), (1e-9, "ns"))
+    return f"{seconds / scale:.3g} {unit}"
+
+
+# --- one function for each benchmark -------------------------------------------------------------------------------------
+
+OPPONENTS = {"c": "C, AVX-512", "numba": "Numba", "rebound": "REBOUND", "numpy": "NumPy"}
+
+
+def _pairs(results):
+    for precision, sizes in results.items():
+        others = [name for name in OPPONENTS if any(name in row for row in sizes.values())]
+        rows = [
+            [f"{int(count):,}", size(best["per_second"])]
+            + [ratio(best["per_second"] / row[name]["per_second"]) if name in row else "–" for name in others]
+            + [f"{best['error']:.1e}"]
+            for count, row in sizes.items()
+            for best in [max((row["composed"], row["gather"]), key=lambda each: each["per_second"])]
+        ]
+        yield table([f"{precision}: N", "pairs/s", *(f"÷ {OPPONENTS[name]}" for name in others), "off"], rows)
+
+
+def _opencl(results):
+    rows = [
+        [case["model"], f"{case['count']:,}", case["precision"], duration(ours["seconds"]), duration(theirs["seconds"])]
+        + [ratio(theirs["seconds"] / ours["seconds"]), theirs["variant"].split(";")[0].removeprefix("pairs: ")]
+        for case in results
+        for ours, theirs in [(case["rows"]["ours"], case["rows"]["opencl"])]
+    ]
+    yield table(["step of", "N", "", "ours", "OpenCL", "speed ÷ OpenCL", "its kernel"], rows)
+
+
+def _steps(results):
+    rows = [
+        [row["bodies"], duration(us["composed"] / 1e6), duration(us["rebound"] / 1e6), ratio(row["ratio_to_rebound"])]
+        + [ratio(row["ratio_to_hand_written"])]
+        for row in results["steps"]
+        for us in [row["microseconds_per_step"]]
+    ]
+    yield table(["bodies", "a step", "REBOUND", "time ÷ REBOUND", "time ÷ hand-written"], rows)
+    kinds = ("process", "import_libraries", "import_mpp_taichi", "scene_to_first_step")
+    starts = [[label, *(duration(times[kind]) for kind in kinds)] for label, times in results["start"].items()]
+    yield table(["start of sun_earth", "whole process", "libraries", "import", "scene to first step"], starts)
+
+
+def _tree(results):
+    for precision, sizes in results.items():
+        rows = [
+            [f"{int(count):,}", duration(tree["seconds"]), ratio(tree["direct_over_this"]), f"{tree['error_50']:.0e}"]
+            + [f"{tree['error_99']:.1e}"]
+            for count, row in sizes.items()
+            for tree in [row["tree 0.001"]]
+        ]
+        yield table([f"{precision}: N", "a force", "speed ÷ direct", "error, median", "99 %"], rows)
+
+
+def _springs(results):
+    others = [name for name in ("opencl", "c", "c 1", "atomic") if any(name in case["rows"] for case in results)]
+    named = {"opencl": "OpenCL", "c": "C", "c 1": "C, 1 thread", "atomic": "atomics"}
+    rows = [
+        [f"{case['springs']:,} {case['order']}", f"{case['precision']}{', damped' if case['damped'] else ''}"]
+        + [duration(ours["seconds"]), size(ours["half_springs_per_second"])]
+        + [ratio(case["rows"][name]["seconds"] / ours["seconds"]) if name in case["rows"] else "–" for name in others]
+        for case in results
+        for ours in [case["rows"]["ours"]]
+    ]
+    yield table(["springs", "", "a step", "half-springs/s", *(f"÷ {named[name]}" for name in others)], rows)
+
+
+def _contacts(results):
+    rows = [
+        [f"{case['spheres']:,}", case["precision"], duration(swept["seconds"]), size(swept["particle_steps_per_second"]), other]
+        + [ratio(row["seconds"] / swept["seconds"]), f"{swept['largest_overlap']:.0e}"]
+        + [f"{row['largest_overlap']:.0e}" if "largest_overlap" in row else "–"]
+        for case in results
+        for swept in [case["rows"].get("swept")]
+        if swept
+        for other, row in case["rows"].items()
+        if row is not swept
+    ]
+    head = ["spheres", "", "a step of swept", "particle-steps/s", "beside", "speed ÷ that", "overlap, radii", "of that"]
+    yield table(head, rows)
+
+
+def _events(results):
+    theirs = {(row["dimensions"], row["count"]): row for row in results if row["contender"] == "rebound"}
+    rows = [
+        [f"{row['dimensions']}D, {row['count']:,}", size(row["per_processor_second"]), f"{row['growth']:.2f}"]
+        + [ratio(row["per_processor_second"] / other["per_processor_second"]) if other else "–"]
+        + [f"{row['largest_overlap']:.0e}", f"{other['largest_overlap']:.0e}" if other else "–"]
+        for row in results
+        if row["contender"] == "ours"
+        for other in [theirs.get((row["dimensions"], row["count"]))]
+    ]
+    yield table(["spheres", "collisions/s", "cost, first = 1", "÷ REBOUND", "largest overlap", "REBOUND's"], rows)
+
+
+SECTIONS = {
+    "pairs": ("Gravity, all pairs", _pairs),
+    "opencl": ("The same scenes in OpenCL, on the same processor", _opencl),
+    "steps": ("Few bodies", _steps),
+    "tree": ("Gravity by a tree, accuracy 1e-3", _tree),
+    "springs": ("Springs", _springs),
+    "contacts": ("Contacts, time-stepped", _contacts),
+    "event_driven": ("Contacts, event-driven, one core", _events),
+}
+
+
+def _comparison(found, command):
+    rows = [
+        [row["backend"], row["precision"] or "", row["verdict"] if row["status"] == "ok" else row["status"]]
+        + (
+            [duration(row[key]) for key in ("cold_compile_seconds", "warm_compile_seconds", "step_seconds")]
+            if timed
+            else [""] * 3
+        )
+        + [_rate(row["rates"]) if timed else row["reason"], _share(row["rates"]) if timed else ""]
+        for row in found["rows"]
+        for timed in [row["status"] == "ok" and row["step_seconds"] is not None]
+    ]
+    head = ["backend", "", "certificate", "compile", "again", "a step", "rate", "of peak"]
+    title = f"## Backends: {found['title']}, {found['particle_count']:,} particles"
+    remarks = "".join(f"\n\n{text[0].upper()}{text[1:]}." for text in found["warnings"])
+    return f"{title}\n\n    {command}\n\n{table(head, rows)}{remarks}"
+
+
+def _rate(rates):
+    units = {
+        "interactions_per_second": "pairs/s",
+        "springs_per_second": "springs/s",
+        "particle_steps_per_second": "particles/s",
+    }
+    return next((f"{size(rates[name])} {unit}" for name, unit in units.items() if name in rates), "")
+
+
+def _share(rates):
+    shares = [rates[name] for name in ("share_of_peak_flops", "share_of_peak_bytes") if name in rates]
+    return f"{100 * shares[0]:.0f} %" if shares else ""
+
+
+def _machine(found):
+    known = {key: value for name in SECTIONS if name in found for key, value in found[name]["machine"].items()}
+    first = [f"{known.get('processor')}, {known.get('threads', '?')} threads, {known.get('system')}"]
+    versions = [f"{name} {known[name]}" for name in ("taichi", "numpy", "rebound", "python") if name in known]
+    return "; ".join([*first, ", ".join(versions), *(known[key] for key in ("compiler", "opencl") if known.get(key))]) + "."
+
+
+def _bars(found):
+    rows = [
+        [name, bar["bar"], f"{bar['limit']:g}", f"{bar['value']:.3g}", "held" if bar["held"] else "**missed**"]
+        for name in SECTIONS
+        if name in found
+        for bar in found[name]["bars"]
+    ]
+    held = sum(row[-1] == "held" for row in rows)
+    return f"## Bars\n\n{held} of {len(rows)} held.\n\n{table(['', 'bar', 'limit', 'measured', ''], rows)}"
