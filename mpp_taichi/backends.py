@@ -75,8 +75,10 @@ def import_taichi() -> Any:
             f"taichi cannot be imported ({error}); it has wheels for Python 3.10–3.13 on Linux x86-64, Windows, macOS arm64"
         ) from error
     from mpp_taichi.front_end import remember_sources
+    from mpp_taichi.launches import remember_launches
 
     remember_sources()
+    remember_launches()
     return taichi
 
 

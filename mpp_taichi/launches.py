@@ -1,0 +1,115 @@
+"""Launching a kernel of Taichi again with other numbers, without the way through Python that its first launch takes.
+
+Taichi 1.7.4 takes tens of microseconds from a call to the device: it looks up for which objects the kernel was compiled, makes
+functions for every kind of argument, and asks the compiler for the result that is there. Threads that wait so long fall asleep,
+and waking them takes longer still: the forces of a thousand bodies took twice the time of their loops.
+"""
+
+import functools
+import weakref
+from collections.abc import Callable
+from typing import Any
+
+MOST = 1000  # forms of one kernel that are kept
+PLAIN = (int, float, bool, str, type(None))  # template arguments that are compared by value
+
+
+class Launches:
+    """The compiled forms of one kernel by its template arguments.
+
+    A kernel that takes or gives anything but template arguments and numbers is not `simple`, and is left to Taichi.
+    """
+
+    def __init__(self, kernel: Any) -> None:
+        """Nothing is known yet."""
+        from taichi.lang import kernel_impl
+
+        self.compiled = kernel.compiled_kernels  # another one after Taichi was reset
+        self.known: dict[tuple, tuple] = {}
+        self.count = len(kernel.arguments)
+        self.templates: list[int] = []
+        self.numbers: list[tuple[int, bool, str]] = []  # place among the arguments, whether it is a float, how it is set
+        self.simple = kernel.return_type is None and kernel.autodiff_mode == kernel_impl.AutodiffMode.NONE
+        types = kernel_impl.primitive_types
+        for place, argument in enumerate(kernel.arguments):
+            kind = argument.annotation
+            if isinstance(kind, kernel_impl.template):
+                self.templates.append(place)
+            elif id(kind) in types.real_type_ids:
+                self.numbers.append((place, True, "set_arg_float"))
+            elif id(kind) in types.integer_type_ids:
+                is_signed = kernel_impl.is_signed(kernel_impl.cook_dtype(kind))
+                self.numbers.append((place, False, "set_arg_int" if is_signed else "set_arg_uint"))
+            else:
+                self.simple = False
+
+    def find(self, arguments: tuple) -> tuple[tuple, tuple | None]:
+        """Key of the template arguments, and what was compiled for them."""
+        objects = [arguments[place] for place in self.templates]
+        key = tuple([(type(each), each) if type(each) in PLAIN else id(each) for each in objects])
+        found = self.known.get(key)
+        if found is not None and any(known() is not each for known, each in zip(found[0], objects) if known is not None):
+            return key, None  # another object at the place of one that is gone
+        return key, found
+
+    def remember(self, kernel: Any, key: tuple, arguments: tuple) -> None:
+        """Keep what Taichi has just compiled and launched; not where an object cannot be told from a later one."""
+        objects = [arguments[place] for place in self.templates]
+        try:
+            alive = [None if type(each) in PLAIN else weakref.ref(each) for each in objects]
+        except TypeError:
+            return
+        if kernel.has_print:
+            self.simple = False
+            return
+        if len(self.known) >= MOST:
+            self.known.clear()  # most are of objects that are gone
+        program = kernel.runtime.prog
+        made = kernel.compiled_kernels[kernel.ensure_compiled(*arguments)]
+        self.known[key] = alive, made, program.compile_kernel(program.config(), program.get_device_caps(), made)
+
+    def fits(self, arguments: tuple) -> bool:
+        """Whether the numbers are plain ones; Taichi says what is wrong with others."""
+        return all(
+            isinstance(arguments[place], int) or (is_float and isinstance(arguments[place], float))
+            for place, is_float, _ in self.numbers
+        )
+
+
+def remember_launches() -> None:
+    """Let kernels remember how they were launched; where another version of Taichi has other names, it stays as it is."""
+    from taichi.lang import kernel_impl
+
+    kernel = kernel_impl.Kernel
+    if not hasattr(kernel.__call__, "remembers") and hasattr(kernel, "ensure_compiled"):
+        kernel.__call__ = _remembering(kernel.__call__, kernel_impl.handle_exception_from_cpp)
+
+
+def _remembering(plain: Callable, told: Callable[[Exception], Exception]) -> Callable:
+    """`Kernel.__call__`, by the short way where it is known."""
+
+    @functools.wraps(plain)
+    def call(self: Any, *arguments: Any, **named: Any) -> Any:
+        launches = self.__dict__.get("launches")
+        if launches is None or launches.compiled is not self.compiled_kernels:
+            launches = self.launches = Launches(self)
+        runtime = self.runtime
+        short = launches.simple and not named and len(arguments) == launches.count
+        if not short or runtime.target_tape or runtime.fwd_mode_manager or not launches.fits(arguments):
+            return plain(self, *arguments, **named)
+        key, found = launches.find(arguments)
+        if found is None:
+            plain(self, *arguments)
+            launches.remember(self, key, arguments)
+            return None
+        context = found[1].make_launch_context()
+        for slot, (place, _, setter) in enumerate(launches.numbers):
+            getattr(context, setter)((slot,), arguments[place])
+        try:
+            runtime.prog.launch_kernel(found[2], context)
+        except Exception as error:
+            raise told(error) from None
+        return None
+
+    call.remembers = True  # type: ignore[attr-defined]
+    return call

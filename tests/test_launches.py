@@ -1,0 +1,121 @@
+"""Kernels that are launched again go the short way, and do what Taichi's own way does."""
+
+import gc
+
+import numpy as np
+import pytest
+
+from mpp_taichi import backends
+from mpp_taichi.simulation import Simulation
+from scenes import cluster
+
+ti = backends.import_taichi()
+
+
+@ti.data_oriented
+class Counter:
+    """A number that a kernel adds to."""
+
+    def __init__(self):
+        self.total = ti.field(ti.f64, shape=())
+
+    @ti.kernel
+    def add(self, weight: ti.f64, times: ti.i32, kind: ti.template()):
+        if ti.static(kind == "twice"):
+            self.total[None] += 2.0 * weight * times
+        else:
+            self.total[None] += weight * times
+
+    @ti.kernel
+    def read(self) -> ti.f64:
+        return self.total[None]
+
+
+@pytest.fixture
+def long_ways(monkeypatch):
+    """Names of the kernels that were launched by Taichi's own way."""
+    from taichi.lang.kernel_impl import Kernel
+
+    backends.start("cpu", "f64")
+    taken, short = [], Kernel.__call__
+    taichis = short.__wrapped__
+
+    def counted(self, *arguments, **named):
+        taken.append(self.func.__name__)
+        return taichis(self, *arguments, **named)
+
+    from mpp_taichi.launches import _remembering
+
+    monkeypatch.setattr(Kernel, "__call__", _remembering(counted, lambda error: error))
+    return taken
+
+
+def test_only_the_first_launch_goes_the_long_way(long_ways):
+    counter = Counter()
+    for _ in range(10):
+        counter.add(0.5, 3, "once")
+    assert long_ways == ["add"]
+    assert counter.read() == 15.0
+
+
+def test_other_numbers_and_other_objects_are_told_apart(long_ways):
+    one, other = Counter(), Counter()
+    for counter, kind, factor in ((one, "once", 1.0), (one, "twice", 2.0), (other, "once", 1.0)):
+        for weight, times in ((0.25, 1), (1.5, 2), (2, True), (np.float64(4.0), np.int32(1))):
+            before = counter.read()
+            counter.add(weight, times, kind)
+            assert counter.read() - before == factor * weight * times
+    assert long_ways.count("add") == 3 + 3  # each form once, and NumPy's integers
+
+
+def test_an_object_at_the_place_of_one_that_is_gone_is_another(long_ways):
+    places = set()
+    for number in range(20):
+        counter = Counter()
+        places.add(id(counter))
+        counter.add(float(number), 1, "once")
+        counter.add(1.0, 1, "once")
+        assert counter.read() == number + 1.0
+        del counter
+        gc.collect()
+    assert len(places) < 20  # else nothing was seen
+
+
+@pytest.mark.parametrize("arguments", [("x", 1, "once"), (1.0, 1.5, "once"), (1.0, 1), (1.0, 1, "once", 1)])
+def test_what_taichi_refuses_is_refused(arguments, long_ways):
+    counter = Counter()
+    counter.add(1.0, 1, "once")
+    with pytest.raises((ti.TaichiRuntimeTypeError, ti.TaichiSyntaxError)):
+        counter.add(*arguments)
+    counter.add(weight=1.0, times=1, kind="once")
+    assert counter.read() == 2.0
+
+
+def test_a_new_start_compiles_anew(long_ways):
+    for precision in ("f64", "f32", "f64"):
+        backends.start("cpu", precision)
+        counter = Counter()
+        counter.add(1.0, 1, "once")
+        counter.add(0.5, 1, "once")
+        assert counter.read() == 1.5
+        backends.stop()
+    assert long_ways.count("add") == 3
+
+
+@pytest.mark.parametrize("plan", ["serial", "parallel"])
+def test_steps_go_the_short_way_and_keep_their_bits(plan, long_ways):
+    with Simulation(cluster(40), backend="cpu", precision="f64", plan=plan) as simulation:
+        start = simulation.run(steps=2).mark()
+        long_ways.clear()
+        short = simulation.run(steps=20).snapshot()
+        assert not [name for name in long_ways if "advance" in name or "step" in name or "stage" in name]
+        simulation.return_to(start)
+        from taichi.lang.kernel_impl import Kernel  # the same kernels by the long way
+
+        remembered, Kernel.__call__ = Kernel.__call__, Kernel.__call__.__wrapped__
+        try:
+            long = simulation.run(steps=20).snapshot()
+        finally:
+            Kernel.__call__ = remembered
+    assert len(long_ways) >= (20 if plan == "parallel" else 1)
+    assert np.array_equal(short.position, long.position) and np.array_equal(short.velocity, long.velocity)
