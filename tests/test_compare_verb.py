@@ -14,11 +14,23 @@ from mpp_taichi.cli.main import main
 from mpp_taichi.compare import scaling, table
 from mpp_taichi.compare.numpy_reference import Reference
 from mpp_taichi.compare.process import WorkerError, WorkerProcess
-from scenes import kepler
+from scenes import cluster, kepler
 
 KEYS = {"scene", "integrator", "particle_count", "rows", "crossovers", "warnings", "known", "sentence", "status"}
 ROW_KEYS = {
-    *("backend", "precision", "status", "reason", "verdict", "decided_by", "findings", "energy_change", "momentum_change"),
+    *(
+        "label",
+        "backend",
+        "variant",
+        "precision",
+        "status",
+        "reason",
+        "verdict",
+        "decided_by",
+        "findings",
+        "energy_change",
+        "momentum_change",
+    ),
     *("cold_compile_seconds", "warm_compile_seconds", "step_seconds", "step_spread", "launches_per_step", "copy_seconds"),
     *("rates", "peaks", "device", "scaling"),
 }
@@ -98,6 +110,34 @@ def test_a_worker_that_dies_or_cannot_says_why(tmp_path):
     worker.kill()
     with pytest.raises(WorkerError, match="its process ended with status"):
         worker.ask("time", 60.0)
+
+
+@pytest.fixture(scope="module")
+def ladder(tmp_path_factory, opencl):
+    """Forty bodies, each way to sum over their pairs."""
+    folder = tmp_path_factory.mktemp("ladder")
+    scene = folder / "cluster.yaml"
+    scene.write_text(yaml.safe_dump({**cluster(40), "run": {"duration": 0.1}}), encoding="utf-8")
+    words = ["--backends", "cpu,opencl", "--precisions", "f64", "--ladder", "--budget", "8s", "--quiet"]
+    assert main(["compare", str(scene), *words, "--out", str(folder / "out")]) == 0
+    return json.loads((folder / "out" / "compare.json").read_text(encoding="utf-8"))["rows"]
+
+
+def test_each_rung_of_the_ladder_is_a_row_that_is_judged_and_timed(ladder):
+    rungs = {row["label"]: row["plan"] for row in ladder}
+    assert list(rungs)[:3] == ["cpu", "cpu serial", "cpu parallel"] and rungs["cpu serial"] == "serial"
+    for name in ("naive", "tiled", "vectors", "third_law"):
+        assert rungs[f"opencl {name}"].startswith(f"pairs: {name}")
+    assert {row["verdict"] for row in ladder} == {"rounding"} and all(row["step_seconds"] > 0 for row in ladder)
+    assert any(line.startswith("opencl third_law") for line in table.lines(ladder))
+
+
+def test_a_ladder_needs_pairs(tmp_path, capsys):
+    scene = tmp_path / "falling.yaml"
+    falling = {**kepler(), "forces": [{"uniform_gravity": {"acceleration": [0, 0, -1]}}]}
+    scene.write_text(yaml.safe_dump(falling), encoding="utf-8")
+    assert main(["compare", str(scene), "--ladder"]) == 2
+    assert "no force between all particles" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("words", [("--backends", "abacus"), ("--precisions", "f16"), ("--budget", "never")])

@@ -38,10 +38,10 @@ FOUND = {
         "particle_count": 3073,
         "warnings": ["the machine was busy"],
         "rows": [
-            {"backend": "cpu", "precision": "f64", "verdict": "rounding", "status": "ok", "on_cpu": True, "step_seconds": 4e-3,
+            {"label": "cpu", "precision": "f64", "verdict": "rounding", "status": "ok", "on_cpu": True, "step_seconds": 4e-3,
              "cold_compile_seconds": 2.0, "warm_compile_seconds": None,
              "rates": {"interactions_per_second": 2.5e9, "share_of_peak_flops": 0.4}},
-            {"backend": "cuda", "precision": None, "status": "missing", "reason": "no driver", "on_cpu": False},
+            {"label": "cuda", "precision": None, "status": "missing", "reason": "no driver", "on_cpu": False},
         ],
     },
 }  # fmt: skip

@@ -170,7 +170,7 @@ SECTIONS = {
 
 def _comparison(found, command):
     rows = [
-        [row["backend"], row["precision"] or "", row["verdict"] if row["status"] == "ok" else row["status"]]
+        [row["label"], row["precision"] or "", row["verdict"] if row["status"] == "ok" else row["status"]]
         + (
             [duration(row[key]) for key in ("cold_compile_seconds", "warm_compile_seconds", "step_seconds")]
             if timed

@@ -10,7 +10,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpp_taichi import __version__
+from mpp_taichi import __version__, component
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, put_json, say
 from mpp_taichi.cli.accuracy import names, span_of_time
@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--steps", type=_options.positive_integer, metavar="N", help="most steps of the trajectories compared")
     parser.add_argument("--scaling", action="store_true", help="steps per second of generated scenes, from 2 particles on")
+    parser.add_argument("--ladder", action="store_true", help="each way to sum over pairs as a row, from the plainest")
     parser.add_argument("--threads", type=_options.positive_integer, metavar="N", help="of the cpu backend")
     parser.add_argument(
         "--out", type=_options.output_path, metavar="DIR", help="folder to write; out/SCENE.compare when absent"
@@ -47,6 +48,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
     wishes = _wishes(arguments)
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
+    if arguments.ladder and not any(component.declaration("forces", force.name).base == "PairForce" for force in spec.forces):
+        raise UsageError("--ladder is of sums over pairs, and the scene has no force between all particles")
     from mpp_taichi.accuracy.budget import Budget
     from mpp_taichi.cli._request import OUTPUT_FOLDER
     from mpp_taichi.cli._signals import Interruption
@@ -104,4 +107,5 @@ def _wishes(arguments: argparse.Namespace) -> "Wishes":
         for name in getattr(arguments, option):
             if name not in known:
                 raise UsageError(f"--{option} {name}: allowed are {', '.join(known)}")
-    return Wishes(arguments.backends, arguments.precisions, arguments.threads, arguments.scaling, arguments.steps)
+    parts = (arguments.threads, arguments.scaling, arguments.ladder, arguments.steps)
+    return Wishes(arguments.backends, arguments.precisions, *parts)

@@ -25,6 +25,8 @@ from mpp_taichi.scene.spec import SceneSpec
 
 ALL_BACKENDS = (*BACKENDS, "opencl", "numpy")
 PRECISIONS = {"numpy": ("f64",)}  # of a backend that has not both
+# Ways to sum over pairs, the plainest first, besides the one that a backend takes by itself.
+LADDER = {"cpu": ("serial", "parallel"), "opencl": ("naive", "tiled", "vectors", "third_law")}
 REPEATS = 7
 LEAST_REPEATS = 3
 PATIENCE = 60.0  # seconds beyond the budget that a worker may take to answer
@@ -50,6 +52,7 @@ class Wishes:
     precisions: Sequence[str] = ("f64", "f32")
     threads: int | None = None
     scaling: bool = False
+    ladder: bool = False
     most_steps: int | None = None  # of the trajectories
 
 
@@ -108,8 +111,9 @@ class Comparison:
             if reason:
                 self.rows.append(Row(backend, "", "missing", reason))
                 continue
-            for precision in precisions:
-                self._open(Row(backend, precision))
+            for variant in ("", *(LADDER.get(backend, ()) if self.wishes.ladder else ())):
+                for precision in precisions:
+                    self._open(Row(backend, precision, variant=variant))
 
     def _open(self, row: Row) -> None:
         self._tell(f"starting {row.name}")
@@ -121,7 +125,7 @@ class Comparison:
             row.give_up(str(error), "missing")
 
     def _process(self, row: Row) -> WorkerProcess:
-        cache = self._files / f"cache-{row.backend}-{row.precision}"
+        cache = self._files / f"cache-{row.name.replace(' ', '-')}"
         return WorkerProcess(self._files, cache if cache.is_dir() else empty_cache(cache), self.budget.look)
 
     def _build(self, row: Row, scene: dict | None = None) -> dict[str, Any]:
@@ -135,6 +139,7 @@ class Comparison:
             backend=row.backend,
             precision=row.precision,
             threads=self.wishes.threads,
+            variant=row.variant,
         )
         facts: dict[str, Any] = answer["facts"]
         software = row.backend in BACKENDS and row.backend != "cpu" and availability(row.backend)["software"]

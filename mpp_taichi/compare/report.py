@@ -15,7 +15,7 @@ from mpp_taichi.compare.words import EXPLANATION, circumstances, machine
 def page(found: dict[str, Any]) -> str:
     """The page; `found` is the comparison as plain data, with its `sentence`."""
     title = f"Backends side by side: {found['title'] or found['scene']}"
-    numbers = {name: k for k, name in enumerate(dict.fromkeys(row["backend"] for row in found["rows"]))}
+    numbers = {name: k for k, name in enumerate(dict.fromkeys(row["label"] for row in found["rows"]))}
     figures = [
         f'<figure style="max-width: 760px">{svg.draw(plot)}<figcaption>{escape(" ".join(plot.notes))}</figcaption></figure>'
         for plot in _plots(found, numbers)
@@ -47,10 +47,10 @@ def _plots(found: dict[str, Any], numbers: dict[str, int]) -> list[Plot]:
         plots.append(Plot("Distance from the reference", "steps", "distance, of the system’s size", apart, (said,)))
     curves = [
         Series(
-            f"{row['backend']} {row['precision']}",
-            numbers[row["backend"]],
+            f"{row['label']} {row['precision']}",
+            numbers[row["label"]],
             [
-                Mark(point["particle_count"], 1.0 / point["step_seconds"], f"{row['backend']} {row['precision']}")
+                Mark(point["particle_count"], 1.0 / point["step_seconds"], f"{row['label']} {row['precision']}")
                 for point in row["scaling"]
             ],
             dashed=row["precision"] != "f64",
@@ -66,7 +66,7 @@ def _plots(found: dict[str, Any], numbers: dict[str, int]) -> list[Plot]:
 
 def _apart(row: dict[str, Any], numbers: dict[str, int]) -> list[Series]:
     looks = [*row.get("looks", ()), *row.get("looks_beside", {}).get("looks", ())]
-    name, number = f"{row['backend']} {row['precision']}", numbers[row["backend"]]
+    name, number = f"{row['label']} {row['precision']}", numbers[row["label"]]
     apart = [Mark(look["steps"], _finite(look["distance"]), name) for look in looks]
     allowed = [Mark(look["steps"], _finite(look["allowed"])) for look in looks]
     return [
@@ -100,7 +100,7 @@ def _findings(rows: Sequence[dict[str, Any]]) -> str:
         for finding in row.get("findings", ()):
             ratio = finding["ratio"]
             texts = (
-                row["backend"],
+                row["label"],
                 row["precision"],
                 finding["check"],
                 *(table.number(finding[key]) for key in ("difference", "allowance")),

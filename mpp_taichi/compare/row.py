@@ -12,6 +12,7 @@ from mpp_taichi.compare.work import Work
 class Row:
     """See the module. `precision` is empty where the backend as a whole is missing.
 
+    variant    what it was told to run, a rung of the ladder; nothing where it chooses by itself
     status     "ok"; "missing", it does not run here or not this scene; "failed", it did and then broke off
     """
 
@@ -19,6 +20,7 @@ class Row:
     precision: str
     status: str = "ok"
     reason: str = ""
+    variant: str = ""
     facts: dict[str, Any] = field(default_factory=dict)
     certificate: dict[str, Any] = field(default_factory=dict)
     seconds_per_step: float = 0.0  # a first timing, to plan by; 0 where there was none
@@ -31,8 +33,13 @@ class Row:
 
     @property
     def name(self) -> str:
-        """`vulkan f32`."""
-        return f"{self.backend} {self.precision}".strip()
+        """`vulkan f32`, `opencl tiled f64`."""
+        return f"{self.label} {self.precision}".strip()
+
+    @property
+    def label(self) -> str:
+        """`vulkan`, `opencl tiled`."""
+        return f"{self.backend} {self.variant}".strip()
 
     @property
     def device_kind(self) -> str:
@@ -76,7 +83,9 @@ def described(row: Row, work: Work, peak: dict[str, float]) -> dict[str, Any]:
             if name in found and most:
                 found[f"share_of_peak_{name.partition('_')[0]}"] = found[name] / most
     return {
+        "label": row.label,
         "backend": row.backend,
+        "variant": row.variant or None,
         "precision": row.precision or None,
         "status": row.status,
         "reason": row.reason,

@@ -20,7 +20,7 @@ RATES = (
 def cells(row: dict[str, Any]) -> tuple[str, ...]:
     """A row as texts; a missing one ends with the reason."""
     if row["status"] != "ok":
-        return (row["backend"], row["precision"] or "", row["status"], row["reason"])
+        return (row["label"], row["precision"] or "", row["status"], row["reason"])
     decided = row.get("decided_by")
     rates = row["rates"]
     rate = next((f"{_short(rates[name])} {unit}" for name, unit in RATES if name in rates), "")
@@ -28,7 +28,7 @@ def cells(row: dict[str, Any]) -> tuple[str, ...]:
     energy = row.get("energy_change")
     launches = row["launches_per_step"]
     return (
-        row["backend"],
+        row["label"],
         row["precision"],
         row["verdict"],
         decided["check"] if decided else row["verdict_reason"],

@@ -33,14 +33,14 @@ def sentence(found: dict[str, Any]) -> str:
         if len(best) > 1:
             ratio = best[1]["step_seconds"] / best[0]["step_seconds"]
             parts.append(
-                f"in {precision} {best[0]['backend']} is the fastest, {duration(best[0]['step_seconds'])} a step, "
-                f"{best[1]['backend']} takes {ratio:.3g} times that"
+                f"in {precision} {best[0]['label']} is the fastest, {duration(best[0]['step_seconds'])} a step, "
+                f"{best[1]['label']} takes {ratio:.3g} times that"
             )
     return "; ".join(parts)
 
 
 def _name(row: dict[str, Any]) -> str:
-    return f"{row['backend']} {row['precision']}"
+    return f"{row['label']} {row['precision']}"
 
 
 def _decision(row: dict[str, Any]) -> str:

@@ -24,8 +24,10 @@ SAMPLE_SECONDS = 0.05  # a timing is at least so long, against the clock's own g
 MOST_STEPS = 1 << 20
 
 
-def contender(spec: SceneSpec, start: Snapshot, backend: str, precision: str, threads: int | None) -> Contender:
-    """The scene on a backend."""
+def contender(
+    spec: SceneSpec, start: Snapshot, backend: str, precision: str, threads: int | None, variant: str = ""
+) -> Contender:
+    """The scene on a backend; `variant` is a plan of ours, or a kernel of OpenCL's."""
     if backend == "numpy":
         from mpp_taichi.compare.numpy_contender import NumpyContender
 
@@ -33,10 +35,10 @@ def contender(spec: SceneSpec, start: Snapshot, backend: str, precision: str, th
     if backend == "opencl":
         from mpp_taichi.compare.opencl_contender import OpenclContender
 
-        return OpenclContender(spec, start, precision)
+        return OpenclContender(spec, start, precision, variant=variant or None)
     from mpp_taichi.compare.taichi_contender import TaichiContender
 
-    return TaichiContender(spec, start, backend, precision, threads=threads)
+    return TaichiContender(spec, start, backend, precision, threads=threads, plan=variant or "auto")
 
 
 class Worker:
@@ -52,7 +54,7 @@ class Worker:
         return getattr(self, f"do_{line.pop('do')}")(**line)
 
     def do_build(
-        self, scene: dict, folder: str, start: str | None, backend: str, precision: str, threads: int | None
+        self, scene: dict, folder: str, start: str | None, backend: str, precision: str, threads: int | None, variant: str = ""
     ) -> dict[str, Any]:
         """Load the scene and put it on the backend, in the place of the one before; `start` absent: as the scene begins."""
         from mpp_taichi.assemble import assemble
@@ -60,7 +62,8 @@ class Worker:
         self.do_close()
         os.chdir(folder)  # where files that the scene names are
         spec = load_scene(scene)
-        self._contender = contender(spec, Snapshot.load(start) if start else assemble(spec), backend, precision, threads)
+        begin = Snapshot.load(start) if start else assemble(spec)
+        self._contender = contender(spec, begin, backend, precision, threads, variant)
         self._steps = 1
         return {"facts": self._contender.facts}
 
