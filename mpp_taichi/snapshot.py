@@ -113,8 +113,8 @@ class Snapshot:
         if self.merged_into is not None:
             arrays["merged_into"] = self.merged_into
         meta = {"format": FORMAT_VERSION, "time": self.time, "step": self.step, "dt": self.dt}
-        with whole_file(path, "the snapshot", durable=True) as temporary:
-            np.savez(temporary, meta=json.dumps(meta), name=np.array(self.name, dtype=np.str_), **arrays)
+        with whole_file(path, "the snapshot", durable=True) as temporary, open(temporary, "wb") as stream:
+            np.savez(stream, meta=json.dumps(meta), name=np.array(self.name, dtype=np.str_), **arrays)
 
     @staticmethod
     def load(path: str | Path) -> "Snapshot":
