@@ -132,7 +132,7 @@ class Snapshot:
                 arrays["merged_into"] = data["merged_into"] if "merged_into" in data else None
             made = Snapshot(**arrays, name=names, springs=springs, time=meta["time"], step=meta["step"], dt=meta.get("dt"))
             made._check(meta["format"])
-        except (OSError, EOFError, TypeError, ValueError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+        except (OSError, EOFError, TypeError, ValueError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
             raise OutputError(f"{path}: not a snapshot of this program: {error}") from error
         return made
 

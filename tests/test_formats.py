@@ -259,6 +259,19 @@ def test_a_trajectory_that_claims_more_than_it_holds_is_not_believed(tmp_path, c
             assert "position is float64 of shape" in refused(path, tmp_path / "out.xyz", 5, capsys)
 
 
+def test_an_archive_that_cannot_be_read_is_told(tmp_path, capsys):
+    path = recorded(tmp_path, "way.npz", FreeFlight(written(tmp_path, "box.yaml", BOX)))
+    whole = path.read_bytes()
+    entry = whole.index(b"PK\x01\x02")  # of its table of contents; 6 bytes on is the version that reading it takes
+    newer = whole[: entry + 6] + b"\xff" + whole[entry + 7 :]
+    for data, said in ((newer, "version 25.5"), (whole[:-1], "not a zip file"), (b"", "No data left")):
+        path.write_bytes(data)
+        assert said in refused(path, tmp_path / "out.xyz", 5, capsys)
+    place = whole.index(np.float64(-2.0).tobytes())  # a velocity
+    path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+    assert "Bad CRC-32" in refused(path, tmp_path / "out.h5", 5, capsys)
+
+
 GAS, DARK, STAR = 12, 9, 11  # floats of a particle: mass, x, y, z, vx, vy, vz, and for
 EPS = {GAS: 9, DARK: 7, STAR: 9}  # gas rho, temp, eps, metals, phi; dark eps, phi; star metals, tform, eps, phi
 
