@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi import __version__
 from mpp_taichi.errors import BackendError
 from mpp_taichi.exporters._source import Source
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.version import __version__
 from mpp_taichi.walls._base import Enclosure
 
 SUFFIXES = (".h5md", ".h5")
