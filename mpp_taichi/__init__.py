@@ -12,6 +12,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.errors import BackendError, CapacityError, MppError, OutputError, SceneError, StabilityError
+from mpp_taichi.version import __version__
 
 if TYPE_CHECKING:
     from mpp_taichi.accuracy.choice import settle
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
     from mpp_taichi.snapshot import Snapshot
 
-__version__ = "0.1.0"
 __all__ = [
     "BackendError",
     "CapacityError",
@@ -31,6 +31,7 @@ __all__ = [
     "Simulation",
     "Snapshot",
     "StabilityError",
+    "__version__",
     "load_scene",
     "settle",
 ]

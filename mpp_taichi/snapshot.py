@@ -113,8 +113,8 @@ class Snapshot:
         if self.merged_into is not None:
             arrays["merged_into"] = self.merged_into
         meta = {"format": FORMAT_VERSION, "time": self.time, "step": self.step, "dt": self.dt}
-        with whole_file(path, "the snapshot", durable=True) as temporary:
-            np.savez(temporary, meta=json.dumps(meta), name=np.array(self.name, dtype=np.str_), **arrays)
+        with whole_file(path, "the snapshot", durable=True) as temporary, open(temporary, "wb") as stream:
+            np.savez(stream, meta=json.dumps(meta), name=np.array(self.name, dtype=np.str_), **arrays)
 
     @staticmethod
     def load(path: str | Path) -> "Snapshot":
@@ -132,7 +132,7 @@ class Snapshot:
                 arrays["merged_into"] = data["merged_into"] if "merged_into" in data else None
             made = Snapshot(**arrays, name=names, springs=springs, time=meta["time"], step=meta["step"], dt=meta.get("dt"))
             made._check(meta["format"])
-        except (OSError, EOFError, TypeError, ValueError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+        except (OSError, EOFError, TypeError, ValueError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
             raise OutputError(f"{path}: not a snapshot of this program: {error}") from error
         return made
 

@@ -26,7 +26,9 @@ def whole_file(path: Path, what: str, *, durable: bool = False) -> Iterator[Path
             with open(temporary, "rb+") as stream:
                 os.fsync(stream.fileno())
         os.replace(temporary, path)
-    except OSError as error:
+    except BaseException as error:
         with suppress(OSError):  # the folder may be what is wrong
             temporary.unlink()
+        if not isinstance(error, OSError):
+            raise
         raise OutputError(f"{path}: cannot write {what}: {error.strerror or error}") from error

@@ -181,7 +181,7 @@ FAULTS = {
     ("m.plist", "# nothing\n"): "the list has no particle",
     ("n.plist", PAPER.replace("dt 0.03", "dt 0")): ":12:4: dt must be above 0",
     ("o.plist", PAPER.replace("k2 2.9584e-4", "k2 1e999")): ":11:4: k2 must be a number, not '1e999'",
-    ("p.obj", "v 1 2 3"): "cannot be read, allowed: .yaml, .npz, .plist, .txt, .xml",
+    ("p.obj", "v 1 2 3"): "cannot be read, allowed: .yaml, .npz, .plist, .std, .tip, .tipsy, .txt, .xml",
 }
 
 

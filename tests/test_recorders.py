@@ -146,15 +146,15 @@ def test_trajectory_keeps_every_frame_exactly(tmp_path, suffix):
         return
     lines = path.read_text(encoding="utf-8").splitlines()
     assert len(lines) == 4 * 4 and lines[0] == "2" and "Step=10" in lines[13]
-    species, *numbers = lines[15].split()
-    assert species == "planet"
+    species, *numbers, name = lines[15].split()
+    assert (species, name) == ("X", "planet")
     assert [float(number) for number in numbers[:3]] == expected[1].position[1].tolist()
 
 
-def test_a_name_with_a_blank_is_one_species(tmp_path):
+def test_a_name_with_a_blank_is_one_word(tmp_path):
     with Simulation(falling(), backend="cpu") as simulation, TrajectoryRecorder(tmp_path / "t.extxyz") as trajectory:
         simulation.run(steps=1, recorders=[trajectory])
-    assert (tmp_path / "t.extxyz").read_text(encoding="utf-8").splitlines()[2].split()[0] == "stone_one"
+    assert (tmp_path / "t.extxyz").read_text(encoding="utf-8").splitlines()[2].split()[-1] == "stone_one"
 
 
 def test_two_trajectories_of_one_name_are_refused(tmp_path):

@@ -1,9 +1,11 @@
 """Convert between scenes, states and the files of other programs.
 
-IN is a scene (.yaml), a state that `run --snapshot` wrote (.npz), a particle list of MPPhys (.plist), a universe file of
-Princeton's assignment (.txt) or a SolarSystem.xml. OUT is a scene, for which IN must be another program's file and is checked
-as a scene first; or the particles of IN, of a scene those that it begins with, as a state, a table (.csv), a particle list or
-a universe file.
+IN is a scene (.yaml), a state that `run --snapshot` wrote or a trajectory of `run --trajectory` (.npz), or another
+program's file: a particle list of MPPhys (.plist), a universe file of Princeton's assignment (.txt), a SolarSystem.xml, or
+tipsy (.tipsy, .tip, .std). OUT is a scene, for which IN must be another program's file and is checked as a scene first; or
+the particles of IN, of a scene those that it begins with, as a state (.npz), a table (.csv), a particle list, a universe
+file, tipsy, extended XYZ (.xyz, .extxyz) or H5MD (.h5md, .h5). The last two hold all frames of a trajectory.
+docs/formats.md says what each keeps.
 """
 
 import argparse
@@ -21,54 +23,73 @@ SCENES, STATE = (".yaml", ".yml"), ".npz"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("source", type=Path, metavar="IN", help="what to read: .yaml, .npz, .plist, .txt or .xml")
-    parser.add_argument("target", type=_options.output_path, metavar="OUT", help="what to write: the same, or .csv")
+    parser.add_argument("source", type=Path, metavar="IN", help="what to read: .yaml, .npz, .plist, .txt, .xml or .tipsy")
+    parser.add_argument(
+        "target",
+        type=_options.output_path,
+        metavar="OUT",
+        help="what to write: .yaml, .npz, .csv, .plist, .txt, .tipsy, .xyz or .h5md",
+    )
     _options.add_report(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Read, check, write, and say what was written."""
-    from mpp_taichi.exporters.catalogue import exporters
+    from mpp_taichi.exporters.catalogue import export, exporters
     from mpp_taichi.whole_file import whole_file
 
     target: Path = arguments.target
+    suffix = target.suffix.lower()
     _options.require_suffix(target, (*SCENES, STATE, *exporters()), "OUT")
-    imported, source = _read(arguments.source)
-    if target.suffix in SCENES:
+    imported, source = _read(arguments.source, particles_only=suffix == STATE)
+    if suffix in SCENES:
         if imported is None:
             raise UsageError(f"convert: {arguments.source} is no other program's file, of which alone a scene can be made")
         from mpp_taichi.scene.write import scene_text
 
         text = scene_text(imported, f"From {arguments.source.name}.")
-    elif target.suffix != STATE:
-        text = exporters()[target.suffix].text(source)
-    if target.suffix == STATE:
-        source.state.save(target)
-    else:
-        with whole_file(target, "the particles") as temporary:
+        with whole_file(target, "the scene") as temporary:
             temporary.write_text(text, encoding="utf-8")
-    state = source.state
-    found = {"source": str(arguments.source), "target": str(target), "particle_count": state.particle_count}
-    found |= {"spring_count": len(state.springs), "time": state.time, "status": "ok"}
-    if arguments.json:
-        put_json(found)
-    elif not arguments.quiet:
-        springs = f" and {len(state.springs)} springs" if len(state.springs) else ""
-        put(f"wrote {target}: {state.particle_count} particles{springs}")
+    elif suffix != STATE:
+        export(source, target)
+    elif source.trajectory is not None:
+        raise source.refuse("is a trajectory, of which no state can be made")
+    else:
+        source.state.save(target)
+    _tell(arguments, source)
     return 0
 
 
-def _read(path: Path) -> tuple[dict[str, Any] | None, "Source"]:
-    """A scene made of another program's file, if it is one; and the particles."""
+def _tell(arguments: argparse.Namespace, source: "Source") -> None:
+    """What was written."""
+    state, frames = source.state, source.frame_count
+    found = {"source": str(arguments.source), "target": str(arguments.target), "particle_count": state.particle_count}
+    found |= {"spring_count": len(state.springs), "time": state.time, "frame_count": frames, "status": "ok"}
+    if arguments.json:
+        put_json(found)
+    elif not arguments.quiet:
+        more = f" and {len(state.springs)} springs" if len(state.springs) else ""
+        more += f", {frames} frames" if source.trajectory is not None else ""
+        put(f"wrote {arguments.target}: {state.particle_count} particles{more}")
+
+
+def _read(path: Path, *, particles_only: bool) -> tuple[dict[str, Any] | None, "Source"]:
+    """A scene made of another program's file, if it is one and more than its particles is asked for; and the particles."""
     from mpp_taichi.assemble import assemble
     from mpp_taichi.exporters._source import Source
-    from mpp_taichi.importers.catalogue import import_scene
+    from mpp_taichi.importers.catalogue import import_particles, import_scene
+    from mpp_taichi.recorders.trajectory_file import TrajectoryFile, is_trajectory
     from mpp_taichi.scene.load import load_scene
     from mpp_taichi.snapshot import Snapshot
 
-    if path.suffix == STATE:
-        state = Snapshot.load(path)
+    suffix = path.suffix.lower()
+    if suffix == STATE and is_trajectory(path):
+        trajectory = TrajectoryFile(path)
+        return None, Source(str(path), next(trajectory.frames())[0], trajectory=trajectory)
+    if suffix == STATE:
+        return None, Source(str(path), Snapshot.load(path))
+    if particles_only and suffix not in SCENES and (state := import_particles(path)) is not None:
         return None, Source(str(path), state)
-    imported = None if path.suffix in SCENES else import_scene(path)[1]
+    imported = None if suffix in SCENES else import_scene(path)[1]
     spec = load_scene(path if imported is None else imported)
     return imported, Source(str(path), assemble(spec), spec)

@@ -1,1 +1,5 @@
-"""Exporters: a state as the text that other programs read; one file each, with `SUFFIX` and `text(source)`."""
+"""Exporters: particles as other programs read them; one file each.
+
+It has `SUFFIXES`, and `text(source)`, which gives the whole text, or `write(source, path)`; `HOLDS_FRAMES = True` where it
+writes all of `source.frames()`.
+"""

@@ -4,9 +4,33 @@ import importlib
 from pathlib import Path
 from typing import Any
 
+from mpp_taichi.exporters._source import Source
+from mpp_taichi.whole_file import whole_file
+
 
 def exporters() -> dict[str, Any]:
-    """Every exporter, by the suffix that it writes."""
+    """Every exporter, by the suffixes that it writes."""
     names = sorted(path.stem for path in Path(__file__).parent.glob("[!_]*.py") if path.stem != "catalogue")
     found = [importlib.import_module(f"mpp_taichi.exporters.{name}") for name in names]
-    return {exporter.SUFFIX: exporter for exporter in found}
+    return {suffix: exporter for exporter in found for suffix in exporter.SUFFIXES}
+
+
+def export(source: Source, target: Path) -> None:
+    """Write a file whole or not at all.
+
+    Raises:
+        SceneError: the format cannot hold what is to be written, or holds one state and this is a trajectory.
+        OutputError: the file cannot be written.
+    """
+    known = exporters()
+    exporter = known[target.suffix.lower()]
+    if source.trajectory is not None and not getattr(exporter, "HOLDS_FRAMES", False):
+        able = ", ".join(suffix for suffix, each in known.items() if getattr(each, "HOLDS_FRAMES", False))
+        raise source.refuse(
+            f"is a trajectory of {source.frame_count} frames, {target.suffix} holds one; all are held by {able}"
+        )
+    with whole_file(target, "the particles") as temporary:
+        if hasattr(exporter, "write"):
+            exporter.write(source, temporary)
+        else:
+            temporary.write_text(exporter.text(source), encoding="utf-8")

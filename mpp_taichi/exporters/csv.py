@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from mpp_taichi.exporters._source import Source
 
-SUFFIX = ".csv"
+SUFFIXES = (".csv",)
 SCALARS = ("mass", "radius", "charge")
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from mpp_taichi.exporters._source import Source
 
-SUFFIX = ".plist"
+SUFFIXES = (".plist",)
 AT_REST = 1e-12  # relative: more than rounding of a distance
 COMMANDS = {"newtonian_gravity": "k2", "uniform_gravity": "grav", "linear_drag": "damp"}
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from mpp_taichi.exporters._source import Source
 
-SUFFIX = ".txt"
+SUFFIXES = (".txt",)
 
 
 def text(source: Source) -> str:

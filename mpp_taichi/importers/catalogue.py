@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from mpp_taichi.errors import OutputError, SceneError
+from mpp_taichi.snapshot import Snapshot
 
 MOST_BYTES = 256 * 1024 * 1024
 
@@ -20,8 +21,20 @@ def import_scene(path: Path) -> tuple[str, dict[str, Any]]:
 
     Raises:
         OutputError: the file cannot be read.
-        SceneError: no importer knows it, or it says something that cannot be read, with line and column.
+        SceneError: no importer knows it, or it says something that cannot be read, with line and column or byte.
     """
+    name, importer, content = _opened(path)
+    return name, importer.read(content, str(path))
+
+
+def import_particles(path: Path) -> Snapshot | None:
+    """The particles alone, of formats that have no more to say; raises what `import_scene` does."""
+    _, importer, content = _opened(path)
+    return importer.particles(content, str(path)) if hasattr(importer, "particles") else None
+
+
+def _opened(path: Path) -> tuple[str, Any, str | bytes]:
+    """Name of the importer, the importer, and what the file holds."""
     try:
         if path.stat().st_size > MOST_BYTES:
             raise SceneError(f"{path}: is larger than {MOST_BYTES // 1024**2} MiB")
@@ -33,9 +46,10 @@ def import_scene(path: Path) -> tuple[str, dict[str, Any]]:
         suffixes = sorted({suffix for each in importers().values() for suffix in each.SUFFIXES})
         raise SceneError(f"{path}: files of this kind cannot be read, allowed: .yaml, .npz, {', '.join(suffixes)}")
     for name, importer in known.items():
-        text = _decoded(data, path, getattr(importer, "ENCODINGS", ("utf-8-sig",)))
-        if len(known) == 1 or importer.recognises(text):
-            return name, importer.read(text, str(path))
+        binary = getattr(importer, "BINARY", False)
+        content = data if binary else _decoded(data, path, getattr(importer, "ENCODINGS", ("utf-8-sig",)))
+        if len(known) == 1 or importer.recognises(content):
+            return name, importer, content
     raise SceneError(f"{path}: does not begin like any of {', '.join(known)}")
 
 

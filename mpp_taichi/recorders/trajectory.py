@@ -1,6 +1,5 @@
 """Trajectory: positions and velocities along a run, streamed to disk as NumPy arrays or extended XYZ."""
 
-import json
 import os
 import shutil
 import zipfile
@@ -9,9 +8,12 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpp_taichi.contact_setup import enclosure_of
 from mpp_taichi.errors import OutputError
+from mpp_taichi.recorders._extended_xyz import frame_lines
 from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.walls._base import Enclosure, Vector
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
@@ -23,10 +25,10 @@ class TrajectoryRecorder:
     """Writes the particles every `every` steps, at the start and at the end; memory does not grow with the run.
 
     `.npz` holds time and step (frame_count,), position and velocity (frame_count, particle_count, 3) in f64, and mass, radius,
-    charge, name as in a `Snapshot`; the frames wait in raw files beside it until `close` packs them. `.xyz` and `.extxyz` are
-    text, one block a frame. Where spheres merge, `.npz` has mass and radius of every frame, 0 for what is gone, and merged_into
-    as it is at the end; the text has those that are there. The file appears under its name only when it is whole. A context
-    manager.
+    charge, name as in a `Snapshot`; of a box that repeats, its period and origin (frame_count, 3). The frames wait in raw files
+    beside it until `close` packs them. `.xyz` and `.extxyz` are text, one block a frame. Where spheres merge, `.npz` has mass,
+    radius and charge of every frame, 0 for what is gone, and merged_into as it is at the end; the text has those that are
+    there. The file appears under its name only when it is whole. A context manager.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -70,7 +72,7 @@ class TrajectoryRecorder:
         """
         assert self._writer is not None
         try:
-            self._writer.write(simulation.snapshot())
+            self._writer.write(simulation.snapshot(), enclosure_of(simulation.spec))
         except OSError as error:
             raise self._failure(error) from error
         self._last_step = simulation.step_count
@@ -105,7 +107,7 @@ class _ArrayWriter:
     """Raw frames in one file per array, packed into one `.npz` at the end."""
 
     ARRAYS = ("position", "velocity")
-    CHANGING = ("mass", "radius")  # where spheres merge
+    CHANGING = ("mass", "radius", "charge")  # where spheres merge
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -115,6 +117,7 @@ class _ArrayWriter:
             self._open(name)
         self._times: list[float] = []
         self._steps: list[int] = []
+        self._boxes: list[tuple[Vector, Vector]] = []  # period and origin
         self._particles: Snapshot | None = None
 
     def _open(self, name: str) -> None:
@@ -122,7 +125,7 @@ class _ArrayWriter:
         self._streams[name] = open(part, "w+b")
         self._parts[name] = part
 
-    def write(self, snapshot: Snapshot) -> None:
+    def write(self, snapshot: Snapshot, enclosure: Enclosure) -> None:
         if self._particles is None and snapshot.merged_into is not None:
             for name in self.CHANGING:
                 self._open(name)
@@ -130,6 +133,7 @@ class _ArrayWriter:
             stream.write(np.ascontiguousarray(getattr(snapshot, name), dtype="<f8").tobytes())
         self._times.append(snapshot.time)
         self._steps.append(snapshot.step)
+        self._boxes.append((enclosure.period, enclosure.origin))
         self._particles = snapshot
 
     def close(self, *, keep: bool) -> None:
@@ -152,6 +156,8 @@ class _ArrayWriter:
         small |= {name: getattr(self._particles, name) for name in fixed}
         if self._particles.merged_into is not None:
             small["merged_into"] = self._particles.merged_into
+        if any(any(period) for period, _ in self._boxes):
+            small["period"], small["origin"] = (np.array(each, dtype=float) for each in zip(*self._boxes, strict=True))
         small["name"] = np.array(self._particles.name, dtype=np.str_)
         for name, values in small.items():
             with archive.open(f"{name}.npy", "w") as member:
@@ -167,24 +173,15 @@ class _ArrayWriter:
 
 
 class _TextWriter:
-    """Extended XYZ: particle count, a comment that names the columns, one line a particle."""
-
-    COLUMNS = "species:S:1:pos:R:3:velo:R:3:mass:R:1:radius:R:1:charge:R:1"
+    """Extended XYZ, a frame after the other."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._part = path.with_name(path.name + ".part")
         self._stream = open(self._part, "w", encoding="utf-8")
 
-    def write(self, snapshot: Snapshot) -> None:
-        present = snapshot.present
-        self._stream.write(
-            f'{present.sum()}\nProperties={self.COLUMNS} Time={snapshot.time!r} Step={snapshot.step} pbc="F F F"\n'
-        )
-        numbers = np.column_stack([snapshot.position, snapshot.velocity, snapshot.mass, snapshot.radius, snapshot.charge])
-        for name, row, is_there in zip(snapshot.name, numbers.tolist(), present, strict=True):
-            if is_there:
-                self._stream.write(f"{_species(name)} {' '.join(map(repr, row))}\n")
+    def write(self, snapshot: Snapshot, enclosure: Enclosure) -> None:
+        self._stream.writelines(f"{line}\n" for line in frame_lines(snapshot, enclosure))
 
     def close(self, *, keep: bool) -> None:
         self._stream.close()
@@ -192,9 +189,3 @@ class _TextWriter:
             os.replace(self._part, self.path)
         else:
             self._part.unlink(missing_ok=True)
-
-
-def _species(name: str) -> str:
-    """One word: the name without blanks, or X."""
-    word = json.dumps("_".join(name.split()), ensure_ascii=False)[1:-1]
-    return word or "X"
