@@ -8,10 +8,13 @@ import sys
 import numpy as np
 import pytest
 import taichi as ti
+from conftest import ROOT
 from pair_sums import Charges, Gravity, Launcher, Screened, State, bodies_of, launcher_of, reference, rounding, started
 
 from mpp_taichi.neighbors.all_pairs import AllPairs
 from mpp_taichi.neighbors.explicit_vectors import is_elementwise
+from mpp_taichi.scene.load import load_scene
+from mpp_taichi.simulation import Simulation
 
 SHAPES = ("serial", "lanes", "launch", "gather")
 ALL_SIZES = (1, 2, 3, 7, 63, 64, 65, 127, 128, 129, 255, 256, 257, 1025)
@@ -172,3 +175,26 @@ def test_bits_do_not_depend_on_the_number_of_threads():
         result = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=True)
         digests.add(result.stdout.split("digest ")[1])
     assert len(digests) == 1
+
+
+@pytest.mark.parametrize("backend", ["cpu", "vulkan"])
+def test_forces_in_f32_are_right_to_5e_6_of_the_largest(backend, request):
+    """A ring around its planet: thousands of small pulls beside a large one, which all could be rounded the same way."""
+    if backend == "vulkan":
+        request.getfixturevalue("software_vulkan")
+    spec = load_scene(ROOT / "scenes" / "ring.yaml")
+    with Simulation(spec, backend=backend, precision="f32", plan="parallel") as simulation:
+        from mpp_taichi.compare.felt_forces import FeltForces
+
+        found = FeltForces(simulation.state, simulation.total_force, simulation.stepper).measure(0.0)
+        position, _ = simulation.state.read()
+        mass = simulation.state.mass.to_numpy()[: len(position)].astype(float)
+    gravity = spec.forces[0].parameters
+    expected = np.empty((len(position), 3))
+    for i, place in enumerate(position):
+        d = position - place
+        squared = (d * d).sum(1) + gravity["softening"] ** 2
+        squared[i] = np.inf
+        expected[i] = gravity["strength"] * (mass / squared**1.5) @ d
+    largest = np.abs(expected).max()
+    assert np.abs(found - expected[:, : found.shape[1]]).max() < 5e-6 * largest

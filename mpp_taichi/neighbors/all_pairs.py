@@ -21,6 +21,7 @@ from mpp_taichi.types import Template
 
 VECTOR_BYTES = 64  # one AVX-512 register; two are 4–9 % faster in f32 and equal in f64, for twice the compile time
 SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
+GATHERED = 256  # bodies that a GPU's thread sums up before it adds to the whole
 BLOCK_PAIRS = 16  # that are summed up before their sum is added with its low part: a sum of thousands loses three bits
 SYMMETRIC_COUNT = 512  # bodies from which on it is faster to evaluate each pair once
 UNROLLED_PAIRS = 36  # up to nine bodies the serial double loop is written out; beyond, compiling would take seconds
@@ -139,19 +140,12 @@ class AllPairs:
         """Add all accelerations, one body per iteration of a parallel loop; for GPUs."""
         if ti.static(self.has_work):
             for i in range(self.particle_count):
-                if ti.static(state.forces_see_low):
-                    self._gather_in_blocks(state, i)
-                else:
-                    total = state.acceleration[i]
-                    for j in range(self.particle_count):
-                        if i != j:
-                            total += self.acceleration_from(state, i, j)
-                    state.acceleration[i] = total
+                self._gather_in_blocks(state, i)
 
     @ti.func
     def _gather_in_blocks(self, state: Template, i):
-        """Where forces see low parts: sums over blocks of bodies, added with what that loses."""
-        size = ti.static(2 * BLOCK_PAIRS)
+        """Sums over blocks of bodies, so that few terms are rounded beside the whole; with what is lost where forces see it."""
+        size = ti.static(2 * BLOCK_PAIRS if state.forces_see_low else GATHERED)
         whole = state.acceleration[i]
         lost = ti.Vector.zero(float, self.dimensions)
         for block in range(-(-self.particle_count // size)):
@@ -159,8 +153,11 @@ class AllPairs:
             for j in range(block * size, ti.min((block + 1) * size, self.particle_count)):
                 if i != j:
                     total += self.acceleration_from(state, i, j)
-            for axis in ti.static(range(self.dimensions)):
-                whole[axis], lost[axis] = added(state, whole[axis], lost[axis], total[axis])
+            if ti.static(state.forces_see_low):
+                for axis in ti.static(range(self.dimensions)):
+                    whole[axis], lost[axis] = added(state, whole[axis], lost[axis], total[axis])
+            else:
+                whole += total
         state.acceleration[i] = whole
 
     @ti.func
