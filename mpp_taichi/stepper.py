@@ -112,8 +112,9 @@ class Stepper:
             for s in range(steps):
                 self.integrator.launch_step(self.state, self.total_force, self.launch_force, time + s * dt, dt)
         elif self.launches_stages or self.integrator.looks_stages_up(self.total_force):
+            joins = self.integrator.joins_steps(self.total_force)
             for s in range(steps):
-                self._launch_stages(time + s * dt, dt)
+                self._launch_stages(time + s * dt, dt, begins=s == 0 or not joins, joins=joins, opens=s + 1 < steps)
         elif self.integrator.joins_steps(self.total_force):
             self._open(time, dt)
             for s in range(steps):
@@ -136,7 +137,10 @@ class Stepper:
             return 0
         if self.integrator.implicit:
             return None
-        force = 1 + (self.total_force.pair_loops(self.state) + self.state.has_fixed_axes if self.total_force.has_pairs else 0)
+        alone = self.launches_stages and self.total_force.is_symmetric_alone(self.state)
+        force = 0 if alone else 1
+        if self.total_force.has_pairs:
+            force += self.total_force.pair_loops(self.state) + self.state.has_fixed_axes
         sums = self.integrator.evaluations if self.integrator.wants_sum(self.total_force) else 0
         opening = 1 if self.integrator.joins_steps(self.total_force) else 0
         return sums * force + sum(
@@ -235,22 +239,28 @@ class Stepper:
                 first = q // self.grain * self.state.particle_count
                 self.integrator.launch(self.state, self.total_force, first, dt, steps, beyond)
 
-    def _launch_stages(self, time: float, dt: float) -> None:
-        """The step's own stages and forces, each a launch."""
-        self._stage(time, dt, 0)
+    def _launch_stages(self, time: float, dt: float, *, begins: bool, joins: bool, opens: bool) -> None:
+        """The step's own stages and forces, each a launch; where steps are joined the last one `opens` the next step."""
+        if begins:
+            self._stage(time, dt, 0)
         for k, node in enumerate(self.integrator.nodes):
             if self.integrator.wants_sum(self.total_force):
                 self.launch_force(self.total_force, time + node * dt)
             if self.integrator.looks_stages_up(self.total_force):
                 self._stage_after_force(time, dt, k + 1)
+            elif joins and k == self.integrator.evaluations - 1:
+                self._stage_and_opening(time, dt, int(opens))
             else:
                 self._stage(time, dt, k + 1)
 
     def launch_force(self, total_force: TotalForce, time: float) -> None:
         """Accelerations by the forces that do not depend on velocity, all particles at once."""
         if self.launches_stages and total_force.has_pairs:
-            self._begin_sum(total_force, time)
-            total_force.pair_sum.add_accelerations(self.state)
+            if total_force.is_symmetric_alone(self.state):
+                total_force.pairs.set_accelerations(self.state)
+            else:
+                self._begin_sum(total_force, time)
+                total_force.pair_sum.add_accelerations(self.state)
             if self.state.has_fixed_axes:
                 self._end_sum(total_force)
         else:
@@ -259,6 +269,10 @@ class Stepper:
     @ti.kernel
     def _stage(self, time: float, dt: float, k: Template):
         self.integrator.stage(self.state, self.total_force, 0, time, dt, k)
+
+    @ti.kernel
+    def _stage_and_opening(self, time: float, dt: float, opens: ti.i32):
+        self.integrator.stage_and_opening(self.state, self.total_force, 0, time, dt, opens)
 
     @ti.kernel
     def _stage_after_force(self, time: float, dt: float, k: ti.i32):

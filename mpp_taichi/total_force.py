@@ -72,13 +72,18 @@ class TotalForce:
             self.pair_sum = PairDerivatives(self.pairs, derivatives)
         self.pair_forces = pairs
         others = [force for force in forces if not isinstance(force, PairForce) and not force.depends_on_velocity]
-        self.sets_pairs = self.has_pairs and not others and self.pair_sum.sets_directly
+        self.has_pairs_alone = self.has_pairs and not others
+        self.sets_pairs = self.has_pairs_alone and self.pair_sum.sets_directly
         self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
         self.has_velocity_independent = any(not force.depends_on_velocity for force in forces)
 
     def pair_loops(self, state: Any) -> int:
         """Parallel loops over pairs of one sum on the cores of a CPU."""
         return 2 if self.pair_sum is self.pairs and self.pairs.is_symmetric(state) else 1
+
+    def is_symmetric_alone(self, state: Any) -> bool:
+        """Whether a launched sum of symmetric pairs is all there is, and need not be added to anything."""
+        return self.has_pairs_alone and self.pair_sum is self.pairs and bool(self.pairs.is_symmetric(state))
 
     def destroy(self) -> None:
         """Give back the memory that sums took."""

@@ -211,7 +211,8 @@ def test_every_plan_gives_the_same_bits_in_ds_wherever_it_does_in_f64():
 def test_sums_over_many_bodies_lose_nothing_in_ds(backend, request):
     """A sum of n rounded terms in f32 is off by √n u/3 of itself or so: 7 u for 500. In ds only its terms and its end are.
 
-    From 512 bodies on f32 is summed in lanes and chunks (symmetric_pairs.py), and off by less.
+    From 512 bodies on f32 is summed in lanes and chunks on a CPU (symmetric_pairs.py), on a GPU in blocks of 256, and off by
+    less: √256 u/3 of half of the sum.
     """
     if backend == "vulkan":
         request.getfixturevalue("software_vulkan")
@@ -225,7 +226,7 @@ def test_sums_over_many_bodies_lose_nothing_in_ds(backend, request):
             force[precision] = simulation.state.acceleration.to_numpy().astype(np.float64)
     size = np.sqrt(np.mean(force["f64"] ** 2))
     error = {name: np.sqrt(np.mean((force[name] - force["f64"]) ** 2)) / size for name in ("f32", "ds")}
-    assert error["ds"] < 2 * U < 4 * U < error["f32"]
+    assert error["ds"] < 2 * U < error["f32"]
 
 
 def test_energies_are_those_of_the_masses_that_forces_have():

@@ -115,7 +115,9 @@ class Splitting(Integrator):
 
     def joins_steps(self, total_force: Any) -> bool:
         """The last drift of a step and the first of the next are one loop, where a step begins and ends with one."""
-        if self.begins_with_kick or total_force.has_pairs or self.looks_stages_up(total_force):
+        if self.begins_with_kick or self.looks_stages_up(total_force):
+            return False
+        if total_force.has_pairs and total_force.depends_on_velocity:
             return False
         return self.drifts[0] != 0.0 and self.drifts[-1] != 0.0
 
@@ -172,8 +174,11 @@ class Splitting(Integrator):
         """The last stage, and in the loop of its drift the one that opens the next step."""
         node, kick, drift = ti.static(self.entries[-1])
         last = ti.static(len(self.entries) - 1)
-        self.kick_and_drift(state, total_force, first, time + node * dt, last, kick * dt, 0.0, True, False)
+        if ti.static(not self.wants_sum(total_force)):
+            self.kick_and_drift(state, total_force, first, time + node * dt, last, kick * dt, 0.0, True, False)
         for i in range(first, first + total_force.particle_count):
+            if ti.static(self.wants_sum(total_force)):
+                kick_particle(state, i, kick * dt, 2 * last, state.acceleration[i])
             drift_particle(state, i, drift * dt, 2 * last + 1)
             if opens:
                 drift_particle(state, i, self.drifts[0] * dt, 1)

@@ -15,7 +15,7 @@ import taichi as ti
 
 from mpp_taichi.low_parts import added, separation, wide_position
 from mpp_taichi.neighbors._pair_groups import grouped
-from mpp_taichi.neighbors.explicit_vectors import explicit_vectors
+from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, require_components_apart
 from mpp_taichi.neighbors.symmetric_pairs import SymmetricPairs
 from mpp_taichi.types import Template
 
@@ -190,21 +190,27 @@ class AllPairs:
         Raises TypeError when the vectors of the state are not stored component by component (`ti.Layout.SOA`): Taichi
         would store nothing, and say nothing.
         """
+        self._check(state)
+        if self.is_symmetric(state):
+            return self._launch_symmetric(state, sets=False)
+        with explicit_vectors():
+            self._accumulate_on_cpu(state)
+
+    def set_accelerations(self, state: Any) -> None:
+        """Like add_accelerations, but overwrites what was there; only where `is_symmetric`."""
+        self._check(state)
+        self._launch_symmetric(state, sets=True)
+
+    def _launch_symmetric(self, state: Any, *, sets: bool) -> None:
+        self._symmetric = self._symmetric or SymmetricPairs(self)
+        with explicit_vectors():
+            self._symmetric.sum_accelerations(state, sets)
+
+    def _check(self, state: Any) -> None:
         if state is not self._checked_state:
             low = ("position_low",) if state.forces_see_low else ()
-            self.require_components_apart(state, ("position", "acceleration", *low))
+            require_components_apart(state, ("position", "acceleration", *low))
             self._checked_state = state
-        if self.is_symmetric(state):
-            self._symmetric = self._symmetric or SymmetricPairs(self)
-        with explicit_vectors():
-            (self._symmetric.add_accelerations if self._symmetric else self._accumulate_on_cpu)(state)
-
-    def require_components_apart(self, state: Any, names: Sequence[str]) -> None:
-        """TypeError unless these vectors are stored component by component."""
-        for name in names:
-            field = getattr(state, name)
-            if field.get_scalar_field(0).parent() == field.get_scalar_field(1).parent():
-                raise TypeError(f"explicit vectors need {' and '.join(names)} stored component by component")
 
     @ti.kernel
     def _accumulate_on_cpu(self, state: Template):
@@ -382,7 +388,7 @@ class AllPairs:
         energy = ti.cast(0.0, state.wide)
         distance_squared = self._apart(self._apart(separation.dot(separation), state, i), state, j)
         for group in ti.static(self.groups):
-            inverse_distance = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
+            inverse = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
             for member in ti.static(group.members):
-                energy += member.force.potential(state, i, j, inverse_distance)
+                energy += member.force.potential(state, i, j, inverse)
         return energy

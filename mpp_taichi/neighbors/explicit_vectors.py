@@ -14,7 +14,7 @@ field that keeps its vectors together are reached by `field.get_scalar_field(lan
 import ast
 import inspect
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -34,6 +34,14 @@ def explicit_vectors() -> Iterator[None]:
         yield
     finally:
         config.real_matrix_scalarize = before
+
+
+def require_components_apart(state: Any, names: Sequence[str]) -> None:
+    """TypeError unless these vectors of a state are stored component by component (`ti.Layout.SOA`)."""
+    for name in names:
+        field = getattr(state, name)
+        if field.get_scalar_field(0).parent() == field.get_scalar_field(1).parent():
+            raise TypeError(f"explicit vectors need {' and '.join(names)} stored component by component")
 
 
 def is_elementwise(formula: Callable[..., Any]) -> bool:

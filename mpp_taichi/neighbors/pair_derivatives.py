@@ -14,7 +14,7 @@ import taichi as ti
 
 from mpp_taichi.inverse_distance import change_of_inverse_distance, second_change_of_inverse_distance
 from mpp_taichi.neighbors.all_pairs import SMALLEST_BLOCK, AllPairs
-from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, is_elementwise
+from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, is_elementwise, require_components_apart
 from mpp_taichi.types import Template
 
 
@@ -124,7 +124,7 @@ class PairDerivatives:
         Raises TypeError when the vectors of the state are not stored component by component.
         """
         if state is not self._checked_state:
-            self.pairs.require_components_apart(state, ("position", "velocity", "acceleration", "jerk"))
+            require_components_apart(state, ("position", "velocity", "acceleration", "jerk"))
             self._checked_state = state
         with explicit_vectors():
             self._accumulate_on_cpu(state)

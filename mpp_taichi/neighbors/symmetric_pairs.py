@@ -45,8 +45,8 @@ class SymmetricPairs:
         self._tree.destroy()
 
     @ti.kernel
-    def add_accelerations(self, state: Template):
-        """Add all accelerations, in two parallel loops."""
+    def sum_accelerations(self, state: Template, sets: Template):
+        """All accelerations, in two parallel loops; added to what is there unless it `sets` them."""
         for q in range(self.chunk_count * SMALLEST_BLOCK):
             if q % SMALLEST_BLOCK == 0:
                 chunk = q // SMALLEST_BLOCK
@@ -57,7 +57,7 @@ class SymmetricPairs:
                     if block < self.block_count:
                         self._meet_block(state, chunk, block)
         for tile in range(-(-self.count // self.lanes)):
-            self._add_chunks(state, tile)
+            self._add_chunks(state, tile, sets)
 
     # Rows of lanes ---------------------------------------------------------------------------------------------------
 
@@ -195,8 +195,8 @@ class SymmetricPairs:
     # The whole -------------------------------------------------------------------------------------------------------
 
     @ti.func
-    def _add_chunks(self, state: Template, tile):
-        """Add what all chunks found for a tile; and the pairs of a last one that is not full."""
+    def _add_chunks(self, state: Template, tile, sets: Template):
+        """Add, or set, what all chunks found for a tile; and the pairs of a last one that is not full."""
         for axis in ti.static(range(self.dimensions)):
             total = ti.Vector.zero(float, self.lanes)
             for chunk in range(self.chunk_count):
@@ -207,7 +207,10 @@ class SymmetricPairs:
                     addend = total[lane]
                     if ti.static(len(self.pairs.members) == 1):
                         addend = self.pairs.members[0].force.response(state, i) * addend
-                    state.acceleration[i][axis] = state.acceleration[i][axis] + addend
+                    if ti.static(sets):
+                        state.acceleration[i][axis] = addend
+                    else:
+                        state.acceleration[i][axis] = state.acceleration[i][axis] + addend
         if tile == self.tile_count:
             for i in range(tile * self.lanes, self.count):
                 for j in range(tile * self.lanes, self.count):
