@@ -1,4 +1,4 @@
-"""SVG: line plots with logarithmic axes, written by hand, without scripts; colours come from the style sheet of the page."""
+"""SVG: line plots, axes logarithmic or linear, written by hand, without scripts; colours come from the page’s style sheet."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ LEFT, RIGHT, TOP, BOTTOM = 70, 16, 14, 52
 MARKERS = ("circle", "square", "diamond", "triangle", "cross", "plus")
 RADIUS = 4.0
 LINE_HEIGHT = 12.0
-Axis = tuple[float, float]  # from one decimal logarithm to another
+TICKS = 8  # on a linear axis at most
 
 
 @dataclass(frozen=True)
@@ -40,22 +40,22 @@ class Series:
 
 @dataclass(frozen=True)
 class Plot:
-    """Axes and series. Axes are logarithmic; points without a logarithm are left out."""
+    """Axes and series. Axes are logarithmic unless said to be linear; points without a logarithm are left out."""
 
     title: str
     x_label: str
     y_label: str
     series: Sequence[Series]
     notes: Sequence[str] = field(default_factory=tuple)
+    linear_x: bool = False
+    linear_y: bool = False
 
 
 def draw(plot: Plot) -> str:
     """The plot as an <svg> element."""
-    shown = [mark for series in plot.series for mark in series.points if _is_shown(mark)]
-    if not shown:
+    frame = _Frame(plot)
+    if not frame.shown:
         return f"<p>{escape(plot.title)}: nothing to draw.</p>"
-    x_axis, y_axis = _span([mark.x for mark in shown]), _span([mark.y for mark in shown])
-    frame = _Frame(x_axis, y_axis)
     parts = [
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" xmlns="{NAMESPACE}" aria-label={quoteattr(plot.title)}>',
         f"<title>{escape(plot.title)}</title>",
@@ -97,54 +97,74 @@ def _cross(r: float, *, turned: bool) -> list[tuple[float, float]]:
     return [(half * (x - y), half * (x + y)) for x, y in arms]
 
 
-class _Frame:
-    """From decades to pixels."""
+class _Scale:
+    """An axis: from values to its length, 0…1, and its ticks."""
 
-    def __init__(self, x_axis: Axis, y_axis: Axis) -> None:
-        self.x_axis, self.y_axis = x_axis, y_axis
+    def __init__(self, values: Sequence[float], *, linear: bool) -> None:
+        """A little more than the values take, and of a logarithmic one never less than a decade."""
+        self.linear = linear
+        low, high = min(map(self._of, values)), max(map(self._of, values))
+        least = 0.0 if linear else 1.0
+        room = max(0.04 * (high - low), 0.5 * (least - (high - low)), 0.0) or 0.5
+        self.low, self.high = low - room, high + room
+
+    def share(self, value: float) -> float:
+        """Where on the axis a value is."""
+        return (self._of(value) - self.low) / (self.high - self.low)
+
+    def ticks(self) -> list[tuple[float, str]]:
+        """Values and what is written at them."""
+        if self.linear:
+            rough = (self.high - self.low) / TICKS
+            decade = 10.0 ** math.floor(math.log10(rough))
+            step = next(factor * decade for factor in (1.0, 2.0, 5.0, 10.0) if factor * decade >= rough)
+            numbers = range(math.ceil(self.low / step), math.floor(self.high / step) + 1)
+            return [(number * step, f"{number * step:.6g}".replace("-", "−")) for number in numbers]
+        low, high = math.ceil(self.low), math.floor(self.high)
+        return [(10.0**decade, _power(decade)) for decade in range(low, high + 1, max(1, -(-(high - low) // 8)))]
+
+    def _of(self, value: float) -> float:
+        return value if self.linear else math.log10(value)
+
+
+class _Frame:
+    """From values to pixels; `shown` says whether there is anything to draw."""
+
+    def __init__(self, plot: Plot) -> None:
+        self.plot = plot
+        marks = [mark for series in plot.series for mark in series.points if self.shows(mark)]
+        self.shown = bool(marks)
+        self.x_axis = _Scale([mark.x for mark in marks] or [1.0], linear=plot.linear_x)
+        self.y_axis = _Scale([mark.y for mark in marks] or [1.0], linear=plot.linear_y)
+
+    def shows(self, mark: Mark) -> bool:
+        """Whether a point has a place on both axes."""
+        given = ((mark.x, self.plot.linear_x), (mark.y, self.plot.linear_y))
+        return all(math.isfinite(value) and (linear or value > 0.0) for value, linear in given)
 
     def x(self, value: float) -> float:
-        low, high = self.x_axis
-        return LEFT + (math.log10(value) - low) / (high - low) * (WIDTH - LEFT - RIGHT)
+        return LEFT + self.x_axis.share(value) * (WIDTH - LEFT - RIGHT)
 
     def y(self, value: float) -> float:
-        low, high = self.y_axis
-        return HEIGHT - BOTTOM - (math.log10(value) - low) / (high - low) * (HEIGHT - TOP - BOTTOM)
-
-
-def _is_shown(mark: Mark) -> bool:
-    return all(math.isfinite(value) and value > 0.0 for value in (mark.x, mark.y))
-
-
-def _span(values: Sequence[float]) -> Axis:
-    """A little more than the values take, and never less than a decade."""
-    low, high = math.log10(min(values)), math.log10(max(values))
-    room = max(0.04 * (high - low), 0.5 * (1.0 - (high - low)), 0.0)
-    return low - room, high + room
+        return HEIGHT - BOTTOM - self.y_axis.share(value) * (HEIGHT - TOP - BOTTOM)
 
 
 def _axes(frame: _Frame, plot: Plot) -> list[str]:
     bottom, right = HEIGHT - BOTTOM, WIDTH - RIGHT
     parts = [f'<rect class="field" x="{LEFT}" y="{TOP}" width="{right - LEFT}" height="{bottom - TOP}"/>']
-    for decade in _ticks(frame.x_axis):
-        x = frame.x(10.0**decade)
+    for value, label in frame.x_axis.ticks():
+        x = frame.x(value)
         parts.append(f'<line class="grid" x1="{x:.1f}" y1="{TOP}" x2="{x:.1f}" y2="{bottom}"/>')
-        parts.append(f'<text class="tick" x="{x:.1f}" y="{bottom + 17}" text-anchor="middle">{_power(decade)}</text>')
-    for decade in _ticks(frame.y_axis):
-        y = frame.y(10.0**decade)
+        parts.append(f'<text class="tick" x="{x:.1f}" y="{bottom + 17}" text-anchor="middle">{label}</text>')
+    for value, label in frame.y_axis.ticks():
+        y = frame.y(value)
         parts.append(f'<line class="grid" x1="{LEFT}" y1="{y:.1f}" x2="{right}" y2="{y:.1f}"/>')
-        parts.append(f'<text class="tick" x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{_power(decade)}</text>')
+        parts.append(f'<text class="tick" x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{label}</text>')
     middle_x, middle_y = (LEFT + right) / 2, (TOP + bottom) / 2
     parts.append(f'<text class="label" x="{middle_x:.0f}" y="{HEIGHT - 10}" text-anchor="middle">{escape(plot.x_label)}</text>')
     turned = f'transform="rotate(-90 16 {middle_y:.0f})"'
-    label = f'<text class="label" x="16" y="{middle_y:.0f}" {turned} text-anchor="middle">{escape(plot.y_label)}</text>'
-    return [*parts, label]
-
-
-def _ticks(axis: Axis) -> list[int]:
-    low, high = math.ceil(axis[0]), math.floor(axis[1])
-    every = max(1, -(-(high - low) // 8))
-    return list(range(low, high + 1, every))
+    title = f'<text class="label" x="16" y="{middle_y:.0f}" {turned} text-anchor="middle">{escape(plot.y_label)}</text>'
+    return [*parts, title]
 
 
 def _power(decade: int) -> str:
@@ -156,7 +176,7 @@ def _labels(frame: _Frame, series: Sequence[Series]) -> list[str]:
     """Names at the ends of lines, each moved down until it is clear of those before it."""
     parts, taken = [], list[float]()
     for each in series:
-        points = [mark for mark in each.points if _is_shown(mark)]
+        points = [mark for mark in each.points if frame.shows(mark)]
         if not (each.labelled and points):
             continue
         x, y = frame.x(points[-1].x), frame.y(points[-1].y) - 5.0
@@ -168,7 +188,7 @@ def _labels(frame: _Frame, series: Sequence[Series]) -> list[str]:
 
 
 def _series(frame: _Frame, series: Series) -> list[str]:
-    points = [mark for mark in series.points if _is_shown(mark)]
+    points = [mark for mark in series.points if frame.shows(mark)]
     style = f"l{series.number % 8}" if series.number >= 0 else "l-front"
     places = [(frame.x(mark.x), frame.y(mark.y)) for mark in points]
     parts = []

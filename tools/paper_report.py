@@ -1,0 +1,82 @@
+"""The MPPhys paper recomputed: every table, figure and stated number as one HTML page, ours beside the paper's.
+
+    python tools/paper_report.py [--page out/paper_report.html] [--json FILE] [--only NAME,NAME] [--short]
+
+Numbers of ours come from runs and computations of the program; the paper's are typed in, with their place. Where the paper is
+wrong, the row says what is right. Sections share two processes. `--short` takes shorter runs and leaves out what takes longest;
+it checks that the report can be made.
+"""
+
+import argparse
+import importlib
+import json
+import platform
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from importlib.metadata import version
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]  # so that it also runs from a checkout
+
+NAMES = ("two_bodies", "circumbinary", "choreographies", "ring", "pendulum", "membrane", "cantilever", "spheres", "gas", "equations")
+
+
+def make(name, short):
+    """One section and what it took."""
+    began = time.perf_counter()
+    section = importlib.import_module(f"paper.{name}").section(short=short)
+    section.seconds = time.perf_counter() - began
+    return section
+
+
+def machine(seconds):
+    """Where, with what, how long."""
+    from mpp_taichi import __version__
+    from mpp_taichi.availability import cpu_name
+
+    others = ", ".join(f"{name} {version(name)}" for name in ("taichi", "numpy"))
+    return f"{cpu_name()}; mpp_taichi {__version__}, {others}, python {platform.python_version()}; {seconds:.0f} s"
+
+
+def as_json(sections):
+    """Every row as plain data."""
+    keys = ("place", "what", "paper", "ours", "difference", "mark", "correct", "note")
+    return {name: [{key: getattr(row, key) for key in keys} for row in section.rows] for name, section in sections.items()}
+
+
+def main(words=None):
+    """Make the page; 0 if every row is as the paper says or is known to be wrong there."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--page", type=Path, default=Path("out/paper_report.html"))
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--only", default=",".join(NAMES), help="sections, with commas between")
+    parser.add_argument("--short", action="store_true")
+    arguments = parser.parse_args(words)
+    chosen = arguments.only.split(",")
+    unknown = [name for name in chosen if name not in NAMES]
+    if unknown:
+        parser.error(f"unknown section {unknown[0]!r}, allowed: {', '.join(NAMES)}")
+    began = time.perf_counter()
+    if len(chosen) == 1:
+        made = [make(chosen[0], arguments.short)]
+    else:
+        with ProcessPoolExecutor(max_workers=2) as pool:
+            made = list(pool.map(make, chosen, [arguments.short] * len(chosen)))
+    sections = dict(zip(chosen, made, strict=True))
+    from paper.page import APART, page
+
+    kind = ["Short: fewer runs and shorter ones than the whole report has."] if arguments.short else []
+    arguments.page.parent.mkdir(parents=True, exist_ok=True)
+    arguments.page.write_text(page(sections, machine(time.perf_counter() - began), kind), encoding="utf-8")
+    if arguments.json:
+        arguments.json.write_text(json.dumps(as_json(sections), indent=1), encoding="utf-8")
+    apart = [row for section in made for row in section.rows if row.mark == APART]
+    for row in apart:
+        sys.stderr.write(f"differs: {row.place}, {row.what}: {row.paper} in the paper, {row.ours} here\n")
+    sys.stdout.write(f"{arguments.page}: {sum(len(section.rows) for section in made)} rows, {time.perf_counter() - began:.0f} s\n")
+    return 1 if apart else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
