@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from mpp_taichi.errors import StabilityError
 from mpp_taichi.expectations import Watcher
 from mpp_taichi.simulation import Simulation
 from mpp_taichi.views._base import Frame
@@ -58,6 +59,8 @@ def measure(scene, expect, overrides=None, duration=None):
         verdicts = watcher.verdicts({}, "f64")
     found = {}
     for verdict in verdicts:
+        if verdict.value is None:
+            raise StabilityError(f"{verdict.label}: {verdict.reason}")
         found.setdefault(verdict.quantity, []).append(verdict.value)
     return {name: values[0] if len(values) == 1 else values for name, values in found.items()}
 
