@@ -6,7 +6,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from mpp_taichi.accuracy.report import framed
 
-SAME, HOLDS, WRONG, APART, EMPTY = "same digits", "holds", "paper is wrong", "differs", ""
+SAME, HOLDS, CURED, WRONG, APART, EMPTY = "same digits", "holds", "limit lifted", "paper is wrong", "differs", ""
 STYLE = """
 .paper td { white-space: normal; vertical-align: top; max-width: 30rem } .paper td:nth-child(n+3) { text-align: right }
 .paper td:nth-child(7) { text-align: left } .paper .wrong td { background: color-mix(in srgb, #d23c3c 14%, transparent) }
@@ -25,9 +25,10 @@ class Row:
 
     paper    as printed, a number with all its digits, or words
     ours     a number that was computed or measured, or words made from such
-    within   for a number that the paper gives as approximate: the difference allowed; else half of the last digit printed
+    within   for a number that the paper gives as approximate: the difference allowed; else that of `half_digit`
     holds    for words: whether the run bears them out; None where there is nothing to judge
     correct  what must stand there where the paper is wrong
+    cured    `paper` is a limit of the paper's program, and `holds` says that it is none here
     """
 
     place: str
@@ -38,6 +39,7 @@ class Row:
     within: float | None = None
     holds: bool | None = None
     correct: str = ""
+    cured: bool = False
 
     @property
     def difference(self) -> float | None:
@@ -59,6 +61,8 @@ class Row:
             return WRONG
         if agrees is None:
             return EMPTY
+        if self.cured and agrees:
+            return CURED
         return (HOLDS if self.difference is None or self.within is not None else SAME) if agrees else APART
 
 
@@ -84,8 +88,10 @@ class Section:
 
 
 def half_digit(printed: str) -> float:
-    """Half a unit of the last digit of a number as it is printed."""
+    """Half a unit of the last digit of a number as it is printed; of whole ones, such as 3072 and 5e3, none but rounding."""
     mantissa, _, exponent = printed.lower().partition("e")
+    if "." not in mantissa:
+        return 1e-9 * abs(float(printed)) or 1e-12
     return 0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
 
 
@@ -97,7 +103,7 @@ def number(value: float | str, printed: str = "") -> str:
         return f"{int(value):,}".replace("-", "−")
     digits = 6
     try:
-        if printed and float(printed) and value:
+        if "." in printed and value:
             last = round(math.log10(2.0 * half_digit(printed)))
             digits = min(12, max(4, math.floor(math.log10(abs(value))) - last + 3))
     except ValueError:
@@ -108,10 +114,11 @@ def number(value: float | str, printed: str = "") -> str:
 def page(sections: dict[str, Section], machine: str, circumstances: list[str]) -> str:
     """The whole page; well-formed XML, without scripts, and with nothing from a network."""
     rows = [row for section in sections.values() for row in section.rows]
-    counts = {mark: sum(row.mark == mark for row in rows) for mark in (SAME, HOLDS, WRONG, APART)}
+    counts = {mark: sum(row.mark == mark for row in rows) for mark in (SAME, HOLDS, CURED, WRONG, APART)}
     sentence = (
         f"{len(rows)} numbers and statements of T. Müller, arXiv:1403.1695, beside what this program finds: {counts[SAME]} the same in "
-        f"every digit printed, {counts[HOLDS]} that hold, {counts[WRONG]} where the paper is wrong, {counts[APART]} that differ"
+        f"every digit printed, {counts[HOLDS]} that hold, {counts[CURED]} limits of the paper’s program that "
+        f"are none here, {counts[WRONG]} where the paper is wrong, {counts[APART]} that differ"
     )
     links = [f'<a href="#{name}">{escape(section.title)}</a>' for name, section in sections.items()]
     wrong = [row for row in rows if row.mark in (WRONG, APART)]
