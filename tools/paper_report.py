@@ -20,7 +20,18 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]  # so that it also runs from a checkout
 
-NAMES = ("two_bodies", "circumbinary", "choreographies", "ring", "springs", "membrane", "cantilever", "spheres", "gas", "equations")
+NAMES = (
+    "two_bodies",
+    "circumbinary",
+    "choreographies",
+    "ring",
+    "springs",
+    "membrane",
+    "cantilever",
+    "spheres",
+    "gas",
+    "equations",
+)
 
 
 def make(name, short):
@@ -76,7 +87,9 @@ def main(words=None):
     apart = [row for section in made for row in section.rows if row.mark == APART]
     for row in apart:
         sys.stderr.write(f"differs: {row.place}, {row.what}: {row.paper} in the paper, {row.ours} here\n")
-    sys.stdout.write(f"{arguments.page}: {sum(len(section.rows) for section in made)} rows, {time.perf_counter() - began:.0f} s\n")
+    sys.stdout.write(
+        f"{arguments.page}: {sum(len(section.rows) for section in made)} rows, {time.perf_counter() - began:.0f} s\n"
+    )
     return 1 if apart else 0
 
 

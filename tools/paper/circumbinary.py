@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from mpp_taichi.accuracy import svg
 from mpp_taichi.accuracy.svg import Mark, Plot, Series
 from mpp_taichi.assemble import assemble
 from mpp_taichi.scene.load import load_scene
@@ -23,25 +22,50 @@ SCENE = {
         **{"m": "m_A + m_B", "v": "k * sqrt(m / apart)", "v_P": "k * sqrt(m / r_P)"},
     },
     "particles": [
-        {"body": {"name": "A", "mass": "m_A", "position": ["-apart * m_B / m", 0], "velocity": [0, "-v * m_B / m"],
-                  "radius": 0.03, "color": [1.0, 0.85, 0.4]}},
-        {"body": {"name": "B", "mass": "m_B", "position": ["apart * m_A / m", 0], "velocity": [0, "v * m_A / m"],
-                  "radius": 0.02, "color": [1.0, 0.5, 0.35]}},
-        {"body": {"name": "P", "mass": "m_P", "position": ["r_P * cos(phase)", "r_P * sin(phase)"],
-                  "velocity": ["-v_P * sin(phase)", "v_P * cos(phase)"], "radius": 0.012, "color": [0.5, 0.75, 1.0]}},
+        {
+            "body": {
+                "name": "A",
+                "mass": "m_A",
+                "position": ["-apart * m_B / m", 0],
+                "velocity": [0, "-v * m_B / m"],
+                "radius": 0.03,
+                "color": [1.0, 0.85, 0.4],
+            }
+        },
+        {
+            "body": {
+                "name": "B",
+                "mass": "m_B",
+                "position": ["apart * m_A / m", 0],
+                "velocity": [0, "v * m_A / m"],
+                "radius": 0.02,
+                "color": [1.0, 0.5, 0.35],
+            }
+        },
+        {
+            "body": {
+                "name": "P",
+                "mass": "m_P",
+                "position": ["r_P * cos(phase)", "r_P * sin(phase)"],
+                "velocity": ["-v_P * sin(phase)", "v_P * cos(phase)"],
+                "radius": 0.012,
+                "color": [0.5, 0.75, 1.0],
+            }
+        },
     ],
     "forces": [{"newtonian_gravity": {"strength": "k ** 2"}}],
     "integrator": {"yoshida4": {"dt": 0.1}},
     "run": {"duration": 230},
     "view": {"camera": {"position": [0, 0, 2.6], "look_at": [0, 0, 0], "up": [0, 1, 0]}, "trails": 400},
-}  # fmt: skip
+}
 
 
 def section(*, short):
     """The stars' and the planet's speeds and periods, and the distance at which it is lost."""
     found = Section(
         "Circumbinary planet",
-        "Section 4.2: a planet around the two stars of Kepler-16 on circles, eqs. (11)–(14). The paper asks what happens if r_P is "
+        "Section 4.2: a planet around the two stars of Kepler-16 on circles, eqs. (11)–(14). The paper asks what "
+        "happens if r_P is "
         "reduced, and when the planet will be ejected; here is the answer.",
     )
     found.rows += _speeds()
@@ -83,16 +107,37 @@ def _speeds():
     ours = "r_AB"
     return [
         Row("eq. (14)", "m_P = 0.333 M_Jup/M_sol", "0.318e-3", 0.333 * JUPITER),
-        Row("eq. (13)", "the stars keep to circles: mean of r_AB in a run", "0.2243", float(track[0].mean()), f"{ours} keeps to {np.ptp(track[0]):.1e} AU."),
-        Row("eq. (13)", "v_A, v_B, v_P [AU a day]", "balance of attraction and centrifugal force",
-            f"{speed[0]:.7f}, {speed[1]:.7f}, {speed[2]:.7f}", f"Checked by the circles that they give: r_AB varies by {np.ptp(track[0]) / 0.2243:.0e} of itself.",
-            holds=bool(np.ptp(track[0]) < 1e-3 * 0.2243)),
-        Row("eq. (12)", "period of the stars [days]", "an effective one-body motion", f"{periods[0]:.3f} in a run, {kepler:.3f} by eq. (12)",
-            holds=abs(periods[0] / kepler - 1.0) < 1e-3),
-        Row("§4.2", "orbit of the planet", "v_P² = k²(m_A + m_B)/r_P approximates a circle",
-            f"r_P between {track[1].min():.4f} and {track[1].max():.4f} AU, first turn {periods[1]:.1f} days", "The two stars pull more than one at their centre.",
-            holds=bool(np.ptp(track[1]) < 0.2 * 0.7048)),
-    ]  # fmt: skip
+        Row(
+            "eq. (13)",
+            "the stars keep to circles: mean of r_AB in a run",
+            "0.2243",
+            float(track[0].mean()),
+            f"{ours} keeps to {np.ptp(track[0]):.1e} AU.",
+        ),
+        Row(
+            "eq. (13)",
+            "v_A, v_B, v_P [AU a day]",
+            "balance of attraction and centrifugal force",
+            f"{speed[0]:.7f}, {speed[1]:.7f}, {speed[2]:.7f}",
+            f"Checked by the circles that they give: r_AB varies by {np.ptp(track[0]) / 0.2243:.0e} of itself.",
+            holds=bool(np.ptp(track[0]) < 1e-3 * 0.2243),
+        ),
+        Row(
+            "eq. (12)",
+            "period of the stars [days]",
+            "an effective one-body motion",
+            f"{periods[0]:.3f} in a run, {kepler:.3f} by eq. (12)",
+            holds=abs(periods[0] / kepler - 1.0) < 1e-3,
+        ),
+        Row(
+            "§4.2",
+            "orbit of the planet",
+            "v_P² = k²(m_A + m_B)/r_P approximates a circle",
+            f"r_P between {track[1].min():.4f} and {track[1].max():.4f} AU, first turn {periods[1]:.1f} days",
+            "The two stars pull more than one at their centre.",
+            holds=bool(np.ptp(track[1]) < 0.2 * 0.7048),
+        ),
+    ]
 
 
 def _distances(run):
@@ -102,7 +147,7 @@ def _distances(run):
 
 
 def ejections(distances, phases, years):
-    """Years until the planet is gone, (distances, phases); infinite where it stays. All of them run side by side in one launch."""
+    """Years until the planet is gone, (distances, phases), infinite where it stays: all run side by side in one launch."""
     starts = [
         assemble(load_scene(SCENE, overrides={"constants.r_P": float(r), "constants.phase": math.radians(float(angle))}))
         for r in distances
@@ -138,7 +183,8 @@ def _answer(distances, phases, years, lost):
             "“When will the planet be ejected?”",
             "an open question",
             f"within {years:.0f} years up to r_P = {safe:.2f} AU; the largest distances are {words}",
-            f"{lost.size} runs side by side, r_P from {distances[0]:.2f} to {distances[-1]:.2f}, {len(phases)} phases of the planet. Holman "
+            f"{lost.size} runs side by side, r_P from {distances[0]:.2f} to {distances[-1]:.2f}, {len(phases)} phases of "
+            f"the planet. Holman "
             "and Wiegert (Astron. J. 117 (1999) 621) have 0.51 AU for the innermost stable orbit.",
         ),
         Row(
@@ -157,14 +203,18 @@ def _map(distances, phases, years, lost):
             f"{angle:.0f}°",
             k,
             [
-                Mark(r, t if np.isfinite(t) else years, f"{angle:.0f}°, {r:.2f} AU: " + (f"{t:.1f} years" if np.isfinite(t) else "stays"),
-                     bound=not np.isfinite(t))
+                Mark(
+                    r,
+                    t if np.isfinite(t) else years,
+                    f"{angle:.0f}°, {r:.2f} AU: " + (f"{t:.1f} years" if np.isfinite(t) else "stays"),
+                    bound=not np.isfinite(t),
+                )
                 for r, t in zip(distances, lost[:, k])
             ],
             joined=False,
         )
         for k, angle in enumerate(phases)
-    ]  # fmt: skip
+    ]
     plot = Plot("When the planet is gone", "r_P [AU]", "years until the planet is gone", series, linear_x=True)
     said = f"By distance and, in colours, phase. Hollow: still bound after {years:.0f} years."
-    return Figure("When the planet is ejected", drawing(svg.draw(plot)), said)
+    return Figure("When the planet is ejected", drawing(plot), said)

@@ -13,7 +13,8 @@ def section(*, short):
     """Each equation as it is printed and as it must be, by numbers; then the limits."""
     found = Section(
         "Equations as printed, and stated limits",
-        "Eqs. (4), (10) and (15) put into numbers as they stand in the paper, beside runs; and what the paper says that its program cannot do.",
+        "Eqs. (4), (10) and (15) put into numbers as they stand in the paper, beside runs; and what the paper says "
+        "that its program cannot do.",
     )
     found.rows += [_spring(), _distance(), *_back_step()]
     found.rows += _limits(short)
@@ -52,9 +53,14 @@ def _distance():
         place = run.snapshot().position
     apart = float(np.linalg.norm(place[1] - place[0]))
     printed = 2.0 * radius**2 * (1.0 - math.cos(math.tau / n))
-    return Row("eq. (15), text", f"distance of neighbours for N = {n}, R = {radius:g}", f"{printed:.6f}", apart,
-               "2R²(1 − cos ψ) is its square; r_i = R cos(2πi/N) is one component. Eq. (16) follows from the square.",
-               correct="d² = 2R²(1 − cos ψ), r_i = R (cos, sin)")  # fmt: skip
+    return Row(
+        "eq. (15), text",
+        f"distance of neighbours for N = {n}, R = {radius:g}",
+        f"{printed:.6f}",
+        apart,
+        "2R²(1 − cos ψ) is its square; r_i = R cos(2πi/N) is one component. Eq. (16) follows from the square.",
+        correct="d² = 2R²(1 − cos ψ), r_i = R (cos, sin)",
+    )
 
 
 def _back_step():
@@ -77,20 +83,44 @@ def _back_step():
     shift = float(weights @ (radii * overlap / radii.sum() * [-1, 1]))
     right = np.array([0.0, 1.0]) * exact + np.array([x[0] - v[0] * exact, x[1]])
     return [
-        Row("eq. (10)", f"back-step of a ball at rest, hit at speed {speed:g}, overlap {overlap:g}", "∞" if np.isinf(steps[1]) else f"{steps[1]:g}", float(exact),
-            f"Δt₂ divides by ⟨n, v₂⟩ = 0, and Δt₁ = {steps[0]:g} is half of what it took. In the event-driven run the balls are at "
+        Row(
+            "eq. (10)",
+            f"back-step of a ball at rest, hit at speed {speed:g}, overlap {overlap:g}",
+            "∞" if np.isinf(steps[1]) else f"{steps[1]:g}",
+            float(exact),
+            f"Δt₂ divides by ⟨n, v₂⟩ = 0, and Δt₁ = {steps[0]:g} is half of what it took. In the event-driven run the "
+            f"balls are at "
             f"{ours[0]:.6f} and {ours[1]:.6f}, where this step puts them to {np.abs(ours - right).max():.0e}.",
-            correct="one step for both, s = [b + √(b² − a c)]/a with a = |Δv|², b = Δx·Δv, c = |Δx|² − (r₁+r₂)²"),
-        Row("§2.4", "overlap after x′ₙ = xₙ − rₙ δ/(r₁+r₂) n₁₂ for both balls", "0", float(left), "Both move the same way, so that equal balls overlap as before.",
-            correct="the sign turns for n = 2"),
-        Row("§2.4", "by how much it moves the centre of mass, r = 0.5, 0.2, m = 1, 3 (sign put right)", "0", shift / weights.sum(),
-            "Weighted by radii.", correct="weights of the inverse masses"),
-    ]  # fmt: skip
+            correct="one step for both, s = [b + √(b² − a c)]/a with a = |Δv|², b = Δx·Δv, c = |Δx|² − (r₁+r₂)²",
+        ),
+        Row(
+            "§2.4",
+            "overlap after x′ₙ = xₙ − rₙ δ/(r₁+r₂) n₁₂ for both balls",
+            "0",
+            float(left),
+            "Both move the same way, so that equal balls overlap as before.",
+            correct="the sign turns for n = 2",
+        ),
+        Row(
+            "§2.4",
+            "by how much it moves the centre of mass, r = 0.5, 0.2, m = 1, 3 (sign put right)",
+            "0",
+            shift / weights.sum(),
+            "Weighted by radii.",
+            correct="weights of the inverse masses",
+        ),
+    ]
 
 
 def _two(x, v):
     bodies = [{"body": {"mass": 1, "position": [float(p), 0], "velocity": [float(s), 0], "radius": 0.5}} for p, s in zip(x, v)]
-    return {"title": "Two balls", "dimensions": 2, "particles": bodies, "contacts": {"hard_spheres": {"solver": "event_driven"}}, "run": {"duration": 1}}
+    return {
+        "title": "Two balls",
+        "dimensions": 2,
+        "particles": bodies,
+        "contacts": {"hard_spheres": {"solver": "event_driven"}},
+        "run": {"duration": 1},
+    }
 
 
 def _limits(short):
@@ -102,9 +132,14 @@ def _limits(short):
         each = (time.perf_counter() - began) / steps
     year = 1.0 / each
     rows = [
-        Row("§4.4", "N = 3072 on a CPU", "extremely slow, which makes it necessary to switch to OpenCL", f"{1e3 * each:.1f} ms a step, {year:.0f} steps a second",
-            "On this machine, in f64, while other sections run."),
-    ]  # fmt: skip
+        Row(
+            "§4.4",
+            "N = 3072 on a CPU",
+            "extremely slow, which makes it necessary to switch to OpenCL",
+            f"{1e3 * each:.1f} ms a step, {year:.0f} steps a second",
+            "On this machine, in f64, while other sections run.",
+        ),
+    ]
     span = 2.0 if short else 20.0
     with runs.start("double_pendulum", {"integrator": {"adaptive_dop853": {"dt": 0.02, "tolerance": 1e-9}}}) as run:
         first = runs.energy(run)
@@ -112,8 +147,14 @@ def _limits(short):
     off = float(np.abs(energies / first - 1.0).max())
     even = float(np.ptp(np.diff(stamps)))
     rows.append(
-        Row("§4.5", "step size control", "not implemented, because this would make the visualization bumpy",
+        Row(
+            "§4.5",
+            "step size control",
+            "not implemented, because this would make the visualization bumpy",
             f"energy off by {off:.0e} with frames {np.diff(stamps).mean():.3g} apart, even to {even:.0e}",
-            "adaptive_dop853 chooses its own steps; frames come from the polynomial of each step.", holds=off < 1e-6 and even < 1e-12, cured=True)
-    )  # fmt: skip
+            "adaptive_dop853 chooses its own steps; frames come from the polynomial of each step.",
+            holds=off < 1e-6 and even < 1e-12,
+            cured=True,
+        )
+    )
     return rows

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from mpp_taichi.accuracy import svg
 from mpp_taichi.accuracy.svg import Mark, Plot, Series
 from mpp_taichi.kinetic_theory import kolmogorov_smirnov
 from mpp_taichi.kinetic_theory.speeds import speed_cumulative, speed_density
@@ -14,14 +13,18 @@ from paper import runs
 from paper.page import Figure, Row, Section, drawing, pictures
 
 SNAPSHOT = 1.0  # the time of the figure is not given; after this one each disk has met some five others
-BROWNIAN = {"kinetic_temperature": {"of": "heavy", "near": 1, "within": 1}, "mean_square_displacement": {"of": "heavy", "near": 1, "within": 99}}
+BROWNIAN = {
+    "kinetic_temperature": {"of": "heavy", "near": 1, "within": 1},
+    "mean_square_displacement": {"of": "heavy", "near": 1, "within": 99},
+}
 
 
 def section(*, short):
     """Figure 13 with its distribution over time, and a heavy ball in a bath."""
     found = Section(
         "Maxwell–Boltzmann distribution",
-        "Section 4.9, eq. (21): 250 disks that start with one speed in random directions. The paper shows the distribution “at some instance of time”.",
+        "Section 4.9, eq. (21): 250 disks that start with one speed in random directions. The paper shows the "
+        "distribution “at some instance of time”.",
     )
     with runs.start("maxwell_boltzmann") as run:
         found.rows += _setup(run)
@@ -45,7 +48,13 @@ def _setup(run):
     return [
         Row("Fig. 13", "N", "250", start.particle_count),
         Row("Fig. 13", "radii r", "0.1", float(start.radius[0])),
-        Row("Fig. 13", "initial velocity v of each", "1", float(speed.mean()), f"They differ by {np.ptp(speed):.0e}; packing fraction {packing:.4f}."),
+        Row(
+            "Fig. 13",
+            "initial velocity v of each",
+            "1",
+            float(speed.mean()),
+            f"They differ by {np.ptp(speed):.0e}; packing fraction {packing:.4f}.",
+        ),
         Row("Fig. 13", "box, length", "7.5", float(upper[0] - lower[0])),
         Row("Fig. 13", "box, width", "5.0", float(upper[1] - lower[1])),
         Row("eq. (21)", "b = √⟨v²⟩", "1", float(np.sqrt(np.mean(speed**2))), "Kept by every collision."),
@@ -66,16 +75,32 @@ def _approach(run):
     middle = 0.5 * (columns["edge"][1:] + columns["edge"][:-1])
     v = np.linspace(0.0, 3.0, 200)
     series = [
-        Series("hard disks", 0, [Mark(x, y, f"{y:.3f} ± {e:.3f}") for x, y, e in zip(middle, columns["density"], columns["standard_error"])], joined=False),
+        Series(
+            "hard disks",
+            0,
+            [Mark(x, y, f"{y:.3f} ± {e:.3f}") for x, y, e in zip(middle, columns["density"], columns["standard_error"])],
+            joined=False,
+        ),
         Series("eq. (21)", 4, [Mark(x, y) for x, y in zip(v, speed_density(v, 1.0, 2))], marked=False, dashed=True),
-    ]  # fmt: skip
+    ]
     plot = Plot("Velocity distribution", "v / b", "f(v)", series, linear_x=True, linear_y=True)
-    paper = "Velocity distribution simulated by the HardSpheres model (black dots) at some instance of time compared to the Maxwell–Boltzmann distribution in 2D (dashed curve)."
-    figure = Figure("Figure 13", drawing(svg.draw(plot)), f"Dots: 250 disks at t = {SNAPSHOT:g}; dashed: eq. (21) with b = 1.", paper)
-    words = f"Kolmogorov–Smirnov distance {first:.3f} at t = 0, {later:.3f} at t = {SNAPSHOT:g}, after {met:.1f} collisions of each"
-    row = Row("§4.9", "approach to eq. (21)", "already after a few collisions per particle", words,
-              f"Of 250 speeds from eq. (21) itself one sample in twenty is farther than {critical:.3f}; 1 − 1/e = {1 - 1 / math.e:.3f} at the start.",
-              holds=later < critical < first)  # fmt: skip
+    paper = (
+        "Velocity distribution simulated by the HardSpheres model (black dots) at some instance of time compared to "
+        "the Maxwell–Boltzmann distribution in 2D (dashed curve)."
+    )
+    figure = Figure("Figure 13", drawing(plot), f"Dots: 250 disks at t = {SNAPSHOT:g}; dashed: eq. (21) with b = 1.", paper)
+    words = (
+        f"Kolmogorov–Smirnov distance {first:.3f} at t = 0, {later:.3f} at t = {SNAPSHOT:g}, after {met:.1f} collisions of each"
+    )
+    row = Row(
+        "§4.9",
+        "approach to eq. (21)",
+        "already after a few collisions per particle",
+        words,
+        f"Of 250 speeds from eq. (21) itself one sample in twenty is farther than {critical:.3f}; 1 − 1/e = "
+        f"{1 - 1 / math.e:.3f} at the start.",
+        holds=later < critical < first,
+    )
     return [row], shown, figure
 
 
@@ -93,13 +118,23 @@ def _over_time(duration, found):
     early = time <= 5.0
     series = [
         Series("distance", 0, [Mark(t, d) for t, d in zip(time[early], distance[early])], marked=False),
-        Series("5 % critical", 4, [Mark(0.0, critical), Mark(5.0, critical)], marked=False, dashed=True, labelled=True),
+        Series("5 % critical", 4, [Mark(0.0, critical), Mark(5.0, critical)], marked=False, dashed=True),
     ]
     plot = Plot("Distance from eq. (21)", "t", "Kolmogorov–Smirnov distance", series, linear_x=True)
-    found.figures.append(Figure("How fast", drawing(svg.draw(plot)), f"{rate:.2f} collisions of a disk in a unit of time, over t = {duration:g}."))
+    found.figures.append(
+        Figure("How fast", drawing(plot), f"{rate:.2f} collisions of a disk in a unit of time, over t = {duration:g}.")
+    )
     share = float(np.mean(distance[time > 2.0] < critical))
     words = f"{share:.0%} of the looks after t = 2 are within the distance that 95 % of samples from eq. (21) keep"
-    return [Row("§4.9", "the distribution stays that of eq. (21)", "approaches the two-dimensional Maxwell–Boltzmann distribution", words, holds=share > 0.85)]
+    return [
+        Row(
+            "§4.9",
+            "the distribution stays that of eq. (21)",
+            "approaches the two-dimensional Maxwell–Boltzmann distribution",
+            words,
+            holds=share > 0.85,
+        )
+    ]
 
 
 def _brownian():
@@ -116,7 +151,17 @@ def _brownian():
     # From rest: Langevin's equation, Ornstein and Uhlenbeck, Phys. Rev. 36 (1930) 823.
     once, twice = math.exp(-friction * duration), math.exp(-2.0 * friction * duration)
     theory = 4.0 / (mass[0] * friction) * (duration - (3.0 - 4.0 * once + twice) / (2.0 * friction))
-    words = f"⟨x²⟩ = {found['mean_square_displacement']:.1f} of {heavy} heavy balls after t = {duration:g}, {theory:.1f} by Enskog’s friction"
+    words = (
+        f"⟨x²⟩ = {found['mean_square_displacement']:.1f} of {heavy} heavy balls after t = {duration:g}, {theory:.1f} "
+        f"by Enskog’s friction"
+    )
     # sixteen squares of two components scatter by √(1/16) of their mean; three of these
-    return [Row("§4.9", "a massive particle in a bath of small ones", "can be studied with the same setup", words,
-                holds=abs(found["mean_square_displacement"] / theory - 1.0) < 0.75)]  # fmt: skip
+    return [
+        Row(
+            "§4.9",
+            "a massive particle in a bath of small ones",
+            "can be studied with the same setup",
+            words,
+            holds=abs(found["mean_square_displacement"] / theory - 1.0) < 0.75,
+        )
+    ]

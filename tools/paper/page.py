@@ -1,21 +1,32 @@
 """The page: rows of numbers beside the paper's, figures, sections, and the HTML of all."""
 
 import math
+import re
 from dataclasses import dataclass, field
 from xml.sax.saxutils import escape, quoteattr
 
+from mpp_taichi.accuracy import svg
 from mpp_taichi.accuracy.report import framed
+from mpp_taichi.accuracy.svg import Plot
 
 SAME, HOLDS, CURED, WRONG, APART, EMPTY = "same digits", "holds", "limit lifted", "paper is wrong", "differs", ""
+PICTURES, BROAD = '<div class="pictures">', ' class="broad"'
 STYLE = """
-.paper td { white-space: normal; vertical-align: top; max-width: 30rem } .paper td:nth-child(n+3) { text-align: right }
-.paper td:nth-child(7) { text-align: left } .paper .wrong td { background: color-mix(in srgb, #d23c3c 14%, transparent) }
-.paper .differs td { background: color-mix(in srgb, #b97a00 22%, transparent) } .mark { white-space: nowrap }
-.pictures { display: flex; flex-wrap: wrap; gap: .6rem } .pictures div { flex: 1 1 240px; max-width: 640px }
-.pictures img { width: 100%; height: auto; display: block; border-radius: 4px } .pictures span { font-size: .8rem }
-section { margin: 2.2rem 0 } figure { margin: 1rem 0 } .plot { max-width: 720px } .theirs { font-style: italic }
-pre { background: var(--field); padding: .6rem; overflow-x: auto; font-size: .78rem; max-height: 420px; margin: 0 }
-nav a { margin-right: .9rem } a { color: inherit } figcaption { max-width: 60rem }
+.paper { width: 100%; table-layout: fixed } .paper th, .paper td { white-space: normal; vertical-align: top; text-align: left }
+.paper th:nth-child(1), .paper th:nth-child(5), .paper th:nth-child(6) { width: 8% }
+.paper th:nth-child(2), .paper th:nth-child(3) { width: 18% } .paper th:nth-child(4) { width: 22% }
+.paper td.number, .paper th:nth-child(5) { text-align: right }
+.paper .wrong td { background: color-mix(in srgb, #d23c3c 14%, transparent) }
+.paper .differs td { background: color-mix(in srgb, #b97a00 22%, transparent) }
+.figures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 480px), 1fr)); gap: 1.2rem;
+  margin: 1.2rem 0 }
+.figures .broad { grid-column: 1 / -1 } .pictures { display: flex; flex-wrap: wrap; gap: .6rem }
+.pictures div { flex: 1 1 280px; max-width: 640px; min-width: 0 } .pictures span { font-size: .8rem }
+.pictures img { width: 100%; height: auto; display: block; border-radius: 4px } .plot { max-width: 720px }
+section { margin: 2.4rem 0 } .theirs { font-style: italic } .seconds { font-size: .8rem }
+pre { background: var(--field); padding: .6rem; overflow: auto; font-size: .78rem; max-height: 400px; margin: 0 }
+nav a { margin-right: .9rem } a { color: inherit } figcaption { max-width: 60rem; margin-top: .3rem }
+.legend { margin: .1rem 0; font-size: .85rem }
 """
 
 
@@ -75,6 +86,11 @@ class Figure:
     caption: str
     paper: str = ""
 
+    @property
+    def is_broad(self) -> bool:
+        """Whether it takes the width of the page: pictures side by side do."""
+        return self.content.startswith(PICTURES) and self.content.count("<div>") > 1
+
 
 @dataclass
 class Section:
@@ -100,7 +116,7 @@ def number(value: float | str, printed: str = "") -> str:
     if isinstance(value, str):
         return value
     if value == int(value) and abs(value) < 1e7:
-        return f"{int(value):,}".replace("-", "−")
+        return f"{int(value):,}"
     digits = 6
     try:
         if "." in printed and value:
@@ -108,7 +124,7 @@ def number(value: float | str, printed: str = "") -> str:
             digits = min(12, max(4, math.floor(math.log10(abs(value))) - last + 3))
     except ValueError:
         pass
-    return f"{value:.{digits}g}".replace("-", "−")
+    return f"{value:.{digits}g}"
 
 
 def page(sections: dict[str, Section], machine: str, circumstances: list[str]) -> str:
@@ -116,7 +132,8 @@ def page(sections: dict[str, Section], machine: str, circumstances: list[str]) -
     rows = [row for section in sections.values() for row in section.rows]
     counts = {mark: sum(row.mark == mark for row in rows) for mark in (SAME, HOLDS, CURED, WRONG, APART)}
     sentence = (
-        f"{len(rows)} numbers and statements of T. Müller, arXiv:1403.1695, beside what this program finds: {counts[SAME]} the same in "
+        f"{len(rows)} numbers and statements of T. Müller, arXiv:1403.1695, beside what this program finds: "
+        f"{counts[SAME]} the same in "
         f"every digit printed, {counts[HOLDS]} that hold, {counts[CURED]} limits of the paper’s program that "
         f"are none here, {counts[WRONG]} where the paper is wrong, {counts[APART]} that differ"
     )
@@ -134,11 +151,18 @@ def _section(name: str, section: Section) -> str:
     parts = [f'<section id="{name}"><h2>{escape(section.title)}</h2>', f"<p>{escape(section.words)}</p>"]
     if section.rows:
         parts.append(table(section.rows))
+    figures = []
     for figure in section.figures:
         paper = f' <span class="theirs">In the paper: {escape(figure.paper)}</span>' if figure.paper else ""
-        caption = f"<figcaption><b>{escape(figure.title)}.</b> {escape(figure.caption)}{paper}</figcaption>"
-        parts.append(f"<figure>{figure.content}{caption}</figure>")
-    return "\n".join([*parts, f'<p class="quiet">{section.seconds:.1f} s</p></section>'])
+        caption = f"<figcaption><b>{escape(figure.title)}.</b> {escape(typeset(figure.caption))}{paper}</figcaption>"
+        figures.append(f"<figure{BROAD if figure.is_broad else ''}>{figure.content}{caption}</figure>")
+    parts.append(f'<div class="figures">{"".join(figures)}</div>')
+    return "\n".join([*parts, f'<p class="quiet seconds">{section.seconds:.1f} s</p></section>'])
+
+
+def typeset(text: str) -> str:
+    """Minus signs before and within numbers, and 0 for 0e+00."""
+    return re.sub(r"\b0e\+00\b", "0", re.sub(r"(?<![\w.])-(?=\d)|(?<=\de)-(?=\d)", "−", text))
 
 
 def table(rows: list[Row]) -> str:
@@ -147,23 +171,33 @@ def table(rows: list[Row]) -> str:
     lines = []
     for row in rows:
         apart = row.difference
-        told = "" if apart is None else "0" if apart == 0.0 else f"{apart:+.1e}".replace("-", "−")
+        told = "" if apart is None else "0" if apart == 0.0 else f"{apart:+.1e}"
         style = {WRONG: "wrong", APART: "differs"}.get(row.mark, "")
         note = " ".join(text for text in (f"Correct: {row.correct}." if row.correct else "", row.note) if text)
-        cells = (row.place, row.what, row.paper.replace("-", "−"), number(row.ours, row.paper), told, row.mark, note)
-        tags = "".join(f"<td>{escape(text)}</td>" for text in cells)
+        cells = (row.place, row.what, row.paper, number(row.ours, row.paper), told, row.mark, note)
+        kind = ["", "", *(['class="number"'] * 3 if apart is not None else [""] * 3), "", ""]
+        tags = "".join(f"<td {each}>{escape(typeset(text))}</td>" for text, each in zip(cells, kind, strict=True))
         lines.append(f'<tr class="{style}">{tags}</tr>')
     return f'<div class="wide"><table class="paper"><thead><tr>{head}</tr></thead><tbody>{"".join(lines)}</tbody></table></div>'
 
 
 def pictures(shown: list[tuple[str, str]]) -> str:
     """Pictures side by side: data URIs and what is written below each."""
-    parts = [f'<div><img src="{uri}" alt={quoteattr(text)}/><span class="quiet">{escape(text)}</span></div>' for uri, text in shown]
-    return f'<div class="pictures">{"".join(parts)}</div>'
+    parts = [
+        f'<div><img src="{uri}" alt={quoteattr(text)}/><span class="quiet">{escape(text)}</span></div>' for uri, text in shown
+    ]
+    return f"{PICTURES}{''.join(parts)}</div>"
 
 
-def drawing(markup: str, legend: str = "") -> str:
-    """A plot of its own width, and what its lines are."""
-    return f'<div class="plot">{markup}{f"<p class=quiet>{escape(legend)}</p>" if legend else ""}</div>'.replace(
-        "class=quiet", 'class="quiet"'
-    )
+def drawing(plot: Plot) -> str:
+    """A plot, and what its lines are where there are several."""
+    several = plot.series if len(plot.series) > 1 else ()
+    entries = []
+    for series in several:
+        style = f"l{series.number % 8}" if series.number >= 0 else "l-front"
+        dashes = ' stroke-dasharray="5 4"' if series.dashed else ""
+        line = f'<polyline class="{style}"{dashes} points="0,7 26,7"/>' if series.joined else ""
+        mark = svg.marker(series.number, 13, 7) if series.marked else ""
+        entries.append(f'<li><svg viewBox="0 0 26 14">{line}{mark}</svg>{escape(series.name)}</li>')
+    legend = f'<ul class="legend">{"".join(entries)}</ul>' if entries else ""
+    return f'<div class="plot">{svg.draw(plot)}{legend}</div>'

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from mpp_taichi.accuracy import svg
 from mpp_taichi.accuracy.svg import Mark, Plot, Series
 from mpp_taichi.assemble import assemble
 from mpp_taichi.generators._elliptic import annulus_pull, elliptic_integrals
@@ -26,7 +25,8 @@ def section(*, short):
     """Figure 8 and its three regimes, and figure B.14."""
     found = Section(
         "Planetary ring",
-        "Section 4.4 and appendix B: 3072 particles around a planet at three masses, and the speed of a circular orbit in the field of "
+        "Section 4.4 and appendix B: 3072 particles around a planet at three masses, and the speed of a circular "
+        "orbit in the field of "
         "planet and ring, eqs. (17) and (B.1)–(B.4).",
     )
     turns = 0.02 if short else 0.5
@@ -71,8 +71,10 @@ def _regimes(turns):
                 f"masses × {factor}",
                 words,
                 f"radial speeds {stirred:.1%} of the orbital speed, clumps {clumps:.1f} times those of chance",
-                f"After {turns:g} turns; ring mass {total:.3g} M, critical wavelength 4π²GΣ/κ² = {critical:.2g} beside a spacing of "
-                f"{math.sqrt(AREA / count):.3f}. Clumps: mean power |Σ exp(i m φ)|²/N of m = {MODES[0]} … {MODES[-1]}, {before:.1f} at the start.",
+                f"After {turns:g} turns; ring mass {total:.3g} M, critical wavelength 4π²GΣ/κ² = {critical:.2g} beside a "
+                f"spacing of "
+                f"{math.sqrt(AREA / count):.3f}. Clumps: mean power |Σ exp(i m φ)|²/N of m = {MODES[0]} … {MODES[-1]}, "
+                f"{before:.1f} at the start.",
                 holds=bool(holds) if turns >= 0.5 else None,
             )
         )
@@ -126,9 +128,15 @@ def _speeds():
         off = float(np.abs(closed / np.array(integral) - 1.0).max())
         words = ", ".join(f"{r:g}: {v:.6f}" for r, v in zip(PLACES, closed))
         rows.append(
-            Row("Fig. B.14", f"v [AU a day] at r′, {name}", "solid line: σ = 0.02, dashed line: σ = 0", words,
-                f"Closed form; the integral (B.3), differentiated numerically, agrees to {off:.0e}.", holds=off < 2e-3)
-        )  # fmt: skip
+            Row(
+                "Fig. B.14",
+                f"v [AU a day] at r′, {name}",
+                "solid line: σ = 0.02, dashed line: σ = 0",
+                words,
+                f"Closed form; the integral (B.3), differentiated numerically, agrees to {off:.0e}.",
+                holds=off < 2e-3,
+            )
+        )
     saturn = float(np.abs(_speed(np.array(PLACES), SATURN / AREA) / _speed(np.array(PLACES), 0.0) - 1.0).max())
     words = f"changes the speeds by {saturn:.0e} of themselves at most"
     rows.append(Row("§4.4", "Saturn: M_ring/M = 52.8e-9", "the ring potential can be neglected", words, holds=saturn < 1e-6))
@@ -136,7 +144,11 @@ def _speeds():
     r = np.linalg.norm(scene.position[1:] - scene.position[0], axis=1)
     slow = float(np.abs(np.linalg.norm(scene.velocity[1:], axis=1) ** 2 * r / K**2 - 1.0).max())
     words = f"v² r/k² is 1 to {slow:.0e} for each particle of the scene"
-    rows.append(Row("§4.4", "without the ring’s potential", "v² = k²/r", words, "The rest is the softening of 0.005.", holds=slow < 1e-4))
+    rows.append(
+        Row(
+            "§4.4", "without the ring’s potential", "v² = k²/r", words, "The rest is the softening of 0.005.", holds=slow < 1e-4
+        )
+    )
     rows += [
         Row("Fig. B.14", "R₁ of the scene: innermost particle", "2", float(r.min()), "", 1e-3),
         Row("Fig. B.14", "R₂ of the scene: outermost particle", "2.5", float(r.max()), "", 1e-3),
@@ -148,21 +160,36 @@ def _curve():
     r = np.concatenate([np.linspace(0.5, 1.99, 120), 2.0 + np.linspace(0.002, 0.498, 120), np.linspace(2.51, 5.0, 140)])
     kinds = (("σ = 0", 0.0, -1, True), ("ρ = Mσ, σ = 0.02", SIGMA, 0, False), ("M_ring = 0.02 M", SIGMA / AREA, 4, False))
     series = [
-        Series(name, number, [Mark(x, v) for x, v in zip(r, _speed(r, density))], marked=False, dashed=dashed, labelled=True)
+        Series(name, number, [Mark(x, v) for x, v in zip(r, _speed(r, density))], marked=False, dashed=dashed)
         for name, density, number, dashed in kinds
     ]
     plot = Plot("Initial velocity in a ring", "r′ [AU]", "v [AU / day]", series, linear_x=True, linear_y=True)
     said = "With a solid line for each meaning of σ. At both rims v diverges like a root of a logarithm."
-    paper = "Initial velocity of a particle for a ring with R1 = 2, R2 = 2.5, k = 0.0172. Solid line: σ = 0.02, dashed line: σ = 0."
-    return Figure("Figure B.14", drawing(svg.draw(plot)), said, paper)
+    paper = (
+        "Initial velocity of a particle for a ring with R1 = 2, R2 = 2.5, k = 0.0172. Solid line: σ = 0.02, dashed line: σ = 0."
+    )
+    return Figure("Figure B.14", drawing(plot), said, paper)
 
 
 def _slips():
     near = [float(_speed(np.array(OUTER - gap), SIGMA)) for gap in (1e-2, 1e-4, 1e-8)]
     return [
-        Row("App. B", "ρ = Mσ, σ the ratio of ring and central mass", "both", f"these differ by the ring’s area, {AREA:.4f}",
-            "Fig. B.14 does not say which; both are drawn.", holds=False, correct="ρ = Mσ/[π(R₂² − R₁²)] if σ is a ratio of masses"),
-        Row("eqs. (B.3), (B.4)", "v² = r′ ∂φ/∂r′", "a velocity for every r′",
-            f"v = {near[0]:.4f}, {near[1]:.4f}, {near[2]:.4f} at 1e-2, 1e-4, 1e-8 inside of R₂", "ρ = Mσ with σ = 0.02.",
-            holds=False, correct="diverges logarithmically at both rims of a sharp disc; particles keep a spacing away"),
-    ]  # fmt: skip
+        Row(
+            "App. B",
+            "ρ = Mσ, σ the ratio of ring and central mass",
+            "both",
+            f"these differ by the ring’s area, {AREA:.4f}",
+            "Fig. B.14 does not say which; both are drawn.",
+            holds=False,
+            correct="ρ = Mσ/[π(R₂² − R₁²)] if σ is a ratio of masses",
+        ),
+        Row(
+            "eqs. (B.3), (B.4)",
+            "v² = r′ ∂φ/∂r′",
+            "a velocity for every r′",
+            f"v = {near[0]:.4f}, {near[1]:.4f}, {near[2]:.4f} at 1e-2, 1e-4, 1e-8 inside of R₂",
+            "ρ = Mσ with σ = 0.02.",
+            holds=False,
+            correct="diverges logarithmically at both rims of a sharp disc; particles keep a spacing away",
+        ),
+    ]

@@ -77,18 +77,20 @@ def energy_error(run, *, duration=None, looks=200):
 
 
 def show(run, moments, *, frames=1, size=SIZE):
-    """Pictures at these times as data URIs; with trails, so many frames lie between two of them."""
+    """Pictures at these times as data URIs; trails have so many pieces between two of them."""
     walls = outline_of(run.spec, run.start.position)
     view = open_offscreen(run.spec.view, size, dimensions=run.spec.dimensions)
+
+    def frame(run):
+        return Frame.of(run.snapshot(), title=run.spec.title, walls=walls)
+
     found = []
     try:
         for moment in moments:
-            begin = run.step_count
-            end = begin + round((moment - run.time) / run.dt)
-            for step in np.unique(np.linspace(begin, end, frames + 1).round().astype(int))[min(1, end - begin) :]:
-                run.run(steps=int(step) - run.step_count)
-                picture = view.draw(Frame.of(run.snapshot(), title=run.spec.title, walls=walls))
-            found.append(png(picture))
+            steps = round((moment - run.time) / run.dt)
+            trail = Looks(lambda run: view.trails.add(frame(run)), max(1, steps // frames))
+            run.run(steps=steps, recorders=[trail])
+            found.append(png(view.draw(frame(run))))
     finally:
         view.close()
     return found

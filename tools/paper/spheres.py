@@ -21,7 +21,8 @@ def section(*, short):
     """Eqs. (5)–(10) on cases with known outcomes, and figure 12."""
     found = Section(
         "Hard spheres and Newton’s cradle",
-        "Sections 2.4 and 4.8: collisions of two, eqs. (5)–(9), the symmetric situations that the paper’s model cannot do, and five balls in a row.",
+        "Sections 2.4 and 4.8: collisions of two, eqs. (5)–(9), the symmetric situations that the paper’s model "
+        "cannot do, and five balls in a row.",
     )
     found.rows += _pairs()
     found.rows += _limits()
@@ -35,7 +36,8 @@ def section(*, short):
 def _spheres(first, second, **more):
     """Two balls, each (mass, position, velocity), of radius 1/2."""
     bodies = [
-        {"body": {"mass": mass, "position": list(place), "velocity": list(motion), "radius": 0.5}} for mass, place, motion in (first, second)
+        {"body": {"mass": mass, "position": list(place), "velocity": list(motion), "radius": 0.5}}
+        for mass, place, motion in (first, second)
     ]
     return {
         "title": "Two balls",
@@ -73,7 +75,15 @@ def _pairs():
     off = float(np.abs(after - expected).max())
     momentum = float(np.abs(masses @ (after - before)).max())
     energy = float(abs(masses @ np.sum(after**2 - before**2, axis=1)))
-    rows.append(Row("eqs. (9a), (9b)", "an oblique collision, m₂ = 3 m₁", "v′ = v − 2⟨n₁₂, …⟩n₁₂", f"off by {off:.0e}", holds=off < 1e-13))
+    rows.append(
+        Row(
+            "eqs. (9a), (9b)",
+            "an oblique collision, m₂ = 3 m₁",
+            "v′ = v − 2⟨n₁₂, …⟩n₁₂",
+            f"off by {off:.0e}",
+            holds=off < 1e-13,
+        )
+    )
     words = f"momentum kept to {momentum:.0e}, energy to {energy:.0e}"
     return [*rows, Row("eq. (5)", "the same", "energy and momentum conservation", words, holds=max(momentum, energy) < 1e-13)]
 
@@ -90,19 +100,40 @@ def _limits():
     with runs.start("one_on_two") as run:
         run.run()
         v = run.snapshot().velocity
-    words = f"v₀ = ({v[0, 0]:.4f}, {abs(v[0, 1]):.4f}), v₁ = ({v[1, 0]:.4f}, {v[1, 1]:.4f}), v₂ = ({v[2, 0]:.4f}, {v[2, 1]:.4f})"
+    words = (
+        f"v₀ = ({v[0, 0]:.4f}, {abs(v[0, 1]):.4f}), v₁ = ({v[1, 0]:.4f}, {v[1, 1]:.4f}), v₂ = ({v[2, 0]:.4f}, {v[2, 1]:.4f})"
+    )
     return [
-        Row("§2.4", "grazing contact, 1e-9 of a radius deep", "numerically unstable because ⟨n₁₂, vₙ⟩ can become very small",
-            f"v₁ turns by {turned:.1e}, energy kept to {kept:.0e}", "The exact time of contact is the root of a quadratic, here (1 − d²) = 2e-9 under it: "
-            "v₁ turns by √(2e-9). Positions need no correction.", holds=abs(turned / np.sqrt(2e-9) - 1.0) < 1e-4 and kept < 1e-13, cured=True),
-        Row("§2.4", "the first shot in pool billiards", "cannot be simulated exactly",
+        Row(
+            "§2.4",
+            "grazing contact, 1e-9 of a radius deep",
+            "numerically unstable because ⟨n₁₂, vₙ⟩ can become very small",
+            f"v₁ turns by {turned:.1e}, energy kept to {kept:.0e}",
+            "The exact time of contact is the root of a quadratic, here (1 − d²) = 2e-9 under it: "
+            "v₁ turns by √(2e-9). Positions need no correction.",
+            holds=abs(turned / np.sqrt(2e-9) - 1.0) < 1e-4 and kept < 1e-13,
+            cured=True,
+        ),
+        Row(
+            "§2.4",
+            "the first shot in pool billiards",
+            "cannot be simulated exactly",
             f"mirror images to {found['mirror_error']:.0e}, largest overlap {found['largest_overlap']:.0e}",
-            f"By the solver simultaneous, all contacts at once; one pair after the other, as in the paper, it is off by {pairwise:.2g} m.",
-            holds=found["mirror_error"] < 1e-10, cured=True),
-        Row("§2.4", "one ball on two that touch", "only two-body collisions", words.replace("-", "−"),
+            f"By the solver simultaneous, all contacts at once; one pair after the other, as in the paper, it is off by "
+            f"{pairwise:.2g} m.",
+            holds=found["mirror_error"] < 1e-10,
+            cured=True,
+        ),
+        Row(
+            "§2.4",
+            "one ball on two that touch",
+            "only two-body collisions",
+            words,
             "Exact: (−1/5, 0), (3/5, ±√3/5).",
-            holds=float(np.abs(v[:, :2] - [[-0.2, 0], [0.6, np.sqrt(0.12)], [0.6, -np.sqrt(0.12)]]).max()) < 1e-13, cured=True),
-    ]  # fmt: skip
+            holds=float(np.abs(v[:, :2] - [[-0.2, 0], [0.6, np.sqrt(0.12)], [0.6, -np.sqrt(0.12)]]).max()) < 1e-13,
+            cured=True,
+        ),
+    ]
 
 
 def _changes(changes):
@@ -134,17 +165,25 @@ def _cradle(name, changes, words):
         "one ball": lambda: np.abs(after - [0, 0, 0, 0, 1]).max() < 1e-12,
         "‘1’ twice as heavy": lambda: still == 0 and abs(mass @ (after - before)) < 1e-12,
     }.get(name, lambda: np.allclose(np.sort(np.abs(after)), np.sort(np.abs(before)), atol=1e-12))
-    text = f"velocities {told[0]} become {told[1]}".replace("-", "−")
-    return Row("§4.8", name, words, text, f"Energy kept to {energy:.0e}; after 1.5 units of time, before a wall is reached.", holds=bool(holds()) and energy < 1e-12)
+    text = f"velocities {told[0]} become {told[1]}"
+    return Row(
+        "§4.8",
+        name,
+        words,
+        text,
+        f"Energy kept to {energy:.0e}; after 1.5 units of time, before a wall is reached.",
+        holds=bool(holds()) and energy < 1e-12,
+    )
 
 
 def _pictures():
     moments = (0.0, 1.02, 2.0, 3.5)
-    with runs.start("newtons_cradle") as run:
-        shown = runs.show(run, moments, size=(560, 200))
+    with runs.start("newtons_cradle", {"view.camera.position": [0, 0, 1.45]}) as run:
+        shown = runs.show(run, moments, size=(560, 160))
     return Figure(
         "Figure 12",
         pictures([(uri, f"t = {moment:g}") for uri, moment in zip(shown, moments)]),
         "newtons_cradle.yaml: coming in, at the contact, the last ball leaves, and comes back from the wall.",
-        "Newton cradle simulation with five balls/spheres. The pendulum effect which lets the outer balls return is realized by reflecting walls.",
+        "Newton cradle simulation with five balls/spheres. The pendulum effect which lets the outer balls return is "
+        "realized by reflecting walls.",
     )

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from mpp_taichi.accuracy import svg
 from mpp_taichi.accuracy.svg import Mark, Plot, Series
 from mpp_taichi.assemble import assemble
 from mpp_taichi.errors import StabilityError
@@ -13,7 +12,12 @@ from paper import runs
 from paper.page import Figure, Row, Section, drawing, pictures
 
 STIFFNESS = 4.0  # of the oscillator, with m = 1: ω₀ = 2, and γ = ω₀ at c = 4
-CASES = {"no damping, c = 0": 0.0, "weak damping, γ² < ω₀²": 0.4, "aperiodic limit, γ² = ω₀²": 4.0, "overdamped, γ² > ω₀²": 10.0}
+CASES = {
+    "no damping, c = 0": 0.0,
+    "weak damping, γ² < ω₀²": 0.4,
+    "aperiodic limit, γ² = ω₀²": 4.0,
+    "overdamped, γ² > ω₀²": 10.0,
+}
 ANGLE = 0.6
 GRAVITY = -1.8
 STEPS = {"leapfrog": (0.028, 0.0285), "rk4": (0.040, 0.042)}
@@ -23,7 +27,8 @@ def section(*, short):
     """Eq. (3) in its regimes, eq. (18), and what a step too large does."""
     found = Section(
         "Springs and the double pendulum",
-        "Sections 2.3 and 4.5: the free, damped oscillator of eq. (3) and figure 3, and two masses on springs, one of them stiff.",
+        "Sections 2.3 and 4.5: the free, damped oscillator of eq. (3) and figure 3, and two masses on springs, one "
+        "of them stiff.",
     )
     rows, figure = _oscillator()
     found.rows += rows
@@ -76,10 +81,13 @@ def _oscillator():
         words = f"{told}{crossings} passages through rest, off the formula by {off:.0e} of the amplitude"
         # rk4 errs by some (ω dt)⁴ ω t / 120 = 1e-11; what crosses zero oscillates
         rows.append(Row("§2.3", name, statement, words, holds=off < 1e-8 and (crossings > 0) == (gamma < slow)))
-        series.append(Series(name, number, [Mark(t, x) for t, x in zip(time, q)], marked=False, labelled=True))
+        series.append(Series(name, number, [Mark(t, x) for t, x in zip(time, q)], marked=False))
     plot = Plot("Damped oscillator", "t", "displacement q", series, linear_x=True, linear_y=True)
-    paper = "The most simple mass-spring model: a mass m that is connected to a wall by a spring with constant D and damping factor c."
-    return rows, Figure("Figure 3 in motion", drawing(svg.draw(plot)), f"D = {STIFFNESS:g}, m = 1, four damping factors.", paper)
+    paper = (
+        "The most simple mass-spring model: a mass m that is connected to a wall by a spring with constant D and "
+        "damping factor c."
+    )
+    return rows, Figure("Figure 3 in motion", drawing(plot), f"D = {STIFFNESS:g}, m = 1, four damping factors.", paper)
 
 
 def _solution(t, damping):
@@ -101,14 +109,19 @@ def _start():
     formula = np.array([[math.sin(ANGLE), 1 - math.cos(ANGLE)], [2 * math.sin(ANGLE), 1 - 2 * math.cos(ANGLE)]])
     arms = np.linalg.norm(np.diff(place, axis=0), axis=1)
     return [
-        Row("eq. (18)", "x₁′, x₂′ of the scene", "l sin φ₁, l − l cos φ₁; …",
-            ", ".join(f"({x:.6f}, {z:.6f})" for x, z in place[1:]).replace("-", "−"), holds=bool(np.abs(place[1:] - formula).max() < 1e-14)),
+        Row(
+            "eq. (18)",
+            "x₁′, x₂′ of the scene",
+            "l sin φ₁, l − l cos φ₁; …",
+            ", ".join(f"({x:.6f}, {z:.6f})" for x, z in place[1:]),
+            holds=bool(np.abs(place[1:] - formula).max() < 1e-14),
+        ),
         Row("§4.5", "|x₁′ − x₀|, with l = 1", "1", float(arms[0])),
         Row("§4.5", "|x₂′ − x₁′|, with l = 1", "1", float(arms[1])),
         Row("§4.5", "D₁", "5e3", float(start.springs.stiffness[0])),
         Row("§4.5", "D₂", "5", float(start.springs.stiffness[1])),
         Row("§4.5", "g", "-1.8", float(spec.forces[0].parameters["acceleration"][2])),
-    ]  # fmt: skip
+    ]
 
 
 def _steps(duration):
@@ -127,12 +140,25 @@ def _steps(duration):
             except StabilityError as error:
                 errors[dt] = f"crashes at t = {error.time:.2f}"
         good = errors[1e-3]
-        rows.append(Row("§4.5", f"{method}, Δt ≈ 10⁻³", "should be small, e.g. Δt ≈ 10⁻³", f"energy off by {good:.1e}", holds=good < 1e-5))
+        rows.append(
+            Row(
+                "§4.5",
+                f"{method}, Δt ≈ 10⁻³",
+                "should be small, e.g. Δt ≈ 10⁻³",
+                f"energy off by {good:.1e}",
+                holds=good < 1e-5,
+            )
+        )
         ends = {dt: each if isinstance(each, str) else f"energy off by {each:.1e}" for dt, each in errors.items()}
         rows.append(
-            Row("§4.5", f"{method}, step too high", "the simulation crashes and must be restarted",
+            Row(
+                "§4.5",
+                f"{method}, step too high",
+                "the simulation crashes and must be restarted",
                 f"{held:g}: {ends[held]}; {broken:g}: {ends[broken]}",
-                f"A crash is an energy that doubles. The limit is known before the run, {limit:.6f} here: the step advisor refuses {broken:g} unless it is forced.",
-                holds=not isinstance(errors[held], str) and isinstance(errors[broken], str))
-        )  # fmt: skip
+                f"A crash is an energy that doubles. The limit is known before the run, {limit:.6f} here: the step advisor "
+                f"refuses {broken:g} unless it is forced.",
+                holds=not isinstance(errors[held], str) and isinstance(errors[broken], str),
+            )
+        )
     return rows

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mpp_taichi.accuracy import svg
 from mpp_taichi.accuracy.svg import Mark, Plot, Series
 from mpp_taichi.importers.catalogue import import_scene
 from paper import runs
@@ -102,7 +101,9 @@ def _year():
     light = runs.measure("sun_earth", YEAR, {"particles[1].body.mass": 1 / 330000}, duration=372)["orbital_period"]
     return [
         Row("§4.1", "period T of the Earth, measured in a run [days]", "365.3", year),
-        Row("§4.1", "the same with m₂ = 1/330000 [days]", "365.3", light, "The listing has 3e-6 = 1/333333, one per cent less."),
+        Row(
+            "§4.1", "the same with m₂ = 1/330000 [days]", "365.3", light, "The listing has 3e-6 = 1/333333, one per cent less."
+        ),
         Row("§4.1", "T = 2π/v, v = k/√r [days]", "365.3", 2.0 * math.pi / K),
     ]
 
@@ -119,11 +120,16 @@ def _jupiter(duration):
     apart = {factor: np.linalg.norm(paths[factor][1:] - paths[0.0][1:], axis=0) for factor in (1.0, 10.0)}
     radius = float(np.linalg.norm(paths[0.0][1:], axis=0).mean())
     series = [
-        Series(f"Jupiter × {factor:.0f}", number, [Mark(t, d) for t, d in zip(time, apart[factor])], marked=False, labelled=True)
+        Series(f"Jupiter × {factor:.0f}", number, [Mark(t, d) for t, d in zip(time, apart[factor])], marked=False)
         for number, factor in enumerate(apart)
     ]
-    plot = Plot("Saturn’s disturbance", "years", "distance from Saturn’s place without Jupiter’s pull [AU]", series, linear_x=True)
-    said = f"{apart[1.0].max():.2g} AU of {radius:.3g} at Jupiter’s own mass within {time[-1]:.0f} years, {apart[10.0].max():.2g} at ten times"
+    plot = Plot(
+        "Saturn’s disturbance", "years", "distance from Saturn’s place without Jupiter’s pull [AU]", series, linear_x=True
+    )
+    said = (
+        f"{apart[1.0].max():.2g} AU of {radius:.3g} at Jupiter’s own mass within {time[-1]:.0f} years, "
+        f"{apart[10.0].max():.2g} at ten times"
+    )
     row = Row(
         "§4.1",
         "disturbances by Jupiter",
@@ -132,7 +138,7 @@ def _jupiter(duration):
         "Saturn beside the same run with a massless Jupiter.",
         holds=bool(apart[1.0][len(time) // 10] < 0.1 * radius and apart[10.0].max() > 3.0 * apart[1.0].max()),
     )
-    return [row], Figure("Jupiter made heavier", drawing(svg.draw(plot)), "Outer solar system, logged and subtracted.")
+    return [row], Figure("Jupiter made heavier", drawing(plot), "Outer solar system, logged and subtracted.")
 
 
 def _saturn(run):
