@@ -71,7 +71,7 @@ def main(words=None):
     if unknown:
         parser.error(f"unknown section {unknown[0]!r}, allowed: {', '.join(NAMES)}")
     began = time.perf_counter()
-    if len(chosen) == 1:
+    if len(chosen) < 2:
         made = [make(chosen[0], arguments.short)]
     else:
         with ProcessPoolExecutor(max_workers=2) as pool:

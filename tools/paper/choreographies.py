@@ -25,7 +25,7 @@ def section(*, short):
     )
     for n, printed in TABLE.items():
         speed, exact = _speed(n)
-        note = f"Eq. (16) itself gives {exact:.6f}; in the run {n} bodies go once round."
+        note = f"Eq. (16): {exact:.6f}."
         correct = f"{exact:.6f}" if abs(exact - float(printed)) > 0.51e-6 else ""
         found.rows.append(Row(f"Table 1, N = {n}", "v² R 2^(3/2) / k²", printed, speed, note, correct=correct))
     found.rows.append(_faster(found.rows))

@@ -13,15 +13,17 @@ SAME, HOLDS, CURED, WRONG, APART, EMPTY = "same digits", "holds", "limit lifted"
 PICTURES, BROAD = '<div class="pictures">', ' class="broad"'
 STYLE = """
 .paper { width: 100%; table-layout: fixed } .paper th, .paper td { white-space: normal; vertical-align: top; text-align: left }
-.paper th:nth-child(1), .paper th:nth-child(5), .paper th:nth-child(6) { width: 8% }
-.paper th:nth-child(2), .paper th:nth-child(3) { width: 18% } .paper th:nth-child(4) { width: 22% }
+.paper th { box-sizing: border-box } .paper th:nth-child(1), .paper th:nth-child(6) { width: 9% }
+.paper th:nth-child(2), .paper th:nth-child(3) { width: 15% } .paper th:nth-child(4) { width: 20% }
+.paper th:nth-child(5) { width: 8% }
 .paper td.number, .paper th:nth-child(5) { text-align: right }
 .paper .wrong td { background: color-mix(in srgb, #d23c3c 14%, transparent) }
 .paper .differs td { background: color-mix(in srgb, #b97a00 22%, transparent) }
 .figures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 480px), 1fr)); gap: 1.2rem;
   margin: 1.2rem 0 }
 .figures .broad { grid-column: 1 / -1 } .pictures { display: flex; flex-wrap: wrap; gap: .6rem }
-.pictures div { flex: 1 1 280px; max-width: 640px; min-width: 0 } .pictures span { font-size: .8rem }
+.pictures div { flex: 1 1 280px; max-width: 640px; min-width: 0 }
+.paper { min-width: 900px } .pictures span { font-size: .8rem }
 .pictures img { width: 100%; height: auto; display: block; border-radius: 4px } .plot { max-width: 720px }
 section { margin: 2.4rem 0 } .theirs { font-style: italic } .seconds { font-size: .8rem }
 pre { background: var(--field); padding: .6rem; overflow: auto; font-size: .78rem; max-height: 400px; margin: 0 }

@@ -1,0 +1,101 @@
+"""The paper report: marks follow from numbers, runs agree with the paper, and the page stands alone."""
+
+import json
+import re
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import pytest
+from conftest import ROOT
+
+sys.path.insert(0, str(ROOT / "tools"))
+
+from paper.page import APART, CURED, EMPTY, HOLDS, SAME, WRONG, Figure, Row, Section, half_digit, number, page  # noqa: E402
+
+SECTIONS = "choreographies,two_bodies,ring"
+
+
+@pytest.mark.parametrize(
+    "row, mark",
+    [
+        (Row("", "", "365.3", 365.349), SAME),  # to the digits printed
+        (Row("", "", "365.3", 365.351), APART),
+        (Row("", "", "0.318e-3", 0.31795e-3), SAME),
+        (Row("", "", "0.318e-3", 0.3174e-3), APART),
+        (Row("", "", "3072", 3073), APART),  # whole numbers are meant
+        (Row("", "", "5e3", 5001), APART),
+        (Row("", "", "0", 1e-6), APART),
+        (Row("", "", "1", 1.004, within=0.005), HOLDS),
+        (Row("", "", "7.933369", 7.9333586, correct="7.933359"), WRONG),
+        (Row("", "", "7.933359", 7.9333586, correct="7.933359"), SAME),  # not wrong where it agrees
+        (Row("", "", "small", "0.1", holds=True), HOLDS),
+        (Row("", "", "small", "10", holds=False), APART),
+        (Row("", "", "cannot be done", "done", holds=True, cured=True), CURED),
+        (Row("", "", "cannot be done", "not done", holds=False, cured=True), APART),
+        (Row("", "", "an open question", "answered"), EMPTY),
+        (Row("", "", "0.1", float("nan")), APART),
+    ],
+)
+def test_a_mark_follows_from_the_numbers(row, mark):
+    assert row.mark == mark
+
+
+def test_numbers_are_told_with_two_digits_more_than_printed():
+    assert [half_digit(text) for text in ("365.3", "2.9584e-4")] == pytest.approx([0.05, 0.5e-8])
+    assert [number(365.29931, "365.3"), number(7.93335862, "7.933369"), number(3072.0, "3072"), number("words")] == [
+        *("365.299", "7.93335862", "3,072", "words")
+    ]
+
+
+def test_what_a_row_says_is_text_and_not_markup():
+    rows = [Row("<§1>", "a & b", "<1", "2 < 3 & e-5", "5e-05 & -3", holds=False)]
+    section = Section("A < B", "x & y", rows, [Figure("F <", "<p/>", "-1 < 0", "a & b")])
+    root = ElementTree.fromstring(page({"one": section}, "m & n", []).removeprefix("<!DOCTYPE html>"))
+    text = " ".join(root.itertext())
+    assert "2 < 3 & e-5" in text and "5e−05 & −3" in text and "−1 < 0" in text
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A short report of some sections: the page's text, and its rows."""
+    folder = tmp_path_factory.mktemp("report")
+    words = ["--short", "--only", SECTIONS, "--page", str(folder / "page.html"), "--json", str(folder / "rows.json")]
+    ran = subprocess.run(
+        [sys.executable, "tools/paper_report.py", *words], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    rows = json.loads((folder / "rows.json").read_text(encoding="utf-8"))
+    return (folder / "page.html").read_text(encoding="utf-8"), rows
+
+
+def test_the_runs_agree_with_the_paper_except_where_it_is_wrong(made):
+    rows = [row for section in made[1].values() for row in section]
+    assert not [row for row in rows if row["mark"] == APART]
+    table = {row["place"]: row for row in rows if row["place"].startswith("Table 1")}
+    assert [row["mark"] for row in table.values()] == [SAME] * 6 + [WRONG, SAME]
+    assert table["Table 1, N = 8"]["ours"] == pytest.approx(7.933359, abs=0.5e-6)
+    assert sum(row["mark"] == WRONG for row in rows) == 3
+    year = next(row for row in rows if "measured in a run" in row["what"])
+    assert year["ours"] == pytest.approx(365.2998, rel=1e-4 / 24)  # Kepler's third law with both masses; the step adds 1e-8
+
+
+def test_the_page_is_one_file_that_asks_for_nothing(made):
+    text, rows = made
+    root = ElementTree.fromstring(text.removeprefix("<!DOCTYPE html>"))
+    names = [element.tag.rpartition("}")[2] for element in root.iter()]
+    assert not {"script", "link", "iframe", "object"} & set(names)
+    sources = [element.get("src") for element in root.iter() if element.get("src")]
+    assert len(sources) >= 8 and all(source.startswith("data:image/png;base64,") for source in sources)
+    links = [element.get("href") for element in root.iter() if element.get("href")]
+    assert links == [f"#{name}" for name in SECTIONS.split(",")]
+    assert "url(" not in text and "@import" not in text and "prefers-color-scheme: dark" in text
+    for title in ("Figure 7, right", "Figure 8", "Figure B.14"):
+        assert f"<b>{title}.</b>" in text
+    assert names.count("tr") == sum(map(len, rows.values())) + 3 + 4  # with those that are wrong once more, and four heads
+
+
+def test_every_figure_and_table_of_the_paper_has_its_place():
+    texts = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tools" / "paper").glob("*.py"))
+    wanted = [f"Figure {k}" for k in (5, 6, "7, left", "7, right", 8, 9, 10, 11, 12, 13, "B.14")]
+    assert not [title for title in wanted if not re.search(rf'"{title}"', texts)]
