@@ -13,6 +13,9 @@ sys.path.insert(0, str(ROOT / "tools"))
 
 from paper.page import APART, CURED, EMPTY, HOLDS, SAME, WRONG, Figure, Row, Section, half_digit, number, page  # noqa: E402
 
+from mpp_taichi.accuracy import svg  # noqa: E402
+from mpp_taichi.accuracy.svg import Mark, Plot, Series  # noqa: E402
+
 SECTIONS = "choreographies,two_bodies,ring"
 
 
@@ -46,6 +49,16 @@ def test_numbers_are_told_with_two_digits_more_than_printed():
     assert [number(365.29931, "365.3"), number(7.93335862, "7.933369"), number(3072.0, "3072"), number("words")] == [
         *("365.299", "7.93335862", "3,072", "words")
     ]
+
+
+def test_a_linear_axis_takes_every_sign_and_equal_steps():
+    marks = [Mark(x, y) for x, y in ((-2.0, -1.0), (0.0, 0.0), (2.0, 1.0))]
+    drawn = svg.draw(Plot("line", "x", "y", [Series("a", 0, marks, marked=False)], linear_x=True, linear_y=True))
+    line = ElementTree.fromstring(drawn).find(f".//{{{svg.NAMESPACE}}}polyline").get("points")
+    (x0, y0), (x1, y1), (x2, y2) = ((float(x), float(y)) for x, y in (pair.split(",") for pair in line.split()))
+    assert x2 - x1 == pytest.approx(x1 - x0, abs=0.11) and y2 - y1 == pytest.approx(y1 - y0, abs=0.11)  # tenths of a pixel
+    assert x1 > x0 and y1 < y0
+    assert ">−0.5</text>" in drawn and ">−1</text>" in drawn and ">0</text>" in drawn
 
 
 def test_what_a_row_says_is_text_and_not_markup():
@@ -86,7 +99,7 @@ def test_the_page_is_one_file_that_asks_for_nothing(made):
     names = [element.tag.rpartition("}")[2] for element in root.iter()]
     assert not {"script", "link", "iframe", "object"} & set(names)
     sources = [element.get("src") for element in root.iter() if element.get("src")]
-    assert len(sources) >= 8 and all(source.startswith("data:image/png;base64,") for source in sources)
+    assert len(sources) >= 6 and all(source.startswith("data:image/png;base64,") for source in sources)
     links = [element.get("href") for element in root.iter() if element.get("href")]
     assert links == [f"#{name}" for name in SECTIONS.split(",")]
     assert "url(" not in text and "@import" not in text and "prefers-color-scheme: dark" in text

@@ -13,7 +13,7 @@ def section(*, short):
     """Each equation as it is printed and as it must be, by numbers; then the limits."""
     found = Section(
         "Equations as printed, and stated limits",
-        "Eqs. (4), (10) and (15) put into numbers as they stand in the paper, beside runs; and what the paper says "
+        "Eqs. (4), (10) and (15) put into numbers as they are printed, beside runs; and what the paper says "
         "that its program cannot do.",
     )
     found.rows += [_spring(), _distance(), *_back_step()]

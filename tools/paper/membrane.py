@@ -138,7 +138,7 @@ def _grids(short):
     shown = []
     for name, changes, moment in (
         ("membrane_loose", {}, 0.0),
-        ("membrane_loose", {"run.duration": 130}, 2.0 if short else 130.0),
+        ("membrane_loose", {"run.duration": 138}, 2.0 if short else 138.0),
         ("membrane", {}, 0.0),
     ):
         with runs.start(name, changes) as run:

@@ -8,6 +8,7 @@ import numpy as np
 
 from mpp_taichi.accuracy.svg import Mark, Plot, Series
 from mpp_taichi.importers.catalogue import import_scene
+from mpp_taichi.scene.load import load_scene
 from paper import runs
 from paper.page import Figure, Row, Section, drawing, pictures
 
@@ -99,7 +100,9 @@ def _distance(run):
 def _year():
     year = runs.measure("sun_earth", YEAR, duration=372)["orbital_period"]
     light = runs.measure("sun_earth", YEAR, {"particles[1].body.mass": 1 / 330000}, duration=372)["orbital_period"]
+    gauss = math.sqrt(load_scene(runs.SCENES / "outer_solar_system.yaml").forces[0].parameters["strength"])
     return [
+        Row("§4.1", "Gauss’s constant k [AU^(3/2)/day]", "0.0172", gauss, "As outer_solar_system.yaml has it."),
         Row("§4.1", "period T of the Earth, measured in a run [days]", "365.3", year),
         Row(
             "§4.1", "the same with m₂ = 1/330000 [days]", "365.3", light, "The listing has 3e-6 = 1/333333, one per cent less."
