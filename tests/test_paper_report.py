@@ -31,6 +31,7 @@ SECTIONS = "choreographies,two_bodies,ring"
         (Row("", "", "0", 1e-6), APART),
         (Row("", "", "1", 1.004, within=0.005), HOLDS),
         (Row("", "", "7.933369", 7.9333586, correct="7.933359"), WRONG),
+        (Row("", "", "7.933369", 7.9334, correct="7.933359"), APART),  # wrong there is not right here
         (Row("", "", "7.933359", 7.9333586, correct="7.933359"), SAME),  # not wrong where it agrees
         (Row("", "", "small", "0.1", holds=True), HOLDS),
         (Row("", "", "small", "10", holds=False), APART),

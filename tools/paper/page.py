@@ -71,12 +71,19 @@ class Row:
             allowed = half_digit(self.paper) if self.within is None else self.within
             agrees = abs(self.difference) <= allowed * (1.0 + 1e-6) + 4e-16 * abs(float(self.paper))
         if self.correct and not agrees:
-            return WRONG
+            return WRONG if self._agrees_with_correct() else APART
         if agrees is None:
             return EMPTY
         if self.cured and agrees:
             return CURED
         return (HOLDS if self.difference is None or self.within is not None else SAME) if agrees else APART
+
+    def _agrees_with_correct(self) -> bool:
+        """Whether ours is what must stand there, where that is a number."""
+        try:
+            return abs(float(self.ours) - float(self.correct)) <= half_digit(self.correct)
+        except ValueError:
+            return True
 
 
 @dataclass(frozen=True)

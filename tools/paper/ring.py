@@ -172,16 +172,17 @@ def _curve():
 
 
 def _slips():
+    far = 1e4  # there the ring is a point but for (R/far)² = 1e-7 of its pull
     near = [float(_speed(np.array(OUTER - gap), SIGMA)) for gap in (1e-2, 1e-4, 1e-8)]
     return [
         Row(
             "App. B",
-            "ρ = Mσ, σ the ratio of ring and central mass",
-            "both",
-            f"these differ by the ring’s area, {AREA:.4f}",
-            "Fig. B.14 does not say which; both are drawn.",
-            holds=False,
-            correct="ρ = Mσ/[π(R₂² − R₁²)] if σ is a ratio of masses",
+            "ratio of ring and central mass with ρ = Mσ, σ = 0.02",
+            "0.02",
+            float(SIGMA * annulus_pull(np.array(far), INNER, OUTER) * far**2),
+            f"By its pull far away. ρ = Mσ and σ as a ratio of masses differ by the area {AREA:.4f}; Fig. B.14 does not say "
+            "which.",
+            correct="ρ = Mσ/[π(R₂² − R₁²)]",
         ),
         Row(
             "eqs. (B.3), (B.4)",
@@ -189,7 +190,7 @@ def _slips():
             "a velocity for every r′",
             f"v = {near[0]:.4f}, {near[1]:.4f}, {near[2]:.4f} at 1e-2, 1e-4, 1e-8 inside of R₂",
             "ρ = Mσ with σ = 0.02.",
-            holds=False,
+            holds=near[2] - near[1] < 0.5 * (near[1] - near[0]),
             correct="diverges logarithmically at both rims of a sharp disc; particles keep a spacing away",
         ),
     ]
