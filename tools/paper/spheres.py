@@ -178,7 +178,7 @@ def _cradle(name, changes, words):
 
 def _pictures():
     moments = (0.0, 1.02, 2.0, 3.5)
-    with runs.start("newtons_cradle", {"view.camera.position": [0, 0, 1.45]}) as run:
+    with runs.start("newtons_cradle", {"view.camera.projection": "orthographic", "view.camera.height": 1.2}) as run:
         shown = runs.show(run, moments, size=(560, 160))
     return Figure(
         "Figure 12",
