@@ -72,7 +72,6 @@ def _approach(run):
     shown = [(runs.show(run, [0.0])[0], "t = 0")]
     shown.append((runs.show(run, [SNAPSHOT])[0], f"t = {SNAPSHOT:g}"))
     later, met = _distance(run), 2.0 * run.contact_report.pair_count / count
-    alone = int(np.count_nonzero(np.abs(np.linalg.norm(run.snapshot().velocity, axis=1) - 1.0) < 1e-12))
     once = SpeedHistogram(run)
     once.look(run.snapshot().velocity)
     often = SpeedHistogram(run, after=2.0 * SNAPSHOT, every=round(SNAPSHOT / run.dt))
@@ -88,11 +87,7 @@ def _approach(run):
         "Velocity distribution simulated by the HardSpheres model (black dots) at some instance of time compared to "
         "the Maxwell–Boltzmann distribution in 2D (dashed curve)."
     )
-    said = (
-        f"At t = {SNAPSHOT:g} {alone} disks still have v = 1, for they have met nobody. Of 250 disks at one time a "
-        f"dot scatters by a fifth "
-        f"of its height and more; the mean from then to t = {LAST:g} by less."
-    )
+    said = f"Of 250 disks at one time a dot scatters by a fifth of its height and more; the mean until t = {LAST:g} by less."
     figure = Figure("Figure 13", drawing(plot), said, paper)
     words = (
         f"Kolmogorov–Smirnov distance {first:.3f} at t = 0, {later:.3f} at t = {SNAPSHOT:g}, after {met:.1f} collisions of each"
