@@ -139,12 +139,12 @@ def number(value: float | str, printed: str = "") -> str:
 def page(sections: dict[str, Section], machine: str, circumstances: list[str]) -> str:
     """The whole page; well-formed XML, without scripts, and with nothing from a network."""
     rows = [row for section in sections.values() for row in section.rows]
-    counts = {mark: sum(row.mark == mark for row in rows) for mark in (SAME, HOLDS, CURED, WRONG, APART)}
+    counts = {mark: sum(row.mark == mark for row in rows) for mark in (SAME, HOLDS, CURED, WRONG, APART, EMPTY)}
     sentence = (
         f"{len(rows)} numbers and statements of T. Müller, arXiv:1403.1695, beside what this program finds: "
         f"{counts[SAME]} the same in "
         f"every digit printed, {counts[HOLDS]} that hold, {counts[CURED]} limits of the paper’s program that "
-        f"are none here, {counts[WRONG]} where the paper is wrong, {counts[APART]} that differ"
+        f"are none here, {counts[WRONG]} where the paper is wrong, {counts[APART]} that differ, {counts[EMPTY]} not judged"
     )
     links = [f'<a href="#{name}">{escape(section.title)}</a>' for name, section in sections.items()]
     wrong = [row for row in rows if row.mark in (WRONG, APART)]

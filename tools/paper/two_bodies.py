@@ -62,8 +62,15 @@ def _listing(end):
         steps, drift = run.step_count, run.diagnostics()["center_of_mass"]
         error = abs(runs.energy(run) / first - 1.0)
         strength = run.spec.forces[0].parameters["strength"]
+        read = {
+            **{"m of particle 0": ("1.0", run.start.mass[0]), "r of particle 0": ("0.1", run.start.radius[0])},
+            **{"x of particle 1": ("1.0", run.start.position[1, 0]), "m of particle 1": ("3e-6", run.start.mass[1])},
+            **{"r of particle 1": ("0.03", run.start.radius[1]), "vy of particle 1": ("0.0172", run.start.velocity[1, 1])},
+            "dt": ("0.03", run.dt),
+        }
     where = "§2.1, data.plist"
     return [
+        *(Row(where, f"{what} as read from the listing", printed, float(value)) for what, (printed, value) in read.items()),
         Row(where, "k², Gauss’s constant squared", "2.9584e-4", K**2, "The square of k = 0.0172 of §4.1."),
         Row(where, "k² as read from the listing", "2.9584e-4", strength),
         Row(
@@ -113,7 +120,7 @@ def _year():
 
 def _jupiter(duration):
     """How far Saturn is from where it were if Jupiter had no mass, at Jupiter's mass and ten times that."""
-    jupiter = 9.54786104043e-4
+    jupiter = load_scene(runs.SCENES / "outer_solar_system.yaml").particles[1].parameters["mass"]
     paths = {}
     for factor in (0.0, 1.0, 10.0):
         changes = {"particles[1].body.mass": factor * jupiter, "move_to_center_of_mass": False}
