@@ -17,7 +17,7 @@ from mpp_taichi.stability import advise
 
 LIMIT_SHARE = 0.95  # of the step that springs and drag allow
 ITERATIONS = 6.0  # forces of an implicit step, until they were counted
-FEWEST_STEPS = 8.0
+FEWEST_STEPS = 2.0
 LOOKS = 64  # at energies and positions in a run; a reference takes a multiple of so many steps
 
 
