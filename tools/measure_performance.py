@@ -3,8 +3,8 @@
     python tools/measure_performance.py [--short] [--only pairs springs …] [--keep] [--folder out/performance] [--page FILE]
 
 Each runs as a process of its own and writes JSON into the folder; `--keep` takes those that are there already. `--short` sees
-that all of it works, with few sizes and repeats, and writes no page unless one is named. The whole takes about three quarters
-of an hour on two cores. The exit code is 1 where a benchmark failed; a bar that is missed is a line of the page.
+that all of it works, with few sizes and repeats, and writes no page unless one is named. The whole takes about half an hour
+on two cores. The exit code is 1 where a benchmark failed; a bar that is missed is a line of the page.
 """
 
 import argparse
@@ -18,15 +18,15 @@ from performance_page import page
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "performance.md"
 RUNS = {  # name: arguments, and those of --short
-    "pairs": ("", "--sizes 1024 --repeats 2"),
-    "opencl": ("", "--sizes 1024 --repeats 2"),
+    "pairs": ("--sizes 1024 2048 8192 16384 --repeats 7", "--sizes 1024 --repeats 2"),
+    "opencl": ("--sizes 1024 16384 65536 --repeats 5", "--sizes 1024 --repeats 2"),
     "steps": ("", "--counts 2 16 --repeats 2"),
-    "tree": ("", "--sizes 3000 --repeats 1"),
-    "springs": ("", "--counts 4096 --repeats 2"),
-    "contacts": ("", "--counts 1000 --crossover 64 --repeats 2"),
-    "event_driven": ("", "--counts 1000 2000 --repeats 2"),
-    "compare scenes/ring.yaml": ("--ladder --budget 4min", "--budget 5s --steps 5"),
-    "compare scenes/cloth.yaml": ("--budget 3min", "--budget 5s --steps 5"),
+    "tree": ("--sizes 3000 10000 100000 1000000 --repeats 3", "--sizes 3000 --repeats 1"),
+    "springs": ("--repeats 9", "--counts 4096 --repeats 2"),
+    "contacts": ("--counts 100000 --crossover --precisions f64 f32", "--counts 1000 --crossover 64 --repeats 2"),
+    "event_driven": ("--repeats 5", "--counts 1000 2000 --repeats 2"),
+    "compare scenes/ring.yaml": ("--ladder --budget 3min", "--budget 5s --steps 5"),
+    "compare scenes/cloth.yaml": ("--budget 90s", "--budget 5s --steps 5"),
 }
 MISSED = 1  # exit code of a benchmark that ran and misses a bar
 
