@@ -90,3 +90,21 @@ def test_the_distance_of_two_on_an_ellipse_is_that_of_its_ends():
     assert found["smallest"] == pytest.approx(1.0 - e, rel=1e-6)
     assert found["largest"] == pytest.approx(1.0 + e, rel=1e-6)
     assert found["end"] == pytest.approx(1.0 - e * math.cos(7.5), rel=1e-14)
+
+
+def test_a_distance_is_watched_until_the_time_that_is_asked_for():
+    found, looks = {}, {}
+    for when in ("end", "largest"):
+        diagnostic = component.build("diagnostics", "distance", {"between": (0, 1), "when": when, "until": 0.5})
+        time = looks[when] = 0
+        while time < 2.0:
+            apart, speed = 1.0 + time, 1.0
+            diagnostic.observe(time, snapshot_of([[0.0, 0, 0], [apart, 0, 0]], velocity=[[0.0, 0, 0], [speed, 0, 0]]))
+            if time < 0.5:
+                with pytest.raises(NoResultError, match="before time 0.5"):
+                    diagnostic.result()
+            looks[when] += 1
+            time = time + min(diagnostic.interval, 2.0)
+        found[when] = diagnostic.result()
+    assert found == {"end": 1.5, "largest": pytest.approx(1.5, rel=1e-15)}
+    assert looks["end"] == 2 and looks["largest"] < 10
