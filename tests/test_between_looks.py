@@ -67,3 +67,44 @@ def test_the_end_is_the_last_look():
     for time in (0.0, 1.0, 2.0):
         diagnostic.observe(time, snapshot_of([[0.0, 5.0 - time, 0.0]]))
     assert diagnostic.result() == 3.0
+
+
+def test_the_distance_of_two_on_an_ellipse_is_that_of_its_ends():
+    e, found = 0.6, {}
+    for when in ("smallest", "largest", "end"):
+        diagnostic = component.build("diagnostics", "distance", {"between": (0, 1), "when": when})
+        with pytest.raises(NoResultError):
+            diagnostic.result()
+        anomaly, looks, last = 1.0, 0, -1.0
+        while last < 7.5:  # eccentric anomaly E; time is E − e sin E, the rate dE/dt = 1 / (1 − e cos E)
+            rate = 1.0 / (1.0 - e * math.cos(anomaly))
+            place = np.array([math.cos(anomaly) - e, 0.8 * math.sin(anomaly), 0.0])
+            motion = rate * np.array([-math.sin(anomaly), 0.8 * math.cos(anomaly), 0.0])
+            both = ([[5.0, 5.0, 5.0], 5.0 + place], [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0] + motion])
+            diagnostic.observe(anomaly - e * math.sin(anomaly), snapshot_of(both[0], velocity=both[1]))
+            looks, last = looks + 1, anomaly
+            anomaly = min(7.5, anomaly + max(STEP, min(diagnostic.interval, 1.0) * rate * 0.9))
+        found[when] = diagnostic.result()
+        assert looks < (120 if when != "end" else 20)
+    # Looks are at most 0.1 of an angle apart, so that the cubic errs by some 0.1⁴/384 of the distance.
+    assert found["smallest"] == pytest.approx(1.0 - e, rel=1e-6)
+    assert found["largest"] == pytest.approx(1.0 + e, rel=1e-6)
+    assert found["end"] == pytest.approx(1.0 - e * math.cos(7.5), rel=1e-14)
+
+
+def test_a_distance_is_watched_until_the_time_that_is_asked_for():
+    found, looks = {}, {}
+    for when in ("end", "largest"):
+        diagnostic = component.build("diagnostics", "distance", {"between": (0, 1), "when": when, "until": 0.5})
+        time = looks[when] = 0
+        while time < 2.0:
+            apart, speed = 1.0 + time, 1.0
+            diagnostic.observe(time, snapshot_of([[0.0, 0, 0], [apart, 0, 0]], velocity=[[0.0, 0, 0], [speed, 0, 0]]))
+            if time < 0.5:
+                with pytest.raises(NoResultError, match="before time 0.5"):
+                    diagnostic.result()
+            looks[when] += 1
+            time = time + min(diagnostic.interval, 2.0)
+        found[when] = diagnostic.result()
+    assert found == {"end": 1.5, "largest": pytest.approx(1.5, rel=1e-15)}
+    assert looks["end"] == 2 and looks["largest"] < 10

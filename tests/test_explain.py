@@ -59,7 +59,7 @@ def test_pair_forces_take_most_of_a_step_of_many_bodies():
         step, shares, absent = measure(simulation)
     (gravity,) = shares
     assert gravity.name == "newtonian_gravity" and 0.5 < gravity.seconds / step.seconds <= 1.0
-    assert {cost.name for cost in absent} == {"coulomb", "harmonic_drive", "linear_drag", "uniform_gravity"}
+    assert {cost.name for cost in absent} == {"coulomb", "harmonic_drive", "linear_drag", "thrust", "uniform_gravity"}
     cost = {entry.name: entry.seconds / step.seconds for entry in absent}
     assert cost["coulomb"] > cost["uniform_gravity"]  # N² against N
 
@@ -71,7 +71,7 @@ def test_explain_tells_fields_and_effects(tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     assert found["effects"] == ["newtonian_gravity", "coulomb", "uniform_gravity", "linear_drag", "spring"]
     assert [row["effect"] for row in found["shares"]] == found["effects"]
-    assert [row["effect"] for row in found["absent"]] == ["harmonic_drive"]
+    assert [row["effect"] for row in found["absent"]] == ["harmonic_drive", "thrust"]
     assert found["fields"]["position"] == 5 * 3 * 8 and found["fields"]["spring_neighbor"] == 2 * 5 * 4
     assert found["field_bytes"] == sum(found["fields"].values())
     assert (

@@ -21,6 +21,8 @@ def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     for number, entry in enumerate(spec.forces):
         if entry.name in names[:number]:
             faults.add(entry.location, f"forces[{number}]", f"{entry.name} is in the list already, allowed: once")
+        if not any(entry.parameters.get("direction", (1.0,))):
+            faults.add(entry.location, f"forces[{number}].{entry.name}.direction", "must not be [0, 0, 0]")
 
 
 def _check_run(spec: SceneSpec, tree: Node, faults: Faults) -> None:
