@@ -296,7 +296,7 @@ def test_what_is_no_number_is_a_bug(five):
     evidence.places[-1, 3, 1] = np.nan
     found = plain(verdict(five.course.findings(evidence, "f64")))
     assert found["verdict"] == "bug" and found["decided_by"]["particle"] == 3
-    row = {"backend": "cpu", "precision": "f64", "status": "ok", "step_seconds": None, **found}
+    row = {"label": "cpu", "backend": "cpu", "precision": "f64", "status": "ok", "step_seconds": None, **found}
     assert "is off by none of" in words.sentence({"rows": [row]})
 
 

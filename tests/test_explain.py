@@ -64,7 +64,25 @@ def test_pair_forces_take_most_of_a_step_of_many_bodies():
     assert cost["coulomb"] > cost["uniform_gravity"]  # N² against N
 
 
-def test_explain_tells_fields_and_effects(tmp_path, capsys):
+@pytest.fixture(scope="module")
+def costs():
+    """What was measured: all variants of a scene's forces are compiled for it."""
+    return []
+
+
+@pytest.fixture
+def measured_once(costs, monkeypatch):
+    """The costs of `everything` are measured for the first who asks."""
+
+    def asked(simulation):
+        if not costs:
+            costs.append(measure(simulation))
+        return costs[0]
+
+    monkeypatch.setattr("mpp_taichi.cli._costs.measure", asked)
+
+
+def test_explain_tells_fields_and_effects(tmp_path, capsys, measured_once):
     path = tmp_path / "everything.yaml"
     path.write_text(yaml.safe_dump(everything()), encoding="utf-8")
     assert main(["explain", str(path), "--json", "-q"]) == 0
@@ -81,10 +99,9 @@ def test_explain_tells_fields_and_effects(tmp_path, capsys):
     assert found["seconds_per_step"] > 0
 
 
-def test_explain_says_it_in_words(tmp_path, capsys):
-    path, scene = tmp_path / "dragged.yaml", everything()
-    del scene["forces"][:3]
-    path.write_text(yaml.safe_dump(scene), encoding="utf-8")
+def test_explain_says_it_in_words(tmp_path, capsys, measured_once):
+    path = tmp_path / "everything.yaml"
+    path.write_text(yaml.safe_dump(everything()), encoding="utf-8")
     assert main(["explain", str(path), "-q"]) == 0
     out = capsys.readouterr().out
     assert "one launch holds many steps" in out and "linear_drag" in out and "leapfrog is stable up to" in out

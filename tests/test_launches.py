@@ -1,7 +1,5 @@
 """Kernels that are launched again go the short way, and do what Taichi's own way does."""
 
-import gc
-
 import numpy as np
 import pytest
 
@@ -70,15 +68,14 @@ def test_other_numbers_and_other_objects_are_told_apart(long_ways):
 
 def test_an_object_at_the_place_of_one_that_is_gone_is_another(long_ways):
     places = set()
-    for number in range(20):
+    for number in range(8):
         counter = Counter()
         places.add(id(counter))
         counter.add(float(number), 1, "once")
         counter.add(1.0, 1, "once")
         assert counter.read() == number + 1.0
         del counter
-        gc.collect()
-    assert len(places) < 20  # else nothing was seen
+    assert len(places) < 8  # else nothing was seen
 
 
 @pytest.mark.parametrize("arguments", [("x", 1, "once"), (1.0, 1.5, "once"), (1.0, 1), (1.0, 1, "once", 1)])
