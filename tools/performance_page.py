@@ -33,7 +33,7 @@ def page(found, commands):
             parts.append("\n\n".join([f"## {title}\n\n    {commands[name]}", *tables(found[name]["results"])]))
     comparisons = [found[name] for name in sorted(found) if name.startswith("compare")]
     parts += [_comparison(each, commands[f"compare {each['scene']}"]) for each in comparisons]
-    on_gpu = any(row["status"] == "ok" and not row["on_cpu"] for each in comparisons for row in each["rows"])
+    on_gpu = any(row["status"] == "ok" and not row["on_processor"] for each in comparisons for row in each["rows"])
     parts.append(GPU.format(sentence="Its rows are above." if on_gpu else "**Not run on a GPU.**"))
     parts.append(_bars(found))
     return "\n\n".join(part.strip() for part in parts) + "\n"
