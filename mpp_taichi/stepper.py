@@ -18,6 +18,7 @@ from mpp_taichi.types import Template
 
 # A parallel CPU loop of up to this many iterations runs on one thread, so few heavy iterations are spread out this far.
 CPU_GRAIN = 512
+FEW = 4096  # particles whose stages one thread has done before another one is awake: 60 µs on a machine that rests
 
 
 @ti.data_oriented
@@ -42,6 +43,7 @@ class Stepper:
         self.plan = plan
         # The pair sum of the CPU is compiled in a mode of its own, and a tree is many kernels: none of them fits into the step.
         self.launches_stages = plan == "parallel" and total_force.has_pairs and (on_cpu or total_force.by_tree)
+        self.few = self.launches_stages and on_cpu and not total_force.bonds and state.particle_count <= FEW
         self.grain = CPU_GRAIN if on_cpu else 1
         self._bad: Any = ti.field(ti.i32, shape=())
         self._parts_of: float | None = None  # the dt whose parts the state has
@@ -138,9 +140,11 @@ class Stepper:
         if self.integrator.implicit:
             return None
         alone = self.launches_stages and self.total_force.is_symmetric_alone(self.state)
-        force = 0 if alone else 1
+        force = 0 if alone or self.few else 1
         if self.total_force.has_pairs:
-            force += self.total_force.pair_loops(self.state) + self.state.has_fixed_axes
+            force += self.total_force.pair_loops(self.state) + (self.state.has_fixed_axes and not self.few)
+        if self.few:
+            return (self.integrator.evaluations if self.integrator.wants_sum(self.total_force) else 0) * force
         sums = self.integrator.evaluations if self.integrator.wants_sum(self.total_force) else 0
         opening = 1 if self.integrator.joins_steps(self.total_force) else 0
         return sums * force + sum(
@@ -268,23 +272,48 @@ class Stepper:
 
     @ti.kernel
     def _stage(self, time: float, dt: float, k: Template):
-        self.integrator.stage(self.state, self.total_force, 0, time, dt, k)
+        if ti.static(self.few):
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                self.integrator.stage(self.state, self.total_force, 0, time, dt, k)
+        else:
+            self.integrator.stage(self.state, self.total_force, 0, time, dt, k)
 
     @ti.kernel
     def _stage_and_opening(self, time: float, dt: float, opens: ti.i32):
-        self.integrator.stage_and_opening(self.state, self.total_force, 0, time, dt, opens)
+        if ti.static(self.few):
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                self.integrator.stage_and_opening(self.state, self.total_force, 0, time, dt, opens)
+        else:
+            self.integrator.stage_and_opening(self.state, self.total_force, 0, time, dt, opens)
 
     @ti.kernel
     def _stage_after_force(self, time: float, dt: float, k: ti.i32):
-        self.integrator.stage_after_force(self.state, self.total_force, 0, time, dt, k)
+        if ti.static(self.few):
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                self.integrator.stage_after_force(self.state, self.total_force, 0, time, dt, k)
+        else:
+            self.integrator.stage_after_force(self.state, self.total_force, 0, time, dt, k)
 
     @ti.kernel
     def _begin_sum(self, total_force: Template, time: float):
-        total_force.begin_sum(self.state, 0, time)
+        if ti.static(self.few):
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                total_force.begin_sum(self.state, 0, time)
+        else:
+            total_force.begin_sum(self.state, 0, time)
 
     @ti.kernel
     def _end_sum(self, total_force: Template):
-        total_force.end_sum(self.state, 0)
+        if ti.static(self.few):
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                total_force.end_sum(self.state, 0)
+        else:
+            total_force.end_sum(self.state, 0)
 
     @ti.kernel
     def _accumulate_parallel(self, total_force: Template, time: float):

@@ -79,7 +79,7 @@ class TotalForce:
 
     def pair_loops(self, state: Any) -> int:
         """Parallel loops over pairs of one sum on the cores of a CPU."""
-        return 2 if self.pair_sum is self.pairs and self.pairs.is_symmetric(state) else 1
+        return self.pairs.symmetric_loops if self.pair_sum is self.pairs and self.pairs.is_symmetric(state) else 1
 
     def is_symmetric_alone(self, state: Any) -> bool:
         """Whether a launched sum of symmetric pairs is all there is, and need not be added to anything."""

@@ -16,7 +16,7 @@ import taichi as ti
 from mpp_taichi.low_parts import added, separation, wide_position
 from mpp_taichi.neighbors._pair_groups import grouped
 from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, require_components_apart
-from mpp_taichi.neighbors.symmetric_pairs import SymmetricPairs
+from mpp_taichi.neighbors.symmetric_pairs import SymmetricPairs, loops
 from mpp_taichi.types import Template
 
 VECTOR_BYTES = 64  # one AVX-512 register; two are 4–9 % faster in f32 and equal in f64, for twice the compile time
@@ -176,8 +176,13 @@ class AllPairs:
     # Cores of a CPU, lanes of their vector units ---------------------------------------------------------------------
 
     def is_symmetric(self, state: Any) -> bool:
-        """Whether `add_accelerations` evaluates each pair once, in two parallel loops; for few bodies that is no faster."""
+        """Whether `add_accelerations` evaluates each pair once; for few bodies that is no faster."""
         return self.particle_count >= SYMMETRIC_COUNT and not self.merges and not state.forces_see_low
+
+    @property
+    def symmetric_loops(self) -> int:
+        """Parallel loops of such a sum."""
+        return loops(self.particle_count)
 
     def destroy(self) -> None:
         """Give back memory that sums took."""

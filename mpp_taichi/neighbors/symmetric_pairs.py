@@ -9,8 +9,20 @@ from mpp_taichi.types import Template
 BLOCK = 128  # bodies whose reactions stay in the first cache of a core; a multiple of every number of lanes
 MOST_CHUNKS = 16  # sums that threads may work on at once
 BODIES_PER_CHUNK = 512
+SERIAL_SUMS = 1 << 14  # that are added up before another thread is awake
 MOST_SUMS = 1 << 22  # of one axis, of all chunks together
 SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
+
+
+def chunk_count(count: int) -> int:
+    """Sums of so many bodies."""
+    return max(1, min(MOST_CHUNKS, count // BODIES_PER_CHUNK, MOST_SUMS // count))
+
+
+def loops(count: int) -> int:
+    """Parallel loops of one sum over so many bodies: what one thread ends before another is awake it does alone."""
+    chunks = chunk_count(count)
+    return int(chunks > 1) + int(count * chunks > SERIAL_SUMS)
 
 
 @ti.data_oriented
@@ -29,7 +41,7 @@ class SymmetricPairs:
         self.count, self.dimensions, self.lanes = pairs.particle_count, pairs.dimensions, pairs.lane_count
         self.tile_count = self.count // self.lanes  # full ones
         self.block_count = -(-self.count // BLOCK)
-        self.chunk_count = max(1, min(MOST_CHUNKS, self.count // BODIES_PER_CHUNK, MOST_SUMS // self.count))
+        self.chunk_count = chunk_count(self.count)
         self.turns = -(-self.block_count // self.chunk_count)
         self.row = self.block_count * BLOCK // self.lanes  # tiles with room for every body
         builder = ti.FieldsBuilder()
@@ -46,7 +58,9 @@ class SymmetricPairs:
 
     @ti.kernel
     def sum_accelerations(self, state: Template, sets: Template):
-        """All accelerations, in two parallel loops; added to what is there unless it `sets` them."""
+        """All accelerations, in `loops` parallel loops; added to what is there unless it `sets` them."""
+        if ti.static(self.chunk_count == 1):
+            ti.loop_config(serialize=True)
         for q in range(self.chunk_count * SMALLEST_BLOCK):
             if q % SMALLEST_BLOCK == 0:
                 chunk = q // SMALLEST_BLOCK
@@ -56,6 +70,8 @@ class SymmetricPairs:
                     block = turn * self.chunk_count + (chunk if turn % 2 == 0 else self.chunk_count - 1 - chunk)
                     if block < self.block_count:
                         self._meet_block(state, chunk, block)
+        if ti.static(self.count * self.chunk_count <= SERIAL_SUMS):
+            ti.loop_config(serialize=True)
         for tile in range(-(-self.count // self.lanes)):
             self._add_chunks(state, tile, sets)
 
