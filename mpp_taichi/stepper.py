@@ -43,6 +43,7 @@ class Stepper:
         self.plan = plan
         # The pair sum of the CPU is compiled in a mode of its own, and a tree is many kernels: none of them fits into the step.
         self.launches_stages = plan == "parallel" and total_force.has_pairs and (on_cpu or total_force.by_tree)
+        self.pairs_alone = self.launches_stages and total_force.is_symmetric_alone(state)
         self.few = self.launches_stages and on_cpu and not total_force.bonds and state.particle_count <= FEW
         self.grain = CPU_GRAIN if on_cpu else 1
         self._bad: Any = ti.field(ti.i32, shape=())
@@ -139,8 +140,7 @@ class Stepper:
             return 0
         if self.integrator.implicit:
             return None
-        alone = self.launches_stages and self.total_force.is_symmetric_alone(self.state)
-        force = 0 if alone or self.few else 1
+        force = 0 if self.pairs_alone or self.few else 1
         if self.total_force.has_pairs:
             force += self.total_force.pair_loops(self.state) + (self.state.has_fixed_axes and not self.few)
         if self.few:
@@ -260,7 +260,7 @@ class Stepper:
     def launch_force(self, total_force: TotalForce, time: float) -> None:
         """Accelerations by the forces that do not depend on velocity, all particles at once."""
         if self.launches_stages and total_force.has_pairs:
-            if total_force.is_symmetric_alone(self.state):
+            if self.pairs_alone and total_force is self.total_force:
                 total_force.pairs.set_accelerations(self.state)
             else:
                 self._begin_sum(total_force, time)

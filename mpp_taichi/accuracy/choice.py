@@ -14,8 +14,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mpp_taichi.accuracy import force_solvers
 from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.force_solvers import GRAVITY
 from mpp_taichi.accuracy.front import Row
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import pose, with_integrator
@@ -27,6 +27,7 @@ from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import MppError, OutputError, StabilityError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
+from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.whole_file import whole_file
 
 PILOT_SECONDS = 30.0
@@ -75,14 +76,14 @@ class Choice:
         parameters = {key: value for key, value in made.integrator.parameters.items() if value is not None}
         resolved = {key: value for key, value in spec.resolved.items() if key != "accuracy"}
         chosen: dict[str, Any] = {"integrator": {made.integrator.name: parameters}}
-        if force_solvers.own_name(made) != made.integrator.name or force_solvers.own_name(spec) != spec.integrator.name:
+        if tree_of(made) is not None or tree_of(spec) is not None:
             chosen["forces"] = [_resolved(*pair) for pair in zip(resolved["forces"], made.forces)]
         return replace(made, resolved={**resolved, **chosen})
 
 
 def _resolved(entry: Any, force: ComponentSpec) -> Any:
     """What the scene says of a force, with the solver that was chosen for gravity."""
-    if force.name != force_solvers.GRAVITY:
+    if force.name != GRAVITY:
         return entry
     said = (entry.get(force.name) or {}) if isinstance(entry, Mapping) else {}
     given = {key: value for key, value in said.items() if key not in ("solver", "accuracy")}

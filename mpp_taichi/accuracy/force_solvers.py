@@ -33,6 +33,11 @@ def split(name: str) -> tuple[str, float | None]:
     return integrator, accuracy
 
 
+def by_tree(name: str) -> bool:
+    """Whether the method of this name sums gravity by a tree."""
+    return split(name)[1] is not None
+
+
 def joined(integrator: str, accuracy: float | None) -> str:
     """`leapfrog+tree-1e-3`; of the same numbers always the same text."""
     if accuracy is None:
@@ -61,7 +66,7 @@ def variants(spec: SceneSpec, start: Snapshot, asked: Sequence[str]) -> list[str
     names = [own_name(spec), *asked]
     if start.particle_count >= FEWEST_BODIES:
         names += [joined(spec.integrator.name, accuracy) for accuracy in ACCURACIES]
-    return [name for name in dict.fromkeys(names) if split(name)[1] is not None]
+    return [name for name in dict.fromkeys(names) if by_tree(name)]
 
 
 def allows_tree(spec: SceneSpec, start: Snapshot) -> bool:

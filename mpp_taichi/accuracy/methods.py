@@ -92,7 +92,7 @@ def for_reference(found: dict[str, Method]) -> list[Method]:
 
     By order, symplectic, and more forces a step.
     """
-    direct = [method for method in found.values() if method.name == force_solvers.split(method.name)[0]]
+    direct = [method for method in found.values() if not force_solvers.by_tree(method.name)]
     halved = [method for method in direct if not method.implicit and not method.adaptive]
     return sorted(halved, key=_promise, reverse=True)
 

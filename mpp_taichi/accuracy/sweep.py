@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.contact_methods import EXACT
-from mpp_taichi.accuracy.force_solvers import split
+from mpp_taichi.accuracy.force_solvers import by_tree
 from mpp_taichi.accuracy.ladder import Ladder
 from mpp_taichi.accuracy.methods import Method, rank
 from mpp_taichi.accuracy.sample import Configuration, Sample
@@ -83,7 +83,7 @@ class Sweep:
 
     def learn(self, machine: Machine) -> None:
         """How long a force takes."""
-        self.seconds_per_evaluation[_by_tree(machine.name)] = machine.seconds_per_step / machine.evaluations
+        self.seconds_per_evaluation[by_tree(machine.name)] = machine.seconds_per_step / machine.evaluations
 
     def measure(self, configuration: Configuration) -> Sample:
         """Run once, kept in the store; a method that the scene does not allow is a sample with the reason."""
@@ -147,7 +147,7 @@ class Sweep:
             return steps * self.bench.machine(method.name).seconds_per_step
         known = self.seconds_per_evaluation
         guess = max(known.values(), default=0.0)
-        return steps * method.evaluations * known.get(_by_tree(method.name), guess)
+        return steps * method.evaluations * known.get(by_tree(method.name), guess)
 
     def _is_compiled(self, name: str) -> bool:
         return name in self.bench.machines
@@ -161,10 +161,6 @@ class Sweep:
         if ladder.errors:
             return 1.0
         return FIRST_ORDER_LAST if ladder.order <= 1 else 1.0 + rank(self.methods, self.methods[ladder.integrator])
-
-
-def _by_tree(name: str) -> bool:
-    return split(name)[1] is not None
 
 
 def timed(machine: Machine, sample: Sample, budget: Budget) -> None:

@@ -21,6 +21,18 @@ class Force:
     has_derivatives = False  # along the motion, for methods that sum jerks; said with a literal True of the class itself
 
 
+@ti.func
+def is_among(state: Template, i, some: Template, chosen: Template):
+    """Whether a force acts on particle i: on all of them, or where it acts on `some` on the `chosen`, (first, count)."""
+    result = 1
+    if ti.static(some):
+        own = i
+        if ti.static(state.replica_count > 1):
+            own = i % state.particle_count
+        result = chosen[0] <= own and own < chosen[0] + chosen[1]
+    return result
+
+
 class ExternalForce(Force):
     """A force that acts on each particle by itself."""
 

@@ -3,7 +3,7 @@
 import taichi as ti
 
 from mpp_taichi.component import Particles, Vector, component, param
-from mpp_taichi.forces._base import ExternalForce
+from mpp_taichi.forces._base import ExternalForce, is_among
 from mpp_taichi.types import Template
 
 
@@ -46,13 +46,7 @@ class HarmonicDrive(ExternalForce):
     def swing(self, state: Template, i, factor):
         """So many times F₀ / m where particle i is driven."""
         result = ti.Vector.zero(float, state.dimensions)
-        driven = 1
-        if ti.static(self.drives_some):
-            own = i
-            if ti.static(state.replica_count > 1):
-                own = i % state.particle_count
-            driven = self.of[0] <= own and own < self.of[0] + self.of[1]
-        if driven:
+        if is_among(state, i, self.drives_some, self.of):
             amplitude = ti.Vector([self.force[k] for k in range(state.dimensions)], float)
             result = (factor / state.mass[i]) * amplitude
         return result

@@ -5,7 +5,7 @@ import math
 import taichi as ti
 
 from mpp_taichi.component import Particles, Vector, component, param
-from mpp_taichi.forces._base import ExternalForce
+from mpp_taichi.forces._base import ExternalForce, is_among
 from mpp_taichi.types import Template
 
 
@@ -56,15 +56,9 @@ class Thrust(ExternalForce):
     def push(self, state: Template, i, time, factor, power: ti.template()):
         """factor u q / (m − q τ)^power along the direction."""
         result = ti.Vector.zero(float, state.dimensions)
-        driven = 1
-        if ti.static(self.drives_some):
-            own = i
-            if ti.static(state.replica_count > 1):
-                own = i % state.particle_count
-            driven = self.of[0] <= own and own < self.of[0] + self.of[1]
         burnt = self.flow * (time - self.start)
         left = state.mass[i] - burnt
-        if driven and burnt >= 0.0 and left > self.empty_mass:
+        if is_among(state, i, self.drives_some, self.of) and burnt >= 0.0 and left > self.empty_mass:
             size = factor * self.exhaust_speed * self.flow
             for _ in ti.static(range(power)):
                 size /= left

@@ -16,7 +16,7 @@ import taichi as ti
 from mpp_taichi.low_parts import added, separation, wide_position
 from mpp_taichi.neighbors._pair_groups import grouped
 from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, require_components_apart
-from mpp_taichi.neighbors.symmetric_pairs import SymmetricPairs, loops
+from mpp_taichi.neighbors.symmetric_pairs import SymmetricPairs, in_parallel
 from mpp_taichi.types import Template
 
 VECTOR_BYTES = 64  # one AVX-512 register; two are 4–9 % faster in f32 and equal in f64, for twice the compile time
@@ -182,7 +182,7 @@ class AllPairs:
     @property
     def symmetric_loops(self) -> int:
         """Parallel loops of such a sum."""
-        return loops(self.particle_count)
+        return sum(in_parallel(self.particle_count))
 
     def destroy(self) -> None:
         """Give back memory that sums took."""

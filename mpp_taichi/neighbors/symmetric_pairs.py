@@ -19,10 +19,10 @@ def chunk_count(count: int) -> int:
     return max(1, min(MOST_CHUNKS, count // BODIES_PER_CHUNK, MOST_SUMS // count))
 
 
-def loops(count: int) -> int:
-    """Parallel loops of one sum over so many bodies: what one thread ends before another is awake it does alone."""
+def in_parallel(count: int) -> tuple[bool, bool]:
+    """Whether the loops over chunks and over sums are: what one thread ends before another is awake it does alone."""
     chunks = chunk_count(count)
-    return int(chunks > 1) + int(count * chunks > SERIAL_SUMS)
+    return chunks > 1, count * chunks > SERIAL_SUMS
 
 
 @ti.data_oriented
@@ -42,6 +42,7 @@ class SymmetricPairs:
         self.tile_count = self.count // self.lanes  # full ones
         self.block_count = -(-self.count // BLOCK)
         self.chunk_count = chunk_count(self.count)
+        self.chunks_in_parallel, self.sums_in_parallel = in_parallel(self.count)
         self.turns = -(-self.block_count // self.chunk_count)
         self.row = self.block_count * BLOCK // self.lanes  # tiles with room for every body
         builder = ti.FieldsBuilder()
@@ -58,8 +59,8 @@ class SymmetricPairs:
 
     @ti.kernel
     def sum_accelerations(self, state: Template, sets: Template):
-        """All accelerations, in `loops` parallel loops; added to what is there unless it `sets` them."""
-        if ti.static(self.chunk_count == 1):
+        """All accelerations, in two loops that run as `in_parallel` says; added to what is there unless it `sets` them."""
+        if ti.static(not self.chunks_in_parallel):
             ti.loop_config(serialize=True)
         for q in range(self.chunk_count * SMALLEST_BLOCK):
             if q % SMALLEST_BLOCK == 0:
@@ -70,7 +71,7 @@ class SymmetricPairs:
                     block = turn * self.chunk_count + (chunk if turn % 2 == 0 else self.chunk_count - 1 - chunk)
                     if block < self.block_count:
                         self._meet_block(state, chunk, block)
-        if ti.static(self.count * self.chunk_count <= SERIAL_SUMS):
+        if ti.static(not self.sums_in_parallel):
             ti.loop_config(serialize=True)
         for tile in range(-(-self.count // self.lanes)):
             self._add_chunks(state, tile, sets)

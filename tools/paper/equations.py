@@ -7,6 +7,7 @@ import numpy as np
 
 from paper import runs
 from paper.page import Row, Section
+from paper.spheres import two_balls
 
 
 def section(*, short):
@@ -73,7 +74,8 @@ def _back_step():
         steps = radius * overlap / (2 * radius) / (normal * v)
     a, b, c = speed**2, (x[1] - x[0]) * (v[1] - v[0]), (x[1] - x[0]) ** 2 - 4 * radius**2
     exact = (b + math.sqrt(b * b - a * c)) / a
-    with runs.start(_two(x - v * 0.5, v)) as run:
+    balls = [(1, (float(place), 0), (float(motion), 0)) for place, motion in zip(x - v * 0.5, v)]
+    with runs.start(two_balls(*balls)) as run:
         run.run(duration=0.5)
         ours = run.snapshot().position[:, 0]
     moved = x - radius * overlap / (2 * radius) * normal
@@ -110,17 +112,6 @@ def _back_step():
             correct="weights of the inverse masses",
         ),
     ]
-
-
-def _two(x, v):
-    bodies = [{"body": {"mass": 1, "position": [float(p), 0], "velocity": [float(s), 0], "radius": 0.5}} for p, s in zip(x, v)]
-    return {
-        "title": "Two balls",
-        "dimensions": 2,
-        "particles": bodies,
-        "contacts": {"hard_spheres": {"solver": "event_driven"}},
-        "run": {"duration": 1},
-    }
 
 
 def _limits(short):

@@ -33,7 +33,7 @@ def section(*, short):
     return found
 
 
-def _spheres(first, second, **more):
+def two_balls(first, second, **more):
     """Two balls, each (mass, position, velocity), of radius 1/2."""
     bodies = [
         {"body": {"mass": mass, "position": list(place), "velocity": list(motion), "radius": 0.5}}
@@ -51,7 +51,7 @@ def _spheres(first, second, **more):
 
 def _collide(first, second):
     """Velocities before and after, and the normal at the contact."""
-    with runs.start(_spheres(first, second)) as run:
+    with runs.start(two_balls(first, second)) as run:
         before = run.snapshot()
         run.run()
         after = run.snapshot()
