@@ -78,11 +78,12 @@ def drift_particle(state: Template, i, time, entry):
             high, low = state.position[i][k], state.position_low[i][k] + parts[0] * state.velocity_low[i][k]
             state.position[i][k], state.position_low[i][k] = scaled_and_added(state, high, low, parts, state.velocity[i][k])
     else:
-        state.position[i] = state.position[i] + time * state.velocity[i]
+        for k in ti.static(range(state.dimensions)):
+            state.position[i][k] = state.position[i][k] + time * state.velocity[i][k]
 
 
 @ti.func
-def kick_particle(state: Template, i, time, entry, acceleration):
+def kick_particle(state: Template, i, time, entry, acceleration: Template):
     """v += time × a; with low parts, the time is that of `entry` in state.step_parts."""
     if ti.static(state.carries_low):
         parts = state.step_parts[entry]
@@ -90,11 +91,12 @@ def kick_particle(state: Template, i, time, entry, acceleration):
             high, low = state.velocity[i][k], state.velocity_low[i][k]
             state.velocity[i][k], state.velocity_low[i][k] = scaled_and_added(state, high, low, parts, acceleration[k])
     else:
-        state.velocity[i] = state.velocity[i] + time * acceleration
+        for k in ti.static(range(state.dimensions)):
+            state.velocity[i][k] = state.velocity[i][k] + time * acceleration[k]
 
 
 @ti.func
-def push_particle(state: Template, i, number, entry, acceleration):
+def push_particle(state: Template, i, number, entry, acceleration: Template):
     """x += number × a; with low parts, the number is that of `entry` in state.step_parts."""
     if ti.static(state.carries_low):
         parts = state.step_parts[entry]
@@ -102,7 +104,8 @@ def push_particle(state: Template, i, number, entry, acceleration):
             high, low = state.position[i][k], state.position_low[i][k]
             state.position[i][k], state.position_low[i][k] = scaled_and_added(state, high, low, parts, acceleration[k])
     else:
-        state.position[i] = state.position[i] + number * acceleration
+        for k in ti.static(range(state.dimensions)):
+            state.position[i][k] = state.position[i][k] + number * acceleration[k]
 
 
 @ti.func

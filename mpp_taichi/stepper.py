@@ -1,6 +1,6 @@
 """Stepper: the short kernels around the one step, one for each execution plan (see plans.py)."""
 
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,7 @@ class Stepper:
         self.launches_stages = plan == "parallel" and total_force.has_pairs and (on_cpu or total_force.by_tree)
         self.pairs_alone = self.launches_stages and total_force.is_symmetric_alone(state)
         self.few = self.launches_stages and on_cpu and not total_force.bonds and state.particle_count <= FEW
+        self.in_vectors = plan != "parallel" and on_cpu and integrator.in_vectors(state, total_force)
         self.grain = CPU_GRAIN if on_cpu else 1
         self._bad: Any = ti.field(ti.i32, shape=())
         self._parts_of: float | None = None  # the dt whose parts the state has
@@ -78,7 +79,8 @@ class Stepper:
         if self.plan == "parallel":
             self.launch_force(force, time)
         else:
-            self._prepare_replicas(force, time)
+            with self._vectors():
+                self._prepare_replicas(force, time)
 
     def advance(self, time: float, dt: float, steps: int, meter: Any = None) -> None:
         """Advance by `steps` steps of `dt` from `time`; a `meter` of powers looks on after each of them."""
@@ -103,14 +105,16 @@ class Stepper:
             for s in range(steps):
                 self._step_with_contacts(self.contacts, time + s * dt, dt)
         elif self.integrator.adaptive:
-            with explicit_vectors() if self.integrator.writes_vectors and self.total_force.has_pairs else nullcontext():
+            with self._vectors():
                 self._advance_adaptive(time + steps * dt)
         elif self.integrator.own_state:
             self._launch_own(dt, steps, 0.0)
         elif self.plan == "serial":
-            self._advance_serial(time, dt, steps)
+            with self._vectors():
+                self._advance_serial(time, dt, steps)
         elif self.plan == "replicas":
-            self._advance_replicas(time, dt, steps)
+            with self._vectors():
+                self._advance_replicas(time, dt, steps)
         elif self.integrator.implicit:
             for s in range(steps):
                 self.integrator.launch_step(self.state, self.total_force, self.launch_force, time + s * dt, dt)
@@ -125,6 +129,10 @@ class Stepper:
         else:
             for s in range(steps):
                 self._advance_parallel(time + s * dt, dt)
+
+    def _vectors(self) -> AbstractContextManager:
+        """How a kernel is compiled in which one thread sums the forces of a system."""
+        return explicit_vectors() if self.in_vectors else nullcontext()
 
     def _parts(self, dt: float) -> np.ndarray:
         return np.tile(step_parts(self.integrator.step_numbers(dt)), (self.state.replica_count, 1))
@@ -164,7 +172,8 @@ class Stepper:
             if kick != 0.0 and self.total_force.forces:
                 if k > 0 and self.launches_stages:
                     self.launch_force(self.total_force, time + node * dt)
-                self._kick(time, dt, k, "launched" if self.launches_stages else self.plan)
+                with self._vectors():
+                    self._kick(time, dt, k, "launched" if self.launches_stages else self.plan)
             if drift != 0.0:
                 contacts.drift(self.state, time + node * dt, drift * dt)
 

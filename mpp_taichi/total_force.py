@@ -74,6 +74,7 @@ class TotalForce:
         others = [force for force in forces if not isinstance(force, PairForce) and not force.depends_on_velocity]
         self.has_pairs_alone = self.has_pairs and not others
         self.sets_pairs = self.has_pairs_alone and self.pair_sum.sets_directly
+        self.pairs_in_tiles = self.has_pairs_alone and self.pair_sum is self.pairs and self.pairs.in_tiles
         self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
         self.has_velocity_independent = any(not force.depends_on_velocity for force in forces)
 
@@ -208,7 +209,11 @@ class TotalForce:
     def begin_sum(self, state: Template, first, time):
         """state.acceleration = external forces and springs."""
         for i in range(first, first + self.particle_count):
-            state.acceleration[i] = self.local_acceleration(state, first, i, time, False)
+            if ti.static(self.has_pairs_alone):
+                for k in ti.static(range(self.dimensions)):
+                    state.acceleration[i][k] = 0.0
+            else:
+                state.acceleration[i] = self.local_acceleration(state, first, i, time, False)
             if ti.static(self.derivatives > 0):
                 jerk, snap = self.local_derivatives(state, first, i, time)
                 state.jerk[i] = jerk
@@ -220,7 +225,8 @@ class TotalForce:
         """Take the pair forces off the axes that are held."""
         if ti.static(state.has_fixed_axes):
             for i in range(first, first + self.particle_count):
-                state.acceleration[i] = ti.select(state.free[i] != 0.0, state.acceleration[i], 0.0)
+                for k in ti.static(range(self.dimensions)):
+                    state.acceleration[i][k] = ti.select(state.free[i][k] != 0.0, state.acceleration[i][k], 0.0)
                 if ti.static(self.derivatives > 0):
                     state.jerk[i] = ti.select(state.free[i] != 0.0, state.jerk[i], 0.0)
                 if ti.static(self.derivatives > 1):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mpp_taichi import Simulation, component
+from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.snapshot import Snapshot
 from scenes import KINDS_OF_STEP, cluster, everything, irregular_network, kepler
 
@@ -172,6 +173,24 @@ def test_a_thousand_replicas_each_equal_their_single_run(name, backend, request)
             assert np.array_equal(found.position, expected.position)
             assert np.array_equal(found.velocity, expected.velocity)
         assert difference(ensemble.snapshot(replica=0), ensemble.snapshot(replica=1)) > 1e-3
+
+
+@pytest.mark.parametrize(("name", "precision"), [("velocity_verlet", "f64"), ("rk4", "f32"), ("chin4a", "f64")])
+def test_a_step_in_explicit_vectors_has_the_bits_of_one_without(name, precision, monkeypatch):
+    scene = cluster(21, integrator=name)  # more than two tiles of f64, one and a part of f32
+    scene["particles"][3]["body"]["free"] = [True, False, True]
+    with Simulation(scene, backend="cpu", precision=precision, plan="serial") as simulation:
+        assert simulation.stepper.in_vectors
+        start = simulation.start
+        ends = [simulation.run(steps=20).snapshot()]
+    with Simulation(scene, backend="cpu", precision=precision, replica_starts=[start] * 3) as ensemble:
+        assert ensemble.stepper.in_vectors
+        ends.append(ensemble.run(steps=20).snapshot(replica=2))
+    monkeypatch.setattr(Integrator, "in_vectors", lambda *_: False)
+    ends.append(end_of(scene, steps=20, backend="cpu", precision=precision, plan="serial"))
+    for end in ends[1:]:
+        assert np.array_equal(end.position, ends[0].position)
+        assert np.array_equal(end.velocity, ends[0].velocity)
 
 
 def test_the_step_stands_once():

@@ -25,7 +25,8 @@ class Integrator:
                      that wants any says so with a literal `needs_derivatives = True`, which scenes are checked by
     own_state        keeps the motion in fields of its own, and `launch` sets what is shown from them
     quickly_compiled its kernels are long, and compiled without Taichi's own optimisation (see quick_compilation.py)
-    writes_vectors   beside pairs its step is written for explicit vectors (see neighbors/explicit_vectors.py)
+    writes_vectors   its step reads and writes vectors by components: it can be compiled together with the sum over pairs
+                     in explicit vectors (see neighbors/explicit_vectors.py)
     takes_velocity   keeps its order beside forces that depend on velocity; a class where it is not so says it with a literal
                      False of its own, which scenes are checked by, and the method is refused beside such forces
     takes_time       goes beside forces that depend on time by themselves; said and checked in the same way
@@ -76,6 +77,10 @@ class Integrator:
 
     def arrange(self, state: Any) -> None:
         """Fill the work fields that a step reads and none writes, after the state was set from outside."""
+
+    def in_vectors(self, state: Any, total_force: Any) -> bool:
+        """Whether a kernel with a whole step in one thread is compiled with explicit vectors."""
+        return self.writes_vectors and total_force.pairs_in_tiles and not state.carries_low
 
     def starting_force(self, total_force: Any) -> Any:
         """The forces that a step with `keeps_force` expects to find, after the state was set from outside."""

@@ -9,6 +9,7 @@ import taichi as ti
 from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.low_parts import drift_particle, kick_particle, push_particle
 from mpp_taichi.types import Template
+from mpp_taichi.vector_fields import put_vector, vector_at
 
 # (a, b, c) of the methods that solve v' = a(v) inside a kick, by order (see _splitting).
 EULER = (((),), (1.0,))
@@ -64,6 +65,7 @@ class RungeKutta(Integrator):
     dense_weights: tuple = ()
     dense_order = 0
     takes_low_parts = True
+    writes_vectors = True
 
     @property
     def nodes(self) -> tuple:
@@ -105,14 +107,15 @@ class RungeKutta(Integrator):
         rows, slopes = ti.static(nystroem_rows(self.a, self.b), len(self.b))
         if ti.static(k == 0):
             for i in range(first, first + total_force.particle_count):
-                state.scratch_0[i] = state.position[i]
-                state.scratch_1[i] = state.velocity[i]
+                put_vector(state.scratch_0, i, state.position[i])
+                put_vector(state.scratch_1, i, state.velocity[i])
                 if ti.static(state.carries_low):
                     state.scratch[slopes + 2][i] = state.position_low[i]
                     state.scratch[slopes + 3][i] = state.velocity_low[i]
         else:
             for i in range(first, first + total_force.particle_count):
-                state.scratch[1 + k][i] = self.slope(state, total_force, first, i, time + rows[k - 1][0] * dt)
+                slope = self.slope(state, total_force, first, i, time + rows[k - 1][0] * dt)
+                put_vector(state.scratch[1 + k], i, slope)
             self.move(state, total_force, first, dt, k, rows[k])
 
     @ti.func
@@ -120,9 +123,9 @@ class RungeKutta(Integrator):
         """Acceleration of particle i where the state is; that without velocity has been summed."""
         result = ti.Vector.zero(float, state.dimensions)
         if ti.static(total_force.has_velocity_independent):
-            result += state.acceleration[i]
+            result = result + vector_at(state.acceleration, i)
         if ti.static(total_force.depends_on_velocity):
-            result += total_force.local_acceleration(state, first, i, time, True)
+            result = result + total_force.local_acceleration(state, first, i, time, True)
         return result
 
     @ti.func
@@ -137,7 +140,7 @@ class RungeKutta(Integrator):
             slope = self.slope(state, total_force, first, i, time + node * dt)
             for c in ti.static(range(1, len(self.b) + 1)):
                 if k == c:
-                    state.scratch[1 + c][i] = slope
+                    put_vector(state.scratch[1 + c], i, slope)
         for c in ti.static(range(1, len(self.b) + 1)):
             if k == c:
                 self.move(state, total_force, first, dt, c, rows[c])
@@ -172,11 +175,11 @@ class RungeKutta(Integrator):
         node, weights, bars = ti.static(row)
         for i in range(first, first + total_force.particle_count):
             velocity_change = ti.Vector.zero(float, state.dimensions)
-            position_change = node * state.scratch_1[i]
+            position_change = node * vector_at(state.scratch_1, i)
             for k in ti.static(range(len(self.b))):
                 if ti.static(weights[k] != 0.0):
-                    velocity_change += weights[k] * state.scratch[2 + k][i]
+                    velocity_change = velocity_change + weights[k] * vector_at(state.scratch[2 + k], i)
                 if ti.static(bars[k] != 0.0):
-                    position_change += dt * bars[k] * state.scratch[2 + k][i]
-            state.position[i] = state.scratch_0[i] + dt * position_change
-            state.velocity[i] = state.scratch_1[i] + dt * velocity_change
+                    position_change = position_change + dt * bars[k] * vector_at(state.scratch[2 + k], i)
+            put_vector(state.position, i, vector_at(state.scratch_0, i) + dt * position_change)
+            put_vector(state.velocity, i, vector_at(state.scratch_1, i) + dt * velocity_change)

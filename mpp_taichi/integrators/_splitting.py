@@ -51,6 +51,7 @@ class Splitting(Integrator):
     kicks: tuple = ()
     symplectic = True
     takes_low_parts = True
+    writes_vectors = True
 
     @property
     def time_reversible(self) -> bool:

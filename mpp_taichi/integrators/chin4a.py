@@ -9,6 +9,7 @@ from mpp_taichi.component import component, param
 from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.low_parts import drift_particle, kick_particle, push_particle
 from mpp_taichi.types import Template
+from mpp_taichi.vector_fields import put_vector, vector_at
 
 GRADIENT = 1 / 24
 
@@ -31,6 +32,7 @@ class Chin4a(Integrator):
     takes_velocity = False
     keeps_force = True
     takes_low_parts = True
+    writes_vectors = True
     nodes = (0.5, 0.5, 1.0)
 
     def scratch_count(self, velocity_dependent: bool) -> int:
@@ -65,18 +67,18 @@ class Chin4a(Integrator):
         for i in range(first, first + total_force.particle_count):
             acceleration = ti.Vector.zero(float, state.dimensions)
             if ti.static(total_force.has_velocity_independent):
-                acceleration = state.acceleration[i]
+                acceleration = vector_at(state.acceleration, i)
             if ti.static(k == 0):
                 kick_particle(state, i, dt / 6, 0, acceleration)
                 drift_particle(state, i, 0.5 * dt, 1)
             elif ti.static(k == 1):
-                state.scratch_0[i] = state.position[i]
+                put_vector(state.scratch_0, i, state.position[i])
                 if ti.static(state.carries_low):
                     state.scratch_1[i] = state.position_low[i]
                 push_particle(state, i, GRADIENT * dt * dt, 2, acceleration)
             elif ti.static(k == 2):
                 kick_particle(state, i, dt * 2 / 3, 3, acceleration)
-                state.position[i] = state.scratch_0[i]
+                put_vector(state.position, i, state.scratch_0[i])
                 if ti.static(state.carries_low):
                     state.position_low[i] = state.scratch_1[i]
                 drift_particle(state, i, 0.5 * dt, 1)

@@ -38,9 +38,12 @@ class Taylor(Adaptive):
     )
     order: int = param(20, minimum=4, maximum=40, help="of the series; 12 is a little faster for errors above 1e-4")
 
-    writes_vectors = True
     controlled_by = "tolerance"
     memory = ("clock", "tally", "coefficient", "position_rest", "velocity_rest")
+
+    def in_vectors(self, state: Any, total_force: Any) -> bool:
+        """Of any number of pairs."""
+        return bool(total_force.has_pairs)
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
         """The series, what rounding left over of the state, and the clock, whose last entry is the unit of time."""

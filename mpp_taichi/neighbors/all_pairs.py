@@ -54,6 +54,7 @@ class AllPairs:
         self._checked_state: Any = None
         self._symmetric: SymmetricPairs | None = None
         self.unrolled = particle_count * (particle_count - 1) // 2 <= UNROLLED_PAIRS
+        self.in_tiles = not self.unrolled and len(self.members) == 1  # how one thread sums
         self.sets_directly = particle_count == 2  # saves a tenth of a step; with more bodies zeros stored first are faster
 
     # One thread ------------------------------------------------------------------------------------------------------
@@ -67,7 +68,7 @@ class AllPairs:
         if ti.static(self.has_work):
             if ti.static(self.unrolled):
                 self._accumulate_unrolled(state, first, False)
-            elif ti.static(len(self.members) == 1):
+            elif ti.static(self.in_tiles):
                 for tile in range(self.tile_count):
                     self._accumulate_tile(state, first, tile)
             else:
