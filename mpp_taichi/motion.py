@@ -43,7 +43,7 @@ class Motion:
     def _adopt(self, phase: Phase, compiled: CompiledPhase) -> None:
         """Go on with the step of this phase."""
         self.spec, self._particles = phase.spec, phase.particles
-        self.integrator, self.dt = compiled.integrator, compiled.dt
+        self.integrator, self.dt = compiled.integrator, float(phase.spec.integrator.parameters["dt"])
         self.total_force, self.plan, self.step_work = compiled.total_force, compiled.plan, compiled.work
         self.state, self.stepper, self.energy_meter = compiled.state, compiled.stepper, compiled.energy_meter
         self.contacts, self.launch_limit = compiled.contacts, compiled.launch_limit

@@ -223,6 +223,13 @@ class State:
             values = getattr(earlier, name).to_numpy()
             getattr(self, name).from_numpy(np.ascontiguousarray(values if name.startswith("position") else values * free))
 
+    def write_springs(self, snapshot: Snapshot) -> None:
+        """Set stiffness, rest length and damping of springs that link the same particles as before."""
+        host = half_springs(snapshot)
+        for name in ("spring_stiffness", "spring_rest_length", "spring_damping"):
+            if name in self.quantities:
+                getattr(self, name).from_numpy(host[name].astype(self._dtype))
+
     def write_spheres(self, snapshot: Snapshot) -> None:
         """Set what merging changes of each sphere, the same in every replica."""
         for name in MERGED_ARRAYS:
