@@ -3,6 +3,7 @@
 import math
 import time as clock
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -100,6 +101,7 @@ class Simulation(PhasedMotion):
         """
         self._require_life()
         span, left = self._plan_run(duration, until, steps)
+        end = self.time + span if until is None else float(until)
         self._check_leg(span, left)
         if self.energy_balance is not None:
             self.energy_balance.look(self)
@@ -110,8 +112,9 @@ class Simulation(PhasedMotion):
             self._step(int(whole), rest, recorders)
             if ends_early or span < ahead or ahead == math.inf:
                 return self
-            span, left = span - ahead, left - whole - (rest > 0.0)
+            left -= whole + (rest > 0.0)
             self._begin_phase(self.phase_number + 1)
+            span = end - self.time  # not what is left of the span: the last step has then the bits that it has by itself
             self._check_leg(span, left)
             self._notify(recorders)
 
@@ -188,6 +191,10 @@ class Simulation(PhasedMotion):
         self._require_life()
         self.energy_balance = EnergyBalance(self._power_meter())
         return self.energy_balance
+
+    def checkpoint(self, path: str | Path) -> None:
+        """Write the state now to a `.npz` file, from which `start` or --rewind goes on; OutputError where that fails."""
+        replace(self.snapshot(), dt=self.dt).save(path)
 
     # --- in a notebook --------------------------------------------------------------------------------------------------
 

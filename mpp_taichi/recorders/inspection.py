@@ -27,6 +27,11 @@ LETTERS = 20  # pixels
 class Rhythm(Protocol):
     """Something at whose looks the inspector looks as well: a film."""
 
+    def go_back(self, simulation: "Simulation") -> None:
+        """Forget the looks after the step to which a simulation has gone back."""
+        self._due = None if self._due is None else min(self._due, simulation.step_count + self.every)
+        self.inspector.go_back(simulation)
+
     def steps_until_due(self, simulation: "Simulation") -> int:
         """How many steps may pass before the next look."""
 

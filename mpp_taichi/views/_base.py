@@ -25,6 +25,7 @@ class Frame:
     velocity     [length / time], shape (particle_count, 3); only tells a camera without a position in which plane things move
     extra        one more line of caption, such as the energy error
     outline      segments of walls [length], shape (count, 2, 3)
+    mass, name   of each particle, shape (particle_count,), for what a window says of one; without a name ""
     """
 
     position: np.ndarray
@@ -38,6 +39,8 @@ class Frame:
     center: tuple[float, float, float] | None = None
     velocity: np.ndarray | None = None
     outline: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    mass: np.ndarray | None = None
+    name: tuple[str, ...] = ()
 
     @staticmethod
     def of(snapshot: Snapshot, *, title: str = "", extra: str = "", walls: Outline | None = None) -> "Frame":
@@ -63,6 +66,8 @@ class Frame:
             center=center,
             velocity=snapshot.velocity,
             outline=np.zeros((0, 2, 3)) if walls is None else walls.at(snapshot.time),
+            mass=snapshot.mass,
+            name=snapshot.name,
         )
 
 
