@@ -82,6 +82,6 @@ class LiveParameters:
 def _with_properties(force: Any, properties: Mapping[str, property]) -> Any:
     """An object like `force` whose class has these properties in place of attributes."""
     kind = type(force)
-    made = object.__new__(type(kind.__name__, (kind,), {"__module__": kind.__module__, **properties}))
+    made: Any = object.__new__(type(kind.__name__, (kind,), {"__module__": kind.__module__, **properties}))
     vars(made).update({name: value for name, value in vars(force).items() if name not in properties})
     return made

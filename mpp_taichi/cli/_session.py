@@ -90,7 +90,15 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
 
 def _lock_outputs(request: Request, stack: ExitStack) -> None:
     """Hold the names of the files written at the end, so that a second run with the same names is refused now."""
-    for path in (request.snapshot, request.diagnostics, request.modes, request.speeds, request.events, request.log, *request.inspect):
+    for path in (
+        request.snapshot,
+        request.diagnostics,
+        request.modes,
+        request.speeds,
+        request.events,
+        request.log,
+        *request.inspect,
+    ):
         if path is not None:
             stack.callback(OutputLock(path).release)
 

@@ -27,11 +27,6 @@ LETTERS = 20  # pixels
 class Rhythm(Protocol):
     """Something at whose looks the inspector looks as well: a film."""
 
-    def go_back(self, simulation: "Simulation") -> None:
-        """Forget the looks after the step to which a simulation has gone back."""
-        self._due = None if self._due is None else min(self._due, simulation.step_count + self.every)
-        self.inspector.go_back(simulation)
-
     def steps_until_due(self, simulation: "Simulation") -> int:
         """How many steps may pass before the next look."""
 
@@ -54,6 +49,11 @@ class InspectionRecorder:
         """Forget every look."""
         self._due = None
         self.inspector.restart()
+
+    def go_back(self, simulation: "Simulation") -> None:
+        """Forget the looks after the step to which a simulation has gone back."""
+        self._due = None if self._due is None else min(self._due, simulation.step_count + self.every)
+        self.inspector.go_back(simulation)
 
     def steps_until_due(self, simulation: "Simulation") -> int:
         """Until the next look, its own or the film's."""

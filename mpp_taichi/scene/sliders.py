@@ -238,7 +238,8 @@ def _with_target(spec: SceneSpec, target: SliderTarget, value: float) -> SceneSp
     changed = replace(entry, parameters={**entry.parameters, target.parameter: new})
     if target.kind == "integrator":
         return replace(spec, integrator=changed)
-    return replace(spec, **{target.kind: tuple(changed if each is entry else each for each in getattr(spec, target.kind))})
+    entries: dict[str, Any] = {target.kind: tuple(changed if one is entry else one for one in getattr(spec, target.kind))}
+    return replace(spec, **entries)
 
 
 def put(tree: Node, slider: SliderSpec, spec: SceneSpec, value: float, place: Location) -> Node:

@@ -149,10 +149,10 @@ class Window:
             controls.press(key, shift=shift, camera=camera, frame=frame, aspect=self._aspect())
         size = self._window.get_window_shape()
         controls.occupied = [self._sliders.box(size, self._caption_bottom())] if self._sliders.shown else []
-        with self._panels.aside(camera, self.spec.camera, size) as shift:
+        with self._panels.aside(camera, self.spec.camera, size) as away:
             controls.move(self._window.get_cursor_pos(), held, camera=camera, seconds=seconds, aspect=size[0] / size[1])
             if (cursor := controls.take_click()) is not None:
-                self._picked.index = pick(discs(frame, camera, self.spec, size, shift), cursor, size)
+                self._picked.index = pick(discs(frame, camera, self.spec, size, away), cursor, size)
         if controls.take("follow"):
             self._say(self._follower.next(self._picked.index))
 
@@ -213,7 +213,7 @@ class Window:
                 for line in lines:
                     panel.text(line)
         if with_help:
-            columns, rows = 48, len(HELP)
+            columns, rows = 54, len(HELP)
             left = 1.0 - (7 * columns + 32) / width
             with gui.sub_window("keys", left, 8 / height, (7 * columns + 24) / width, (17 * rows + 32) / height) as panel:
                 for keys, does in HELP:
