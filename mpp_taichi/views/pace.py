@@ -29,7 +29,7 @@ class Pace:
 
     def take(self) -> int:
         """Steps of the next frame."""
-        self._credit = min(self._credit + self.wanted, max(1.0, float(self._most)))
+        self._credit += min(self.wanted, self._most)
         steps = int(self._credit)
         self._credit -= steps
         return steps
