@@ -222,7 +222,8 @@ def test_a_log_is_a_scene_wherever_it_stands(tmp_path, monkeypatch, capsys):
     assert not read.expect and read.sliders and read.particles[0].parameters["mass"] == 3.0
     write_log(tmp_path / "elsewhere" / "log.yaml", read, 2.0, "")
     whole = yaml.safe_load((tmp_path / "elsewhere" / "log.yaml").read_text(encoding="utf-8"))
-    assert "extends" not in whole and "expect" not in whole and load_scene(tmp_path / "elsewhere" / "log.yaml").run.duration == 2
+    assert "extends" not in whole and "expect" not in whole
+    assert load_scene(tmp_path / "elsewhere" / "log.yaml").run.duration == 2.0
     assert main([*command, "--log", "log.csv"]) == 2
     assert "--log log.csv: the suffix must be one of .yaml, .yml" in capsys.readouterr().err
 
