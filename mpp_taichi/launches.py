@@ -17,7 +17,7 @@ PLAIN = (int, float, bool, str, type(None))  # template arguments that are compa
 class Launches:
     """The compiled forms of one kernel by its template arguments.
 
-    A kernel that takes or gives anything but template arguments and numbers is not `simple`, and is left to Taichi.
+    A kernel that takes anything but template arguments and numbers is not `simple`, and is left to Taichi.
     """
 
     def __init__(self, kernel: Any) -> None:
@@ -29,7 +29,8 @@ class Launches:
         self.count = len(kernel.arguments)
         self.templates: list[int] = []
         self.numbers: list[tuple[int, bool, str]] = []  # place among the arguments, whether it is a float, how it is set
-        self.simple = kernel.return_type is None and kernel.autodiff_mode == kernel_impl.AutodiffMode.NONE
+        self.simple = kernel.autodiff_mode == kernel_impl.AutodiffMode.NONE
+        self.returned = kernel.return_type or ()  # types
         types = kernel_impl.primitive_types
         for place, argument in enumerate(kernel.arguments):
             kind = argument.annotation
@@ -99,9 +100,9 @@ def _remembering(plain: Callable, told: Callable[[Exception], Exception]) -> Cal
             return plain(self, *arguments, **named)
         key, found = launches.find(arguments)
         if found is None:
-            plain(self, *arguments)
+            result = plain(self, *arguments)
             launches.remember(self, key, arguments)
-            return None
+            return result
         context = found[1].make_launch_context()
         for slot, (place, _, setter) in enumerate(launches.numbers):
             getattr(context, setter)((slot,), arguments[place])
@@ -109,7 +110,11 @@ def _remembering(plain: Callable, told: Callable[[Exception], Exception]) -> Cal
             runtime.prog.launch_kernel(found[2], context)
         except Exception as error:
             raise told(error) from None
-        return None
+        if not launches.returned:
+            return None
+        runtime.sync()
+        parts = [self.construct_kernel_ret(context, kind, (place,)) for place, kind in enumerate(launches.returned)]
+        return parts[0] if len(parts) == 1 else parts
 
     call.remembers = True  # type: ignore[attr-defined]
     return call

@@ -11,6 +11,7 @@ from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.low_parts import step_parts
 from mpp_taichi.neighbors.explicit_vectors import explicit_vectors
 from mpp_taichi.quick_compilation import quick_compilation
+from mpp_taichi.serial_loops import FEW, SerialLoops
 from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.state import State
 from mpp_taichi.total_force import TotalForce
@@ -18,7 +19,6 @@ from mpp_taichi.types import Template
 
 # A parallel CPU loop of up to this many iterations runs on one thread, so few heavy iterations are spread out this far.
 CPU_GRAIN = 512
-FEW = 4096  # particles whose stages one thread has done before another one is awake: 60 µs on a machine that rests
 
 
 @ti.data_oriented
@@ -44,8 +44,11 @@ class Stepper:
         # The pair sum of the CPU is compiled in a mode of its own, and a tree is many kernels: none of them fits into the step.
         self.launches_stages = plan == "parallel" and total_force.has_pairs and (on_cpu or total_force.by_tree)
         self.pairs_alone = self.launches_stages and total_force.is_symmetric_alone(state)
-        self.few = self.launches_stages and on_cpu and not total_force.bonds and state.particle_count <= FEW
         self.in_vectors = plan != "parallel" and on_cpu and integrator.in_vectors(state, total_force)
+        few_on_cpu = on_cpu and state.particle_count <= FEW
+        self.few = few_on_cpu and self.launches_stages and not total_force.bonds
+        self.stage_loops = SerialLoops() if self.few else nullcontext()
+        self.contact_loops = SerialLoops() if few_on_cpu and contacts is not None else nullcontext()
         self.grain = CPU_GRAIN if on_cpu else 1
         self._bad: Any = ti.field(ti.i32, shape=())
         self._parts_of: float | None = None  # the dt whose parts the state has
@@ -172,10 +175,11 @@ class Stepper:
             if kick != 0.0 and self.total_force.forces:
                 if k > 0 and self.launches_stages:
                     self.launch_force(self.total_force, time + node * dt)
-                with self._vectors():
+                with self.contact_loops, self._vectors():
                     self._kick(time, dt, k, "launched" if self.launches_stages else self.plan)
             if drift != 0.0:
-                contacts.drift(self.state, time + node * dt, drift * dt)
+                with self.contact_loops:
+                    contacts.drift(self.state, time + node * dt, drift * dt)
 
     @ti.kernel
     def _kick(self, time: float, dt: float, k: Template, shape: Template):
@@ -255,16 +259,18 @@ class Stepper:
     def _launch_stages(self, time: float, dt: float, *, begins: bool, joins: bool, opens: bool) -> None:
         """The step's own stages and forces, each a launch; where steps are joined the last one `opens` the next step."""
         if begins:
-            self._stage(time, dt, 0)
+            with self.stage_loops:
+                self._stage(time, dt, 0)
         for k, node in enumerate(self.integrator.nodes):
             if self.integrator.wants_sum(self.total_force):
                 self.launch_force(self.total_force, time + node * dt)
-            if self.integrator.looks_stages_up(self.total_force):
-                self._stage_after_force(time, dt, k + 1)
-            elif joins and k == self.integrator.evaluations - 1:
-                self._stage_and_opening(time, dt, int(opens))
-            else:
-                self._stage(time, dt, k + 1)
+            with self.stage_loops:
+                if self.integrator.looks_stages_up(self.total_force):
+                    self._stage_after_force(time, dt, k + 1)
+                elif joins and k == self.integrator.evaluations - 1:
+                    self._stage_and_opening(time, dt, int(opens))
+                else:
+                    self._stage(time, dt, k + 1)
 
     def launch_force(self, total_force: TotalForce, time: float) -> None:
         """Accelerations by the forces that do not depend on velocity, all particles at once."""
@@ -272,57 +278,34 @@ class Stepper:
             if self.pairs_alone and total_force is self.total_force:
                 total_force.pairs.set_accelerations(self.state)
             else:
-                self._begin_sum(total_force, time)
+                with self.stage_loops:
+                    self._begin_sum(total_force, time)
                 total_force.pair_sum.add_accelerations(self.state)
             if self.state.has_fixed_axes:
-                self._end_sum(total_force)
+                with self.stage_loops:
+                    self._end_sum(total_force)
         else:
             self._accumulate_parallel(total_force, time)
 
     @ti.kernel
     def _stage(self, time: float, dt: float, k: Template):
-        if ti.static(self.few):
-            ti.loop_config(serialize=True)
-            for _ in range(1):
-                self.integrator.stage(self.state, self.total_force, 0, time, dt, k)
-        else:
-            self.integrator.stage(self.state, self.total_force, 0, time, dt, k)
+        self.integrator.stage(self.state, self.total_force, 0, time, dt, k)
 
     @ti.kernel
     def _stage_and_opening(self, time: float, dt: float, opens: ti.i32):
-        if ti.static(self.few):
-            ti.loop_config(serialize=True)
-            for _ in range(1):
-                self.integrator.stage_and_opening(self.state, self.total_force, 0, time, dt, opens)
-        else:
-            self.integrator.stage_and_opening(self.state, self.total_force, 0, time, dt, opens)
+        self.integrator.stage_and_opening(self.state, self.total_force, 0, time, dt, opens)
 
     @ti.kernel
     def _stage_after_force(self, time: float, dt: float, k: ti.i32):
-        if ti.static(self.few):
-            ti.loop_config(serialize=True)
-            for _ in range(1):
-                self.integrator.stage_after_force(self.state, self.total_force, 0, time, dt, k)
-        else:
-            self.integrator.stage_after_force(self.state, self.total_force, 0, time, dt, k)
+        self.integrator.stage_after_force(self.state, self.total_force, 0, time, dt, k)
 
     @ti.kernel
     def _begin_sum(self, total_force: Template, time: float):
-        if ti.static(self.few):
-            ti.loop_config(serialize=True)
-            for _ in range(1):
-                total_force.begin_sum(self.state, 0, time)
-        else:
-            total_force.begin_sum(self.state, 0, time)
+        total_force.begin_sum(self.state, 0, time)
 
     @ti.kernel
     def _end_sum(self, total_force: Template):
-        if ti.static(self.few):
-            ti.loop_config(serialize=True)
-            for _ in range(1):
-                total_force.end_sum(self.state, 0)
-        else:
-            total_force.end_sum(self.state, 0)
+        total_force.end_sum(self.state, 0)
 
     @ti.kernel
     def _accumulate_parallel(self, total_force: Template, time: float):

@@ -30,6 +30,10 @@ class Counter:
     def read(self) -> ti.f64:
         return self.total[None]
 
+    @ti.kernel
+    def read_twice(self, factor: ti.f64) -> ti.types.vector(2, ti.f64):
+        return ti.Vector([self.total[None], factor * self.total[None]])
+
 
 @pytest.fixture
 def long_ways(monkeypatch):
@@ -56,6 +60,15 @@ def test_only_the_first_launch_goes_the_long_way(long_ways):
         counter.add(0.5, 3, "once")
     assert long_ways == ["add"]
     assert counter.read() == 15.0
+
+
+def test_what_a_kernel_returns_comes_by_the_short_way_too(long_ways):
+    counter = Counter()
+    for k in range(1, 4):
+        counter.add(1.0, 1, "once")
+        assert counter.read() == k
+        assert list(counter.read_twice(10.0)) == [k, 10.0 * k]
+    assert long_ways == ["add", "read", "read_twice"]
 
 
 def test_other_numbers_and_other_objects_are_told_apart(long_ways):

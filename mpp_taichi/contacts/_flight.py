@@ -8,7 +8,8 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSetup
-from mpp_taichi.contacts._tally import CHUNKS, SMALLEST_BLOCK
+from mpp_taichi.contacts._tally import CHUNKS
+from mpp_taichi.serial_loops import loop_grain
 
 SLACK = 1.25  # margin over the way that a sphere of the same speed makes: contacts make some faster
 TRAVEL_PER_GAP = 0.5  # root mean square way in a piece, at most, over the mean gap between spheres
@@ -165,9 +166,10 @@ class Flight:
 
     @ti.kernel
     def _measure(self):
-        for q in range(CHUNKS * SMALLEST_BLOCK):
-            if q % SMALLEST_BLOCK == 0:
-                chunk = q // SMALLEST_BLOCK
+        grain = ti.static(loop_grain())
+        for q in range(CHUNKS * grain):
+            if q % grain == 0:
+                chunk = q // grain
                 lower = ti.Vector([ti.math.inf] * self.dimensions, float)
                 upper = -lower
                 total, largest = 0.0, 0.0

@@ -15,7 +15,7 @@ from mpp_taichi.neighbors.partner_list import PartnerList
 from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 
-ALL_PAIRS_UP_TO = 160  # spheres; more are faster on the cell grid, see tools/benchmark_contacts.py
+ALL_PAIRS_UP_TO = 300  # spheres; more are faster on the cell grid, see tools/benchmark_contacts.py
 LONG_AGO = -1e30  # when a sphere that never touched anything did so last
 NOTHING = -1  # partner of a sphere without an event; surface s is -2 - s
 LOOK_AGAIN = -1  # stamp of a prediction that says no more than that there is no contact before

@@ -6,11 +6,12 @@ import taichi as ti
 
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts._bounce import Bounce
-from mpp_taichi.contacts._tally import CHUNKS, SMALLEST_BLOCK, Tally
+from mpp_taichi.contacts._tally import CHUNKS, Tally
 from mpp_taichi.neighbors.cell_grid import CellGrid
+from mpp_taichi.serial_loops import loop_grain
 from mpp_taichi.walls import _geometry
 
-ALL_PAIRS_UP_TO = 1000  # spheres; more are faster on the cell grid, see tools/benchmark_contacts.py
+ALL_PAIRS_UP_TO = 500  # spheres; more are faster on the cell grid, see tools/benchmark_contacts.py
 PAIRS_PER_SPHERE = 8  # for which there is room: a contact graph of spheres has fewer than 7.5 edges for each
 LONG_AGO = -1e30  # when a sphere that never touched anything did so last
 
@@ -186,9 +187,10 @@ class Overlaps:
     @ti.kernel
     def _bounce_walls(self, time: float):
         if ti.static(len(self.bounce.surfaces) > 0):
-            for q in range(CHUNKS * SMALLEST_BLOCK):
-                if q % SMALLEST_BLOCK == 0:
-                    chunk = q // SMALLEST_BLOCK
+            grain = ti.static(loop_grain())
+            for q in range(CHUNKS * grain):
+                if q % grain == 0:
+                    chunk = q // grain
                     for i in range(self.tally.begin_of(chunk), self.tally.begin_of(chunk + 1)):
                         self._bounce_off_walls(chunk, i, time)
 

@@ -10,8 +10,9 @@ import taichi as ti
 
 from mpp_taichi.contacts._flight import Piece
 from mpp_taichi.contacts._island_play import IslandPlay
-from mpp_taichi.contacts._tally import CHUNKS, SMALLEST_BLOCK
+from mpp_taichi.contacts._tally import CHUNKS
 from mpp_taichi.quick_compilation import quick_compilation
+from mpp_taichi.serial_loops import loop_grain
 from mpp_taichi.types import Template
 
 TRIES = 64  # with wider margins, then with shorter pieces
@@ -187,9 +188,10 @@ class Sweep(IslandPlay):
 
     @ti.kernel
     def _commit(self, h: float):
-        for q in range(CHUNKS * SMALLEST_BLOCK):
-            if q % SMALLEST_BLOCK == 0:
-                chunk = q // SMALLEST_BLOCK
+        grain = ti.static(loop_grain())
+        for q in range(CHUNKS * grain):
+            if q % grain == 0:
+                chunk = q // grain
                 for k in range(self.tally.begin_of(chunk), self.tally.begin_of(chunk + 1)):
                     if self.islands.island[k] >= 0:
                         self._keep(chunk, k, h)

@@ -8,7 +8,6 @@ import taichi as ti
 from mpp_taichi.contacts._base import ContactReport
 
 CHUNKS = 64  # of the spheres; fixed, so that sums do not depend on the threads
-SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 PAIRS, WALLS, ELASTIC = 0, 1, 2
 VIRIAL, LOST = 0, 1
 

@@ -12,9 +12,9 @@ import taichi as ti
 
 from mpp_taichi.neighbors._levels import BINS, BINS_PER_OCTAVE, MAXIMUM_LEVELS, Level, choose_levels
 from mpp_taichi.neighbors.periodic import nearest_image
+from mpp_taichi.serial_loops import loop_grain
 from mpp_taichi.types import Template
 
-SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 CHUNKS = 64  # of a reduction; fixed, so that sums do not depend on the threads
 BUCKETS_PER_SPHERE = 4
 ROUNDINGS = 8  # of a coordinate on its way to a cell, as a generous count
@@ -137,9 +137,10 @@ class CellGrid:
 
     @ti.kernel
     def _measure(self, position: Template, reach: Template):
-        for q in range(CHUNKS * SMALLEST_BLOCK):
-            if q % SMALLEST_BLOCK == 0:
-                chunk = q // SMALLEST_BLOCK
+        grain = ti.static(loop_grain())
+        for q in range(CHUNKS * grain):
+            if q % grain == 0:
+                chunk = q // grain
                 lower = ti.Vector([ti.math.inf] * self.dimensions, float)
                 upper = -lower
                 least, largest = ti.math.inf, 0.0
@@ -184,9 +185,10 @@ class CellGrid:
         for k in range(buckets * self.sorter_count):
             self.tally[k] = 0
         # Each sorter takes a run of spheres, so that within a bucket spheres stay in the order of their index.
-        for q in range(self.sorter_count * SMALLEST_BLOCK):
-            if q % SMALLEST_BLOCK == 0:
-                sorter = q // SMALLEST_BLOCK
+        grain = ti.static(loop_grain())
+        for q in range(self.sorter_count * grain):
+            if q % grain == 0:
+                sorter = q // grain
                 for i in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
                     level = 0
                     if self.level_count[0] > 1:
@@ -194,9 +196,9 @@ class CellGrid:
                     bucket = self._bucket(self._cell(self._inside(position[i]), level), level)
                     self.key[i] = bucket
                     self.tally[sorter * buckets + bucket] = self.tally[sorter * buckets + bucket] + 1
-        for q in range(self.scan_count * SMALLEST_BLOCK):
-            if q % SMALLEST_BLOCK == 0:
-                part = q // SMALLEST_BLOCK
+        for q in range(self.scan_count * grain):
+            if q % grain == 0:
+                part = q // grain
                 total = 0
                 for bucket in range(self._part(part, buckets), self._part(part + 1, buckets)):
                     for sorter in range(self.sorter_count):
@@ -207,9 +209,9 @@ class CellGrid:
             if part == 0:
                 self.scan[0] = 0
             self.scan[part + 1] = self.scan[part + 1] + self.scan[part]
-        for q in range(self.scan_count * SMALLEST_BLOCK):
-            if q % SMALLEST_BLOCK == 0:
-                part = q // SMALLEST_BLOCK
+        for q in range(self.scan_count * grain):
+            if q % grain == 0:
+                part = q // grain
                 slot = self.scan[part]
                 for bucket in range(self._part(part, buckets), self._part(part + 1, buckets)):
                     self.start[bucket] = slot
@@ -220,9 +222,9 @@ class CellGrid:
                         slot += here
                 if part == self.scan_count - 1:
                     self.start[buckets] = slot
-        for q in range(self.sorter_count * SMALLEST_BLOCK):
-            if q % SMALLEST_BLOCK == 0:
-                sorter = q // SMALLEST_BLOCK
+        for q in range(self.sorter_count * grain):
+            if q % grain == 0:
+                sorter = q // grain
                 for i in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
                     k = sorter * buckets + self.key[i]
                     slot = self.tally[k]

@@ -2,7 +2,8 @@
 
 import taichi as ti
 
-from mpp_taichi.neighbors.cell_grid import CHUNKS, SMALLEST_BLOCK, CellGrid
+from mpp_taichi.neighbors.cell_grid import CHUNKS, CellGrid
+from mpp_taichi.serial_loops import loop_grain
 from mpp_taichi.types import Template
 
 PARTNERS_PER_SPHERE = 16  # for which there is room, on average over a chunk
@@ -38,9 +39,10 @@ class PartnerList:
 
     @ti.kernel
     def _write(self) -> ti.i32:
-        for q in range(CHUNKS * SMALLEST_BLOCK):
-            if q % SMALLEST_BLOCK == 0:
-                chunk = q // SMALLEST_BLOCK
+        grain = ti.static(loop_grain())
+        for q in range(CHUNKS * grain):
+            if q % grain == 0:
+                chunk = q // grain
                 begin = chunk * self.room
                 for slot in range(self.grid.begin_of(chunk), self.grid.begin_of(chunk + 1)):
                     self.begin[slot], self.middle[slot], self.end[slot] = begin, begin, begin
