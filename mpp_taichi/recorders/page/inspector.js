@@ -1,0 +1,79 @@
+// The inspector: which quantity of the run or of a picked particle is plotted.
+
+/** Quantities of one particle: what they are called, and their value in a frame. */
+const OF_PARTICLE = {
+  x: ["x", (run, frame, i) => run.columns.x.value(frame, i)],
+  y: ["y", (run, frame, i) => run.columns.y.value(frame, i)],
+  z: ["z", (run, frame, i) => run.columns.z.value(frame, i)],
+  speed: ["speed", (run, frame, i) => run.columns.speed.value(frame, i)],
+  way: ["distance from the start", (run, frame, i) => Math.hypot(...sum(run.place(frame, i), run.place(0, i), -1))],
+};
+
+class Inspector {
+  /** `changed` is called when the picked particle or the quantity is another. */
+  constructor(run, changed) {
+    this.run = run;
+    this.particle = -1;
+    this.plot = new Plot(document.getElementById("plot"));
+    this.element = document.getElementById("inspector");
+    this.choice = document.getElementById("quantity");
+    this.number = document.getElementById("particle");
+    this.number.max = run.count - 1;
+    this.offer();
+    this.choice.addEventListener("change", () => { this.update(); changed(); });
+    this.number.addEventListener("change", () => { this.pick(Number(this.number.value)); changed(); });
+  }
+
+  /** Fill the list of quantities. */
+  offer() {
+    const { series } = this.run.header, group = (label, options) => {
+      const element = document.createElement("optgroup");
+      element.label = label;
+      element.append(...options.map(([text, value]) => new Option(text, value)));
+      this.choice.append(element);
+    };
+    if (series) {
+      const single = series.curves.map(({ label }, k) => [label, `run ${k}`]);
+      const energies = series.curves.filter(({ group: axes }) => axes === "energy").length > 1 ? [["all energies", "energies"]] : [];
+      group("of the run", [...single, ...energies]);
+    }
+    const named = Object.entries(OF_PARTICLE).filter(([key]) => key !== "speed" || this.run.columns.speed);
+    group("of a particle", named.map(([key, [label]]) => [label, `particle ${key}`]));
+  }
+
+  /** Pick a particle, or none by −1; a quantity of the run gives way to one of the particle. */
+  pick(particle) {
+    this.particle = Number.isInteger(particle) && particle >= 0 && particle < this.run.count ? particle : -1;
+    if (this.particle >= 0 && !this.choice.value.startsWith("particle")) this.choice.value = this.run.columns.speed ? "particle speed" : "particle x";
+    this.update();
+  }
+
+  /** The curves of the choice. */
+  curves() {
+    const { run, choice: { value: chosen } } = this, { series } = run.header;
+    if (chosen.startsWith("particle ")) {
+      const [label, value] = OF_PARTICLE[chosen.slice(9)];
+      return [{ label, times: run.times, values: run.times.map((_, frame) => value(run, frame, this.particle)) }];
+    }
+    const finite = ({ label, values }) => ({ label, times: series.times, values: values.map((value) => value ?? NaN) });
+    if (chosen === "energies") {
+      return series.curves.filter(({ group }) => group === "energy").map(finite).map((curve) => ({ ...curve, label: curve.label.replace(" energy", "") }));
+    }
+    return [finite(series.curves[Number(chosen.slice(4))])];
+  }
+
+  update() {
+    const ofParticle = this.choice.value.startsWith("particle");
+    if (ofParticle && this.particle < 0) this.particle = 0;
+    document.getElementById("who").hidden = !ofParticle;
+    this.number.value = Math.max(this.particle, 0);
+    document.getElementById("particle-name").textContent = this.run.name(this.particle);
+    if (this.element.hidden) return;
+    const { units } = this.run.header;
+    this.plot.show(this.curves(), units ? `t [${units.time}]` : "t");
+  }
+
+  draw(time) {
+    if (!this.element.hidden) this.plot.draw(time);
+  }
+}
