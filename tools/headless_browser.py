@@ -5,14 +5,17 @@ The protocol is one JSON object after the other, ended by a zero byte, on file d
 """
 
 import base64
+import fcntl
 import json
 import os
 import select
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 import time
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -20,12 +23,20 @@ from typing import Any
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 ANSWER_SECONDS = 60.0
 FAREWELL_SECONDS = 5.0
+# The pipes are put where the browser looks for them in a process of its own; here these numbers may be taken.
+LAUNCHER = "import os, sys; os.dup2(int(sys.argv[1]), 3); os.dup2(int(sys.argv[2]), 4); os.execv(sys.argv[3], sys.argv[3:])"
 BUTTONS = {"left": 1, "right": 2, "none": 0}
 
 
 def find_browser() -> str | None:
     """The browser of this machine, or None."""
     return next((path for name in NAMES if (path := shutil.which(name))), None)
+
+
+def _closing(descriptors: Iterable[int]) -> Iterator[int]:
+    for descriptor in descriptors:
+        yield descriptor
+        os.close(descriptor)
 
 
 class BrowserError(RuntimeError):
@@ -45,13 +56,13 @@ class HeadlessBrowser:
         if executable is None:
             raise BrowserError(f"no browser here: none of {', '.join(NAMES)} is installed")
         self._profile = tempfile.mkdtemp(prefix="browser-")
-        commands, self._commands = os.pipe()
-        self._answers, answers = os.pipe()
+        pipes = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in _closing((*os.pipe(), *os.pipe()))]
+        commands, self._commands, self._answers, answers = pipes
         options = ["--headless", "--no-sandbox", "--hide-scrollbars", "--no-first-run", "--disable-extensions", "--mute-audio"]
         options += ["--remote-debugging-pipe", f"--user-data-dir={self._profile}", f"--window-size={size[0]},{size[1]}"]
         options += ["about:blank"]
         self._process = subprocess.Popen(
-            ["sh", "-c", f'exec "$@" 3<&{commands} 4>&{answers}', "sh", executable, *options],
+            [sys.executable, "-S", "-E", "-c", LAUNCHER, str(commands), str(answers), executable, *options],
             pass_fds=(commands, answers),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
@@ -67,6 +78,7 @@ class HeadlessBrowser:
             found = self.ask("Target.getTargets")["targetInfos"]
             target = next(each["targetId"] for each in found if each["type"] == "page")
             self._session = self.ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+            self.ask("Page.enable")
             self.ask("Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=False)
             scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
             self.ask("Emulation.setEmulatedMedia", features=[scheme])

@@ -2,8 +2,8 @@
 
 x[k, i] ≈ origin[i] + step[i] · code[k, i] with code = 0 … 2^b − 2 and 2^b − 1 for what is not a number; b = 8 · byte_count and
 step[i] = (max x − min x) / (2^b − 2) over the frames k, so that no number is off by more than step/2 and the rounding of
-float64. Codes are differenced `order` times along k, modulo 2^b, as often as makes them smallest: of a smooth motion little is left. Signs
-go into the lowest bit, and the lowest bytes of all come first, then the next: what is left over is long runs of zeros.
+float64. Codes are differenced `order` times along k, modulo 2^b, as often as makes them smallest: of a smooth motion little is
+left. Signs go into the lowest bit, and the lowest bytes of all come first, then the next, which are long runs of zeros.
 """
 
 from collections.abc import Sequence

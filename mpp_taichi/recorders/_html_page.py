@@ -53,9 +53,7 @@ class Recording:
 def page(recording: Recording) -> str:
     """The page, well formed and whole: it loads nothing."""
     spec, frames = recording.spec, recording.frames
-    camera = Camera(
-        spec.view.camera, frames[0], aspect=recording.size[0] / recording.size[1], dimensions=spec.dimensions
-    )
+    camera = Camera(spec.view.camera, frames[0], aspect=recording.size[0] / recording.size[1], dimensions=spec.dimensions)
     positions, shift = _position_columns(frames, camera, recording.size)
     columns = [*positions, *_other_columns(frames)]
     epochs = [list(same) for _, same in groupby(range(len(frames)), key=_spring_key(frames))]
@@ -110,8 +108,8 @@ def _position_columns(frames: Sequence[Frame], camera: Camera, size: tuple[int, 
 def _largest_shift(position: np.ndarray, reach: np.ndarray, camera: Camera, size: tuple[int, int]) -> float:
     """How far a particle seen by the camera moves in the picture [pixels] where its place is off by up to `reach` [length].
 
-    On the screen it is at f (x, y)/z; a change δ of (x, y, z) moves it by f |δ| √(1 + (x² + y²)/z²)/z at most, the largest singular
-    value of the derivative, where z is taken |δ| nearer to allow for the way in between.
+    On the screen it is at f (x, y)/z; a change δ of (x, y, z) moves it by f |δ| √(1 + (x² + y²)/z²)/z at most, the largest
+    singular value of the derivative, where z is taken |δ| nearer to allow for the way in between.
     """
     width, height = size
     right, up, depth = camera.view(position).T
@@ -199,11 +197,13 @@ def _notes(recording: Recording, positions: Sequence[Column], shift: float, trai
     unit = f" {spec.units['length']}" if spec.units else ""
     bits = 8 * max(column.byte_count for column in positions)
     notes = [
-        f"{len(frames):,} frames of {len(frames[0].position):,} particles, {recording.fps:g} a second, from {Path(spec.source).name}; "
-        f"integrator {spec.integrator.name}. Made by mpp_taichi {__version__}.",
-        f"Positions are kept on grids of {bits} bits, one for each particle and axis, and are off by {reach:.1e}{unit} at most, "
-        f"which is {shift:.2g} pixels of the first view at {width} × {height}." if bits else "Nothing moves.",
-        "Energies are those of the run itself, at the times of its own samples.",
+        f"{len(frames):,} frames of {len(frames[0].position):,} particles, {recording.fps:g} a second, from "
+        f"{Path(spec.source).name}; integrator {spec.integrator.name}. Made by mpp_taichi {__version__}.",
+        f"Positions are on grids of {bits} bits, one for each particle and axis. They are off by {reach:.1e}{unit} at most, "
+        f"in the first view at {width} × {height} by {shift:.2g} pixels."
+        if bits
+        else "Nothing moves.",
+        "Energies are those of the run itself, at the times of its own samples, joined by straight lines.",
     ]
     if trails < min(spec.view.trails, len(frames) - 1):
         notes.append(f"Trails show {trails:,} frames in place of {spec.view.trails:,}, as many as a browser draws in time.")

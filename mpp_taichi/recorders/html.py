@@ -1,4 +1,4 @@
-"""A film as one HTML file: the frames of a run with a player that turns, plays and plots them in a browser, without a network."""
+"""A film as one HTML file: the frames of a run, and a player that turns, plays and plots them in a browser, offline."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,10 +21,10 @@ MOST_ENTRIES = 20_000_000  # particles times frames: 160 MB in a browser, and as
 
 
 class HtmlRecorder:
-    """Keeps frames and writes them into one page; a context manager, like `VideoRecorder`. The file appears when it is whole."""
+    """Keeps frames and writes them into one page; a context manager, like `VideoRecorder`, that leaves a whole file or none."""
 
     def __init__(self, path: str | Path, size: tuple[int, int], fps: float) -> None:
-        """A page for a picture of (width, height) pixels, of whose shape and height the first view is, at `fps` frames a second.
+        """A page at `fps` frames a second, whose first view is made for a picture of (width, height) pixels.
 
         Raises:
             OutputError: the folder cannot be written, or the file is being written by another run.

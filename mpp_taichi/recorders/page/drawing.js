@@ -1,29 +1,22 @@
-// From a frame of the run to triangles: spheres and lines as instances of one square each.
+// From a frame of the run to triangles: spheres and lines as one square each.
 
 const REFERENCE_ROWS = 720;  // of the picture that widths of lines are told for
 const TRAIL_WIDTH = 1.5;  // pixels of it
+const SQUARES_PER_ROW = 512;  // of the texture that holds their numbers: with three texels each narrower than any card allows
+const MOST_PARTICLES = 2 ** 21;  // with 32 bits of depth all that a number holds exactly
 const MOST_PIXELS_PER_POINT = 2;  // finer screens are drawn at this
 
-/** Instances of a square: a program with its attributes, of which `layout` gives the number of components. */
-class Instances {
-  constructor(gl, vertex, fragment, corners, layout) {
-    this.gl = gl;
+/**
+ * Squares that a program makes of numbers: so many texels of four floats for each, which the vertex shader fetches by itself.
+ * Software drivers take an instance for a drawing of its own, 20 µs each; this is one drawing for all.
+ */
+class Squares {
+  constructor(gl, vertex, fragment, texels) {
+    Object.assign(this, { gl, texels, stride: 4 * texels, count: 0, rows: 0, data: new Float32Array(0) });
     this.program = this.link(vertex, fragment);
-    this.stride = layout.reduce((total, [, size]) => total + size, 0);
-    this.array = gl.createVertexArray();
-    gl.bindVertexArray(this.array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(corners), gl.STATIC_DRAW);
-    this.point("corner", 2, 0, 0, 0);
-    this.buffer = gl.createBuffer();
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
-    let offset = 0;
-    for (const [name, size] of layout) {
-      this.point(name, size, 4 * this.stride, 4 * offset, 1);
-      offset += size;
-    }
-    this.data = new Float32Array(0);
-    this.count = 0;
+    this.texture = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, this.texture);
+    for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
   }
 
   link(vertex, fragment) {
@@ -40,32 +33,50 @@ class Instances {
     return program;
   }
 
-  point(name, size, stride, offset, divisor) {
-    const { gl } = this, place = gl.getAttribLocation(this.program, name);
-    gl.enableVertexAttribArray(place);
-    gl.vertexAttribPointer(place, size, gl.FLOAT, false, stride, offset);
-    gl.vertexAttribDivisor(place, divisor);
-  }
-
-  /** Make room for so many instances and begin anew; the caller writes `data` and counts. */
+  /** Make room for so many squares and begin anew; the caller writes `data` and counts. */
   begin(most) {
-    if (this.data.length < most * this.stride) this.data = new Float32Array(most * this.stride);
+    const rows = Math.ceil(most / SQUARES_PER_ROW);
+    if (this.data.length < rows * SQUARES_PER_ROW * this.stride) this.data = new Float32Array(rows * SQUARES_PER_ROW * this.stride);
     this.count = 0;
   }
 
   draw(uniforms) {
-    const { gl } = this;
+    const { gl, data, texels } = this, rows = Math.ceil(this.count / SQUARES_PER_ROW), width = SQUARES_PER_ROW * texels;
     if (!this.count) return;
     gl.useProgram(this.program);
-    gl.bindVertexArray(this.array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
-    gl.bufferData(gl.ARRAY_BUFFER, this.data.subarray(0, this.count * this.stride), gl.DYNAMIC_DRAW);
+    gl.bindTexture(gl.TEXTURE_2D, this.texture);
+    if (rows > this.rows) {
+      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, width, rows, 0, gl.RGBA, gl.FLOAT, data.subarray(0, rows * width * 4));
+      this.rows = rows;
+    } else gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, rows, gl.RGBA, gl.FLOAT, data.subarray(0, rows * width * 4));
     const place = (name) => gl.getUniformLocation(this.program, name);
     gl.uniform2f(place("halfSize"), ...uniforms.halfSize);
     gl.uniform1f(place("focal"), uniforms.focal);
     gl.uniform1i(place("orthographic"), uniforms.orthographic);
-    gl.uniform1i(place("smoothed"), uniforms.smoothed);
-    gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.count);
+    gl.drawArrays(gl.TRIANGLES, 0, 6 * this.count);
+  }
+}
+
+/** Puts particles in order, the farthest first: as numbers that hold the depth in their upper bits and the particle below. */
+class FarthestFirst {
+  constructor(count) {
+    this.keys = new Float64Array(count);
+    this.order = new Uint32Array(count);
+    this.depth = new Float32Array(1);
+    this.bits = new Uint32Array(this.depth.buffer);  // grow with the number, where it is above 0
+  }
+
+  /** The particles before the eye, of places (right, up, depth) and radii. */
+  of(seen, size) {
+    let count = 0;
+    for (let i = 0; i < size.length; i++) {
+      if (size[i] === 0 || seen[3 * i + 2] <= 0) continue;
+      this.depth[0] = seen[3 * i + 2];
+      this.keys[count++] = this.bits[0] * MOST_PARTICLES + i;
+    }
+    const keys = this.keys.subarray(0, count).sort();
+    for (let k = 0; k < count; k++) this.order[k] = keys[count - 1 - k] % MOST_PARTICLES;
+    return this.order.subarray(0, count);
   }
 }
 
@@ -75,12 +86,13 @@ class Drawing {
     this.canvas = canvas;
     this.run = run;
     this.view = run.header.view;
-    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, powerPreference: "high-performance" });
+    const gl = canvas.getContext("webgl2", { antialias: false, alpha: false });
     if (!gl) throw new Error("WebGL 2 is not available");
     this.gl = gl;
     this.prepare();
     this.seen = new Float64Array(3 * run.count);  // particles: right, up, depth [camera distances]
     this.size = new Float64Array(run.count);  // radii as drawn, 0 for what is not there
+    this.order = new FarthestFirst(run.count);
     const { color } = run.columns;
     this.color = (frame, particle, k) => color.value(frame, 3 * particle + k);
   }
@@ -88,12 +100,12 @@ class Drawing {
   /** What the card holds; once more after it has lost it. */
   prepare() {
     const { gl } = this;
-    const square = [0, 0, 1, 0, 0, 1, 1, 1], strip = [0, -1, 1, -1, 0, 1, 1, 1];
-    this.spheres = new Instances(gl, SPHERE_VERTEX, SPHERE_FRAGMENT, square, [["center", 3], ["radius", 1], ["color", 3]]);
-    this.lines = new Instances(gl, LINE_VERTEX, LINE_FRAGMENT, strip, [["first", 3], ["second", 3], ["color", 3], ["width", 1]]);
-    this.smoothed = gl.getParameter(gl.SAMPLES) > 1;
+    this.spheres = new Squares(gl, SPHERE_VERTEX, SPHERE_FRAGMENT, 2);
+    this.lines = new Squares(gl, LINE_VERTEX, LINE_FRAGMENT, 3);
     gl.enable(gl.DEPTH_TEST);
-    if (this.smoothed) gl.enable(gl.SAMPLE_ALPHA_TO_COVERAGE);
+    gl.depthFunc(gl.LEQUAL);
+    gl.enable(gl.BLEND);  // of edges, with what was drawn before: lines, then spheres from the farthest to the nearest
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
   }
 
   /** Draw a frame as a camera sees it, with trails of so many frames. */
@@ -109,7 +121,7 @@ class Drawing {
     gl.viewport(0, 0, width, height);
     gl.clearColor(...view.background, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    const uniforms = { halfSize: [width / 2, height / 2], focal, orthographic: camera.orthographic, smoothed: this.smoothed };
+    const uniforms = { halfSize: [width / 2, height / 2], focal, orthographic: camera.orthographic };
     this.lines.draw(uniforms);
     this.spheres.draw(uniforms);
   }
@@ -131,16 +143,15 @@ class Drawing {
     spheres.begin(this.run.count);
     const { data } = spheres;
     let n = 0;
-    for (let i = 0; i < this.run.count; i++) {
-      if (size[i] === 0) continue;
+    for (const i of this.order.of(seen, size)) {
       data[n] = seen[3 * i];
       data[n + 1] = seen[3 * i + 1];
       data[n + 2] = seen[3 * i + 2];
       data[n + 3] = size[i];
       for (let k = 0; k < 3; k++) data[n + 4 + k] = this.color(frame, i, k);
-      n += 7;
+      n += spheres.stride;
     }
-    spheres.count = n / 7;
+    spheres.count = n / spheres.stride;
   }
 
   writeLines(frame, camera, trails) {
@@ -157,12 +168,12 @@ class Drawing {
     if (!(Number.isFinite(a[i]) && Number.isFinite(b[j]))) return;
     for (let k = 0; k < 3; k++) {
       data[n + k] = a[i + k];
-      data[n + 3 + k] = b[j + k];
+      data[n + 4 + k] = b[j + k];
     }
-    data[n + 6] = red;
-    data[n + 7] = green;
-    data[n + 8] = blue;
-    data[n + 9] = width * this.lineScale;
+    data[n + 3] = width * this.lineScale;
+    data[n + 8] = red;
+    data[n + 9] = green;
+    data[n + 10] = blue;
     lines.count++;
   }
 

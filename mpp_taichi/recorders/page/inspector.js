@@ -10,9 +10,10 @@ const OF_PARTICLE = {
 };
 
 class Inspector {
-  /** `changed` is called when the picked particle or the quantity is another. */
+  /** `changed` is called when the page has to be drawn again. */
   constructor(run, changed) {
     this.run = run;
+    this.changed = changed;
     this.particle = -1;
     this.plot = new Plot(document.getElementById("plot"));
     this.element = document.getElementById("inspector");
@@ -20,8 +21,8 @@ class Inspector {
     this.number = document.getElementById("particle");
     this.number.max = run.count - 1;
     this.offer();
-    this.choice.addEventListener("change", () => { this.update(); changed(); });
-    this.number.addEventListener("change", () => { this.pick(Number(this.number.value)); changed(); });
+    this.choice.addEventListener("change", () => this.update());
+    this.number.addEventListener("change", () => this.pick(Number(this.number.value)));
   }
 
   /** Fill the list of quantities. */
@@ -62,7 +63,9 @@ class Inspector {
     return [finite(series.curves[Number(chosen.slice(4))])];
   }
 
+  /** Lay the plot out anew: after a choice, and when the page has another size or other colours. */
   update() {
+    this.changed();
     const ofParticle = this.choice.value.startsWith("particle");
     if (ofParticle && this.particle < 0) this.particle = 0;
     document.getElementById("who").hidden = !ofParticle;

@@ -211,7 +211,7 @@ class Player {
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => { this.drawing.prepare(); this.dirty = true; });
-    const again = () => { this.inspector.update(); this.dirty = true; };
+    const again = () => this.inspector.update();
     addEventListener("resize", again);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
   }
@@ -298,7 +298,6 @@ class Player {
     const held = this.pointers.delete(event.pointerId);
     if (!held || event.type !== "pointerup" || event.button !== 0 || this.wandered > CLICK_REACH || !this.drawing) return;
     this.inspector.pick(this.drawing.pick(event.offsetX, event.offsetY, this.camera));
-    this.dirty = true;
   }
 }
 

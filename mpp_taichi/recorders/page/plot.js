@@ -1,6 +1,7 @@
 // A plot of curves against time, with ticks at round numbers and a cursor.
 
 const MARGINS = { left: 62, right: 12, top: 10, bottom: 30 };
+const FEW_SAMPLES = 60;  // which are marked one by one
 const TICKS = { across: 5, up: 4 };
 
 /** Round numbers, 1, 2 or 5 times a power of ten apart, about `count` of them between low and high. */
@@ -74,6 +75,8 @@ class Plot {
     const least = 1e-12 * Math.max(Math.abs(low), Math.abs(high)) || 1;
     const room = high - low > least ? 0.06 * (high - low) : Math.max(0.5 * Math.abs(low), least);
     this.range = [low - room, high + room];
+    // Digits of a value at the cursor: a thousandth of the range is told.
+    this.digits = Math.min(3 + Math.max(1, Math.ceil(Math.log10(Math.max(Math.abs(low), Math.abs(high)) / (2 * room)))), 12) || 4;
   }
 
   left(time) {
@@ -109,7 +112,7 @@ class Plot {
     });
     pen.textAlign = "right";
     pen.textBaseline = "bottom";
-    pen.fillText(this.timeLabel, wall, this.height);
+    pen.fillText(this.timeLabel, wall - 4, floor - 2);
     pen.strokeStyle = this.colors.line;
     pen.strokeRect(MARGINS.left + 0.5, MARGINS.top + 0.5, wall - MARGINS.left - 1, floor - MARGINS.top);
   }
@@ -130,6 +133,8 @@ class Plot {
       broken = gap;
     });
     pen.stroke();
+    pen.fillStyle = color;
+    if (times.length <= FEW_SAMPLES) times.forEach((time, k) => pen.fillRect(this.left(time) - 1.5, this.top(values[k]) - 1.5, 3, 3));
     pen.restore();
   }
 
@@ -157,7 +162,7 @@ class Plot {
         pen.arc(this.left(time), this.top(value), 3.2, 0, 7);
         pen.fill();
       }
-      const text = `${curve.label} ${spelled(value)}`;
+      const text = `${curve.label} ${spelled(value, this.digits)}`;
       pen.textAlign = "left";
       pen.fillStyle = color;
       pen.fillText(text, at, this.height);

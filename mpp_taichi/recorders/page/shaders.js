@@ -9,23 +9,32 @@ uniform bool orthographic;
 const float NEAR = 1.0e-3, FAR = 1.0e9;
 `;
 
+// The square that a vertex belongs to: its numbers, and the corner, 0 or 1 in each direction, of two triangles.
+const FETCH = `
+uniform highp sampler2D numbers;
+vec4 number(int texels, int k) {
+  int place = gl_VertexID / 6 * texels + k, width = textureSize(numbers, 0).x;
+  return texelFetch(numbers, ivec2(place % width, place / width), 0);
+}
+vec2 cornerOf() {
+  int k = gl_VertexID % 6;
+  return vec2(k == 1 || k == 3 || k == 4, k == 2 || k == 4 || k == 5);
+}
+`;
+
 // Written for each pixel: the same relative resolution at all depths.
 const DEPTH = `
 float written(float depth) { return clamp(log2(max(depth, NEAR) / NEAR) / log2(FAR / NEAR), 0.0, 1.0); }
 `;
 
-const SPHERE_VERTEX = `${COMMON}
-in vec2 corner;              // 0 or 1
-in vec3 center;              // right, up, depth
-in float radius;
-in vec3 color;
+const SPHERE_VERTEX = `${COMMON}${FETCH}
 out vec2 ray;                // x/z, or x where orthographic
 flat out vec3 middle;
 flat out float reach;
 flat out vec3 albedo;
 
 // Slopes of the two lines from the eye that touch a sphere, in the plane of one screen axis and the depth.
-vec2 tangents(float side, float depth) {
+vec2 tangents(float side, float depth, float radius) {
   if (depth - radius < NEAR) return vec2(-1.0e6, 1.0e6);
   float square = depth * depth - radius * radius;
   float width = radius * sqrt(max(side * side + square, 0.0));
@@ -33,11 +42,13 @@ vec2 tangents(float side, float depth) {
 }
 
 void main() {
+  vec3 center = number(2, 0).xyz, color = number(2, 1).rgb;   // right, up, depth
+  float radius = number(2, 0).w;
   vec2 across = vec2(center.x - radius, center.x + radius), upward = vec2(center.y - radius, center.y + radius);
-  if (!orthographic) { across = tangents(center.x, center.z); upward = tangents(center.y, center.z); }
+  if (!orthographic) { across = tangents(center.x, center.z, radius); upward = tangents(center.y, center.z, radius); }
   vec2 edge = halfSize / focal * 1.01, pixel = vec2(1.0 / focal);
   vec2 low = clamp(vec2(across.x, upward.x) - pixel, -edge, edge), high = clamp(vec2(across.y, upward.y) + pixel, -edge, edge);
-  ray = mix(low, high, corner);
+  ray = mix(low, high, cornerOf());
   middle = center;
   reach = radius;
   albedo = mix(color / 12.92, pow((color + 0.055) / 1.055, vec3(2.4)), step(0.04045, color));
@@ -45,7 +56,6 @@ void main() {
 }`;
 
 const SPHERE_FRAGMENT = `${COMMON}${DEPTH}
-uniform bool smoothed;       // coverage becomes samples of the pixel
 in vec2 ray;
 flat in vec3 middle;
 flat in float reach;
@@ -62,7 +72,7 @@ void main() {
   float distance = length(beside);
   float perPixel = (orthographic ? 1.0 : nearest) / focal;
   float coverage = clamp(0.5 + (reach - distance) / perPixel, 0.0, 1.0);
-  if (nearest < 0.0 || coverage == 0.0 || (!smoothed && coverage < 0.5)) discard;
+  if (nearest < 0.0 || coverage == 0.0) discard;
   float half_ = sqrt(max(reach * reach - distance * distance, 0.0));
   float depth = nearest - half_ / length(along);
   if (depth < NEAR) discard;
@@ -74,11 +84,7 @@ void main() {
   gl_FragDepth = written(depth);
 }`;
 
-const LINE_VERTEX = `${COMMON}
-in vec2 corner;              // 0 or 1 along, −1 or 1 across
-in vec3 first, second;       // ends
-in vec3 color;
-in float width;              // pixels
+const LINE_VERTEX = `${COMMON}${FETCH}
 out vec2 pixel;
 flat out vec4 ends;          // of both ends on the screen [pixels]
 flat out vec2 weights;       // 1/depth of both ends, which is linear on the screen, or the depth where orthographic
@@ -90,6 +96,9 @@ vec3 inFront(vec3 point, vec3 other) {
 vec2 onScreen(vec3 point) { return point.xy * (orthographic ? focal : focal / point.z); }
 
 void main() {
+  vec3 first = number(3, 0).xyz, second = number(3, 1).xyz, color = number(3, 2).rgb;
+  float width = number(3, 0).w;
+  vec2 corner = 2.0 * cornerOf() - 1.0;   // along, across
   gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
   if (first.z < NEAR && second.z < NEAR) return;
   vec3 a = inFront(first, second), b = inFront(second, first);
@@ -99,12 +108,11 @@ void main() {
   vec2 along = ends.zw - ends.xy, direction = length(along) > 1.0e-6 ? normalize(along) : vec2(1.0, 0.0);
   vec2 across = vec2(-direction.y, direction.x);
   float margin = 0.5 * width + 1.0;
-  pixel = mix(ends.xy, ends.zw, corner.x) + margin * ((2.0 * corner.x - 1.0) * direction + corner.y * across);
+  pixel = mix(ends.xy, ends.zw, 0.5 * corner.x + 0.5) + margin * (corner.x * direction + corner.y * across);
   gl_Position = vec4(pixel / halfSize, 0.0, 1.0);
 }`;
 
 const LINE_FRAGMENT = `${COMMON}${DEPTH}
-uniform bool smoothed;
 in vec2 pixel;
 flat in vec4 ends;
 flat in vec2 weights;
@@ -115,8 +123,9 @@ void main() {
   vec2 along = ends.zw - ends.xy, offset = pixel - ends.xy;
   float share = clamp(dot(offset, along) / max(dot(along, along), 1.0e-12), 0.0, 1.0);
   float coverage = clamp(0.5 + ink.w - length(offset - share * along), 0.0, min(1.0, 2.0 * ink.w));
-  if (coverage == 0.0 || (!smoothed && coverage < 0.5)) discard;
+  if (coverage == 0.0) discard;
   float weight = mix(weights.x, weights.y, share);
   shown = vec4(ink.rgb, coverage);
-  gl_FragDepth = written(orthographic ? weight : 1.0 / weight);
+  // What is mostly background hides nothing, or spheres behind it, which are drawn later, would get a fringe.
+  gl_FragDepth = coverage < 0.5 ? 1.0 : written(orthographic ? weight : 1.0 / weight);
 }`;
