@@ -25,7 +25,7 @@ SCRIPTS = ("data.js", "camera.js", "shaders.js", "drawing.js", "plot.js", "inspe
 POSITION_BYTES = (2, 3)  # for each coordinate of a frame: the fewest that keep within LARGEST_SHIFT
 LARGEST_SHIFT = 0.25  # pixels of the first view by which a particle may be drawn beside its place
 MOST_TRAIL_SEGMENTS = 200_000  # that a browser still draws thirty times a second
-COMPRESSION_LEVEL = 9
+COMPRESSION_LEVEL = 6
 SERIES = (
     ("relative_energy_error", "relative energy error", ""),
     ("total_energy", "total energy", "energy"),
@@ -37,13 +37,15 @@ SERIES = (
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A recorded run: its frames, the names of its particles (one string for each), and its samples of energies.
+    """A recorded run: its frames, the names of its particles, and its samples of energies.
 
-    `size` is the picture, in pixels, that the first view is meant for; `fps` the frames a second.
+    `speeds` has one array for each frame, or none. `size` is the picture, in pixels, that the first view is meant for; `fps` the
+    frames a second.
     """
 
     spec: SceneSpec
     frames: Sequence[Frame]
+    speeds: Sequence[np.ndarray]
     names: Sequence[str]
     rows: Sequence[dict[str, Any]]
     size: tuple[int, int]
@@ -55,7 +57,7 @@ def page(recording: Recording) -> str:
     spec, frames = recording.spec, recording.frames
     camera = Camera(spec.view.camera, frames[0], aspect=recording.size[0] / recording.size[1], dimensions=spec.dimensions)
     positions, shift = _position_columns(frames, camera, recording.size)
-    columns = [*positions, *_other_columns(frames)]
+    columns = [*positions, *_other_columns(frames, recording.speeds)]
     epochs = [list(same) for _, same in groupby(range(len(frames)), key=_spring_key(frames))]
     colors = [encode("spring_color", stacked([frames[k].spring_color for k in epoch]), 1) for epoch in epochs]
     springs = [
@@ -96,13 +98,16 @@ def _template(name: str) -> str:
 
 def _position_columns(frames: Sequence[Frame], camera: Camera, size: tuple[int, int]) -> tuple[list[Column], float]:
     """The coordinates, and by how many pixels of the first view rounding them may shift a particle."""
-    axes = [np.stack([frame.position[:, axis] for frame in frames]) for axis in range(3)]
+
+    def axis(number: int) -> np.ndarray:
+        return np.stack([frame.position[:, number] for frame in frames])
+
     for byte_count in POSITION_BYTES:
-        reach = np.linalg.norm([grid_step(axis, byte_count) / 2.0 for axis in axes], axis=0)
+        reach = np.linalg.norm([grid_step(axis(number), byte_count) / 2.0 for number in range(3)], axis=0)
         shift = max(_largest_shift(frame.position, reach, camera, size) for frame in frames)
         if shift <= LARGEST_SHIFT:
             break
-    return [encode(name, axis, byte_count) for name, axis in zip("xyz", axes, strict=True)], shift
+    return [encode(name, axis(number), byte_count) for number, name in enumerate("xyz")], shift
 
 
 def _largest_shift(position: np.ndarray, reach: np.ndarray, camera: Camera, size: tuple[int, int]) -> float:
@@ -126,16 +131,14 @@ def _largest_shift(position: np.ndarray, reach: np.ndarray, camera: Camera, size
     return float(shifts[seen].max(initial=0.0))
 
 
-def _other_columns(frames: Sequence[Frame]) -> list[Column]:
+def _other_columns(frames: Sequence[Frame], speeds: Sequence[np.ndarray]) -> list[Column]:
     columns = [
         encode("radius", stacked([frame.radius for frame in frames]), 2),
         encode("color", stacked([frame.color for frame in frames]), 1),
         encode("walls", stacked([frame.outline for frame in frames]), 2),
     ]
-    if all(frame.velocity is not None for frame in frames):
-        speeds = [np.linalg.norm(np.asarray(frame.velocity), axis=1) for frame in frames]
-        there = [np.isfinite(frame.position).all(axis=1) for frame in frames]
-        columns.append(encode("speed", np.where(there, speeds, np.nan), 2))
+    if len(speeds) == len(frames):
+        columns.append(encode("speed", stacked(speeds), 2))
     return columns
 
 

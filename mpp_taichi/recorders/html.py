@@ -17,6 +17,7 @@ from mpp_taichi.views.camera import HORIZON
 from mpp_taichi.whole_file import whole_file
 
 FORMATS = (".html", ".htm")
+SELDOM_NEW = ("radius", "color", "between", "spring_color", "outline")  # kept once for all frames where they are alike
 MOST_ENTRIES = 20_000_000  # particles times frames: 160 MB in a browser, and as much in the file
 
 
@@ -31,6 +32,7 @@ class HtmlRecorder:
         """
         self.path, self.size, self.fps = Path(path), size, fps
         self._frames: list[Frame] = []
+        self._speeds: list[np.ndarray] = []
         self._spec: SceneSpec | None = None
         self._names: Sequence[str] = ()
         self._rows: Sequence[dict[str, Any]] = ()
@@ -70,7 +72,12 @@ class HtmlRecorder:
         """Keep one frame; what is lost, farther than any picture reaches, counts as not there."""
         with np.errstate(invalid="ignore"):
             seen = (np.abs(frame.position) < HORIZON).all(axis=1)
-        self._frames.append(frame if seen.all() else _without(frame, seen))
+        place = frame.position if seen.all() else np.where(seen[:, None], frame.position, np.nan)
+        if frame.velocity is not None:
+            self._speeds.append(np.where(seen, np.linalg.norm(frame.velocity, axis=1), np.nan).astype(np.float32))
+        last = self._frames[-1] if self._frames else frame
+        same = {name: getattr(last, name) for name in SELDOM_NEW if np.array_equal(getattr(last, name), getattr(frame, name))}
+        self._frames.append(replace(frame, position=place, velocity=None, **same))
 
     def close(self) -> None:
         """Write the page and give it its name; once.
@@ -81,7 +88,7 @@ class HtmlRecorder:
         if self._closed:
             return
         assert self._spec is not None
-        recording = Recording(self._spec, self._frames, self._names, self._rows, self.size, self.fps)
+        recording = Recording(self._spec, self._frames, self._speeds, self._names, self._rows, self.size, self.fps)
         try:
             with whole_file(self.path, "the page") as temporary:
                 temporary.write_text(page(recording), encoding="utf-8")
@@ -92,7 +99,3 @@ class HtmlRecorder:
         """Let go of the name; harmless after `close`."""
         self._closed = True
         self._lock.release()
-
-
-def _without(frame: Frame, seen: np.ndarray) -> Frame:
-    return replace(frame, position=np.where(seen[:, None], frame.position, np.nan))
