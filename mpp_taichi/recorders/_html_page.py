@@ -19,6 +19,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.version import __version__
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame
 from mpp_taichi.views.camera import MARGIN, Camera
+from mpp_taichi.walls.outline import outline_of
 
 TEMPLATE_FOLDER = Path(__file__).with_name("page")
 SCRIPTS = ("data.js", "camera.js", "shaders.js", "drawing.js", "plot.js", "inspector.js", "player.js")
@@ -39,8 +40,7 @@ SERIES = (
 class Recording:
     """A recorded run: its frames, the names of its particles, and its samples of energies.
 
-    `speeds` has one array for each frame, or none. `size` is the picture, in pixels, that the first view is meant for; `fps` the
-    frames a second.
+    `speeds` has one array for each frame, or none; `size` is the picture, in pixels, that the first view is meant for.
     """
 
     spec: SceneSpec
@@ -76,7 +76,7 @@ def page(recording: Recording) -> str:
         "captions": [frame.extra for frame in frames] if any(frame.extra for frame in frames) else None,
         "names": list(recording.names) if any(recording.names) else None,
         "camera": _camera(camera, recording.size),
-        "view": _view(spec, trails),
+        "view": _view(spec, trails) | {"period": outline_of(spec, frames[0].position).repeating.period},
         "columns": [column.description() for column in columns],
         "springs": springs,
         "series": _series(recording.rows),

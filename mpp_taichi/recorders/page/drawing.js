@@ -92,6 +92,7 @@ class Drawing {
     this.prepare();
     this.seen = new Float64Array(3 * run.count);  // particles: right, up, depth [camera distances]
     this.size = new Float64Array(run.count);  // radii as drawn, 0 for what is not there
+    this.repeats = this.view.period.some((edge) => edge > 0);
     this.order = new FarthestFirst(run.count);
     const { color } = run.columns;
     this.color = (frame, particle, k) => color.value(frame, 3 * particle + k);
@@ -195,19 +196,30 @@ class Drawing {
     }
   }
 
-  /** The last places of every particle, which fade into the background and become thinner. */
+  /** The last places of every particle, which fade into the background and become thinner; the newest are drawn last, on top. */
   writeTrails(frame, camera, length) {
-    const { run, view } = this, { x, y, z } = run.columns, see = camera.viewer(), whole = view.trails;
-    let newer = this.seen, older = new Float64Array(3 * run.count);
-    for (let age = 0; age < length; age++) {
-      const then = frame - age - 1, strength = 1 - (age + 0.5) / whole, width = TRAIL_WIDTH * (1 - 0.5 * (age + 1) / whole);
-      for (let i = 0; i < run.count; i++) {
-        see(x.value(then, i), y.value(then, i), z.value(then, i), older, 3 * i);
-        const shade = (k) => view.background[k] + strength * (this.color(frame, i, k) - view.background[k]);
+    const { run: { count, columns: { x, y, z } }, view: { background, trails: whole } } = this, see = camera.viewer();
+    const write = (then, places) => {
+      for (let i = 0; i < count; i++) see(x.value(then, i), y.value(then, i), z.value(then, i), places, 3 * i);
+    };
+    let older = new Float64Array(3 * count), newer = new Float64Array(3 * count);
+    write(frame - length, older);
+    for (let age = length - 1; age >= 0; age--) {
+      const strength = 1 - (age + 0.5) / whole, width = TRAIL_WIDTH * (1 - 0.5 * (age + 1) / whole);
+      write(frame - age, newer);
+      for (let i = 0; i < count; i++) {
+        if (this.repeats && this.wrapped(frame - age, frame - age - 1, i)) continue;
+        const shade = (k) => background[k] + strength * (this.color(frame, i, k) - background[k]);
         this.writeLine(newer, 3 * i, older, 3 * i, shade(0), shade(1), shade(2), width);
       }
-      [newer, older] = [older, newer === this.seen ? new Float64Array(3 * run.count) : newer];
+      [newer, older] = [older, newer];
     }
+  }
+
+  /** Whether a particle has left a box that repeats between two frames and come in on the other side. */
+  wrapped(frame, then, i) {
+    const { x, y, z } = this.run.columns;
+    return [x, y, z].some((axis, k) => 2 * Math.abs(axis.value(frame, i) - axis.value(then, i)) > (this.view.period[k] || Infinity));
   }
 
   /** The particle under a point of the page, or −1: the nearest whose disc, at least so many points wide, holds it. */
