@@ -1,11 +1,12 @@
 // The inspector: which quantity of the run or of a picked particle is plotted.
 
-/** Quantities of one particle: what they are called, and their value in a frame. */
+/** Quantities of one particle, or of it and another: what they are called, and their value in a frame. */
 const OF_PARTICLE = {
   x: ["x", (run, frame, i) => run.columns.x.value(frame, i)],
   y: ["y", (run, frame, i) => run.columns.y.value(frame, i)],
   z: ["z", (run, frame, i) => run.columns.z.value(frame, i)],
   speed: ["speed", (run, frame, i) => run.columns.speed.value(frame, i)],
+  distance: ["distance", (run, frame, i, other) => Math.hypot(...sum(run.place(frame, i), run.place(frame, other), -1))],
   way: ["distance from the start", (run, frame, i) => Math.hypot(...sum(run.place(frame, i), run.place(0, i), -1))],
 };
 
@@ -15,14 +16,17 @@ class Inspector {
     this.run = run;
     this.changed = changed;
     this.particle = -1;
+    this.other = 0;
     this.plot = new Plot(document.getElementById("plot"));
     this.element = document.getElementById("inspector");
     this.choice = document.getElementById("quantity");
     this.number = document.getElementById("particle");
-    this.number.max = run.count - 1;
+    this.second = document.getElementById("other");
+    this.number.max = this.second.max = run.count - 1;
     this.offer();
     this.choice.addEventListener("change", () => this.update());
     this.number.addEventListener("change", () => this.pick(Number(this.number.value)));
+    this.second.addEventListener("change", () => this.pickOther(Number(this.second.value)));
   }
 
   /** Fill the list of quantities. */
@@ -49,12 +53,23 @@ class Inspector {
     this.update();
   }
 
+  /** Pick the particle to which the distance of the first is plotted. */
+  pickOther(particle) {
+    if (!(Number.isInteger(particle) && particle >= 0 && particle < this.run.count)) return;
+    this.other = particle;
+    this.choice.value = "particle distance";
+    this.update();
+  }
+
+  /** Whether two particles are compared. */
+  get pairs() { return this.choice.value === "particle distance"; }
+
   /** The curves of the choice. */
   curves() {
     const { run, choice: { value: chosen } } = this, { series } = run.header;
     if (chosen.startsWith("particle ")) {
       const [label, value] = OF_PARTICLE[chosen.slice(9)];
-      return [{ label, times: run.times, values: run.times.map((_, frame) => value(run, frame, this.particle)) }];
+      return [{ label, times: run.times, values: run.times.map((_, frame) => value(run, frame, this.particle, this.other)) }];
     }
     const finite = ({ label, values }) => ({ label, times: series.times, values: values.map((value) => value ?? NaN) });
     if (chosen === "energies") {
@@ -69,8 +84,10 @@ class Inspector {
     const ofParticle = this.choice.value.startsWith("particle");
     if (ofParticle && this.particle < 0) this.particle = 0;
     document.getElementById("who").hidden = !ofParticle;
+    document.getElementById("whom").hidden = !this.pairs;
     this.number.value = Math.max(this.particle, 0);
-    document.getElementById("particle-name").textContent = this.run.name(this.particle);
+    this.second.value = this.other;
+    document.getElementById("particle-name").textContent = this.pairs ? "" : this.run.name(this.particle);
     if (this.element.hidden) return;
     const { units } = this.run.header;
     this.plot.show(this.curves(), units ? `t [${units.time}]` : "t");

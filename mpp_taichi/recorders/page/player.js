@@ -3,7 +3,8 @@
 const KEYS = [
   ["space", "play, pause"], ["← →", "one frame back, on (Shift: 50)"], ["↑ ↓", "faster, slower"], ["Home, Backspace", "to the start"],
   ["End", "to the end"], ["left drag, one finger", "rotate"], ["right drag, Shift+left, two fingers", "pan"],
-  ["wheel, pinch, Ctrl+left, I, O", "zoom"], ["click", "pick a particle; beside all of them: none"], ["R", "reset the camera"],
+  ["wheel, pinch, Ctrl+left, I, O", "zoom"], ["click", "pick a particle; beside all of them: none"],
+  ["Shift+click", "pick another, to plot their distance"], ["R", "reset the camera"],
   ["F", "frame everything"], ["X Y Z", "look along an axis"], ["T", "trails on, off"], ["L", "begin again at the end, or stop"],
   ["P", "inspector"], ["C", "picture to a file"], ["K", "show the camera as a scene has it"], ["H", "this help"],
 ];
@@ -133,15 +134,21 @@ class Player {
     this.mark();
   }
 
-  /** A ring around the picked particle, and its name. */
+  /** A ring around the picked particle, and around the one that it is compared with, and their names. */
   mark() {
-    const { inspector: { particle }, canvas: { clientWidth: width, clientHeight: height } } = this, marker = element("marker");
-    const spot = particle >= 0 && this.drawing ? this.drawing.spot(particle, this.camera, this.camera.focal(width, height), width, height) : null;
+    const { inspector } = this;
+    this.ring(element("marker"), inspector.particle);
+    this.ring(element("other-marker"), inspector.pairs && !inspector.element.hidden ? inspector.other : -1);
+  }
+
+  ring(marker, particle) {
+    const { clientWidth: width, clientHeight: height } = this.canvas, focal = this.camera.focal(width, height);
+    const spot = particle >= 0 && this.drawing ? this.drawing.spot(particle, this.camera, focal, width, height) : null;
     marker.hidden = !spot;
     if (!spot) return;
-    const radius = Math.max(spot.radius, 1) + 5;
-    Object.assign(marker.style, { left: `${spot.left - radius}px`, top: `${spot.top - radius}px`, width: `${2 * radius}px`, height: `${2 * radius}px` });
-    element("marker-name").textContent = this.run.name(particle) || particle;
+    const radius = Math.max(spot.radius, 1) + 5, side = `${2 * radius}px`;
+    Object.assign(marker.style, { left: `${spot.left - radius}px`, top: `${spot.top - radius}px`, width: side, height: side });
+    marker.firstElementChild.textContent = this.run.name(particle) || particle;
   }
 
   // --- what is switched -------------------------------------------------------------------------------------------------
@@ -297,7 +304,9 @@ class Player {
   release(event) {
     const held = this.pointers.delete(event.pointerId);
     if (!held || event.type !== "pointerup" || event.button !== 0 || this.wandered > CLICK_REACH || !this.drawing) return;
-    this.inspector.pick(this.drawing.pick(event.offsetX, event.offsetY, this.camera));
+    const found = this.drawing.pick(event.offsetX, event.offsetY, this.camera);
+    if (event.shiftKey) this.inspector.pickOther(found);
+    else this.inspector.pick(found);
   }
 }
 
