@@ -1,13 +1,13 @@
 // The inspector: which quantity of the run or of a picked particle is plotted.
 
-/** Quantities of one particle, or of it and another: what they are called, and their value in a frame. */
+/** Quantities of one particle, or of it and another: what they are called, their unit, and their value in a frame. */
 const OF_PARTICLE = {
-  x: ["x", (run, frame, i) => run.columns.x.value(frame, i)],
-  y: ["y", (run, frame, i) => run.columns.y.value(frame, i)],
-  z: ["z", (run, frame, i) => run.columns.z.value(frame, i)],
-  speed: ["speed", (run, frame, i) => run.columns.speed.value(frame, i)],
-  distance: ["distance", (run, frame, i, other) => Math.hypot(...sum(run.place(frame, i), run.place(frame, other), -1))],
-  way: ["distance from the start", (run, frame, i) => Math.hypot(...sum(run.place(frame, i), run.place(0, i), -1))],
+  x: ["x", "length", (run, frame, i) => run.columns.x.value(frame, i)],
+  y: ["y", "length", (run, frame, i) => run.columns.y.value(frame, i)],
+  z: ["z", "length", (run, frame, i) => run.columns.z.value(frame, i)],
+  speed: ["speed", "speed", (run, frame, i) => run.columns.speed.value(frame, i)],
+  distance: ["distance", "length", (run, frame, i, other) => Math.hypot(...sum(run.place(frame, i), run.place(frame, other), -1))],
+  way: ["distance from the start", "length", (run, frame, i) => Math.hypot(...sum(run.place(frame, i), run.place(0, i), -1))],
 };
 
 class Inspector {
@@ -68,8 +68,9 @@ class Inspector {
   curves() {
     const { run, choice: { value: chosen } } = this, { series } = run.header;
     if (chosen.startsWith("particle ")) {
-      const [label, value] = OF_PARTICLE[chosen.slice(9)];
-      return [{ label, times: run.times, values: run.times.map((_, frame) => value(run, frame, this.particle, this.other)) }];
+      const [label, kind, value] = OF_PARTICLE[chosen.slice(9)], { units } = run.header;
+      const unit = units && (kind === "speed" ? `${units.length}/${units.time}` : units.length);
+      return [{ label, unit, times: run.times, values: run.times.map((_, frame) => value(run, frame, this.particle, this.other)) }];
     }
     const finite = ({ label, values }) => ({ label, times: series.times, values: values.map((value) => value ?? NaN) });
     if (chosen === "energies") {

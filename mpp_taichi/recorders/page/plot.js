@@ -7,7 +7,7 @@ const TICKS = { across: 5, up: 4 };
 /** Round numbers, 1, 2 or 5 times a power of ten apart, about `count` of them between low and high. */
 function ticks(low, high, count) {
   const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].find((factor) => factor * power >= rough) * power, found = [];
+  const step = [1, 2, 5, 10].find((factor) => factor * power >= 0.7 * rough) * power, found = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
   return { step, values: found };
 }
@@ -28,7 +28,7 @@ function labels({ step, values }) {
   return values.map((value) => (Math.abs(value) < 1e-9 * step ? "0" : spelled(value, Math.min(digits, 9))));
 }
 
-/** Curves [{ label, times, values }] against time; values may be missing (not finite). */
+/** Curves [{ label, unit, times, values }] against time; values may be missing (not finite), and so may the unit. */
 class Plot {
   constructor(canvas) {
     this.canvas = canvas;
@@ -162,7 +162,7 @@ class Plot {
         pen.arc(this.left(time), this.top(value), 3.2, 0, 7);
         pen.fill();
       }
-      const text = `${curve.label} ${spelled(value, this.digits)}`;
+      const text = `${curve.label} ${spelled(value, this.digits)}${curve.unit ? ` ${curve.unit}` : ""}`;
       pen.textAlign = "left";
       pen.fillStyle = color;
       pen.fillText(text, at, this.height);
