@@ -6,7 +6,7 @@ precision highp float;
 uniform vec2 halfSize;       // of the picture [pixels]
 uniform float focal;         // pixels per x/z, or per x where orthographic
 uniform bool orthographic;
-const float NEAR = 1.0e-3, FAR = 1.0e9;
+const float NEAR = 1.0e-3;
 `;
 
 // The square that a vertex belongs to: its numbers, and the corner, 0 or 1 in each direction, of two triangles.
@@ -22,9 +22,9 @@ vec2 cornerOf() {
 }
 `;
 
-// Written for each pixel: the same relative resolution at all depths.
+// Written for each pixel, 0 to 1: 24 bits tell depths of (1 + depth)² 2⁻²⁴ camera distances apart.
 const DEPTH = `
-float written(float depth) { return clamp(log2(max(depth, NEAR) / NEAR) / log2(FAR / NEAR), 0.0, 1.0); }
+float written(float depth) { return depth / (1.0 + depth); }
 `;
 
 const SPHERE_VERTEX = `${COMMON}${FETCH}
@@ -46,7 +46,7 @@ void main() {
   float radius = number(2, 0).w;
   vec2 across = vec2(center.x - radius, center.x + radius), upward = vec2(center.y - radius, center.y + radius);
   if (!orthographic) { across = tangents(center.x, center.z, radius); upward = tangents(center.y, center.z, radius); }
-  vec2 edge = halfSize / focal * 1.01, pixel = vec2(1.0 / focal);
+  vec2 edge = halfSize / focal * 1.01, pixel = vec2(0.6 / focal);   // half a pixel is partly covered
   vec2 low = clamp(vec2(across.x, upward.x) - pixel, -edge, edge), high = clamp(vec2(across.y, upward.y) + pixel, -edge, edge);
   ray = mix(low, high, cornerOf());
   middle = center;
@@ -78,7 +78,8 @@ void main() {
   if (depth < NEAR) discard;
   vec3 normal = (half_ * -normalize(along) - beside) / max(reach, 1.0e-30);
   vec3 halfway = normalize(LIGHT - normalize(along));
-  float diffuse = max(dot(normal, LIGHT), 0.0), shine = pow(max(dot(normal, halfway), 0.0), 32.0);
+  float diffuse = max(dot(normal, LIGHT), 0.0), shine = max(dot(normal, halfway), 0.0);
+  for (int k = 0; k < 5; k++) shine *= shine;
   vec3 light = clamp(albedo * (AMBIENT + DIFFUSE * diffuse) + SPECULAR * shine, 0.0, 1.0);
   shown = vec4(mix(12.92 * light, 1.055 * pow(light, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, light)), coverage);
   gl_FragDepth = written(depth);
