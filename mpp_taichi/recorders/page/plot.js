@@ -2,6 +2,7 @@
 
 const MARGINS = { left: 62, right: 12, top: 10, bottom: 30 };
 const FEW_SAMPLES = 60;  // which are marked one by one
+const GAP = 10;  // between values at the cursor
 const TICKS = { across: 5, up: 4 };
 
 /** Round numbers, 1, 2 or 5 times a power of ten apart, about `count` of them between low and high. */
@@ -103,16 +104,15 @@ class Plot {
       rule(MARGINS.left, y, wall, y);
       pen.fillText(text, MARGINS.left - 5, y);
     });
-    pen.textAlign = "center";
     pen.textBaseline = "top";
+    pen.fillText(this.timeLabel, wall, floor + 5);
+    const free = wall - pen.measureText(this.timeLabel).width - 6;  // left of what the axis is called
+    pen.textAlign = "center";
     labels(across).forEach((text, k) => {
       const x = Math.round(this.left(across.values[k])) + 0.5;
       rule(x, MARGINS.top, x, floor);
-      pen.fillText(text, Math.min(x, wall - pen.measureText(text).width / 2 + 8), floor + 5);
+      if (x + pen.measureText(text).width / 2 <= free) pen.fillText(text, x, floor + 5);
     });
-    pen.textAlign = "right";
-    pen.textBaseline = "bottom";
-    pen.fillText(this.timeLabel, wall - 4, floor - 2);
     pen.strokeStyle = this.colors.line;
     pen.strokeRect(MARGINS.left + 0.5, MARGINS.top + 0.5, wall - MARGINS.left - 1, floor - MARGINS.top);
   }
@@ -151,22 +151,29 @@ class Plot {
     pen.moveTo(x, MARGINS.top);
     pen.lineTo(x, this.height - MARGINS.bottom);
     pen.stroke();
+    const values = this.curves.map((curve) => interpolated(curve, time));
+    values.forEach((value, k) => {
+      if (!Number.isFinite(value)) return;
+      pen.fillStyle = this.palette[k % this.palette.length];
+      pen.beginPath();
+      pen.arc(this.left(time), this.top(value), 3.2, 0, 7);
+      pen.fill();
+    });
+    this.tell(pen, values);
+  }
+
+  /** The values at the cursor, below the axis, further to the left where there are many. */
+  tell(pen, values) {
     pen.font = "12px system-ui, sans-serif";
+    pen.textAlign = "left";
     pen.textBaseline = "bottom";
-    let at = MARGINS.left;
-    this.curves.forEach((curve, k) => {
-      const value = interpolated(curve, time), color = this.palette[k % this.palette.length];
-      if (Number.isFinite(value)) {
-        pen.fillStyle = color;
-        pen.beginPath();
-        pen.arc(this.left(time), this.top(value), 3.2, 0, 7);
-        pen.fill();
-      }
-      const text = `${curve.label} ${spelled(value, this.digits)}${curve.unit ? ` ${curve.unit}` : ""}`;
-      pen.textAlign = "left";
-      pen.fillStyle = color;
+    const texts = this.curves.map(({ label, unit }, k) => `${label} ${spelled(values[k], this.digits)}${unit ? ` ${unit}` : ""}`);
+    const widths = texts.map((text) => pen.measureText(text).width + GAP);
+    let at = Math.max(0, Math.min(MARGINS.left, this.width + GAP - widths.reduce((total, width) => total + width, 0)));
+    texts.forEach((text, k) => {
+      pen.fillStyle = this.palette[k % this.palette.length];
       pen.fillText(text, at, this.height);
-      at += pen.measureText(text).width + 12;
+      at += widths[k];
     });
   }
 
