@@ -168,8 +168,11 @@ class Plot {
     pen.textAlign = "left";
     pen.textBaseline = "bottom";
     const texts = this.curves.map(({ label, unit }, k) => `${label} ${spelled(values[k], this.digits)}${unit ? ` ${unit}` : ""}`);
-    const widths = texts.map((text) => pen.measureText(text).width + GAP);
-    let at = Math.max(0, Math.min(MARGINS.left, this.width + GAP - widths.reduce((total, width) => total + width, 0)));
+    const measured = texts.map((text) => pen.measureText(text).width + GAP);
+    const total = measured.reduce((before, width) => before + width, 0) - GAP, shrunk = Math.min(1, this.width / total);
+    pen.font = `${12 * shrunk}px system-ui, sans-serif`;
+    const widths = measured.map((width) => width * shrunk);
+    let at = Math.max(0, Math.min(MARGINS.left, this.width - total));
     texts.forEach((text, k) => {
       pen.fillStyle = this.palette[k % this.palette.length];
       pen.fillText(text, at, this.height);
