@@ -5,7 +5,8 @@
 
 Headless Chromium draws without a graphics card (SwiftShader), on the cores that run everything else, which is as slow as it
 gets. Playing: frames shown in a second of real time while the page plays at 1×. Drawing: frames a second as fast as they can
-be drawn, each waited for by reading a pixel of it back; medians of a few rounds.
+be drawn, each waited for by reading a pixel of it back; medians of a few rounds. The processor time is that of the whole
+browser, and depends little on what else runs.
 """
 
 import argparse
@@ -83,9 +84,14 @@ def _measure(browser: HeadlessBrowser, page: Path, arguments: argparse.Namespace
     print(f"driver     {browser.evaluate(DRIVER)}, {arguments.size}")
     unpacking = [browser.evaluate(UNPACKING) for _ in range(arguments.rounds)]
     print(f"unpacking  {statistics.median(unpacking):.3f} s")
-    playing = [browser.evaluate(PLAYING % arguments.seconds) for _ in range(arguments.rounds)]
+    playing, spent = [], []
+    for _ in range(arguments.rounds):
+        before = browser.processor_seconds()
+        playing.append(browser.evaluate(PLAYING % arguments.seconds))
+        spent.append((browser.processor_seconds() - before) / (playing[-1] * arguments.seconds))
     each = ", ".join(f"{rate:.1f}" for rate in playing)
     print(f"playing    {statistics.median(playing):.1f} frames/s of {run['fps']:g} asked for ({each})")
+    print(f"           {1000 * statistics.median(spent):.0f} ms of processor time for each, on all cores together")
     drawing = [1.0 / browser.evaluate(DRAWING % min(100, run["frames"])) for _ in range(arguments.rounds)]
     print(f"drawing    {statistics.median(drawing):.1f} frames/s at most ({', '.join(f'{rate:.1f}' for rate in drawing)})")
 
