@@ -81,8 +81,7 @@ class HeadlessBrowser:
         self._number = 0
         self._session: str | None = None
         try:
-            found = self.ask("Target.getTargets")["targetInfos"]
-            target = next(each["targetId"] for each in found if each["type"] == "page")
+            target = self.ask("Target.createTarget", url="about:blank")["targetId"]
             self._session = self.ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
             self.ask("Page.enable")
             self.ask("Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=False)
