@@ -52,7 +52,7 @@ class Player {
   furnish() {
     const { header, frameCount } = this.run, [red, green, blue] = header.view.background;
     document.documentElement.style.background = `rgb(${[red, green, blue].map((value) => 255 * value).join(" ")})`;
-    element("caption").className = 0.299 * red + 0.587 * green + 0.114 * blue > 0.5 ? "on-light" : "on-dark";
+    element("stage").className = 0.299 * red + 0.587 * green + 0.114 * blue > 0.5 ? "on-light" : "on-dark";
     element("caption").hidden = !header.view.caption;
     element("slider").max = frameCount - 1;
     element("trails").hidden = header.view.trails === 0;
