@@ -1,4 +1,4 @@
-"""Record a scene as a film, frame by frame, without a window.
+"""Record a scene as a film, or as a page that plays it in a browser, frame by frame, without a window.
 
 The film has exactly round(FPS x T) frames, and the run is spread evenly over them: frame k shows the simulated time
 k / (frames - 1) of the run. Between two steps the positions shown are x + v d, where d < dt is the time since the last step
@@ -16,6 +16,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _options.add_scene(parser)
     parser.add_argument("--video", type=_options.output_path, metavar="F", help="the film: .mp4, .gif or .webp")
     parser.add_argument("--frames", type=_options.output_path, metavar="DIR", help="a folder of pictures; needs no encoder")
+    parser.add_argument(
+        "--html", type=_options.output_path, metavar="F.html", help="one file that a browser plays, with camera and plots"
+    )
     parser.add_argument("--size", type=_options.picture_size, metavar="WxH", help="of the picture in pixels")
     parser.add_argument("--fps", type=_options.positive_number, metavar="N", help="frames a second; the scene's when absent")
     parser.add_argument(
@@ -33,8 +36,8 @@ def execute(arguments: argparse.Namespace) -> int:
     """Record, and return the exit code."""
     from mpp_taichi.scene.load import load_scene
 
-    if arguments.video is None and arguments.frames is None:
-        raise UsageError("record: where to? --video F.mp4 (or .gif, .webp) or --frames DIR")
+    if arguments.video is None and arguments.frames is None and arguments.html is None:
+        raise UsageError("record: where to? --video F.mp4 (or .gif, .webp), --frames DIR or --html F.html")
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
     fps, seconds = arguments.fps or spec.record.fps, arguments.duration or spec.record.seconds
     if round(fps * seconds) < 1:
@@ -52,6 +55,7 @@ def execute(arguments: argparse.Namespace) -> int:
         "steps",
         "video",
         "frames",
+        "html",
         "size",
         "fps",
         "trajectory",

@@ -23,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _options.add_scene(parser)
     parser.add_argument("--headless", action="store_true", help="no window, and no film unless --video says so")
     parser.add_argument("--video", type=_options.output_path, metavar="F", help="film of the run: .mp4, .gif or .webp")
+    parser.add_argument("--html", type=_options.output_path, metavar="F.html", help="page of the run, for a browser; no window")
     _options.add_length(parser)
     _options.add_device(parser)
     _options.add_tables(parser)
@@ -71,14 +72,14 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
     """The request that the options make, with the window or the film that goes without saying."""
     from mpp_taichi.cli._request import OUTPUT_FOLDER, Request
 
-    names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "trajectory", "snapshot")
+    names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "html", "trajectory", "snapshot")
     more = ("diagnostics", "modes", "speeds", "events", "every", "quiet", "allow_inaccurate", "energy_balance", "force")
     given = {name: getattr(arguments, name) for name in (*names, *more)}
     if arguments.rewind is not None:
         from mpp_taichi.cli._rewind import Rewind
 
         given["rewind"] = Rewind.of(spec, arguments.rewind, arguments.overrides)
-    if arguments.headless or arguments.video is not None:
+    if arguments.headless or arguments.video is not None or arguments.html is not None:
         return Request(**given)
     problem = no_window()
     if not problem:
