@@ -179,7 +179,7 @@ def test_a_result_holds_arrays_and_shows_itself():
     with mpp.run(scene, backend="cpu", samples=64) as result:
         t = result.time
         assert t.shape == (65,) and result.position.shape == result.velocity.shape == (65, 2, 3)
-        # A leapfrog that begins on a circle makes each turn longer by (ω dt)²/3, dt = π/512, and its radius wobbles by (ω dt)²/4.
+        # A leapfrog begun on a circle makes each turn longer by (ω dt)²/3, dt = π/512, and its radius wobbles by (ω dt)²/4.
         exact = np.stack([np.cos(t), np.sin(t), 0 * t], axis=1)
         assert np.abs(result.position[:, 1] - exact).max() < (np.pi / 512) ** 2 * (2 * np.pi / 3 + 1 / 4)
         assert np.array_equal(result.table["time"], t) and result.table["momentum"].shape == (65, 3)
