@@ -74,7 +74,7 @@ class Reader:
     def command(self, block: Block):
         words = block.words()
         if words[0] == "--set":
-            assert self.scene or "path=value" in words, "no command before it names a scene"
+            assert self.scene or {"path=value", "…"} & set(words), "no command before it names a scene"
             words = ["mpp-taichi", "run", str(self.scene), *words]
         program, rest = Path(words[0]).name, words[1:]
         if program.startswith("python") and rest[:2] == ["-m", "mpp_taichi"]:
@@ -84,9 +84,9 @@ class Reader:
         self.without_running(program, rest)
 
     def verb(self, words: list[str], code: int):
-        if any(re.fullmatch(r"[A-Z]+|\[.*|\||path=value", word) for word in words):
+        if any(re.fullmatch(r"[A-Z]+|\[.*|\||path=value|…", word) for word in words):
             return synopsis(words)
-        words = _with_verb([word for word in words if word != "…"])
+        words = _with_verb(words)
         given = _parser().parse_args(words)
         self.scene = getattr(given, "scene", None) or self.scene
         if given.verb in PARSED_ONLY:
