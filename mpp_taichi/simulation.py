@@ -19,6 +19,7 @@ from mpp_taichi.scene.estimate import check_capacity, estimate
 from mpp_taichi.scene.load import change_scene, load_scene
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.timeline import whole_steps
+from mpp_taichi.shown import Shown
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.stability import StepAdvice, StepGuard
@@ -43,7 +44,7 @@ class Recorder(Protocol):
         """Look."""
 
 
-class Simulation(Motion):
+class Simulation(Motion, Shown):
     """A scene, compiled to one step and run on one device; with a timeline, to one step for each phase.
 
     What depends on the phase (`spec`, `dt`, `integrator`, `total_force`, `state`, …) is that of the present one, `phase_number`
@@ -358,31 +359,6 @@ class Simulation(Motion):
             yield
             if balance is not None and not balance.meter.looks_at(self.state, self.total_force):
                 balance.meter = self._power_meter()
-
-    # --- in a notebook --------------------------------------------------------------------------------------------------
-
-    def picture(self, size: tuple[int, int] = (960, 540)) -> np.ndarray:
-        """What a window would show now: red, green, blue as uint8, shape (height, width, 3)."""
-        from mpp_taichi import notebook
-
-        self._require_life()
-        return notebook.picture(self, size)
-
-    def __repr__(self) -> str:
-        """Scene, time, size and method in one line."""
-        from mpp_taichi import notebook
-
-        return notebook.line(self)
-
-    def _repr_png_(self) -> bytes | None:
-        from mpp_taichi import notebook
-
-        return notebook.png(self)
-
-    def _repr_html_(self) -> str:
-        from mpp_taichi import notebook
-
-        return notebook.html(self)
 
     # --- end ------------------------------------------------------------------------------------------------------------
 

@@ -25,8 +25,10 @@ BOUNDS = ("below", "above", "near", "within")
 
 def build(validated: Any, node: Node | None) -> tuple[Expectation, ...]:
     """Expectations from the checked `expect:` block; `node` gives their places."""
-    found = []
-    for quantity in node.value if validated is not None and node is not None else ():  # in the order of the scene
+    found: list[Expectation] = []
+    if validated is None or node is None:
+        return ()
+    for quantity in node.value:  # in the order of the scene
         for number, entry in enumerate(getattr(validated, quantity)):
             values = {name: getattr(entry, name) for name in type(entry).model_fields}
             bounds = {name: values.pop(name) for name in BOUNDS}
