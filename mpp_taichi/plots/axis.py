@@ -1,0 +1,116 @@
+"""An axis: what part of it a value lies at, ticks at round numbers, and limits that grow so seldom that the eye can follow."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+ROOM = 0.25  # of the span, added beyond a value that left the axis
+FLAT = 1e-3  # of its value, the least span of an axis: what varies less is constant to the eye
+LONGEST_LABEL = 1e5
+SHORTEST_LABEL = 1e-3
+_SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+@dataclass(frozen=True)
+class Tick:
+    """A mark of an axis: where, 0…1, and what is written at it."""
+
+    share: float
+    label: str
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Limits; of a logarithmic axis they are decadic logarithms."""
+
+    low: float
+    high: float
+    logarithmic: bool = False
+
+    def share(self, values: np.ndarray) -> np.ndarray:
+        """Where on the axis values lie, 0…1 between the limits; not a number where a logarithm does not exist."""
+        return (self._of(values) - self.low) / (self.high - self.low)
+
+    def value(self, share: float) -> float:
+        """What lies at a part of the axis."""
+        value = self.low + share * (self.high - self.low)
+        return 10.0**value if self.logarithmic else value
+
+    def covers(self, values: np.ndarray) -> bool:
+        """Whether every value that has a place lies between the limits."""
+        extent = self._extent(values)
+        return extent is None or (self.low <= extent[0] and extent[1] <= self.high)
+
+    def places(self, values: np.ndarray) -> bool:
+        """Whether any of the values has a place on such an axis."""
+        return self._extent(values) is not None
+
+    def grown(self, values: np.ndarray) -> "Axis":
+        """An axis with room for these values as well, and some more on the side on which they left it; ends are round."""
+        extent = self._extent(values)
+        if extent is None or self.covers(values):
+            return self
+        low, high = min(self.low, extent[0]), max(self.high, extent[1])
+        room = 0.0 if self.logarithmic else ROOM * (high - low)
+        low, high = (low - room if low < self.low else low), (high + room if high > self.high else high)
+        step = 1.0 if self.logarithmic else round_step((high - low) / 5.0)
+        low = math.floor(low / step) * step if low < self.low else low
+        return Axis(low, math.ceil(high / step) * step if high > self.high else high, self.logarithmic)
+
+    @staticmethod
+    def of(values: np.ndarray, *, logarithmic: bool = False) -> "Axis":
+        """The axis that fits these values, ends round."""
+        axis = Axis(0.0, 1.0, logarithmic)
+        low, high = axis._extent(values) or (0.0, 1.0)
+        if logarithmic:
+            return Axis(math.floor(low), max(math.ceil(high), math.floor(low) + 1.0), True)
+        if high - low < FLAT * max(abs(low), abs(high)) or high == low:
+            room = FLAT * max(abs(low), abs(high)) or 1.0
+            low, high = low - room, high + room
+        step = round_step((high - low) / 5.0) / 2.0
+        return Axis(math.floor(low / step + 1e-9) * step, math.ceil(high / step - 1e-9) * step)
+
+    def ticks(self, most: int) -> tuple[list[Tick], str]:
+        """Marks, at most so many, and the power of ten that is taken out of their labels, `×10⁻³` or nothing."""
+        if self.logarithmic:
+            low, high = math.ceil(self.low - 1e-9), math.floor(self.high + 1e-9)
+            every = max(1, -(-(high - low) // max(most - 1, 1)))
+            return [Tick(self._place(n), power_of_ten(n)) for n in range(low, high + 1, every)], ""
+        step = round_step((self.high - self.low) / max(most, 1))
+        first, last = math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9)
+        largest = max(abs(self.low), abs(self.high))
+        power = 0
+        if largest >= LONGEST_LABEL or largest < SHORTEST_LABEL * 10.0:
+            power = 3 * math.floor(math.log10(largest) / 3.0 + 1e-12) if largest > 0.0 else 0
+        digits = max(0, -math.floor(math.log10(step) - power + 1e-9))
+        labels = [f"{number * step / 10.0**power:.{digits}f}".replace("-", "−") for number in range(first, last + 1)]
+        marks = [Tick(self._place(number * step), label) for number, label in zip(range(first, last + 1), labels)]
+        return marks, f"×{power_of_ten(power)}" if power else ""
+
+    def _place(self, value: float) -> float:
+        return (value - self.low) / (self.high - self.low)
+
+    def _of(self, values: np.ndarray) -> np.ndarray:
+        if not self.logarithmic:
+            return values
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.log10(np.where(values > 0.0, values, np.nan))
+
+    def _extent(self, values: np.ndarray) -> tuple[float, float] | None:
+        found = self._of(np.asarray(values, dtype=float))
+        found = found[np.isfinite(found)]
+        return (float(found.min()), float(found.max())) if found.size else None
+
+
+def round_step(rough: float) -> float:
+    """The least of 1, 2, 5 × 10ⁿ that is not below."""
+    if not (rough > 0.0 and math.isfinite(rough)):
+        return 1.0
+    decade = 10.0 ** math.floor(math.log10(rough))
+    return next(factor * decade for factor in (1.0, 2.0, 5.0, 10.0) if factor * decade >= rough * (1.0 - 1e-9))
+
+
+def power_of_ten(power: int) -> str:
+    """`10⁻³`."""
+    return "10" + str(power).translate(_SUPERSCRIPTS)

@@ -1,0 +1,83 @@
+"""Panels beside the scene: how a picture is divided, and a view that fills both parts."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mpp_taichi.plots import Plot
+from mpp_taichi.plots.sheet import Sheet, letters_for
+from mpp_taichi.scene.spec import CameraSpec, RecordSpec, ViewSpec
+from mpp_taichi.views._base import Frame, View
+
+LEAST = 16  # pixels of either part
+
+
+@dataclass(frozen=True)
+class Division:
+    """A picture of (width, height) pixels in two parts: the scene above or to the left, panels below or to the right."""
+
+    scene: tuple[int, int]
+    panels: tuple[int, int]
+    right: bool
+
+    @staticmethod
+    def of(size: tuple[int, int], record: RecordSpec) -> "Division | None":
+        """As `record:` says; None where there are to be no panels."""
+        if record.panels == "none":
+            return None
+        width, height = size
+        right = record.panels == "right"
+        whole = width if right else height
+        share = min(max(round(record.panel_share * whole), LEAST), max(whole - LEAST, 1))
+        if right:
+            return Division((width - share, height), (share, height), True)
+        return Division((width, height - share), (width, share), False)
+
+    @property
+    def corner(self) -> tuple[int, int]:
+        """Column and row at which the panels begin."""
+        return (self.scene[0], 0) if self.right else (0, self.scene[1])
+
+
+class ViewWithPanels(View):
+    """A view of the scene in one part of the picture, and panels in the other."""
+
+    def __init__(self, view: View, plots: Sequence[Plot], division: Division) -> None:
+        """`view` draws pictures as large as the scene's part."""
+        self.view, self.division = view, division
+        (width, height), (wide, high) = division.scene, division.panels
+        size = (width + wide, height) if division.right else (width, height + high)
+        self._picture = np.zeros((size[1], size[0], 3), np.uint8)
+        self._sheet = Sheet(plots, division.panels, letters_for(size[1]))
+
+    def draw(self, frame: Frame) -> np.ndarray:
+        """The picture; a new array each time."""
+        (width, height), (left, top) = self.division.scene, self.division.corner
+        picture = self._picture.copy()
+        picture[:height, :width] = self.view.draw(frame)
+        picture[top:, left:] = self._sheet.picture()
+        return picture
+
+    def close(self) -> None:
+        """Close the view."""
+        self.view.close()
+
+
+def narrowed(view: ViewSpec, before: tuple[int, int], after: tuple[int, int]) -> ViewSpec:
+    """The view with a camera that shows, in a picture of another shape, all that it showed along both axes before.
+
+    A camera that chooses its own place does so for any shape.
+    """
+    wider = (before[0] / before[1]) / (after[0] / after[1])
+    camera = view.camera
+    if wider <= 1.0 or (camera.position is None and camera.height is None):
+        return view
+    changed: CameraSpec = camera
+    if camera.position is not None:
+        half = math.atan(wider * math.tan(math.radians(camera.field_of_view) / 2.0))
+        changed = replace(changed, field_of_view=math.degrees(2.0 * half))
+    if camera.height is not None:
+        changed = replace(changed, height=wider * camera.height)
+    return replace(view, camera=changed)
