@@ -2,17 +2,15 @@
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mpp_taichi import component
+from mpp_taichi.distribution import Distribution, Gas
 from mpp_taichi.errors import SceneError
-from mpp_taichi.kinetic_theory.speeds import kinetic_temperature, speed_density, speed_scale
-from mpp_taichi.diagnostics._gas import rows_of
 from mpp_taichi.plots import Curves, Histogram, Plot, Samples
 from mpp_taichi.quantities._base import Dimension, NoResultError, OfEach, Quantity, Setting
 from mpp_taichi.scene.expressions import ExpressionError, Formula
@@ -23,8 +21,6 @@ if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
 
 THEORY = "theory"
-CURVE_POINTS = 120
-REACH = 3.0  # of a histogram of speeds, in units of b; beyond it are 10⁻⁴ of the particles
 
 
 class SimulationLook:
@@ -64,7 +60,7 @@ class Inspector:
         self._made: dict[tuple[str, str], tuple[Quantity, int]] = {}
         self._measured: list[Quantity] = []
         self._theories: list[tuple[Formula, int, int]] = []  # formula, column of x, column of the result
-        self._histograms: list[_Distribution] = []
+        self._histograms: list[Distribution] = []
         self._names: list[str] = []
         self.samples = Samples()
         self._span = None if end is None else (simulation.time, end)
@@ -148,8 +144,8 @@ class Inspector:
             has_theory=panel.theory is not None,
             bins=panel.bins,
         )
-        law = _Gas(self._setting, entry) if panel.theory is not None else None
-        self._histograms.append(_Distribution(plot, quantity, panel.after, law))
+        law = Gas(self._setting.spec, entry) if panel.theory is not None else None
+        self._histograms.append(Distribution(plot, quantity, panel.after, law))
         return plot
 
     def _measure(self, entry: ComponentSpec, key: str) -> tuple[Quantity, int]:
@@ -172,85 +168,6 @@ class Inspector:
     def _add(self, name: str) -> int:
         self._names.append(name)
         return len(self._names) - 1
-
-
-class _Gas:
-    """Maxwell and Boltzmann's distribution of the speeds, or of one component of the velocities, at a kinetic temperature.
-
-    Where masses differ it is the mean over the particles.
-    """
-
-    def __init__(self, setting: Setting, entry: ComponentSpec) -> None:
-        self._of, self._along = entry.parameters["of"], entry.name == "velocity"
-        self._dimensions = setting.spec.dimensions
-
-    def scales(self, snapshot: Snapshot) -> tuple[float, np.ndarray, np.ndarray]:
-        """k T, the masses that occur, and how often."""
-        rows = rows_of(self._of, snapshot)
-        rows = rows[snapshot.present[rows]]
-        masses, counts = np.unique(snapshot.mass[rows], return_counts=True)
-        return kinetic_temperature(snapshot.velocity[rows], snapshot.mass[rows], self._dimensions), masses, counts
-
-    def density(self, value: np.ndarray, temperature: float, masses: np.ndarray, counts: np.ndarray) -> np.ndarray:
-        """f of each value."""
-        if not temperature > 0.0:
-            return np.zeros_like(value)
-        scale: Callable[[float], float] = lambda mass: float(speed_scale(mass, temperature))
-        if self._along:
-            curves = [np.exp(-((value / scale(m)) ** 2)) / (math.sqrt(math.pi) * scale(m)) for m in masses]
-        else:
-            curves = [np.where(value < 0.0, 0.0, speed_density(value, scale(m), self._dimensions)) for m in masses]
-        return np.average(curves, axis=0, weights=counts)
-
-
-class _Distribution:
-    """Fills a histogram: with the present look, or from `after` on with all looks together."""
-
-    def __init__(self, plot: Histogram, quantity: OfEach, after: float | None, law: _Gas | None) -> None:
-        self._plot, self._quantity, self._after, self._law = plot, quantity, after, law
-        self.restart()
-
-    def restart(self) -> None:
-        self._counts: np.ndarray | None = None
-        self._seen = 0
-        self._temperatures: list[float] = []
-        self._plot.clear()
-
-    def look(self, look: Any) -> None:
-        """Count."""
-        values = self._quantity.each(look)
-        values = values[np.isfinite(values)]
-        edges = self._edges(values, look)
-        counts, _ = np.histogram(values, edges)
-        together = self._after is not None and look.time >= self._after
-        if together and self._counts is not None:
-            counts, self._seen = self._counts + counts, self._seen + len(values)
-        else:
-            self._seen = len(values)
-            self._temperatures.clear()
-        self._counts = counts if together else None
-        curve = np.linspace(edges[0], edges[-1], CURVE_POINTS)
-        theory = np.zeros(0)
-        if self._law is not None:
-            temperature, masses, numbers = self._law.scales(look.snapshot)
-            self._temperatures.append(temperature)
-            theory = self._law.density(curve, float(np.mean(self._temperatures)), masses, numbers)
-        density = counts / (max(self._seen, 1) * (edges[1] - edges[0]))
-        self._plot.show(edges, density, curve if len(theory) else np.zeros(0), theory)
-
-    def _edges(self, values: np.ndarray, look: Any) -> np.ndarray:
-        """Those of the looks before, unless something lies outside; then twice as far, and all looks together begin anew."""
-        edges = self._plot.edges
-        low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
-        if len(edges) and edges[0] <= low and high <= edges[-1]:
-            return edges
-        if self._law is not None:
-            temperature, masses, _ = self._law.scales(look.snapshot)
-            reach = REACH * float(np.max(speed_scale(masses, temperature))) if len(masses) and temperature > 0.0 else 1.0
-            low, high = (min(low, -reach) if low < 0.0 else 0.0), max(high, reach)
-        room = 0.05 * (high - low) or 0.5 * abs(high) or 0.5
-        self._counts = None
-        return np.linspace(low if low == 0.0 else low - room, high + room, self._plot.bins + 1)
 
 
 def _value(formula: Formula, time: float, x: float) -> float:

@@ -12,6 +12,7 @@ from mpp_taichi.cli._options import output_stem
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._step_check import check_steps
+from mpp_taichi.cli._terminal import UsageError, say
 from mpp_taichi.errors import MppError, OutputError, StabilityError, StateError
 from mpp_taichi.expectations import Verdict, Watcher
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
@@ -199,7 +200,7 @@ class _Run:
         if self.request.window:
             from mpp_taichi.cli._interactive import show
 
-            show(self.simulation, self.spec, self.goal, recorders, interruption, self._caption)
+            show(self.simulation, self.spec, self.goal, recorders, interruption, self._caption, self.inspection)
         elif self.request.quiet:
             self.simulation.run(until=self.goal.until, steps=self.goal.steps, recorders=recorders)
         else:

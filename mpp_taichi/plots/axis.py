@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-ROOM = 0.25  # of the span, added beyond a value that left the axis
+ROOM = 0.02  # of the span, beyond the outermost values, so that no curve runs along the edge
+STEPS = 8.0  # of an axis, to one of which its ends are rounded
 FLAT = 1e-3  # of its value, the least span of an axis: what varies less is constant to the eye
 LONGEST_LABEL = 1e5
 SHORTEST_LABEL = 1e-3
@@ -42,9 +43,17 @@ class Axis:
         extent = self._extent(values)
         return extent is None or (self.low <= extent[0] and extent[1] <= self.high)
 
-    def places(self, values: np.ndarray) -> bool:
-        """Whether any of the values has a place on such an axis."""
-        return self._extent(values) is not None
+    def spreads(self, values: np.ndarray) -> bool:
+        """Whether values differ so much that limits can be chosen for them."""
+        low, high = self._extent(values) or (0.0, 0.0)
+        return high - low > FLAT * max(abs(low), abs(high))
+
+    @staticmethod
+    def above_zero(values: np.ndarray) -> "Axis":
+        """From zero to a round number a little above the largest value."""
+        largest = max((1.0 + ROOM) * float(np.max(values, initial=0.0)), 1e-300)
+        step = round_step(largest / STEPS)
+        return Axis(0.0, math.ceil(largest / step) * step)
 
     def grown(self, values: np.ndarray) -> "Axis":
         """An axis with room for these values as well, and some more on the side on which they left it; ends are round."""
@@ -52,11 +61,11 @@ class Axis:
         if extent is None or self.covers(values):
             return self
         low, high = min(self.low, extent[0]), max(self.high, extent[1])
-        room = 0.0 if self.logarithmic else ROOM * (high - low)
-        low, high = (low - room if low < self.low else low), (high + room if high > self.high else high)
-        step = 1.0 if self.logarithmic else round_step((high - low) / 5.0)
-        low = math.floor(low / step) * step if low < self.low else low
-        return Axis(low, math.ceil(high / step) * step if high > self.high else high, self.logarithmic)
+        if self.logarithmic:
+            return Axis(math.floor(low), math.ceil(high), True)
+        room, step = ROOM * (high - low), round_step((high - low) / STEPS)
+        low = self.low if low == self.low else math.floor((low - room) / step) * step
+        return Axis(low, self.high if high == self.high else math.ceil((high + room) / step) * step)
 
     @staticmethod
     def of(values: np.ndarray, *, logarithmic: bool = False) -> "Axis":
@@ -68,8 +77,8 @@ class Axis:
         if high - low < FLAT * max(abs(low), abs(high)) or high == low:
             room = FLAT * max(abs(low), abs(high)) or 1.0
             low, high = low - room, high + room
-        step = round_step((high - low) / 5.0) / 2.0
-        return Axis(math.floor(low / step + 1e-9) * step, math.ceil(high / step - 1e-9) * step)
+        room, step = ROOM * (high - low), round_step((high - low) / STEPS)
+        return Axis(math.floor((low - room) / step) * step, math.ceil((high + room) / step) * step)
 
     def ticks(self, most: int) -> tuple[list[Tick], str]:
         """Marks, at most so many, and the power of ten that is taken out of their labels, `×10⁻³` or nothing."""

@@ -101,8 +101,7 @@ def fitting_axes(plot: Plot) -> tuple[Axis, Axis]:
     """Axes on which all there is so far fits."""
     if isinstance(plot, Histogram):
         ends = plot.edges if len(plot.edges) else np.array([0.0, 1.0])
-        heights = np.concatenate([[0.0], 1.05 * plot.density, 1.05 * plot.theory])
-        return Axis(float(ends[0]), float(ends[-1])), Axis.of(heights)
+        return Axis(float(ends[0]), float(ends[-1])), Axis.above_zero(np.concatenate([plot.density, plot.theory]))
     x = Axis(*plot.span) if plot.span is not None else Axis.of(plot.x)
     values = np.concatenate([plot.y(number) for number in range(len(plot.names))])
     return x, Axis.of(values, logarithmic=plot.logarithmic)

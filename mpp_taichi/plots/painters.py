@@ -1,4 +1,4 @@
-"""Painters: lines, rectangles and text, into a picture or into an SVG file. Coordinates are pixels from the upper left corner."""
+"""Painters: lines, rectangles and text, into a picture or an SVG file. Coordinates are pixels from the upper left corner."""
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
@@ -58,7 +58,7 @@ class PicturePainter:
 
 
 class SvgPainter:
-    """Gathers elements of an SVG file; fonts are the reader's own."""
+    """Gathers elements of an SVG file; fonts are the reader's own, letters as wide as in a picture."""
 
     def __init__(self) -> None:
         """Nothing is drawn yet."""
@@ -78,7 +78,10 @@ class SvgPainter:
 
     def text(self, x: float, y: float, text: str, color: Rgb, size: int, anchor: str = "l") -> None:
         """A <text>; its middle is a third of its height above the base line."""
+        if not text:
+            return
         place = f'x="{x:.1f}" y="{y + 0.35 * size:.1f}" font-size="{size}" text-anchor="{_PLACES[anchor]}"'
+        place += f' textLength="{text_width(text, size):.1f}" lengthAdjust="spacingAndGlyphs"'
         self.elements.append(f'<text {place} fill="{_hex(color)}">{escape(text)}</text>')
 
     def polyline(self, points: np.ndarray, color: Rgb, width: float) -> None:

@@ -60,7 +60,7 @@ class Panel:
         """Everything anew."""
         self._wanted = fitting_axes(plot)
         self._drawn = 0
-        self._fitted = self._wanted[1].places(self._fresh(plot)[1])
+        self._fitted = all(axis.spreads(values) for axis, values in zip(self._wanted, self._fresh(plot)))
         self._blank(plot)
 
     def _blank(self, plot: Curves) -> None:
@@ -211,7 +211,8 @@ class _Ink:
 
     def cover(self, box: tuple[int, int, int, int]) -> Image.Image:
         """How much of each pixel inside a box is covered, 0…255."""
-        return self._mask.reduce(FINER, tuple(FINER * each for each in box))
+        left, top, right, bottom = box
+        return self._mask.reduce(FINER, (FINER * left, FINER * top, FINER * right, FINER * bottom))
 
 
 def bars(plot: Histogram, frame: Frame, axes: tuple[Axis, Axis]) -> list[tuple[float, float, float, float]]:

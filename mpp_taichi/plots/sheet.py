@@ -7,8 +7,9 @@ import numpy as np
 from PIL import Image
 
 from mpp_taichi.plots.content import Plot
+from mpp_taichi.plots.cursor import read, with_reading
 from mpp_taichi.plots.panel import Panel
-from mpp_taichi.plots.theme import DARK, Theme
+from mpp_taichi.plots.theme import DARK, Rgb, Theme
 
 LETTERS_PER_PICTURE = 48  # the height of letters is this part of the picture's, 15 pixels of 720
 LEAST_LETTERS = 10
@@ -41,10 +42,20 @@ class Sheet:
             self.corners.append((left, top))
         self._picture = Image.new("RGB", size, theme.background)
 
-    def picture(self) -> np.ndarray:
-        """All panels as they are now, uint8, shape (height, width, 3)."""
+    def grounds(self) -> list[tuple[tuple[int, int, int, int], Rgb]]:
+        """Rectangles that all else is drawn on, from the lowest up: left, top, right, bottom, and their colours."""
+        found = [((0, 0, *self.size), self.theme.background)]
+        for panel, (x, y) in zip(self.panels, self.corners):
+            left, top, right, bottom = panel.frame.field
+            found.append(((x + left, y + top, x + right, y + bottom), self.theme.field))
+        return found
+
+    def picture(self, cursor: tuple[float, float] | None = None) -> np.ndarray:
+        """All panels as they are now, uint8, shape (height, width, 3); with the values at a place of the sheet [pixels]."""
         for panel, corner in zip(self.panels, self.corners):
-            self._picture.paste(panel.picture(), corner)
+            drawn = panel.picture()
+            reading = read(panel, cursor[0] - corner[0], cursor[1] - corner[1]) if cursor is not None else None
+            self._picture.paste(drawn if reading is None else with_reading(panel, drawn, reading), corner)
         return np.asarray(self._picture)
 
 

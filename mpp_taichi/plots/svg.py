@@ -50,4 +50,4 @@ def _draw(painter: SvgPainter, plot: Plot, frame: Frame, theme: Theme) -> None:
             if len(run) > 1 and finite[run[0]]:
                 painter.polyline(points[run], color, (THEORY_WIDTH if theory else CURVE_WIDTH) * scale)
         if len(points) and finite[-1] and not theory:
-            painter.disc(*points[-1], DISC * scale, color)
+            painter.disc(float(points[-1, 0]), float(points[-1, 1]), DISC * scale, color)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 Rgb = tuple[int, int, int]
-# Okabe & Ito, "Color Universal Design" (2008): told apart by the colour-blind. Black is not among them, nor, on black, the blue.
+# Okabe & Ito, "Color Universal Design" (2008): told apart by the colour-blind. Black is for theory; blue is too dark on black.
 SKY, ORANGE, GREEN, VERMILION = (86, 180, 233), (230, 159, 0), (0, 158, 115), (213, 94, 0)
 PURPLE, YELLOW, BLUE = (204, 121, 167), (240, 228, 66), (0, 114, 178)
 

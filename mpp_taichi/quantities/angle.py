@@ -13,7 +13,7 @@ PLANES = {"x": (1, 2), "y": (0, 2), "z": (0, 1)}
 class Angle(Quantity):
     """Angle in −π…π at which a particle is seen from another, or from the origin, in a plane [radians].
 
-    It counts from the x axis towards y in the plane across z, towards z in that across y, and from y towards z in that across x.
+    In the plane across z it counts from the x axis towards y, across y from x towards z, and across x from y towards z.
     """
 
     of: Particles = param(help="a particle or a group")

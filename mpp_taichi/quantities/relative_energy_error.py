@@ -28,5 +28,5 @@ class RelativeEnergyError(Quantity):
     def measure(self, look: Look) -> float:
         """The error."""
         kinetic = total(kinetic_energies(look.snapshot))
-        phase = {"phase_number": look.phase_number, "phase_energy": look.phase_energy}
-        return self._error.see(kinetic, look.potential_energy, **phase)
+        began = look.phase_energy
+        return self._error.see(kinetic, look.potential_energy, phase_number=look.phase_number, phase_energy=began)

@@ -2,6 +2,7 @@
 
 import math
 
+from mpp_taichi import component as components
 from mpp_taichi.component import Particles, component, param
 from mpp_taichi.diagnostics._base import NoResultError
 from mpp_taichi.diagnostics.kinetic_temperature import KineticTemperature
@@ -18,7 +19,9 @@ class Temperature(Quantity):
 
     def begin(self, setting: Setting) -> None:
         """Find the particles."""
-        self._meter = KineticTemperature(of=self.of, drift=self.drift)
+        self._meter: KineticTemperature = components.build(
+            "diagnostics", "kinetic_temperature", {"of": self.of, "drift": self.drift}
+        )
         self._meter.begin(setting.spec, setting.start)
 
     def label(self, setting: Setting) -> str:

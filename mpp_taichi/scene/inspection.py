@@ -116,9 +116,7 @@ def _panel(panel: Any, node: Node, number: int, faults: Faults) -> PanelSpec:
     places = (y_node.value if isinstance(y_node.value, list) else [y_node]) if y_node is not None else []
     y = tuple(_component(each, place) for each, place in zip(panel.y or (), places))
     histogram = _component(panel.histogram, node.value["histogram"]) if panel.histogram is not None else None
-    made = PanelSpec(
-        panel.title, x, y, histogram, panel.bins, panel.after, panel.theory, panel.logarithmic, node.place
-    )
+    made = PanelSpec(panel.title, x, y, histogram, panel.bins, panel.after, panel.theory, panel.logarithmic, node.place)
     for key, message in _conflicts(made, panel.model_fields_set):
         place = node.get(key)
         path = f"inspect[{number}]" + (f".{key}" if key else "")
@@ -152,10 +150,11 @@ def _conflicts(panel: PanelSpec, given: set[str]) -> Iterator[tuple[str, str]]:
             yield key, "cannot be in a panel with a histogram: it has its own axes"
     name = panel.histogram.name
     if component.declaration("quantities", name).base != DISTRIBUTABLE:
-        known = [each for each in component.names("quantities") if component.declaration("quantities", each).base == DISTRIBUTABLE]
+        known = [
+            each for each in component.names("quantities") if component.declaration("quantities", each).base == DISTRIBUTABLE
+        ]
         yield "histogram", f"{name} is one number, and has no distribution{choices(name, known)}"
     if isinstance(panel.theory, Formula):
         yield "theory", f"of a histogram it must be {' or '.join(DISTRIBUTIONS)}, not a formula"
     elif panel.theory is not None and name not in DISTRIBUTED:
         yield "theory", f"{panel.theory} is the distribution of {' or '.join(DISTRIBUTED)}, not of {name}"
-

@@ -65,19 +65,28 @@ class ViewWithPanels(View):
         self.view.close()
 
 
-def narrowed(view: ViewSpec, before: tuple[int, int], after: tuple[int, int]) -> ViewSpec:
-    """The view with a camera that shows, in a picture of another shape, all that it showed along both axes before.
+def widening(camera: CameraSpec, before: tuple[int, int], after: tuple[int, int]) -> float:
+    """By how much more a camera has to take in, so that a part of the picture shows all that the whole showed along both axes.
 
-    A camera that chooses its own place does so for any shape.
+    1 for a camera that chooses its own place, as it does so for any shape.
     """
-    wider = (before[0] / before[1]) / (after[0] / after[1])
-    camera = view.camera
-    if wider <= 1.0 or (camera.position is None and camera.height is None):
+    chosen = camera.position is None and camera.height is None
+    return 1.0 if chosen else max(1.0, (before[0] / before[1]) / (after[0] / after[1]))
+
+
+def widened(field_of_view: float, factor: float) -> float:
+    """The vertical angle in which a factor more is seen [degrees]."""
+    return math.degrees(2.0 * math.atan(factor * math.tan(math.radians(field_of_view) / 2.0)))
+
+
+def narrowed(view: ViewSpec, before: tuple[int, int], after: tuple[int, int]) -> ViewSpec:
+    """The view for a picture of another shape."""
+    factor, camera = widening(view.camera, before, after), view.camera
+    if factor == 1.0:
         return view
-    changed: CameraSpec = camera
-    if camera.position is not None:
-        half = math.atan(wider * math.tan(math.radians(camera.field_of_view) / 2.0))
-        changed = replace(changed, field_of_view=math.degrees(2.0 * half))
-    if camera.height is not None:
-        changed = replace(changed, height=wider * camera.height)
+    changed: CameraSpec = replace(
+        camera,
+        field_of_view=widened(camera.field_of_view, factor),
+        height=None if camera.height is None else factor * camera.height,
+    )
     return replace(view, camera=changed)
