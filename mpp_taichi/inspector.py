@@ -112,10 +112,10 @@ class Inspector:
         x, x_column = self._measure(panel.x, f"{key}.x")
         found = [self._measure(each, f"{key}.y") for each in panel.y]
         labels, columns = [quantity.label(self._setting) for quantity, _ in found], [column for _, column in found]
-        if isinstance(panel.theory, Formula):
-            columns.append(self._add(f"{THEORY} of {labels[0]}"))
-            labels.append(THEORY)
-            self._theories.append((panel.theory, x_column, columns[-1]))
+        theories = panel.theory if isinstance(panel.theory, tuple) else ()
+        for formula, label in zip(theories, labels + [""] * len(theories)):
+            columns.append(self._add(f"{THEORY} of {label}" if label else THEORY))
+            self._theories.append((formula, x_column, columns[-1]))
         dimensions = {quantity.dimension for quantity, _ in found}
         unit = self._setting.unit(found[0][0].dimension) if len(dimensions) == 1 else ""
         return Curves(
@@ -130,7 +130,7 @@ class Inspector:
             span=self._span if panel.x.name == "time" else None,
             logarithmic=panel.logarithmic,
             equal=panel.x.name == "position" and all(each.name == "position" for each in panel.y),
-            has_theory=panel.theory is not None,
+            theories=len(theories),
         )
 
     def _histogram(self, panel: PanelSpec, entry: ComponentSpec, key: str) -> Histogram:

@@ -44,7 +44,7 @@ class Samples:
 
 @dataclass(eq=False)
 class Curves:
-    """Curves over a common x; the last of them is theory where there is one.
+    """Curves over a common x; `names` are those of the first, the last `theories` of them are what theory says.
 
     span         limits of x that are known beforehand
     equal        a length is as long along both axes
@@ -61,12 +61,17 @@ class Curves:
     span: tuple[float, float] | None = None
     logarithmic: bool = False
     equal: bool = False
-    has_theory: bool = False
+    theories: int = 0
 
     @property
     def x(self) -> np.ndarray:
         """Values along x, (count,)."""
         return self.samples.column(self.x_column)
+
+    @property
+    def count(self) -> int:
+        """All curves."""
+        return len(self.y_columns)
 
     def y(self, number: int) -> np.ndarray:
         """Values of one curve, (count,); not a number where it has a gap."""

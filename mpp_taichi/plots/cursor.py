@@ -80,12 +80,12 @@ def _of_curves(panel: Panel, plot: Curves, x: float, y: float) -> Reading | None
         value = panel.axes[0].value((x - left) / (right - left))
         if not xs[0] <= value <= xs[-1]:
             return None
-        values = [float(np.interp(value, xs, plot.y(number))) for number in range(len(plot.names))]
+        values = [float(np.interp(value, xs, plot.y(number))) for number in range(plot.count)]
     else:
         index = _nearest(panel, plot, x, y)
-        value, values = float(xs[index]), [float(plot.y(number)[index]) for number in range(len(plot.names))]
+        value, values = float(xs[index]), [float(plot.y(number)[index]) for number in range(plot.count)]
     lines, points = [(f"{plot.x_label} = {_number(value)}", panel.theme.text)], []
-    for number, (name, each) in enumerate(zip(plot.names, values)):
+    for number, (name, each) in enumerate(zip([*plot.names, *["theory"] * plot.theories], values)):
         color = color_of(plot, number, panel.theme)
         lines.append((f"{name} = {_number(each)}", color))
         place = panel.frame.points(panel.axes[0].share(np.array([value])), panel.axes[1].share(np.array([each])))[0]
@@ -98,7 +98,7 @@ def _nearest(panel: Panel, plot: Curves, x: float, y: float) -> int:
     shares = panel.axes[0].share(plot.x)
     distances = [
         np.linalg.norm(panel.frame.points(shares, panel.axes[1].share(plot.y(number))) - (x, y), axis=1)
-        for number in range(len(plot.names))
+        for number in range(plot.count)
     ]
     return int(np.nanargmin(np.nan_to_num(np.min(distances, axis=0), nan=np.inf)))
 

@@ -89,12 +89,13 @@ def entries_of(plot: Plot, theme: Theme) -> list[Entry]:
     if isinstance(plot, Histogram):
         law = [Entry("theory", theme.theory)] if plot.has_theory else []
         return [Entry("probability density", theme.curve(0)), *law]
-    return [Entry(name, color_of(plot, number, theme)) for number, name in enumerate(plot.names)]
+    entries = [Entry(name, color_of(plot, number, theme)) for number, name in enumerate(plot.names)]
+    return entries + ([Entry("theory", theme.theory)] if plot.theories else [])
 
 
 def color_of(plot: Curves, number: int, theme: Theme) -> Rgb:
     """The colour of a curve."""
-    return theme.theory if plot.has_theory and number == len(plot.names) - 1 else theme.curve(number)
+    return theme.curve(number) if number < len(plot.names) else theme.theory
 
 
 def fitting_axes(plot: Plot) -> tuple[Axis, Axis]:
@@ -103,7 +104,7 @@ def fitting_axes(plot: Plot) -> tuple[Axis, Axis]:
         ends = plot.edges if len(plot.edges) else np.array([0.0, 1.0])
         return Axis(float(ends[0]), float(ends[-1])), Axis.above_zero(np.concatenate([plot.density, plot.theory]))
     x = Axis(*plot.span) if plot.span is not None else Axis.of(plot.x)
-    values = np.concatenate([plot.y(number) for number in range(len(plot.names))])
+    values = np.concatenate([plot.y(number) for number in range(plot.count)])
     return x, Axis.of(values, logarithmic=plot.logarithmic)
 
 

@@ -73,14 +73,14 @@ class Panel:
         size = FINER * (right - left), FINER * (bottom - top)
         scale = self.frame.size / 15.0
         self._inks = []
-        for number in range(len(plot.names)):
-            theory = plot.has_theory and number == len(plot.names) - 1
+        for number in range(plot.count):
+            theory = number >= len(plot.names)
             width = (THEORY_WIDTH if theory else CURVE_WIDTH) * scale
             self._inks.append(_Ink(color_of(plot, number, self.theme), width, size))
         self._drawn = 0
 
     def _fresh(self, plot: Curves) -> tuple[np.ndarray, np.ndarray]:
-        y = np.concatenate([plot.y(number)[self._drawn :] for number in range(len(plot.names))])
+        y = np.concatenate([plot.y(number)[self._drawn :] for number in range(plot.count)])
         return plot.x[self._drawn :], y
 
     def _holds(self, plot: Curves) -> bool:
@@ -126,7 +126,7 @@ class Panel:
         x = self.axes[0].share(plot.x[-1:])
         for number, ink in reversed(list(enumerate(self._inks))):
             point = self.frame.points(x, self.axes[1].share(plot.y(number)[-1:]))[0]
-            if np.isfinite(point).all() and not (plot.has_theory and number == len(self._inks) - 1):
+            if np.isfinite(point).all() and number < len(plot.names):
                 put_disc(picture, point, DISC * self.frame.size / 15.0, ink.color)
         return picture
 

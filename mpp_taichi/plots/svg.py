@@ -41,8 +41,8 @@ def _draw(painter: SvgPainter, plot: Plot, frame: Frame, theme: Theme) -> None:
             painter.polyline(points, theme.theory, CURVE_WIDTH * scale)
         return
     x = axes[0].share(plot.x)
-    for number in range(len(plot.names)):
-        theory = plot.has_theory and number == len(plot.names) - 1
+    for number in range(plot.count):
+        theory = number >= len(plot.names)
         points = frame.points(x, axes[1].share(plot.y(number)))
         finite = np.isfinite(points).all(axis=1)
         color = color_of(plot, number, theme)

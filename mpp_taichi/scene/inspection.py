@@ -9,9 +9,8 @@ from pydantic_core import core_schema
 
 from mpp_taichi import component
 from mpp_taichi.scene.document import Node
-from mpp_taichi.scene.expressions import Formula
 from mpp_taichi.scene.faults import Faults, choices, shown
-from mpp_taichi.scene.fields import Context, Field, Flag, Number, PerParticle, Text, Whole
+from mpp_taichi.scene.fields import Context, Field, Flag, ListOf, Number, PerParticle, Text, Whole
 from mpp_taichi.scene.parameters import STRICT
 from mpp_taichi.scene.spec import ComponentSpec, PanelSpec
 
@@ -68,21 +67,26 @@ def panel_model(quantity: Any, quantities: Any) -> type[BaseModel]:
         histogram=(quantity | None, Describe(None, description="in place of y: the quantity whose distribution is drawn")),
         bins=_key(Whole(minimum=2, maximum=200), 30, "of the histogram"),
         after=_key(Number(minimum=0.0), None, "of a histogram: all looks from this time on together; absent: each alone"),
-        theory=_key(_Theory(), None, "a formula over t and x drawn beside the curves; of a histogram: maxwell_boltzmann"),
+        theory=_key(_Theory(), None, "a formula over t and x, or several, drawn beside the curves; of a histogram: maxwell_boltzmann"),
         logarithmic=_key(Flag(), False, "whether y is drawn on a logarithmic axis"),
     )
 
 
 class _Theory(Field):
-    """A formula or the name of a distribution; which it must be is known only to the whole panel."""
+    """A formula, a list of formulas, or the name of a distribution; which it must be is known only to the whole panel."""
+
+    formula = PerParticle(THEORY_NAMES)
+    formulas = ListOf(formula, tuple(range(1, CURVES_ALLOWED + 1)), "formulas")
 
     def check(self, value: Any, context: Context) -> Any:
-        """Read a formula, unless it is the name of a distribution."""
-        return value if value in DISTRIBUTIONS else PerParticle(THEORY_NAMES).check(value, context)
+        """Read the formulas, unless it is the name of a distribution."""
+        if isinstance(value, list):
+            return self.formulas.check(value, context)
+        return value if value in DISTRIBUTIONS else (self.formula.check(value, context),)
 
     def schema(self) -> dict[str, Any]:
-        """What a formula may be."""
-        return PerParticle(THEORY_NAMES).schema()
+        """What a formula may be, or a list of them."""
+        return {"anyOf": [*self.formula.schema()["anyOf"], self.formulas.schema()]}
 
 
 def _key(check: Field, default: Any, description: str) -> Any:
@@ -154,7 +158,7 @@ def _conflicts(panel: PanelSpec, given: set[str]) -> Iterator[tuple[str, str]]:
             each for each in component.names("quantities") if component.declaration("quantities", each).base == DISTRIBUTABLE
         ]
         yield "histogram", f"{name} is one number, and has no distribution{choices(name, known)}"
-    if isinstance(panel.theory, Formula):
+    if isinstance(panel.theory, tuple):
         yield "theory", f"of a histogram it must be {' or '.join(DISTRIBUTIONS)}, not a formula"
     elif panel.theory is not None and name not in DISTRIBUTED:
         yield "theory", f"{panel.theory} is the distribution of {' or '.join(DISTRIBUTED)}, not of {name}"

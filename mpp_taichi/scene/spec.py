@@ -144,7 +144,7 @@ class ContactsSpec:
 class PanelSpec:
     """One panel: curves of `y` over `x`, or the histogram of a quantity that every particle has.
 
-    `theory` is a formula over t and x, or of a histogram the name of a distribution.
+    `theory` holds formulas over t and x, or of a histogram the name of a distribution.
     """
 
     title: str
@@ -153,7 +153,7 @@ class PanelSpec:
     histogram: ComponentSpec | None
     bins: int
     after: float | None
-    theory: Formula | str | None
+    theory: tuple[Formula, ...] | str | None
     logarithmic: bool
     location: Location
 
