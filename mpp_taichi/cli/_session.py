@@ -228,8 +228,9 @@ class _Run:
         division = Division.of(size, spec.record) if self.inspection is not None else None
         if self.inspection is None or division is None:
             return open_offscreen(spec.view, size, dimensions=spec.dimensions)
-        view = open_offscreen(narrowed(spec.view, size, division.scene), division.scene, dimensions=spec.dimensions)
-        return ViewWithPanels(view, self.inspection.inspector.plots, division)
+        plain = replace(narrowed(spec.view, size, division.scene), caption=False)
+        view = open_offscreen(plain, division.scene, dimensions=spec.dimensions)
+        return ViewWithPanels(view, self.inspection.inspector.plots, division, caption=spec.view.caption)
 
     def _film(self, sinks: Sequence[Any]) -> FilmRecorder:
         request, record = self.request, self.spec.record

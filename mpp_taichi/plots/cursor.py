@@ -87,7 +87,7 @@ def _of_curves(panel: Panel, plot: Curves, x: float, y: float) -> Reading | None
     lines, points = [(f"{plot.x_label} = {_number(value)}", panel.theme.text)], []
     for number, (name, each) in enumerate(zip([*plot.names, *["theory"] * plot.theories], values)):
         color = color_of(plot, number, panel.theme)
-        lines.append((f"{name} = {_number(each)}", color))
+        lines.append((f"{name} = {_number(each)}", color if number < len(plot.names) else panel.theme.faint))
         place = panel.frame.points(panel.axes[0].share(np.array([value])), panel.axes[1].share(np.array([each])))[0]
         points += [(float(place[0]), float(place[1]), color)] if np.isfinite(place).all() else []
     return Reading(tuple(lines), tuple(points))

@@ -90,12 +90,12 @@ def entries_of(plot: Plot, theme: Theme) -> list[Entry]:
         law = [Entry("theory", theme.theory)] if plot.has_theory else []
         return [Entry("probability density", theme.curve(0)), *law]
     entries = [Entry(name, color_of(plot, number, theme)) for number, name in enumerate(plot.names)]
-    return entries + ([Entry("theory", theme.theory)] if plot.theories else [])
+    return entries + ([Entry("theory", theme.band)] if plot.theories else [])
 
 
 def color_of(plot: Curves, number: int, theme: Theme) -> Rgb:
     """The colour of a curve."""
-    return theme.curve(number) if number < len(plot.names) else theme.theory
+    return theme.curve(number) if number < len(plot.names) else theme.band
 
 
 def fitting_axes(plot: Plot) -> tuple[Axis, Axis]:

@@ -12,7 +12,7 @@ from mpp_taichi.plots.painters import PicturePainter
 from mpp_taichi.plots.theme import Rgb, Theme
 
 FINER = 3  # pixels of a mask along one of the picture: edges of curves are smoothed by so much
-CURVE_WIDTH, THEORY_WIDTH, DISC = 2.0, 1.2, 4.0  # pixels, where letters are 15 high
+CURVE_WIDTH, BAND_WIDTH, DISC = 2.0, 6.0, 4.0  # pixels, where letters are 15 high; theory is a band that a curve lies on
 BAR = 0.8  # of the curve's colour in a bar, the rest is background
 TALLEST = 1.8  # times what its histogram needs, before an axis is made shorter
 LATER = 1.6  # a span of time that is not known beforehand grows by this factor
@@ -26,7 +26,8 @@ class Panel:
         self.plot, self.theme = plot, theme
         self.frame = Frame.of(plot, width, height, size, theme)
         self.axes: tuple[Axis, Axis] = (Axis(0.0, 1.0), Axis(0.0, 1.0))
-        self._wanted = self.axes  # before lengths were made equal
+        logarithmic = isinstance(plot, Curves) and plot.logarithmic
+        self._wanted = (Axis(0.0, 1.0), Axis(0.0, 1.0, logarithmic))  # before lengths were made equal
         self._canvas = Image.new("RGB", (width, height), theme.background)
         self._grid = self._canvas
         self._inks: list[_Ink] = []
@@ -47,20 +48,18 @@ class Panel:
         if samples.generation != self._generation or not self._inks:
             self._generation = samples.generation
             self._begin(plot)
-        elif samples.count > self._drawn and not self._holds(plot):
-            if self._fitted:
-                self._grow(plot)
-            else:
+        elif samples.count > self._drawn:
+            if not self._fitted and self._spread(plot):
                 self._begin(plot)
+            elif not self._holds(plot):
+                self._grow(plot)
         if samples.count > self._drawn:
             self._append(plot, max(self._drawn - 1, 0))
         return self._marked(plot)
 
     def _begin(self, plot: Curves) -> None:
         """Everything anew."""
-        self._wanted = fitting_axes(plot)
-        self._drawn = 0
-        self._fitted = all(axis.spreads(values) for axis, values in zip(self._wanted, self._fresh(plot)))
+        self._wanted, self._fitted = fitting_axes(plot), self._spread(plot)
         self._blank(plot)
 
     def _blank(self, plot: Curves) -> None:
@@ -75,9 +74,14 @@ class Panel:
         self._inks = []
         for number in range(plot.count):
             theory = number >= len(plot.names)
-            width = (THEORY_WIDTH if theory else CURVE_WIDTH) * scale
+            width = (BAND_WIDTH if theory else CURVE_WIDTH) * scale
             self._inks.append(_Ink(color_of(plot, number, self.theme), width, size))
         self._drawn = 0
+
+    def _spread(self, plot: Curves) -> bool:
+        """Whether values vary along both axes, so that limits can be chosen for them."""
+        x_axis, y_axis = self._wanted
+        return x_axis.spreads(plot.x) and any(y_axis.spreads(plot.y(number)) for number in range(plot.count))
 
     def _fresh(self, plot: Curves) -> tuple[np.ndarray, np.ndarray]:
         y = np.concatenate([plot.y(number)[self._drawn :] for number in range(plot.count)])
@@ -114,7 +118,7 @@ class Panel:
         left, top = self.frame.field[:2]
         place = (left + box[0], top + box[1], left + box[2], top + box[3])
         part = self._grid.crop(place)
-        for ink in self._inks:
+        for ink in reversed(self._inks):  # theory first
             part.paste(ink.color, (0, 0, part.width, part.height), ink.cover(box))
         self._canvas.paste(part, place)
 

@@ -7,7 +7,7 @@ import numpy as np
 from mpp_taichi.plots.content import Curves, Histogram, Plot
 from mpp_taichi.plots.frame import Frame, color_of, equalised, fitting_axes
 from mpp_taichi.plots.painters import SvgPainter
-from mpp_taichi.plots.panel import BAR, CURVE_WIDTH, DISC, THEORY_WIDTH, bars, blended
+from mpp_taichi.plots.panel import BAND_WIDTH, BAR, CURVE_WIDTH, DISC, bars, blended
 from mpp_taichi.plots.theme import LIGHT, Theme
 
 FONTS = "Go, 'Source Sans 3', 'Helvetica Neue', Arial, sans-serif"
@@ -41,13 +41,13 @@ def _draw(painter: SvgPainter, plot: Plot, frame: Frame, theme: Theme) -> None:
             painter.polyline(points, theme.theory, CURVE_WIDTH * scale)
         return
     x = axes[0].share(plot.x)
-    for number in range(plot.count):
+    for number in reversed(range(plot.count)):  # theory first
         theory = number >= len(plot.names)
         points = frame.points(x, axes[1].share(plot.y(number)))
         finite = np.isfinite(points).all(axis=1)
         color = color_of(plot, number, theme)
         for run in np.split(np.arange(len(points)), np.flatnonzero(np.diff(finite.astype(int))) + 1):
             if len(run) > 1 and finite[run[0]]:
-                painter.polyline(points[run], color, (THEORY_WIDTH if theory else CURVE_WIDTH) * scale)
+                painter.polyline(points[run], color, (BAND_WIDTH if theory else CURVE_WIDTH) * scale)
         if len(points) and finite[-1] and not theory:
             painter.disc(float(points[-1, 0]), float(points[-1, 1]), DISC * scale, color)

@@ -17,7 +17,8 @@ class Theme:
     grid: Rgb
     text: Rgb
     faint: Rgb
-    theory: Rgb
+    theory: Rgb  # a line over a histogram
+    band: Rgb  # a broad line below a curve
     curves: tuple[Rgb, ...]
 
     def curve(self, number: int) -> Rgb:
@@ -32,6 +33,7 @@ DARK = Theme(
     text=(228, 230, 236),
     faint=(160, 164, 176),
     theory=(255, 255, 255),
+    band=(104, 109, 128),
     curves=(SKY, ORANGE, (0, 190, 140), VERMILION, PURPLE, YELLOW),
 )
 LIGHT = Theme(
@@ -41,5 +43,6 @@ LIGHT = Theme(
     text=(20, 20, 26),
     faint=(90, 94, 104),
     theory=(0, 0, 0),
+    band=(190, 194, 206),
     curves=(BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY),
 )

@@ -67,7 +67,7 @@ def panel_model(quantity: Any, quantities: Any) -> type[BaseModel]:
         histogram=(quantity | None, Describe(None, description="in place of y: the quantity whose distribution is drawn")),
         bins=_key(Whole(minimum=2, maximum=200), 30, "of the histogram"),
         after=_key(Number(minimum=0.0), None, "of a histogram: all looks from this time on together; absent: each alone"),
-        theory=_key(_Theory(), None, "a formula over t and x, or several, drawn beside the curves; of a histogram: maxwell_boltzmann"),
+        theory=_key(_Theory(), None, "formulas over t and x drawn below the curves; of a histogram: maxwell_boltzmann"),
         logarithmic=_key(Flag(), False, "whether y is drawn on a logarithmic axis"),
     )
 

@@ -10,6 +10,7 @@ from mpp_taichi.plots import Plot
 from mpp_taichi.plots.sheet import Sheet, letters_for
 from mpp_taichi.scene.spec import CameraSpec, RecordSpec, ViewSpec
 from mpp_taichi.views._base import Frame, View
+from mpp_taichi.views.caption import draw_caption
 
 LEAST = 16  # pixels of either part
 
@@ -44,9 +45,9 @@ class Division:
 class ViewWithPanels(View):
     """A view of the scene in one part of the picture, and panels in the other."""
 
-    def __init__(self, view: View, plots: Sequence[Plot], division: Division) -> None:
-        """`view` draws pictures as large as the scene's part."""
-        self.view, self.division = view, division
+    def __init__(self, view: View, plots: Sequence[Plot], division: Division, *, caption: bool) -> None:
+        """`view` draws pictures as large as the scene's part, and without a caption, which is as large as it would be alone."""
+        self.view, self.division, self.caption = view, division, caption
         (width, height), (wide, high) = division.scene, division.panels
         size = (width + wide, height) if division.right else (width, height + high)
         self._picture = np.zeros((size[1], size[0], 3), np.uint8)
@@ -58,6 +59,8 @@ class ViewWithPanels(View):
         picture = self._picture.copy()
         picture[:height, :width] = self.view.draw(frame)
         picture[top:, left:] = self._sheet.picture()
+        if self.caption:
+            draw_caption(picture, frame)
         return picture
 
     def close(self) -> None:
