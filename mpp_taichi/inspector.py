@@ -87,8 +87,7 @@ class Inspector:
         look = SimulationLook(simulation)
         row = np.full(len(self._names), math.nan)
         for quantity, column in self._made.values():
-            if column >= 0:
-                row[column] = quantity.measure(look)
+            row[column] = quantity.measure(look)
         for formula, x, column in self._theories:
             row[column] = _value(formula, look.time, row[x])
         self.samples.add(row)

@@ -122,7 +122,8 @@ def test_an_svg_file_holds_every_point():
 
 
 @pytest.mark.parametrize(
-    ("count", "size", "expected"), [(1, (448, 720), (1, 1)), (3, (448, 720), (3, 1)), (3, (1280, 250), (1, 3)), (4, (1280, 400), (2, 2))]
+    ("count", "size", "expected"),
+    [(1, (448, 720), (1, 1)), (3, (448, 720), (3, 1)), (3, (1280, 250), (1, 3)), (4, (1280, 400), (2, 2))],
 )
 def test_panels_are_arranged_by_the_shape_of_their_place(count, size, expected):
     assert arranged(count, size) == expected
