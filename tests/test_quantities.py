@@ -132,5 +132,5 @@ def test_a_merged_particle_is_nowhere(setting):
 def test_an_unknown_quantity_is_refused_with_its_place(tmp_path):
     path = tmp_path / "scene.yaml"
     path.write_text("particles: [{body: {}}]\nintegrator: {leapfrog: {dt: 1}}\ninspect:\n  - {x: tme, y: speed}\n")
-    with pytest.raises(SceneError, match=r"scene.yaml:4:\d+: inspect\[0\].x: unknown quantity 'tme', did you mean 'time'"):
+    with pytest.raises(SceneError, match=r"scene.yaml:4:9: inspect\[0\].x: unknown quantity 'tme', did you mean 'time'"):
         load_scene(path)

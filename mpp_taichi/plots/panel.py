@@ -14,7 +14,7 @@ from mpp_taichi.plots.theme import Rgb, Theme
 FINER = 3  # pixels of a mask along one of the picture: edges of curves are smoothed by so much
 CURVE_WIDTH, BAND_WIDTH, DISC = 2.0, 6.0, 4.0  # pixels, where letters are 15 high; theory is a band that a curve lies on
 BAR = 0.8  # of the curve's colour in a bar, the rest is background
-TALLEST = 1.8  # times what its histogram needs, before an axis is made shorter
+TALLEST = 1.5  # times what its histogram needs, before an axis is made shorter
 LATER = 1.6  # a span of time that is not known beforehand grows by this factor
 
 
@@ -92,11 +92,13 @@ class Panel:
         return self.axes[0].covers(x) and self.axes[1].covers(y)
 
     def _grow(self, plot: Curves) -> None:
-        x, y = self._fresh(plot)
+        """Axes that have room for what left the old ones."""
         x_axis, y_axis = self._wanted
-        if plot.span is not None and not x_axis.covers(x):
-            x_axis = Axis(x_axis.low, x_axis.low + LATER * (float(np.nanmax(x)) - x_axis.low))
-        self._wanted = x_axis.grown(x), y_axis.grown(y)
+        if plot.span is None:
+            x_axis = x_axis.grown(plot.x)
+        elif not x_axis.covers(plot.x[-1:]):
+            x_axis = Axis(x_axis.low, x_axis.low + LATER * (float(plot.x[-1]) - x_axis.low))
+        self._wanted = x_axis, y_axis.grown(np.concatenate([plot.y(number) for number in range(plot.count)]))
         self._blank(plot)
 
     def _append(self, plot: Curves, first: int) -> None:
