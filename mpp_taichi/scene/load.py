@@ -7,7 +7,18 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from mpp_taichi.scene import constants, contacts, expectations, extends, messages, references, spring_types, timeline, units
+from mpp_taichi.scene import (
+    constants,
+    contacts,
+    expectations,
+    extends,
+    inspection,
+    messages,
+    references,
+    spring_types,
+    timeline,
+    units,
+)
 from mpp_taichi.scene import overrides as override
 from mpp_taichi.scene.cross_checks import check_together
 from mpp_taichi.scene.document import Node, from_python, read_file
@@ -134,6 +145,7 @@ def _specification(validated: Any, tree: Node, name: str, context: Context, faul
         record=validated.record,
         expect=expectations.build(validated.expect, tree.get("expect")),
         modes=validated.modes,
+        inspect=inspection.build(validated.inspect, tree.get("inspect"), faults),
         accuracy=validated.accuracy,
         resolved=tree.plain(),
     )

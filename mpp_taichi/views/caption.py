@@ -1,27 +1,13 @@
 """Text in pictures: title, time and one more line, drawn on the host."""
 
-import importlib.util
-from functools import lru_cache
-from pathlib import Path
-
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
+from mpp_taichi.fonts import font_of
 from mpp_taichi.views._base import Frame
 
 TEXT_COLOR, SHADOW_COLOR = (235, 235, 240), (0, 0, 0)
 LINES_PER_PICTURE = 36  # the height of one line is this share of the picture, 20 pixels at 720
-
-
-@lru_cache(maxsize=8)
-def _font(height: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """Go Regular, which comes with Taichi and holds Latin, Greek and Cyrillic; Pillow's own holds little beyond ASCII."""
-    taichi = importlib.util.find_spec("taichi")
-    if taichi is not None and taichi.origin is not None:
-        font = Path(taichi.origin).parent / "assets" / "Go-Regular.ttf"
-        if font.is_file():
-            return ImageFont.truetype(str(font), height)
-    return ImageFont.load_default(size=height)
 
 
 def caption_lines(frame: Frame) -> list[str]:
@@ -39,7 +25,7 @@ def draw_text(picture: np.ndarray, text: str) -> None:
     height, width = picture.shape[:2]
     size = max(height // LINES_PER_PICTURE, 9)
     margin = size // 2
-    font = _font(size)
+    font = font_of(size)
     ruler = ImageDraw.Draw(Image.new("RGB", (1, 1)))
     _, _, right, bottom = ruler.multiline_textbbox((margin, margin), text, font=font, spacing=size // 3)
     box = min(int(right) + margin, width), min(int(bottom) + margin, height)
