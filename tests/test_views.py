@@ -271,7 +271,7 @@ def test_caption_is_written(cpu, size: tuple[int, int]) -> None:
 
 
 def test_caption_has_letters_of_many_languages() -> None:
-    font = caption._font(20)
+    font = caption.font_of(20)
     missing = font.getmask("\uffff").tobytes() if hasattr(font.getmask("x"), "tobytes") else bytes(font.getmask("\uffff"))
     for letter in "äößéñŠůŁĞαΔπЖя–²·":
         assert bytes(font.getmask(letter)) != bytes(missing), letter

@@ -14,7 +14,7 @@ LINES_PER_PICTURE = 36  # the height of one line is this share of the picture, 2
 
 
 @lru_cache(maxsize=8)
-def _font(height: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+def font_of(height: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """Go Regular, which comes with Taichi and holds Latin, Greek and Cyrillic; Pillow's own holds little beyond ASCII."""
     taichi = importlib.util.find_spec("taichi")
     if taichi is not None and taichi.origin is not None:
@@ -22,6 +22,11 @@ def _font(height: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
         if font.is_file():
             return ImageFont.truetype(str(font), height)
     return ImageFont.load_default(size=height)
+
+
+def text_height(picture: np.ndarray) -> int:
+    """Height of a line of text in a picture [pixels]."""
+    return max(picture.shape[0] // LINES_PER_PICTURE, 9)
 
 
 def caption_lines(frame: Frame) -> list[str]:
@@ -37,9 +42,9 @@ def draw_caption(picture: np.ndarray, frame: Frame) -> None:
 def draw_text(picture: np.ndarray, text: str) -> None:
     """Write lines of text into the upper left corner of a picture, in place; what does not fit is cut off."""
     height, width = picture.shape[:2]
-    size = max(height // LINES_PER_PICTURE, 9)
+    size = text_height(picture)
     margin = size // 2
-    font = _font(size)
+    font = font_of(size)
     ruler = ImageDraw.Draw(Image.new("RGB", (1, 1)))
     _, _, right, bottom = ruler.multiline_textbbox((margin, margin), text, font=font, spacing=size // 3)
     box = min(int(right) + margin, width), min(int(bottom) + margin, height)
