@@ -183,6 +183,8 @@ def bin_into_tiles(sphere_table: np.ndarray, line_table: np.ndarray, screen: Scr
     last = np.clip(np.floor(right / TILE), 0, across - 1).astype(np.int64)
     span, offset = _spread(np.arange(len(owner)), np.maximum(last - first + 1, 0))
     tile = row[span] * across + first[span] + offset
+    if across * down <= 1 << 16:
+        tile = tile.astype(np.uint16)  # which NumPy sorts ten times as fast: by its digits
     by_tile = np.argsort(tile, kind="stable")
     start = np.zeros(across * down + 1, np.int32)
     start[1:] = np.cumsum(np.bincount(tile, minlength=across * down))

@@ -26,11 +26,11 @@ class Legend:
 class Appearance:
     """Dresses the frames of one view; ranges of colours and lengths that fit are remembered from frame to frame."""
 
-    def __init__(self, spec: ViewSpec) -> None:
+    def __init__(self, spec: ViewSpec, dimensions: int = 3) -> None:
         """Nothing has been seen yet."""
         self.spec = spec
         self._coloring = Coloring(spec.color_by, spec.spring_color_by)
-        self._marks = Marks(spec)
+        self._marks = Marks(spec, dimensions)
         self._moved = _primaries_first(spec.bodies)
 
     def dress(self, frame: Frame) -> Frame:

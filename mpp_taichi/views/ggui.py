@@ -17,8 +17,10 @@ import taichi as ti
 from mpp_taichi.errors import BackendError
 from mpp_taichi.scene.spec import ViewSpec
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
+from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
+from mpp_taichi.views.legend import draw_labels, draw_legend
 
 PROBE_SECONDS = 60.0
 PROBE = """
@@ -69,18 +71,19 @@ class GguiScene:
     at any place and scale.
     """
 
-    def __init__(self, window: "ti.ui.Window", spec: ViewSpec) -> None:
+    def __init__(self, window: "ti.ui.Window", spec: ViewSpec, *, dimensions: int = 3) -> None:
         """Make what can be made before the first frame."""
         ti.set_logging_level(ti.ERROR)  # GGUI logs every picture read back, and warns of its own kernels under f64
         self._window, self._spec = window, spec
         self._canvas, self._scene = window.get_canvas(), window.get_scene()
         self._camera = ti.ui.Camera()
         self._particles = _Points(with_radius=True)
-        self._lines: dict[float, _Points] = {}
+        self._lines: dict[str, _Points] = {}
+        self.appearance = Appearance(spec, dimensions)
         self._canvas.set_background_color(tuple(spec.background))
 
     def draw(self, frame: Frame, camera: Camera, trails: Trails | None) -> None:
-        """Draw a frame on the window's canvas; showing it, or reading it back, is the caller's."""
+        """Draw a dressed frame on the window's canvas; showing it, or reading it back, is the caller's."""
         width, height = self._window.get_window_shape()
         self._place(camera, width / height)
         light = LIGHT[0] * camera.right + LIGHT[1] * camera.up + LIGHT[2] * camera.backward
@@ -96,12 +99,19 @@ class GguiScene:
             )
         thickness = height / 720.0
         springs = np.asarray(frame.position)[np.asarray(frame.between, dtype=np.int64)].reshape(-1, 3)
-        self._draw_lines(springs, np.repeat(frame.spring_color, 2, axis=0), self._spec.spring_width * thickness, camera)
+        self._draw_lines(
+            "springs", springs, np.repeat(frame.spring_color, 2, axis=0), self._spec.spring_width * thickness, camera
+        )
         walls = frame.outline.reshape(-1, 3)
-        self._draw_lines(walls, np.tile(WALL_COLOR, (len(walls), 1)), WALL_WIDTH * thickness, camera)
+        self._draw_lines("walls", walls, np.tile(WALL_COLOR, (len(walls), 1)), WALL_WIDTH * thickness, camera)
         if trails is not None:
             ends, colors, _ = trails.segments(np.asarray(frame.color), np.array(self._spec.background))
-            self._draw_lines(ends.reshape(-1, 3), colors.reshape(-1, 3), TRAIL_WIDTH * thickness, camera)
+            self._draw_lines("trails", ends.reshape(-1, 3), colors.reshape(-1, 3), TRAIL_WIDTH * thickness, camera)
+        added = self.appearance.segments(frame, camera)
+        for width in np.unique(added.width):
+            chosen = added.width == width
+            ends, colors = added.ends[chosen].reshape(-1, 3), np.repeat(added.color[chosen], 2, axis=0)
+            self._draw_lines(f"added {width}", ends, colors, float(width) * thickness, camera)
         self._canvas.scene(self._scene)
 
     def _place(self, camera: Camera, aspect: float) -> None:
@@ -137,8 +147,9 @@ class GguiScene:
         distance = np.linalg.norm(seen, axis=1) / camera.distance
         return np.where(seen[:, 2] > 0.0, pixels * distance / focal * height / width, 0.0)
 
-    def _draw_lines(self, ends: np.ndarray, color: np.ndarray, width: float, camera: Camera) -> None:
-        points = self._lines.setdefault(width, _Points(with_radius=False))
+    def _draw_lines(self, kind: str, ends: np.ndarray, color: np.ndarray, width: float, camera: Camera) -> None:
+        """Draw lines of one kind, each kind from fields of its own: GGUI keeps one copy of a field for a whole picture."""
+        points = self._lines.setdefault(kind, _Points(with_radius=False))
         count = points.put((ends - camera.target) / camera.distance, color, None)
         if count > 0:
             self._scene.lines(points.position, width=width, per_vertex_color=points.color, vertex_count=count)
@@ -193,18 +204,22 @@ class GguiView(View):
         self.camera: Camera | None = None
         self.trails = Trails(spec.trails)
         self._window = ti.ui.Window("offscreen", size, show_window=False)
-        self._scene = GguiScene(self._window, spec)
+        self._scene = GguiScene(self._window, spec, dimensions=dimensions)
         self._end: Callable[[], None] = self._window.destroy
 
     def draw(self, frame: Frame) -> np.ndarray:
         """The picture of a frame, uint8, shape (height, width, 3)."""
+        appearance = self._scene.appearance
+        frame = appearance.dress(frame)
         if self.camera is None:
             self.camera = Camera(self.spec.camera, frame, aspect=self.size[0] / self.size[1], dimensions=self.dimensions)
         self.trails.add(frame)
         self._scene.draw(frame, self.camera, self.trails)
         picture = read_back(self._window)
+        draw_labels(picture, appearance.labels(), self.camera)
         if self.spec.caption:
             draw_caption(picture, frame)
+        draw_legend(picture, appearance.legend())
         return picture
 
     def close(self) -> None:

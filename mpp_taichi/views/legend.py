@@ -14,6 +14,7 @@ from mpp_taichi.views.coloring import ColorBar, GroupKey
 BAR_WIDTH = 13.0  # of a colour bar, in heights of a line
 TICKS = 3
 MOST_NAMES = 16  # of groups, before the rest is counted
+BACKING = 0.4  # what is left of the picture behind the legend
 
 
 def legend_lines(legend: Legend) -> list[str]:
@@ -31,22 +32,33 @@ def draw_legend(picture: np.ndarray, legend: Legend) -> None:
     """Draw a legend into the lower left corner of a picture (height, width, 3), in place; what does not fit is cut off."""
     if not legend.entries and not legend.lines:
         return
-    height, width = picture.shape[:2]
     size = text_height(picture)
     margin, step = size // 2 + 1, size + size // 3
-    image = Image.fromarray(picture)
+    deep = margin + step * sum(_line_count(entry) for entry in legend.entries) + step * len(legend.lines)
+    font = font_of(size)
+    words = [*legend.lines, *(word for entry in legend.entries if isinstance(entry, GroupKey) for word in entry.names)]
+    wide = 3 * margin + max([int(BAR_WIDTH * size), *(int(font.getlength(word)) + 2 * size for word in words)])
+    corner = picture[max(picture.shape[0] - deep - margin, 0) :, :wide]
+    corner[:] = np.rint(BACKING * corner)
+    image = Image.fromarray(corner)
     pen = ImageDraw.Draw(image)
-    bottom = height - margin
+    bottom = corner.shape[0] - margin
     for line in reversed(legend.lines):
         bottom -= step
         _write(pen, (margin, bottom), line, size)
     for entry in reversed(legend.entries):
         if isinstance(entry, ColorBar):
-            bottom -= 3 * step
+            bottom -= step * _line_count(entry)
             _draw_bar(image, pen, entry, (margin, bottom), size, step)
         else:
             bottom = _draw_groups(pen, entry, (margin, bottom), size, step)
-    picture[:] = np.asarray(image)
+    corner[:] = np.asarray(image)
+
+
+def _line_count(entry: ColorBar | GroupKey) -> int:
+    if isinstance(entry, ColorBar):
+        return 3
+    return min(len(entry.names), MOST_NAMES) + (len(entry.names) > MOST_NAMES)
 
 
 def draw_labels(picture: np.ndarray, labels: list[tuple[str, np.ndarray, np.ndarray]], camera: Camera) -> None:

@@ -44,9 +44,9 @@ class Segments:
 class Marks:
     """The marks of one view; lengths that the scene leaves open are chosen for the first picture and then kept."""
 
-    def __init__(self, spec: ViewSpec) -> None:
+    def __init__(self, spec: ViewSpec, dimensions: int) -> None:
         """Nothing is chosen yet."""
-        self.spec = spec
+        self.spec, self.dimensions = spec, dimensions
         self.labels: list[tuple[str, np.ndarray, np.ndarray]] = []
         self._arrow_time = spec.arrows.time if spec.arrows is not None else None
         self._spacing = spec.grid.spacing if spec.grid is not None else None
@@ -106,12 +106,13 @@ class Marks:
         if self._axis is None:
             self._axis = round_number(AXIS_SHARE * camera.visible_height)
         origin = np.array(spec.origin, dtype=float)
-        tips = origin + self._axis * np.eye(3)
+        count = self.dimensions
+        tips = origin + self._axis * np.eye(3)[:count]
         self.labels = [
-            (letter, origin + 1.06 * (tip - origin), color) for letter, tip, color in zip("xyz", tips, AXIS_COLORS, strict=True)
+            (letter, origin + 1.06 * (tip - origin), color) for letter, tip, color in zip("xyz", tips, AXIS_COLORS[:count])
         ]
-        ends = np.stack([np.broadcast_to(origin, (3, 3)), tips], axis=1)
-        return Segments(ends, AXIS_COLORS, np.full(3, AXIS_WIDTH))
+        ends = np.stack([np.broadcast_to(origin, (count, 3)), tips], axis=1)
+        return Segments(ends, AXIS_COLORS[:count], np.full(count, AXIS_WIDTH))
 
     def _grid(self, camera: Camera) -> Segments:
         spec = self.spec.grid

@@ -44,7 +44,7 @@ class Renderer(View):
         levels = srgb_from_linear(np.linspace(0.0, 1.0, GAMMA_ENTRIES))
         self._gamma = np.rint(255.0 * levels).astype(np.int32)
         self._packed = np.zeros((size[1], size[0]), np.uint32)
-        self._appearance, self._surfaces = Appearance(spec), Surfaces(spec)
+        self._appearance, self._surfaces = Appearance(spec, dimensions), Surfaces(spec)
         self._background = linear_from_srgb(np.array(spec.background))
         self._sky = Sky(spec.sky, size, self._background) if spec.sky is not None else None
 
