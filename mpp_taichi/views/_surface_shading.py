@@ -10,6 +10,7 @@ import taichi as ti
 from mpp_taichi.types import Template
 
 LIMB_DARKENING = 0.6  # of a body that shines: I(μ)/I(1) = 1 − u (1 − μ), about the Sun's in visible light
+HOT = 0.45  # how white the middle of what shines is
 GLOW, GLOW_POWER = 0.35, 3.0  # of the air and the eye around a light: GLOW (radius/distance)^GLOW_POWER
 AMBIENT, DIFFUSE, SPECULAR = 0.12, 0.88, 0.18  # where no body shines
 
@@ -129,7 +130,8 @@ def shade_surface(
             specular = single(0.0)
     if shines > 0:
         toward_eye = ti.max(-normal.dot(ray) / ti.sqrt(ray.dot(ray)), single(0.0))
-        color = color * (1 - single(LIMB_DARKENING) * (1 - toward_eye))
+        white = single(HOT) * toward_eye * toward_eye  # as a film shows what is too bright for it
+        color = (color + white * (1 - color)) * (1 - single(LIMB_DARKENING) * (1 - toward_eye))
     elif light_count == 0:
         diffuse = ti.max(normal.dot(light), single(0.0))
         color = color * (single(AMBIENT) + single(DIFFUSE) * diffuse) + specular * highlight(normal, ray, light)
@@ -164,3 +166,19 @@ def glow(lights: Template, light_count, x, y, depth, orthographic):
             strength = single(GLOW) * ti.pow(lights[k, 3] / ti.sqrt(aside), single(GLOW_POWER))
             total += strength * ti.Vector([lights[k, 4], lights[k, 5], lights[k, 6]])
     return total
+
+
+@ti.func
+def dithered_level(light, row, column):
+    """Displayed value 0…255 of light in 0…1 at a pixel, rounded up or down so that neighbours have the right mean.
+
+    Without it the slow gradients of a glow in a dark sky show as rings.  [sRGB: IEC 61966-2-1]
+    """
+    mixed = ti.cast(row * 73856093 ^ column * 19349663, ti.u32)  # a fixed number for each pixel, the same in every frame
+    mixed = (mixed ^ (mixed >> 16)) * ti.cast(0x7FEB352D, ti.u32)
+    mixed = (mixed ^ (mixed >> 15)) * ti.cast(0x2C1B3C6D, ti.u32)
+    share = ti.cast((mixed >> 8) & 0xFFFF, ti.f32) * single(1.0 / 65536.0)
+    level = single(12.92) * light
+    if light > single(0.0031308):
+        level = single(1.055) * ti.pow(light, single(1.0 / 2.4)) - single(0.055)
+    return ti.min(ti.cast(ti.floor(single(255.0) * level + share), ti.i32), 255)

@@ -14,7 +14,7 @@ from mpp_taichi.scene.spec import ViewSpec
 from mpp_taichi.types import Template
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
 from mpp_taichi.views._primitives import FIELDS, TILE, Primitives, Screen, bin_into_tiles, lines, spheres
-from mpp_taichi.views._surface_shading import AMBIENT, DIFFUSE, SPECULAR, glow, highlight, shade_surface, single
+from mpp_taichi.views._surface_shading import AMBIENT, DIFFUSE, SPECULAR, dithered_level, glow, highlight, shade_surface, single
 from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
@@ -280,6 +280,10 @@ def _draw_pixels(
                 if ti.static(surfaces):
                     light_seen += glow(lights, light_count, rx[s], ry[s], depth[s], orthographic)
                 total += ti.min(light_seen, ti.Vector([single(1)] * 3))
-            level = ti.cast(total * single((GAMMA_ENTRIES - 1) / 4) + single(0.5), ti.i32)
-            color = ti.cast(gamma[level[0]] | gamma[level[1]] << 8 | gamma[level[2]] << 16, ti.u32)
+            if ti.static(surfaces or sky):
+                shown = ti.Vector([dithered_level(total[channel] * single(0.25), row, column) for channel in range(3)])
+                color = ti.cast(shown[0] | shown[1] << 8 | shown[2] << 16, ti.u32)
+            else:
+                level = ti.cast(total * single((GAMMA_ENTRIES - 1) / 4) + single(0.5), ti.i32)
+                color = ti.cast(gamma[level[0]] | gamma[level[1]] << 8 | gamma[level[2]] << 16, ti.u32)
         packed[row, column] = color
