@@ -4,11 +4,15 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any, Protocol
 
+from PIL import Image
+
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults, allowed
 from mpp_taichi.scene.layout import ParticleLayout
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.view_spec import BodyViewSpec, GroupColorsSpec, ViewSpec
+
+MOST_PIXELS = 150_000_000  # of a picture that is wrapped around a body, or around all
 
 
 class Finder(Protocol):
@@ -34,6 +38,8 @@ def resolve_view(view: ViewSpec, layout: ParticleLayout, finder: Finder) -> View
         if key in bodies:
             finder.fault(path, "is drawn by another entry already")
         bodies[key] = replace(body, around=primary[0] if primary is not None else None)
+    if view.sky is not None:
+        _check_picture(view.sky.file, ("view", "sky", "file"), finder)
     if _circle(bodies):
         finder.fault(("view", "bodies"), "bodies are drawn around one another in a circle, must end at a body around none")
     changed: dict[str, Any] = {"bodies": bodies}
@@ -55,6 +61,22 @@ def _check_body(body: BodyViewSpec, path: tuple[Any, ...], finder: Finder) -> No
         finder.fault((*path, "spin", "axis"), "must not be [0, 0, 0]")
     if body.texture is not None and (body.texture.file is None) == (body.texture.pattern is None):
         finder.fault((*path, "texture"), "must have a file or a pattern, and not both")
+    if body.texture is not None:
+        _check_picture(body.texture.file, (*path, "texture", "file"), finder)
+
+
+def _check_picture(file: str | None, path: tuple[Any, ...], finder: Finder) -> None:
+    """Look at the beginning of a file; what is torn farther on is found when it is drawn."""
+    if file is None:
+        return
+    try:
+        with Image.open(file) as picture:
+            pixels = picture.size[0] * picture.size[1]
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        finder.fault(path, "is no picture that can be read, allowed: PNG, JPEG, WebP, TIFF and others")
+        return
+    if pixels > MOST_PIXELS:
+        finder.fault(path, f"is a picture of {pixels:,} pixels, allowed: up to {MOST_PIXELS:,}")
 
 
 def _groups(colors: GroupColorsSpec, layout: ParticleLayout, finder: Finder) -> tuple[tuple[str, int, int], ...]:

@@ -38,6 +38,7 @@ else:
 LIGHT = (-0.75, 1.0, 1.1)  # right, up, towards the viewer, in camera distances from the target
 NEAR, FAR = 1.0e-3, 1.0e3  # in camera distances
 TRAIL_WIDTH = 1.5  # pixels
+THINNEST = 1.0  # pixels; of a thinner line GGUI, which does not smooth edges, draws some pixels or none
 
 
 @lru_cache(maxsize=2)
@@ -152,7 +153,8 @@ class GguiScene:
         points = self._lines.setdefault(kind, _Points(with_radius=False))
         count = points.put((ends - camera.target) / camera.distance, color, None)
         if count > 0:
-            self._scene.lines(points.position, width=width, per_vertex_color=points.color, vertex_count=count)
+            thick = max(width, THINNEST)
+            self._scene.lines(points.position, width=thick, per_vertex_color=points.color, vertex_count=count)
 
 
 class _Points:

@@ -251,35 +251,38 @@ def _draw_pixels(
         color = packed_background
         if ti.static(surfaces or sky) or hit.max() >= 0:
             total = ti.Vector([single(0), single(0), single(0)])
-            for s in ti.static(range(4)):
-                light_seen = behind
-                if hit[s] >= 0:
-                    if ti.static(surfaces):
+            if ti.static(surfaces):
+                for s in range(4):  # not unrolled: the compiler would take four times as long
+                    light_seen = behind
+                    if hit[s] >= sphere_count:
                         light_seen = ti.Vector([table[hit[s], 13], table[hit[s], 14], table[hit[s], 15]])
-                        if hit[s] < sphere_count:
-                            light_seen = shade_surface(
-                                table,
-                                material,
-                                place,
-                                texels,
-                                levels,
-                                lights,
-                                casters,
-                                light_count,
-                                caster_count,
-                                ambient,
-                                hit[s],
-                                rx[s],
-                                ry[s],
-                                depth[s],
-                                orthographic,
-                                light,
-                            )
-                    else:
-                        light_seen = _shade(table, hit[s], sphere_count, rx[s], ry[s], depth[s], orthographic, light)
-                if ti.static(surfaces):
+                    elif hit[s] >= 0:
+                        light_seen = shade_surface(
+                            table,
+                            material,
+                            place,
+                            texels,
+                            levels,
+                            lights,
+                            casters,
+                            light_count,
+                            caster_count,
+                            ambient,
+                            hit[s],
+                            rx[s],
+                            ry[s],
+                            depth[s],
+                            orthographic,
+                            light,
+                        )
                     light_seen += glow(lights, light_count, rx[s], ry[s], depth[s], orthographic)
-                total += ti.min(light_seen, ti.Vector([single(1)] * 3))
+                    total += ti.min(light_seen, ti.Vector([single(1)] * 3))
+            else:
+                for s in ti.static(range(4)):
+                    light_seen = behind
+                    if hit[s] >= 0:
+                        light_seen = _shade(table, hit[s], sphere_count, rx[s], ry[s], depth[s], orthographic, light)
+                    total += ti.min(light_seen, ti.Vector([single(1)] * 3))
             if ti.static(surfaces or sky):
                 shown = ti.Vector([dithered_level(total[channel] * single(0.25), row, column) for channel in range(3)])
                 color = ti.cast(shown[0] | shown[1] << 8 | shown[2] << 16, ti.u32)

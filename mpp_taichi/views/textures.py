@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from mpp_taichi.errors import OutputError
 from mpp_taichi.scene.view_spec import TextureSpec
@@ -13,7 +13,6 @@ from mpp_taichi.views.patterns import pattern_picture
 from mpp_taichi.views.srgb import linear_from_srgb, srgb_from_linear
 
 WIDEST = 4096  # texels; larger pictures are made smaller
-MOST_PIXELS = 150_000_000  # of a file
 SMALLEST_LEVEL = 8  # texels down
 LEVELS = np.asarray(linear_from_srgb(np.arange(256) / 255.0), dtype=np.float32)
 """Light of the 256 values of a texel."""
@@ -63,21 +62,15 @@ def read_picture(path: str) -> Texture:
     """The texture in a file of any kind that Pillow reads.
 
     Raises:
-        OutputError: it is no picture, or one too large.
+        OutputError: it cannot be read.
     """
     try:
         with Image.open(path) as image:
             width, height = image.size
-            if width * height > MOST_PIXELS:
-                raise OutputError(
-                    f"{path}: a picture of {width} × {height} pixels is too large, allowed: {MOST_PIXELS:,} pixels"
-                )
             rgb = image.convert("RGB")
             if width > WIDEST:
                 rgb = rgb.resize((WIDEST, max(1, height * WIDEST // width)), Image.Resampling.BOX)
             return Texture(_halved(np.asarray(rgb)))
-    except UnidentifiedImageError:
-        raise OutputError(f"{path}: is no picture that can be read (PNG, JPEG, WebP, TIFF and others can)") from None
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise OutputError(f"{path}: cannot read the picture: {error}") from None
 
