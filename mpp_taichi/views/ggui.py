@@ -79,7 +79,7 @@ class GguiScene:
         self._canvas, self._scene = window.get_canvas(), window.get_scene()
         self._camera = ti.ui.Camera()
         self._particles = _Points(with_radius=True)
-        self._lines: dict[str, _Points] = {}
+        self._lines: dict[float, _Points] = {}
         self.appearance = Appearance(spec, dimensions)
         self._canvas.set_background_color(tuple(spec.background))
 
@@ -100,19 +100,17 @@ class GguiScene:
             )
         thickness = height / 720.0
         springs = np.asarray(frame.position)[np.asarray(frame.between, dtype=np.int64)].reshape(-1, 3)
-        self._draw_lines(
-            "springs", springs, np.repeat(frame.spring_color, 2, axis=0), self._spec.spring_width * thickness, camera
-        )
+        self._draw_lines(springs, np.repeat(frame.spring_color, 2, axis=0), self._spec.spring_width * thickness, camera)
         walls = frame.outline.reshape(-1, 3)
-        self._draw_lines("walls", walls, np.tile(WALL_COLOR, (len(walls), 1)), WALL_WIDTH * thickness, camera)
+        self._draw_lines(walls, np.tile(WALL_COLOR, (len(walls), 1)), WALL_WIDTH * thickness, camera)
         if trails is not None:
             ends, colors, _ = trails.segments(np.asarray(frame.color), np.array(self._spec.background))
-            self._draw_lines("trails", ends.reshape(-1, 3), colors.reshape(-1, 3), TRAIL_WIDTH * thickness, camera)
+            self._draw_lines(ends.reshape(-1, 3), colors.reshape(-1, 3), TRAIL_WIDTH * thickness, camera)
         added = self.appearance.segments(frame, camera)
         for width in np.unique(added.width):
             chosen = added.width == width
             ends, colors = added.ends[chosen].reshape(-1, 3), np.repeat(added.color[chosen], 2, axis=0)
-            self._draw_lines(f"added {width}", ends, colors, float(width) * thickness, camera)
+            self._draw_lines(ends, colors, float(width) * thickness, camera)
         self._canvas.scene(self._scene)
 
     def _place(self, camera: Camera, aspect: float) -> None:
@@ -148,9 +146,8 @@ class GguiScene:
         distance = np.linalg.norm(seen, axis=1) / camera.distance
         return np.where(seen[:, 2] > 0.0, pixels * distance / focal * height / width, 0.0)
 
-    def _draw_lines(self, kind: str, ends: np.ndarray, color: np.ndarray, width: float, camera: Camera) -> None:
-        """Draw lines of one kind, each kind from fields of its own: GGUI keeps one copy of a field for a whole picture."""
-        points = self._lines.setdefault(kind, _Points(with_radius=False))
+    def _draw_lines(self, ends: np.ndarray, color: np.ndarray, width: float, camera: Camera) -> None:
+        points = self._lines.setdefault(width, _Points(with_radius=False))
         count = points.put((ends - camera.target) / camera.distance, color, None)
         if count > 0:
             thick = max(width, THINNEST)
