@@ -111,6 +111,8 @@ def check_view(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     for key in ("color_by", "spring_color_by"):
         if (chosen := getattr(view, key)) is not None:
             _check_colors(chosen, key, node.value[key], faults)
+    if view.light is not None and not any(view.light.direction):
+        faults.add(node.value["light"].location, "view.light.direction", "must not be [0, 0, 0]")
     if view.sky is not None and view.sky.stars and view.sky.file:
         faults.add(node.value["sky"].location, "view.sky", "has stars and a file, must have one of them")
 

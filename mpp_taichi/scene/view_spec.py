@@ -82,6 +82,17 @@ class BodyViewSpec:
 
 
 @dataclass(frozen=True)
+class LightSpec:
+    """Light from afar, in which spheres cast shadows on one another."""
+
+    __pydantic_config__ = _CLOSED
+    direction: Annotated[tuple[float, float, float], ListOf(Number()), Field(description="to where it comes from")]
+    angular_radius: Annotated[
+        float, Number(above=0.0, maximum=20.0), Field(description="of what it comes from, degrees; larger makes softer shadows")
+    ] = 0.27
+
+
+@dataclass(frozen=True)
 class SkySpec:
     """What is behind all: stars from a seed, or a picture of the whole sky."""
 
@@ -211,9 +222,15 @@ class ViewSpec:
     bodies: Annotated[dict[Any, BodyViewSpec], Field(description="how single bodies and groups are drawn, by name")] = field(
         default_factory=dict
     )  # by (first index, count) once the scene is loaded
+    light: Annotated[
+        LightSpec | None,
+        Field(description="from afar, with shadows; absent, and no body a light: from the upper left, without shadows"),
+    ] = None
     sky: Annotated[SkySpec | None, Field(description="stars or a picture behind all; by the program's own renderer")] = None
     ambient: Annotated[
-        float, Number(minimum=0.0, maximum=1.0), Field(description="light on what the bodies that are lights do not reach")
+        float,
+        Number(minimum=0.0, maximum=1.0),
+        Field(description="light on what no light reaches, where light or a body's light says where it is"),
     ] = 0.03
     color_by: Annotated[ColorBySpec | None, Field(description="colour of the particles by a quantity: {speed: {}} say")] = None
     spring_color_by: Annotated[
@@ -231,6 +248,7 @@ VIEW_SPECS: dict[str, type] = {
     "view.bodies.NAME": BodyViewSpec,
     "view.bodies.NAME.texture": TextureSpec,
     "view.bodies.NAME.spin": SpinSpec,
+    "view.light": LightSpec,
     "view.sky": SkySpec,
     "view.color_by": ColorBySpec,
     "view.color_by.QUANTITY": ColorScaleSpec,

@@ -1,11 +1,11 @@
-"""Surfaces: what bodies with a texture, and bodies that shine, add to a picture; tables for the renderer. NumPy on the host."""
+"""Surfaces: textures of bodies, what shines, and what casts shadows, as tables for the renderer. NumPy on the host."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from mpp_taichi.scene.view_spec import SpinSpec, ViewSpec
+from mpp_taichi.scene.view_spec import LightSpec, SpinSpec, ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views._primitives import FAR
 from mpp_taichi.views.camera import Camera
@@ -14,6 +14,7 @@ from mpp_taichi.views.textures import Texture, make_texture
 
 MOST_CASTERS = 64
 """Spheres that cast shadows: the largest, and of equal ones all or none."""
+AFAR = 1.0e4  # camera distances to light from afar
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +53,11 @@ class Surfaces:
         self.bodies = {key: body for key, body in spec.bodies.items() if body.light or body.texture is not None}
         self._textures: list[tuple[Texture, list[int]] | None] | None = None  # and where each level begins
         self._texels = np.zeros(1, np.uint32)
+        self._light = spec.light
 
     def __bool__(self) -> bool:
-        """Whether there are any."""
-        return bool(self.bodies)
+        """Whether there are any, or light that makes shadows."""
+        return bool(self.bodies) or self._light is not None
 
     def tables(
         self, frame: Frame, camera: Camera, center: np.ndarray, size: np.ndarray, drawn: np.ndarray, rows: int
@@ -69,8 +71,8 @@ class Surfaces:
         assert self._textures is not None
         count = len(center)
         marks = np.stack([np.full(count, -1.0), np.arange(count, dtype=float)], axis=1)
-        material = np.zeros((len(self.bodies), 10), np.float32)
-        place = np.zeros((len(self.bodies), 3), np.int32)
+        material = np.zeros((max(len(self.bodies), 1), 10), np.float32)
+        place = np.zeros((max(len(self.bodies), 1), 3), np.int32)
         shining = np.zeros(count, dtype=bool)
         per_pixel = camera.length_per_pixel(center[:, 2] * camera.distance, rows) / camera.distance
         entries = enumerate(zip(self.bodies.items(), self._textures, strict=True))
@@ -92,6 +94,8 @@ class Surfaces:
         lights = np.concatenate(
             [center[lit_by], drawn[lit_by, None], linear_from_srgb(frame.color[lit_by])], axis=1, dtype=np.float32
         )
+        if self._light is not None:
+            lights = np.concatenate([lights, _light_from_afar(self._light, camera)])
         return SurfaceTables(
             marks, material, place, self._texels, lights, _casters(center, size, there & ~shining & (size > 0.0))
         )
@@ -130,6 +134,13 @@ def _orientation(spin: SpinSpec | None, time: float, camera: Camera) -> np.ndarr
     meridian = math.cos(angle) * node + math.sin(angle) * east
     frame = np.stack([meridian, np.cross(axis, meridian), axis])
     return np.asarray(frame @ np.stack([camera.right, camera.up, -camera.backward], axis=1))
+
+
+def _light_from_afar(spec: LightSpec, camera: Camera) -> np.ndarray:
+    """A row of lights for a sphere far away, without a glow."""
+    direction = np.array(spec.direction, dtype=float)
+    place = AFAR * np.stack([camera.right, camera.up, -camera.backward]) @ direction / np.linalg.norm(direction)
+    return np.array([[*place, AFAR * math.tan(math.radians(spec.angular_radius)), 0.0, 0.0, 0.0]], np.float32)
 
 
 def _casters(center: np.ndarray, size: np.ndarray, chosen: np.ndarray) -> np.ndarray:
