@@ -21,6 +21,7 @@ from mpp_taichi.scene.view_spec import (
     ColorScaleSpec,
     GridSpec,
     GroupColorsSpec,
+    LightSpec,
     SkySpec,
     SpinSpec,
     SpringColorBySpec,
@@ -304,6 +305,18 @@ def test_shadow_of_a_sphere_on_a_sphere_is_that_of_rays(cpu) -> None:
     assert shaded[80, 50] < 0.02 < bright[80, 105], "the far side is dark"
 
 
+def test_light_from_afar_comes_from_its_direction_and_makes_shadows(cpu) -> None:
+    spec = view_spec(PARALLEL, light=LightSpec(direction=(1.0, 0.0, 0.0)), ambient=0.0)
+    alone = draw(frame_of([-0.5, 0, 0], 0.5), spec, SIZE)[:, :, 1].astype(int)
+    shaded = draw(frame_of([[-0.5, 0, 0], [1.5, 0, 0]], [0.5, 0.25]), spec, SIZE)[:, :, 1].astype(int)
+    assert alone[80, :59].max() == 0 and alone[80, 75] > 150 and alone[80, 82:].max() == 0, "half is lit, and nothing glows"
+    # What casts it is 0.25 in radius, and so is the shadow around the x axis: on the sphere, from x = −0.5 + √(0.5² − 0.25²) on,
+    # which is column 77.3. At y = 0.34 there is none.
+    assert alone[80, 78] > 150 and shaded[80, 78] == 0
+    np.testing.assert_array_equal(shaded[80, :76], alone[80, :76])
+    np.testing.assert_array_equal(shaded[66, :80], alone[66, :80])
+
+
 def test_what_shines_needs_no_light_and_glows(cpu) -> None:
     picture = draw(
         frame_of([0, 0, 0], 0.5, (1, 0.6, 0.2)), view_spec(PARALLEL, bodies={(0, 1): BodyViewSpec(light=True)}), SIZE
@@ -331,19 +344,19 @@ def test_stars_keep_their_places_in_the_sky() -> None:
     frame = frame_of([0, 0, 0], 1.0)
     camera = Camera(FRONT, frame, aspect=1.0)
     black = np.zeros(3)
-    light = Sky(SkySpec(stars=2000, seed=1), SIZE, black).light(camera)
-    np.testing.assert_array_equal(light, Sky(SkySpec(stars=2000, seed=1), SIZE, black).light(camera))
-    assert (light != Sky(SkySpec(stars=2000, seed=2), SIZE, black).light(camera)).any()
+    light = Sky(SkySpec(stars=2000, seed=1), SIZE, black).pictures(camera)[0]
+    np.testing.assert_array_equal(light, Sky(SkySpec(stars=2000, seed=1), SIZE, black).pictures(camera)[0])
+    assert (light != Sky(SkySpec(stars=2000, seed=2), SIZE, black).pictures(camera)[0]).any()
     camera.zoom(3.0)
     camera.pan(0.2, 0.1)
     sky = Sky(SkySpec(stars=2000, seed=1), SIZE, black)
-    np.testing.assert_array_equal(light, sky.light(camera), err_msg="stars are far: moving along changes nothing")
+    np.testing.assert_array_equal(light, sky.pictures(camera)[0], err_msg="stars are far: moving along changes nothing")
     row, column = np.unravel_index(np.argmax(light[70:90, 30:-30].sum(axis=2)), (20, 100))
     angle = 0.05
     camera.rotate(angle / math.pi, 0.0)  # to look farther to the right by so much
     focal = SIZE[1] / 2 / math.tan(math.radians(22.5))
     expected = 80 + focal * math.tan(math.atan((column + 30.5 - 80) / focal) - angle)
-    near = sky.light(camera)[row + 68 : row + 73, int(expected) - 2 : int(expected) + 3].sum(axis=2)
+    near = sky.pictures(camera)[0][row + 68 : row + 73, int(expected) - 2 : int(expected) + 3].sum(axis=2)
     assert near.max() > 0.5 * light[row + 70, column + 30].sum()
 
 
@@ -400,7 +413,7 @@ def test_only_what_a_view_asks_for_is_compiled(monkeypatch: pytest.MonkeyPatch) 
     def not_here(*_: object) -> None:
         raise AssertionError("compiled")
 
-    for name in ("shade_surface", "glow", "dithered_level"):
+    for name in ("shade_surface", "glow", "displayed"):
         monkeypatch.setattr(renderer, name, not_here)
     backends.start("cpu", "f32")
     try:

@@ -14,7 +14,7 @@ from pictures import FRONT, SIZE, crowd, draw, frame_of, view_spec
 from mpp_taichi import backends
 from mpp_taichi.errors import BackendError
 from mpp_taichi.scene.spec import CameraSpec, ViewSpec
-from mpp_taichi.scene.view_spec import ArrowsSpec, AxesSpec, GridSpec
+from mpp_taichi.scene.view_spec import ArrowsSpec, AxesSpec, BodyViewSpec, GridSpec, SkySpec, TextureSpec
 from mpp_taichi.views import _primitives, caption
 from mpp_taichi.views._base import Trails
 from mpp_taichi.views.offscreen import open_offscreen
@@ -185,12 +185,16 @@ def test_double_precision_of_the_simulation_changes_nothing() -> None:
 
 
 def test_vulkan_draws_the_same(software_vulkan) -> None:
+    texture = TextureSpec(pattern="checker")
+    bodies = {(0, 1): BodyViewSpec(light=True, radius_scale=4.0), (1, 200): BodyViewSpec(texture=texture, radius_scale=2.0)}
+    views = (view_spec(), view_spec(bodies=bodies, sky=SkySpec(stars=500)))
     pictures = []
     for backend in ("cpu", "vulkan"):
         backends.start(backend, "f32")
-        pictures.append(draw(crowd()).astype(int))
+        pictures.append([draw(crowd(), spec).astype(int) for spec in views])
         backends.stop()
-    assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 3).mean() < 1e-3
+    for ours, theirs in zip(*pictures, strict=True):
+        assert (np.abs(ours - theirs).max(axis=2) > 3).mean() < 1e-3
 
 
 def test_bad_numbers_are_left_out(cpu) -> None:

@@ -11,7 +11,8 @@ from mpp_taichi.types import Template
 
 LIMB_DARKENING = 0.6  # of a body that shines: I(μ)/I(1) = 1 − u (1 − μ), about the Sun's in visible light
 HOT = 0.45  # how white the middle of what shines is
-GLOW, GLOW_POWER = 0.35, 3.0  # of the air and the eye around a light: GLOW (radius/distance)^GLOW_POWER
+GLOW = 0.35  # of the air and the eye around a light: GLOW (radius/distance)³ …
+GLOW_END = 1.5e-4  # … less half of what can be displayed, so that it ends
 AMBIENT, DIFFUSE, SPECULAR = 0.12, 0.88, 0.18  # where no body shines
 
 
@@ -150,35 +151,39 @@ def shade_surface(
 
 
 @ti.func
-def glow(lights: Template, light_count, x, y, depth, orthographic):
-    """Light that is seen around bodies that shine, in front of what is behind them."""
+def glow(lights: Template, glow_count, x, y, depth, orthographic):
+    """Light that is seen around bodies that shine, the first so many of the lights, in front of what is behind them."""
     total = ti.Vector([single(0.0), single(0.0), single(0.0)])
-    for k in range(light_count):
-        mx, my, mz = lights[k, 0], lights[k, 1], lights[k, 2]
+    for k in range(glow_count):
+        mx, my, mz, size2 = lights[k, 0], lights[k, 1], lights[k, 2], lights[k, 3] * lights[k, 3]
         aside = (mx - x) * (mx - x) + (my - y) * (my - y)
         near = mz
         if orthographic == 0:
-            square = x * x + y * y + 1
-            near = (mx * x + my * y + mz) / square
+            near = (mx * x + my * y + mz) / (x * x + y * y + 1)
             ox, oy, oz = mx - near * x, my - near * y, mz - near
             aside = ox * ox + oy * oy + oz * oz
-        if near > 0 and depth > near and aside > lights[k, 3] * lights[k, 3]:
-            strength = single(GLOW) * ti.pow(lights[k, 3] / ti.sqrt(aside), single(GLOW_POWER))
-            total += strength * ti.Vector([lights[k, 4], lights[k, 5], lights[k, 6]])
+        if near > 0 and depth > near and aside > size2:
+            share = size2 / aside
+            strength = single(GLOW) * share * ti.sqrt(share) - single(GLOW_END)
+            total += ti.max(strength, single(0.0)) * ti.Vector([lights[k, 4], lights[k, 5], lights[k, 6]])
     return total
 
 
 @ti.func
-def dithered_level(light, row, column):
-    """Displayed value 0…255 of light in 0…1 at a pixel, rounded up or down so that neighbours have the right mean.
+def displayed(light, row, column):
+    """Light in 0…1 as displayed, red | green << 8 | blue << 16, rounded up or down so that neighbours have the right mean.
 
-    Without it the slow gradients of a glow in a dark sky show as rings.  [sRGB: IEC 61966-2-1]
+    Without that the slow gradients of a glow in a dark sky show as rings.  [sRGB: IEC 61966-2-1]
     """
     mixed = ti.cast(row * 73856093 ^ column * 19349663, ti.u32)  # a fixed number for each pixel, the same in every frame
     mixed = (mixed ^ (mixed >> 16)) * ti.cast(0x7FEB352D, ti.u32)
     mixed = (mixed ^ (mixed >> 15)) * ti.cast(0x2C1B3C6D, ti.u32)
     share = ti.cast((mixed >> 8) & 0xFFFF, ti.f32) * single(1.0 / 65536.0)
-    level = single(12.92) * light
-    if light > single(0.0031308):
-        level = single(1.055) * ti.pow(light, single(1.0 / 2.4)) - single(0.055)
-    return ti.min(ti.cast(ti.floor(single(255.0) * level + share), ti.i32), 255)
+    packed = ti.cast(0, ti.u32)
+    for channel in ti.static(range(3)):
+        level = single(12.92) * light[channel]
+        if light[channel] > single(0.0031308):
+            level = single(1.055) * ti.pow(light[channel], single(1.0 / 2.4)) - single(0.055)
+        shown = ti.min(ti.cast(ti.floor(single(255.0) * level + share), ti.u32), ti.cast(255, ti.u32))
+        packed = packed | shown << (8 * channel)
+    return packed

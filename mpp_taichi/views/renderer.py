@@ -14,7 +14,7 @@ from mpp_taichi.scene.spec import ViewSpec
 from mpp_taichi.types import Template
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
 from mpp_taichi.views._primitives import FIELDS, TILE, Primitives, Screen, bin_into_tiles, lines, spheres
-from mpp_taichi.views._surface_shading import AMBIENT, DIFFUSE, SPECULAR, dithered_level, glow, highlight, shade_surface, single
+from mpp_taichi.views._surface_shading import AMBIENT, DIFFUSE, SPECULAR, displayed, glow, highlight, shade_surface, single
 from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
@@ -106,6 +106,9 @@ class Renderer(View):
                 "%d particles share one tile of the picture; software Vulkan draws the nearest %d", longest, LOOP_LIMIT
             )
         assert self.camera is not None
+        sky = (np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.uint32))
+        if self._sky is not None:
+            sky = self._sky.pictures(self.camera)
         _draw_pixels(
             screen.width,
             screen.height,
@@ -129,9 +132,10 @@ class Renderer(View):
             _at_least_one(tables.lights),
             _at_least_one(tables.casters),
             len(tables.lights),
+            tables.glow_count,
             len(tables.casters),
             self.spec.ambient,
-            self._sky.light(self.camera) if self._sky is not None else np.zeros((1, 1, 3), np.float32),
+            *sky,
         )
 
 
@@ -215,9 +219,11 @@ def _draw_pixels(
     lights: ti.types.ndarray(ti.f32, ndim=2),
     casters: ti.types.ndarray(ti.f32, ndim=2),
     light_count: ti.i32,
+    glow_count: ti.i32,
     caster_count: ti.i32,
     ambient: ti.f32,
     sky_light: ti.types.ndarray(ti.f32, ndim=3),
+    sky_packed: ti.types.ndarray(ti.u32, ndim=2),
 ):
     for q in range(width * height):
         row, column = q // width, q % width
@@ -245,11 +251,16 @@ def _draw_pixels(
                     if found > 0 and found < depth[s]:
                         depth[s] = found
                         hit[s] = p
-        behind = background
+        behind, color = background, packed_background
         if ti.static(sky):
             behind = ti.Vector([sky_light[row, column, 0], sky_light[row, column, 1], sky_light[row, column, 2]])
-        color = packed_background
-        if ti.static(surfaces or sky) or hit.max() >= 0:
+            color = sky_packed[row, column]
+        if ti.static(surfaces):
+            if glow_count > 0 and hit.max() < 0:  # one sample will do where there are no edges
+                halo = glow(lights, glow_count, rx[0], ry[0], single(3.0e38), orthographic)
+                if halo.max() > 0:
+                    color = displayed(ti.min(behind + halo, ti.Vector([single(1)] * 3)), row, column)
+        if hit.max() >= 0:
             total = ti.Vector([single(0), single(0), single(0)])
             if ti.static(surfaces):
                 for s in range(4):  # not unrolled: the compiler would take four times as long
@@ -275,7 +286,7 @@ def _draw_pixels(
                             orthographic,
                             light,
                         )
-                    light_seen += glow(lights, light_count, rx[s], ry[s], depth[s], orthographic)
+                    light_seen += glow(lights, glow_count, rx[s], ry[s], depth[s], orthographic)
                     total += ti.min(light_seen, ti.Vector([single(1)] * 3))
             else:
                 for s in ti.static(range(4)):
@@ -284,8 +295,7 @@ def _draw_pixels(
                         light_seen = _shade(table, hit[s], sphere_count, rx[s], ry[s], depth[s], orthographic, light)
                     total += ti.min(light_seen, ti.Vector([single(1)] * 3))
             if ti.static(surfaces or sky):
-                shown = ti.Vector([dithered_level(total[channel] * single(0.25), row, column) for channel in range(3)])
-                color = ti.cast(shown[0] | shown[1] << 8 | shown[2] << 16, ti.u32)
+                color = displayed(total * single(0.25), row, column)
             else:
                 level = ti.cast(total * single((GAMMA_ENTRIES - 1) / 4) + single(0.5), ti.i32)
                 color = ti.cast(gamma[level[0]] | gamma[level[1]] << 8 | gamma[level[2]] << 16, ti.u32)

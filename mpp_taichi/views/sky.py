@@ -6,6 +6,7 @@ import numpy as np
 
 from mpp_taichi.scene.view_spec import SkySpec
 from mpp_taichi.views.camera import Camera
+from mpp_taichi.views.srgb import srgb_from_linear
 from mpp_taichi.views.textures import Texture, read_picture
 
 FAINTEST = 0.03  # light of the faintest star, where the brightest has 1 and more
@@ -26,7 +27,7 @@ class Sky:
         """Make the stars, or read the picture."""
         self.size, self.background, self.brightness = size, background, spec.brightness
         self._view: tuple[float, ...] | None = None
-        self._light = np.zeros((1, 1, 3), np.float32)
+        self._light, self._packed = np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.uint32)
         self._texture: Texture | None = read_picture(spec.file) if spec.file is not None else None
         random = np.random.default_rng([spec.seed, 7])
         direction = random.normal(size=(spec.stars, 3))
@@ -36,8 +37,8 @@ class Sky:
         tint = 1.0 + np.stack([warmth, -0.2 * np.abs(warmth), -warmth], axis=1)
         self._star_light = np.minimum(brightness, 4.0)[:, None] * tint
 
-    def light(self, camera: Camera) -> np.ndarray:
-        """Light of every pixel, float32, shape (height, width, 3)."""
+    def pictures(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        """Light of every pixel, float32, shape (height, width, 3), and as displayed, red | green << 8 | blue << 16."""
         angle = 45.0 if camera.orthographic else camera.field_of_view
         view = (*camera.right, *camera.up, angle)
         if view != self._view:
@@ -45,7 +46,9 @@ class Sky:
             focal = self.size[1] / 2.0 / math.tan(math.radians(angle) / 2.0)
             light = self._picture(camera, focal) if self._texture is not None else self._stars(camera, focal)
             self._light = np.ascontiguousarray(light, dtype=np.float32)
-        return self._light
+            shown = np.rint(255.0 * srgb_from_linear(self._light)).astype(np.uint32)
+            self._packed = shown[:, :, 0] | shown[:, :, 1] << 8 | shown[:, :, 2] << 16
+        return self._light, self._packed
 
     def _picture(self, camera: Camera, focal: float) -> np.ndarray:
         assert self._texture is not None

@@ -27,6 +27,7 @@ class SurfaceTables:
     texels    of all textures, red | green << 8 | blue << 16 as displayed, rows from the north, from −180° eastward
     lights    place, radius, light of their glow in red, green, blue, shape (count, 7); what they light they light white
     casters   place, radius and index of what casts shadows, shape (count, 5)
+    glow_count  the first lights are bodies, which glow
     """
 
     marks: np.ndarray
@@ -35,6 +36,7 @@ class SurfaceTables:
     texels: np.ndarray
     lights: np.ndarray
     casters: np.ndarray
+    glow_count: int = 0
 
     @staticmethod
     def none() -> "SurfaceTables":
@@ -96,9 +98,8 @@ class Surfaces:
         )
         if self._light is not None:
             lights = np.concatenate([lights, _light_from_afar(self._light, camera)])
-        return SurfaceTables(
-            marks, material, place, self._texels, lights, _casters(center, size, there & ~shining & (size > 0.0))
-        )
+        casters = _casters(center, size, there & ~shining & (size > 0.0))
+        return SurfaceTables(marks, material, place, self._texels, lights, casters, len(lit_by))
 
     def _read(self, frame: Frame) -> None:
         self._textures, taken = [], 1
