@@ -310,8 +310,8 @@ def test_light_from_afar_comes_from_its_direction_and_makes_shadows(cpu) -> None
     alone = draw(frame_of([-0.5, 0, 0], 0.5), spec, SIZE)[:, :, 1].astype(int)
     shaded = draw(frame_of([[-0.5, 0, 0], [1.5, 0, 0]], [0.5, 0.25]), spec, SIZE)[:, :, 1].astype(int)
     assert alone[80, :59].max() == 0 and alone[80, 75] > 150 and alone[80, 82:].max() == 0, "half is lit, and nothing glows"
-    # What casts it is 0.25 in radius, and so is the shadow around the x axis: on the sphere, from x = −0.5 + √(0.5² − 0.25²) on,
-    # which is column 77.3. At y = 0.34 there is none.
+    # The shadow has the radius of what casts it, 0.25 around the x axis: on the sphere from x = −0.5 + √(0.5² − 0.25²) on,
+    # column 77.3. At y = 0.34 there is none.
     assert alone[80, 78] > 150 and shaded[80, 78] == 0
     np.testing.assert_array_equal(shaded[80, :76], alone[80, :76])
     np.testing.assert_array_equal(shaded[66, :80], alone[66, :80])
