@@ -404,6 +404,16 @@ def test_a_legend_is_written_into_the_lower_left_corner(cpu) -> None:
     assert BLACK == tuple(bare[0, 0] / 255.0)
 
 
+def test_writing_is_dark_on_a_light_background(cpu) -> None:
+    frame = frame_of([0, 0, 0], 0.01, title="Title", velocity=np.ones((1, 3)))
+    spec = view_spec(PARALLEL, caption=True, arrows=ArrowsSpec(time=1.0))
+    for background, dark in (((1.0, 1.0, 1.0), True), (BLACK, False)):
+        picture = draw(frame, replace(spec, background=background), (320, 180)).astype(int)
+        for corner in (picture[:30, :40], picture[150:, :40]):
+            strongest = np.abs(corner - picture[90, 5]).max()
+            assert strongest > 150 and (corner.min() < 100) == dark, "written, in ink that is seen"
+
+
 # Last, since it starts a runtime of its own
 
 

@@ -12,7 +12,7 @@ from mpp_taichi.scene.view_spec import BodyViewSpec, ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.coloring import ColorBar, Coloring, GroupKey
-from mpp_taichi.views.marks import Marks, Segments
+from mpp_taichi.views.marks import Label, Marks, Segments
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,8 +61,8 @@ class Appearance:
         """The lines added to a dressed frame: arrows, axes, grid."""
         return self._marks.segments(frame, camera)
 
-    def labels(self) -> list[tuple[str, np.ndarray, np.ndarray]]:
-        """Texts in the scene, as of the last segments: text, place [length], colour in 0…1."""
+    def labels(self) -> list[Label]:
+        """Texts in the scene, as of the last segments."""
         return self._marks.labels
 
     def legend(self) -> Legend:

@@ -215,10 +215,10 @@ class GguiView(View):
         self.trails.add(frame)
         self._scene.draw(frame, self.camera, self.trails)
         picture = read_back(self._window)
-        draw_labels(picture, appearance.labels(), self.camera)
+        draw_labels(picture, appearance.labels(), self.camera, self.spec.background)
         if self.spec.caption:
-            draw_caption(picture, frame)
-        draw_legend(picture, appearance.legend())
+            draw_caption(picture, frame, self.spec.background)
+        draw_legend(picture, appearance.legend(), self.spec.background)
         return picture
 
     def close(self) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from mpp_taichi.scene.view_spec import ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
+from mpp_taichi.views.caption import is_light
 
 ARROW_SHARE = 0.14  # of the picture's height: the longest arrow of the first picture
 HEAD_SHARE, HEAD_LIMIT = 0.3, 0.02  # of the arrow, and at most of the picture's height
@@ -17,7 +18,10 @@ AXIS_SHARE = 0.3
 AXIS_WIDTH, GRID_WIDTH = 2.0, 1.0  # pixels of a picture of 720 rows
 AXIS_COLORS = np.array([[0.90, 0.35, 0.30], [0.35, 0.75, 0.40], [0.40, 0.60, 0.95]])
 GRID_LIGHTNESS = 0.25  # how far the grid's colour is from the background to white, or to black on a light one
-LIGHT_BACKGROUND = 0.5  # mean of the colours
+
+
+Label = tuple[str, np.ndarray, np.ndarray]
+"""A text in the scene, its place [length] and its colour in 0…1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +51,7 @@ class Marks:
     def __init__(self, spec: ViewSpec, dimensions: int) -> None:
         """Nothing is chosen yet."""
         self.spec, self.dimensions = spec, dimensions
-        self.labels: list[tuple[str, np.ndarray, np.ndarray]] = []
+        self.labels: list[Label] = []
         self._arrow_time = spec.arrows.time if spec.arrows is not None else None
         self._spacing = spec.grid.spacing if spec.grid is not None else None
         self._axis = spec.axes.length if spec.axes is not None else None
@@ -128,8 +132,7 @@ class Marks:
         for lines, across, along in ((ends[0], first, second), (ends[1], second, first)):
             lines[:, :, across] += offset[:, None]
             lines[:, :, along] += self._spacing * spec.lines * np.array([-1.0, 1.0])
-        background = np.array(self.spec.background)
-        goal = 0.0 if background.mean() > LIGHT_BACKGROUND else 1.0
+        background, goal = np.array(self.spec.background), 0.0 if is_light(self.spec.background) else 1.0
         return Segments.of(ends.reshape(-1, 2, 3), background + GRID_LIGHTNESS * (goal - background), GRID_WIDTH)
 
 

@@ -59,10 +59,10 @@ class Renderer(View):
         primitives, tables = self._primitives(frame, self.camera, screen)
         self._rasterize(primitives, tables, screen)
         picture = np.ascontiguousarray(self._packed.view(np.uint8).reshape(height, width, 4)[:, :, :3])
-        draw_labels(picture, self._appearance.labels(), self.camera)
+        draw_labels(picture, self._appearance.labels(), self.camera, self.spec.background)
         if self.spec.caption:
-            draw_caption(picture, frame)
-        draw_legend(picture, self._appearance.legend())
+            draw_caption(picture, frame, self.spec.background)
+        draw_legend(picture, self._appearance.legend(), self.spec.background)
         return picture
 
     def close(self) -> None:

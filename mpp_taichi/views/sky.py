@@ -27,7 +27,8 @@ class Sky:
         """Make the stars, or read the picture."""
         self.size, self.background, self.brightness = size, background, spec.brightness
         self._view: tuple[float, ...] | None = None
-        self._light, self._packed = np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.uint32)
+        self._light: np.ndarray = np.zeros((1, 1, 3), np.float32)
+        self._packed: np.ndarray = np.zeros((1, 1), np.uint32)
         self._texture: Texture | None = read_picture(spec.file) if spec.file is not None else None
         random = np.random.default_rng([spec.seed, 7])
         direction = random.normal(size=(spec.stars, 3))

@@ -148,8 +148,8 @@ class Window:
         path = next(path for number in range(10**6) if not (path := Path(f"screenshot_{number:04d}.png")).exists())
         picture = read_back(self._window)
         if self.spec.caption:
-            draw_caption(picture, frame)
-        draw_legend(picture, self._scene.appearance.legend())
+            draw_caption(picture, frame, self.spec.background)
+        draw_legend(picture, self._scene.appearance.legend(), self.spec.background)
         try:
             save_picture(picture, path)
             self._say(f"saved {path}")
