@@ -267,7 +267,7 @@ def test_caption_has_letters_of_many_languages() -> None:
 
 
 def test_views_that_only_describe_start_nothing() -> None:
-    modules = ("camera", "caption", "offscreen", "controls")
+    modules = ("camera", "caption", "offscreen", "controls", "appearance", "legend", "sky", "surfaces")
     code = "import sys, " + ", ".join(f"mpp_taichi.views.{name}" for name in modules) + "; sys.exit('taichi' in sys.modules)"
     assert (
         subprocess.run([sys.executable, "-c", code], env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}).returncode
