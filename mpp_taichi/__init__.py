@@ -16,6 +16,7 @@ from mpp_taichi.version import __version__
 
 if TYPE_CHECKING:
     from mpp_taichi.accuracy.choice import settle
+    from mpp_taichi.result import Result, run
     from mpp_taichi.scene.load import load_scene
     from mpp_taichi.scene.spec import SceneSpec
     from mpp_taichi.simulation import Simulation
@@ -26,6 +27,7 @@ __all__ = [
     "CapacityError",
     "MppError",
     "OutputError",
+    "Result",
     "SceneError",
     "SceneSpec",
     "Simulation",
@@ -33,14 +35,17 @@ __all__ = [
     "StabilityError",
     "__version__",
     "load_scene",
+    "run",
     "settle",
 ]
 
 _LAZY = {
+    "Result": "mpp_taichi.result",
     "SceneSpec": "mpp_taichi.scene.spec",
     "Simulation": "mpp_taichi.simulation",
     "Snapshot": "mpp_taichi.snapshot",
     "load_scene": "mpp_taichi.scene.load",
+    "run": "mpp_taichi.result",
     "settle": "mpp_taichi.accuracy.choice",
 }
 

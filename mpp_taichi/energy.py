@@ -1,6 +1,5 @@
 """Energies, powers and momenta: terms on the device in its widest float, sums on the host in float64, in a fixed order."""
 
-import math
 from dataclasses import replace
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.low_parts import wide_velocity
+from mpp_taichi.mechanics import angular_momentum, kinetic_energies, mean_by_mass, momentum, total
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.state import State
 from mpp_taichi.total_force import TotalForce
@@ -96,14 +96,6 @@ class PowerMeter:
         return np.array([[total(column) for column in step.T] for step in blocks])
 
 
-def total(terms: np.ndarray) -> float:
-    """The sum, rounded once; not finite where a term, or the sum, is not."""
-    try:
-        return math.fsum(terms)
-    except (OverflowError, ValueError):  # beyond the largest number; ∞ − ∞
-        return math.nan
-
-
 def mechanics(snapshot: Snapshot, potential_energy: float) -> dict[str, Any]:
     """The conserved quantities of a snapshot.
 
@@ -111,24 +103,19 @@ def mechanics(snapshot: Snapshot, potential_energy: float) -> dict[str, Any]:
     center_of_mass Σ m x / Σ m, each (3,); momentum_scale Σ m |v| and angular_momentum_scale Σ m |x| |v| to measure errors by.
     Particles whose axes are all fixed are left out of the momenta: they belong to the laboratory.
     """
-    moving = snapshot.free.any(axis=1)
-    mass = snapshot.mass
-    velocity = snapshot.velocity
-    kinetic = 0.5 * total(mass * np.einsum("ij,ij->i", velocity, velocity))
-    held = np.where(moving, mass, 0.0)
-    speed = np.linalg.norm(velocity, axis=1)
+    kinetic = total(kinetic_energies(snapshot))
+    moving = np.where(snapshot.free.any(axis=1), np.abs(snapshot.mass), 0.0)
+    speed = np.linalg.norm(snapshot.velocity, axis=1)
     distance = np.linalg.norm(snapshot.position, axis=1)
-    total_mass = float(mass.sum())
-    center = (mass @ snapshot.position) / total_mass if total_mass else snapshot.position.mean(axis=0)
     return {
         "time": snapshot.time,
         "step": snapshot.step,
         "kinetic_energy": kinetic,
         "potential_energy": potential_energy,
         "total_energy": kinetic + potential_energy,
-        "momentum": held @ velocity,
-        "angular_momentum": held @ np.cross(snapshot.position, velocity),
-        "center_of_mass": center,
-        "momentum_scale": float(np.abs(held) @ speed),
-        "angular_momentum_scale": float(np.abs(held) @ (distance * speed)),
+        "momentum": momentum(snapshot),
+        "angular_momentum": angular_momentum(snapshot),
+        "center_of_mass": mean_by_mass(snapshot.position, snapshot.mass),
+        "momentum_scale": float(moving @ speed),
+        "angular_momentum_scale": float(moving @ (distance * speed)),
     }

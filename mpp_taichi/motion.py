@@ -265,6 +265,11 @@ class Motion:
         """Whether energy may be asked not to grow."""
         return self.total_force.gains_no_energy and (self.contacts is None or self.contacts.gains_no_energy)
 
+    @property
+    def is_alive(self) -> bool:
+        """Whether the particles are still there to be read and moved."""
+        return not self._closed and backends.is_alive(self.device)
+
     def _require_life(self) -> None:
-        if self._closed or not backends.is_alive(self.device):
+        if not self.is_alive:
             raise MppError("this simulation has ended: it was closed, or another one started a different backend or precision")

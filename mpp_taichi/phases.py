@@ -126,6 +126,13 @@ class CompiledPhase:
         self.energy_meter = EnergyMeter(self.state, self.total_force)
         self.launch_limit = self._steps_per_launch(device)
 
+    def destroy(self) -> None:
+        """Give the device memory back."""
+        if self.contacts is not None:
+            self.contacts.destroy()
+        self.total_force.destroy()
+        self.state.destroy()
+
     def _check_one_thread(self, plan: str, spec: SceneSpec) -> None:
         """One thread for each copy takes steps until it is there, or orbits are solved: loops without a bound known before."""
         if plan == "parallel":

@@ -16,9 +16,10 @@ from mpp_taichi.errors import MppError, SceneError
 from mpp_taichi.motion import Motion
 from mpp_taichi.phases import CompiledPhase, phase_at, phases_of
 from mpp_taichi.scene.estimate import check_capacity, estimate
-from mpp_taichi.scene.load import load_scene
+from mpp_taichi.scene.load import change_scene, load_scene
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.timeline import whole_steps
+from mpp_taichi.shown import Shown
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.stability import StepAdvice, StepGuard
@@ -43,11 +44,11 @@ class Recorder(Protocol):
         """Look."""
 
 
-class Simulation(Motion):
+class Simulation(Motion, Shown):
     """A scene, compiled to one step and run on one device; with a timeline, to one step for each phase.
 
     What depends on the phase (`spec`, `dt`, `integrator`, `total_force`, `state`, …) is that of the present one, `phase_number`
-    in `phases`.
+    in `phases`; `scene` is the whole, with its timeline and all that was set.
 
     `scene` is a path, a mapping of the shape of the YAML, or a SceneSpec; `overrides` are those of `--set`. `replica_starts`
     holds the starting snapshots of independent copies of the scene that run side by side, one thread each. `start` is a state
@@ -72,14 +73,14 @@ class Simulation(Motion):
     ):
         """Read the scene, start the backend, allocate and fill the fields; kernels are compiled at the first step."""
         began = clock.perf_counter()
-        self.spec = load_scene(scene, overrides=overrides)
-        if self.spec.accuracy is not None:
+        self.scene = load_scene(scene, overrides=overrides)
+        if self.scene.accuracy is not None:
             raise SceneError(
-                f"{self.spec.source}: accuracy: what reaches it is still to be chosen, by mpp_taichi.settle or the run verb"
+                f"{self.scene.source}: accuracy: what reaches it is still to be chosen, by mpp_taichi.settle or the run verb"
             )
-        self.estimate = estimate(self.spec)
+        self.estimate = estimate(self.scene)
         check_capacity(self.estimate)
-        self.phases = phases_of(self.spec)
+        self.phases = phases_of(self.scene)
         self.first_phase = phase_at(self.phases, 0.0 if start is None else start.time)
         made = self.phases[self.first_phase].particles
         self._start = made if start is None else start.continuing(made)
@@ -224,6 +225,7 @@ class Simulation(Motion):
         """
         before = self._total_energy()
         step, earlier = self.step_count, self.state
+        again = self.phase_work.pop() if number == self.phase_number else 0.0  # set once more at the same time
         phase = self.phases[number]
         with self.parameter_change():
             self._enter(number)
@@ -233,11 +235,52 @@ class Simulation(Motion):
             self._start_afresh()
         self._guard_step(self.snapshot())
         self.phase_energy = self._total_energy()
-        self.phase_work.append(self.phase_energy - before)
+        self.phase_work.append(again + self.phase_energy - before)
         changed = ", ".join(phase.changes)
         log.info("time %.9g: %s changed, and the energy by %.6g", phase.at, changed, self.phase_work[-1])
         for observe in self.when_phase_begins:
             observe(self)
+
+    def set(self, changes: str | Mapping[str, Any], value: Any = None) -> None:
+        """Change parameters from now on: a path and its value, or a mapping of several, as `timeline:` takes them.
+
+        Positions, velocities and the time stay, bit for bit. What may change is what a timeline may: forces, springs, walls,
+        contacts, the integrator and its step, constants, and of particles all but their places; at time 0 all of the scene.
+        The step is compiled anew, as numbers are part of it. A step that springs do not allow any more is refused by `run`.
+        The change becomes an event of `scene`, so that `restart`, or a Simulation of `scene`, goes through it again.
+
+        Raises:
+            MppError: there is no such parameter, or it cannot be what it is set to; nothing has changed then.
+        """
+        self._require_life()
+        scene = change_scene(self.scene, self.time, {changes: value} if isinstance(changes, str) else changes)
+        phases, work = phases_of(scene), list(self.phase_work)
+        before = self.scene, self.phases, self._start, self.first_phase, self._compiled
+        number, at_start = phase_at(phases, self.time), self.step_count == self._start.step
+        kept = {} if at_start else {old: each for old, each in self._compiled.items() if old < number}
+        if at_start:
+            own = self._start is self.phases[self.first_phase].particles
+            self._start = phases[number].particles if own else self._start.continuing(phases[number].particles)
+            self.first_phase = number
+        self.scene, self._compiled = scene, dict(kept)
+        self.phases = phases if at_start else (*self.phases[:number], *phases[number:])
+        try:
+            self._begin_again(number) if at_start else self._begin_phase(number)
+        except MppError:
+            self.scene, self.phases, self._start, self.first_phase, self._compiled = before
+            self.phase_work[:] = work
+            raise
+        for old, compiled in before[-1].items():
+            if old not in kept:
+                compiled.destroy()
+
+    def _begin_again(self, number: int) -> None:
+        """Start with a phase that was not there before."""
+        self._enter(number)
+        self._guard_step(self._start)
+        if self.energy_balance is not None:
+            self.energy_balance.meter = self._power_meter()
+        self.restart()
 
     def _total_energy(self) -> float:
         return float(self.diagnostics()["total_energy"])
@@ -323,10 +366,7 @@ class Simulation(Motion):
         """Give the device memory back."""
         if not self._closed and backends.is_alive(self.device):
             for compiled in self._compiled.values():
-                if compiled.contacts is not None:
-                    compiled.contacts.destroy()
-                compiled.total_force.destroy()
-                compiled.state.destroy()
+                compiled.destroy()
             backends.release(self.device)
         self._closed = True
 

@@ -449,7 +449,9 @@ def test_the_center_of_mass_can_be_put_to_rest_at_the_origin():
     assert snapshot.mass @ snapshot.position == pytest.approx([0, 0, 0], abs=1e-14)
     assert snapshot.mass @ snapshot.velocity == pytest.approx([0, 0, 0], abs=1e-14)
     assert snapshot.position[1] - snapshot.position[0] == pytest.approx([4, 4, 4])
-    for bad in ([body(free=False), body(1, (1, 0, 0))], [body(0)]):
+    in_plane = [{"body": {**entry["body"], "position": [k, 0, 2], "free": [True, True, False]}} for k, entry in enumerate(pair)]
+    assert made(in_plane, move_to_center_of_mass=True).position.tolist() == [[-0.75, 0, 0], [0.25, 0, 0]]
+    for bad in ([body(free=False), body(1, (1, 0, 0))], [in_plane[0], pair[1]], [body(0)]):
         with pytest.raises(SceneError, match="move_to_center_of_mass"):
             made(bad, move_to_center_of_mass=True)
 

@@ -9,7 +9,7 @@ import pytest
 from mpp_taichi import component
 
 ROOT = Path(__file__).parents[1]
-KINDS = ("forces", "integrators", "generators", "networks", "diagnostics")
+KINDS = ("forces", "integrators", "generators", "networks", "diagnostics", "quantities")
 
 
 def run(*command):

@@ -46,6 +46,8 @@ def test_a_gravity_scene_imports_and_allocates_gravity_only():
         "forces.linear_drag",
         "integrators.rk4",
         "views",
+        "notebook",
+        "result",
     ):
         assert not any(module.startswith(f"mpp_taichi.{absent}") for module in modules), absent
     assert set(fields) <= {"position", "velocity", "acceleration", "mass", "free"}

@@ -62,7 +62,21 @@ class Planets:
 
 backends.start("cpu", "f64")
 camera = CameraSpec(position=(0, 0, 8), look_at=(0, 0, 0), up=(0, 1, 0))
-Window(ViewSpec(camera=camera), (640, 360), title="Planets").run(Planets(), paused=True)
+panels = None
+if len(sys.argv) > 2:
+    from mpp_taichi.plots import Curves, Samples
+    from mpp_taichi.plots.sheet import Sheet
+    from mpp_taichi.scene.spec import RecordSpec
+    from mpp_taichi.views.window_panels import WindowPanels
+
+    samples = Samples()
+    samples.open(2)
+    for t in np.linspace(0, 6, 50):
+        samples.add(np.array([t, np.sin(t)]))
+    plot = Curves("A sine", "time", "s", ("sine",), "m", samples, 0, (1,), span=(0.0, 8.0))
+    np.save("expected.npy", Sheet([plot], (224, 360), 10).picture())
+    panels = WindowPanels([plot], RecordSpec(), lambda: print("exported", flush=True) or "exported")
+Window(ViewSpec(camera=camera), (640, 360), title="Planets", panels=panels).run(Planets(), paused=True)
 print("end", flush=True)
 """
 
@@ -100,13 +114,13 @@ def display() -> Iterator[str]:
 class Session:
     """A program with a window, and hands on its keyboard and mouse."""
 
-    def __init__(self, display: str, folder: Path, limit: int = 10**9) -> None:
+    def __init__(self, display: str, folder: Path, limit: int = 10**9, *more: str) -> None:
         self.folder = folder
         self.environment = ENVIRONMENT | {"DISPLAY": display}
         self.log = open(folder / "log.txt", "w+", encoding="utf-8")
         self.errors = open(folder / "errors.txt", "w+", encoding="utf-8")
         self.process = subprocess.Popen(
-            [sys.executable, "-c", textwrap.dedent(PROGRAM), str(limit)],
+            [sys.executable, "-c", textwrap.dedent(PROGRAM), str(limit), *more],
             cwd=folder,
             env=self.environment,
             # A background job of a shell is started with interrupts ignored, and so would be its children.
@@ -264,6 +278,27 @@ def test_help_trails_and_picture(session: Session) -> None:
     session.wait_for(lambda: changed(without, session.scene()) > 5)
     session.press("Escape")
     assert session.end() == 0
+
+
+def test_panels_are_those_of_a_film_and_say_what_the_cursor_points_at(display: str, tmp_path: Path) -> None:
+    session = Session(display, tmp_path, 10**9, "with panels")
+    try:
+        session.tool("mousemove", CORNER[0] + 200, CORNER[1] + 300)
+        expected = np.load(tmp_path / "expected.npy").astype(int)
+        session.wait_for(lambda: np.array_equal(session.picture()[:, 416:], expected))
+        beside = session.picture()
+        sun = np.argwhere((beside[130:, :416] > (150, 120, 0)).all(axis=2) & (beside[130:, :416, 2] < 100)).mean(axis=0)
+        assert np.abs(sun - (50, 208)).max() < 6, "the scene's middle is in the middle of its part"
+        session.tool("mousemove", CORNER[0] + 416 + 100, CORNER[1] + 150)
+        session.wait_for(lambda: changed(session.picture()[:, 416:], expected) > 300)
+        session.press("e")
+        session.wait_for(lambda: "exported" in session.said())
+        session.press("p")
+        session.wait_for(lambda: changed(session.picture()[:, 416:], expected) > 5000)
+        session.press("Escape")
+        assert session.end() == 0 and session.complaints() == ""
+    finally:
+        session.close()
 
 
 class _ClientMessage(ctypes.Structure):

@@ -1,8 +1,11 @@
 """A window on a run: how the simulation of a session is steered frame by frame."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mpp_taichi.cli._options import output_stem
+from mpp_taichi.errors import OutputError
 from mpp_taichi.scene import timeline
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.views._base import Frame
@@ -11,10 +14,12 @@ from mpp_taichi.walls.outline import outline_of
 if TYPE_CHECKING:
     from mpp_taichi.cli._request import Goal
     from mpp_taichi.cli._signals import Interruption
+    from mpp_taichi.recorders.inspection import InspectionRecorder
     from mpp_taichi.simulation import Simulation
 
 WINDOW_FRAMES_PER_SECOND = 60
 STEPS_PER_FRAME_WITHOUT_END = 10
+EXPORTED = (".csv", ".svg")
 
 
 def show(
@@ -24,15 +29,35 @@ def show(
     recorders: Sequence[Any],
     interruption: "Interruption",
     caption: Callable[[], str],
+    inspection: "InspectionRecorder | None" = None,
 ) -> None:
     """Open a window and run in it until it is closed; the scene's duration takes as long as its film would."""
     from mpp_taichi.views.window import Window
+    from mpp_taichi.views.window_panels import WindowPanels
 
-    window = Window(spec.view, title=spec.title, dimensions=spec.dimensions)
+    panels = None
+    if inspection is not None:
+        panels = WindowPanels(inspection.inspector.plots, spec.record, lambda: exported(inspection, output_stem(spec.source)))
+    window = Window(spec.view, title=spec.title, dimensions=spec.dimensions, panels=panels)
     total = goal.step_count(spec)
     frames = max(1, round(spec.record.seconds * WINDOW_FRAMES_PER_SECOND))
     steps = max(1, round(total / frames)) if total else STEPS_PER_FRAME_WITHOUT_END
-    window.run(_Steered(simulation, spec, goal, recorders, interruption, caption), steps_per_frame=steps)
+    steered = _Steered(simulation, spec, goal, recorders, interruption, caption, inspection)
+    window.run(steered, steps_per_frame=steps)
+
+
+def exported(inspection: "InspectionRecorder", stem: str) -> str:
+    """Write a table and a drawing of the panels into the working directory, under the first number that is free."""
+    for number in range(10**6):
+        paths = [Path(f"{stem}_{number:04d}{suffix}") for suffix in EXPORTED]
+        if not any(path.exists() for path in paths):
+            break
+    try:
+        for path in paths:
+            inspection.save(path)
+    except OutputError as error:
+        return str(error)
+    return "saved " + ", ".join(map(str, paths))
 
 
 class _Steered:
@@ -49,9 +74,10 @@ class _Steered:
         recorders: Sequence[Any],
         interruption: "Interruption",
         caption: Callable[[], str] = lambda: "",
+        inspection: "InspectionRecorder | None" = None,
     ) -> None:
         self.simulation, self.spec, self.goal, self.interruption = simulation, spec, goal, interruption
-        self.recorders, self.caption = recorders, caption
+        self.recorders, self.caption, self.inspection = recorders, caption, inspection
         self._walls = outline_of(spec, simulation.start.position)
 
     @property
@@ -73,7 +99,9 @@ class _Steered:
         self.simulation.run(steps=steps, recorders=self.recorders)
 
     def frame(self) -> Frame:
-        """The particles now."""
+        """The particles now; the panels see them as well."""
+        if self.inspection is not None:
+            self.inspection.inspector.look(self.simulation)
         return Frame.of(self.simulation.snapshot(), title=self.spec.title, extra=self.caption(), walls=self._walls)
 
     def restart(self) -> None:

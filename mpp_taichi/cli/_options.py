@@ -49,11 +49,19 @@ def add_length(parser: argparse.ArgumentParser) -> None:
 
 
 def add_tables(parser: argparse.ArgumentParser) -> None:
-    """--trajectory, --snapshot, --diagnostics, --modes, --speeds, --events, --every."""
+    """--trajectory, --snapshot, --diagnostics, --inspect, --modes, --speeds, --events, --every."""
     group = parser.add_argument_group("files to write")
     group.add_argument("--trajectory", type=output_path, metavar="F", help="positions along the run: .npz, .xyz or .extxyz")
     group.add_argument("--snapshot", type=output_path, metavar="F.npz", help="the final state")
     group.add_argument("--diagnostics", type=output_path, metavar="F", help="table of energies and momenta: .csv or .npz")
+    group.add_argument(
+        "--inspect",
+        type=output_path,
+        action="append",
+        default=[],
+        metavar="F",
+        help="what the panels of inspect: show: .csv, .svg or .png; repeatable",
+    )
     group.add_argument(
         "--modes", type=output_path, metavar="F", help="amplitudes of the springs' modes: .png, .svg, .pdf, .csv or .npz"
     )

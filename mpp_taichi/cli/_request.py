@@ -1,5 +1,6 @@
 """Request and goal: what is asked of a run beside the scene itself, checked before anything is computed."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,6 +11,7 @@ from mpp_taichi.errors import CapacityError
 from mpp_taichi.recorders._mode_plot import require_matplotlib
 from mpp_taichi.recorders.event_log import FORMATS as EVENT_FORMATS
 from mpp_taichi.recorders.html import FORMATS as PAGE_FORMATS
+from mpp_taichi.recorders.inspection import FORMATS as INSPECTION_FORMATS
 from mpp_taichi.recorders.modes import FORMATS as MODE_FORMATS
 from mpp_taichi.recorders.modes import PLOT_FORMATS
 from mpp_taichi.recorders.speed_histogram import FORMATS as SPEED_FORMATS
@@ -48,6 +50,7 @@ class Request:
     trajectory: Path | None = None
     snapshot: Path | None = None
     diagnostics: Path | None = None
+    inspect: Sequence[Path] = ()
     modes: Path | None = None
     speeds: Path | None = None
     events: Path | None = None
@@ -77,6 +80,8 @@ class Request:
         require_suffix(self.trajectory, TRAJECTORY_FORMATS, "--trajectory")
         require_suffix(self.snapshot, (".npz",), "--snapshot")
         require_suffix(self.diagnostics, TABLE_FORMATS, "--diagnostics")
+        for path in self.inspect:
+            require_suffix(path, INSPECTION_FORMATS, "--inspect")
         require_suffix(self.modes, MODE_FORMATS, "--modes")
         require_suffix(self.speeds, SPEED_FORMATS, "--speeds")
         require_suffix(self.events, EVENT_FORMATS, "--events")

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ from mpp_taichi.cli._options import output_stem
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._step_check import check_steps
-from mpp_taichi.cli._terminal import say
+from mpp_taichi.cli._terminal import UsageError, say
 from mpp_taichi.errors import MppError, OutputError, StabilityError, StateError
 from mpp_taichi.expectations import Verdict, Watcher
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
@@ -21,6 +22,7 @@ from mpp_taichi.recorders.event_log import EventLog
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.recorders.frames import FrameRecorder
 from mpp_taichi.recorders.html import HtmlRecorder
+from mpp_taichi.recorders.inspection import InspectionRecorder
 from mpp_taichi.recorders.modes import ModeRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
 from mpp_taichi.recorders.speed_histogram import SpeedHistogram
@@ -34,6 +36,7 @@ from mpp_taichi.summary import Stopwatch, Timed, lines, summarize
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
+    from mpp_taichi.views._base import View
 
 
 @dataclass(eq=False)
@@ -67,6 +70,8 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
     """
     stopwatch = Stopwatch()
     request.check()
+    if request.inspect and not spec.inspect:
+        raise UsageError(f"--inspect {request.inspect[0]}: {spec.source} has no inspect:, so there are no panels to write")
     goal = Goal.of(spec, request)
     goal.check(spec, may_be_endless=request.window)
     with ExitStack() as stack:
@@ -85,7 +90,7 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
 
 def _lock_outputs(request: Request, stack: ExitStack) -> None:
     """Hold the names of the files written at the end, so that a second run with the same names is refused now."""
-    for path in (request.snapshot, request.diagnostics, request.modes, request.speeds, request.events):
+    for path in (request.snapshot, request.diagnostics, request.modes, request.speeds, request.events, *request.inspect):
         if path is not None:
             stack.callback(OutputLock(path).release)
 
@@ -143,6 +148,7 @@ class _Run:
         )
         follows = spec.modes is not None or request.modes is not None
         self.modes = ModeRecorder(simulation, spec.modes, self.every) if follows else None
+        self.inspection = self._inspection()
         self.speeds = SpeedHistogram(simulation) if request.speeds is not None else None
         self.events = EventLog([wall.label for wall in simulation.surfaces], self.every) if request.events is not None else None
         if request.energy_balance or any(each.quantity in BALANCE_QUANTITIES for each in self.watcher.expectations):
@@ -158,9 +164,11 @@ class _Run:
             self.films = [self._film(sinks)]
         if trajectory is not None:
             trajectory.every = self.every
+        if self.inspection is not None and self.films and self.spec.record.panels != "none":
+            self.inspection.film = self.films[0]
         if not self.request.quiet and (said := note(self.network)):
             say(f"note: {said}")
-        measured = [each for each in (self.modes, self.speeds, self.events) if each is not None]
+        measured = [each for each in (self.inspection, self.modes, self.speeds, self.events) if each is not None]
         looks: list[Any] = [
             self.table,
             self.blow_up,
@@ -195,21 +203,45 @@ class _Run:
         if self.request.window:
             from mpp_taichi.cli._interactive import show
 
-            show(self.simulation, self.spec, self.goal, recorders, interruption, self._caption)
+            show(self.simulation, self.spec, self.goal, recorders, interruption, self._caption, self.inspection)
         elif self.request.quiet:
             self.simulation.run(until=self.goal.until, steps=self.goal.steps, recorders=recorders)
         else:
             with progress:
                 self.simulation.run(until=self.goal.until, steps=self.goal.steps, recorders=recorders)
 
-    def _film(self, sinks: Sequence[Any]) -> FilmRecorder:
-        from mpp_taichi.views.offscreen import open_offscreen
+    def _inspection(self) -> InspectionRecorder | None:
+        """What samples the scene's panels; None where nobody sees them."""
+        spec, request, simulation = self.spec, self.request, self.simulation
+        drawn = request.video is not None or request.frames is not None
+        shown = request.window or (drawn and spec.record.panels != "none")
+        if not spec.inspect or not (request.inspect or shown):
+            return None
+        from mpp_taichi.inspector import Inspector
 
+        end = None if self.goal.endless else simulation.time + self.goal.span(spec)
+        every = request.every or spec.run.every or InspectionRecorder.every_for(self.total_steps, self.every)
+        return InspectionRecorder(Inspector(simulation, end=end), every)
+
+    def _view(self, size: tuple[int, int]) -> "View":
+        """What draws a film's pictures, with the panels beside the scene where it has some."""
+        from mpp_taichi.views.offscreen import open_offscreen
+        from mpp_taichi.views.panels import Division, ViewWithPanels, narrowed
+
+        spec = self.spec
+        division = Division.of(size, spec.record) if self.inspection is not None else None
+        if self.inspection is None or division is None:
+            return open_offscreen(spec.view, size, dimensions=spec.dimensions)
+        plain = replace(narrowed(spec.view, size, division.scene), caption=False)
+        view = open_offscreen(plain, division.scene, dimensions=spec.dimensions)
+        return ViewWithPanels(view, self.inspection.inspector.plots, division, caption=spec.view.caption)
+
+    def _film(self, sinks: Sequence[Any]) -> FilmRecorder:
         request, record = self.request, self.spec.record
         size, fps, seconds = request.size or record.size, request.fps or record.fps, request.film_seconds or record.seconds
         pages = [sink for sink in sinks if isinstance(sink, HtmlRecorder)]
         pictures = [sink for sink in sinks if sink not in pages]
-        view = open_offscreen(self.spec.view, size, dimensions=self.spec.dimensions) if pictures else None
+        view = self._view(size) if pictures else None
         count, span = round(fps * seconds), self.goal.span(self.spec)
         if count > 1 and self.goal.steps is None:
             self.simulation.look_at_multiples_of(span / (count - 1))
@@ -255,6 +287,8 @@ class _Run:
             jobs.append((trajectory.path, trajectory.close))
         if request.diagnostics is not None and self.table.rows:
             jobs.append((request.diagnostics, lambda: self.table.save(request.diagnostics)))
+        if self.inspection is not None and self.inspection.inspector.samples.count:
+            jobs += [(path, partial(self.inspection.save, path)) for path in request.inspect]
         if self.modes is not None and request.modes is not None and self.modes.times:
             jobs.append((request.modes, lambda: self.modes.save(request.modes)))
         if self.speeds is not None and request.speeds is not None:

@@ -61,7 +61,7 @@ def execute(arguments: argparse.Namespace) -> int:
         "trajectory",
         "snapshot",
     )
-    more = ("diagnostics", "modes", "speeds", "events", "every", "quiet", "allow_inaccurate", "force")
+    more = ("diagnostics", "inspect", "modes", "speeds", "events", "every", "quiet", "allow_inaccurate", "force")
     with output_reserved(arguments.json):
         spec, arguments.precision, choice = settled(spec, arguments)
         given = {name: getattr(arguments, name) for name in (*names, *more)}

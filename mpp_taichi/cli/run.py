@@ -73,7 +73,18 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
     from mpp_taichi.cli._request import OUTPUT_FOLDER, Request
 
     names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "html", "trajectory", "snapshot")
-    more = ("diagnostics", "modes", "speeds", "events", "every", "quiet", "allow_inaccurate", "energy_balance", "force")
+    more = (
+        "diagnostics",
+        "inspect",
+        "modes",
+        "speeds",
+        "events",
+        "every",
+        "quiet",
+        "allow_inaccurate",
+        "energy_balance",
+        "force",
+    )
     given = {name: getattr(arguments, name) for name in (*names, *more)}
     if arguments.rewind is not None:
         from mpp_taichi.cli._rewind import Rewind

@@ -26,6 +26,11 @@ def speed_density(speed: Any, scale: float, dimensions: int) -> Any:
     return shape * np.exp(-(x**2)) / scale
 
 
+def component_density(velocity: Any, scale: float) -> Any:
+    """f(v_x) = exp(−v_x²/b²) / (√π b) of one component, of which ∫ f dv_x = 1 [time / length]."""
+    return np.exp(-((np.asarray(velocity, dtype=float) / scale) ** 2)) / (math.sqrt(math.pi) * scale)
+
+
 def speed_cumulative(speed: Any, scale: Any, dimensions: int) -> Any:
     """F(v), the part of the particles that are slower.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpp_taichi.energy_error import ZERO_ENERGY, EnergyError, ratio
 from mpp_taichi.errors import OutputError
 from mpp_taichi.whole_file import whole_file
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
 SAMPLES_PER_RUN = 200
 SPARSE_STEPS = 20  # the potential of 3073 bodies took six of their steps; so far apart, samples are a quarter of a run
-ZERO_ENERGY = 1e-12  # an |E₀| below this share of kinetic + |potential| is what rounding left of zero
 FORMATS = (".csv", ".npz")
 _SCALARS = ("time", "step", "kinetic_energy", "potential_energy", "total_energy")
 _BALANCE = ("dissipated_energy", "work", "energy_balance_residual")  # only with an energy balance
@@ -53,8 +53,8 @@ class TableRecorder:
         self._drift = np.zeros(3)
         self._radius = 0.0
         self._phase_number = 0
-        self._energy = 0.0
-        self._largest = dict.fromkeys(("energy", "momentum", "angular_momentum", "way"), 0.0)
+        self._energy_error = EnergyError()
+        self._largest = dict.fromkeys(("momentum", "angular_momentum", "way"), 0.0)
 
     @staticmethod
     def every_for(steps: int | None, *, sparse: bool = False) -> int:
@@ -76,10 +76,9 @@ class TableRecorder:
             row = simulation.diagnostics()
             if not self.rows:
                 self._remember_start(simulation)
-            if not self.rows or simulation.phase_number != self._phase_number:
-                self._remember_energy(simulation, row)
+            self._phase_number = simulation.phase_number
             kept = {"conserves_energy": simulation.conserves_energy, "conserves_momentum": simulation.conserves_momentum}
-            self.rows.append({**row, **self._errors(row), **kept})
+            self.rows.append({**row, **self._errors(row, simulation), **kept})
 
     def finish(self, simulation: "Simulation") -> None:
         """Take the last sample, unless that was just done."""
@@ -96,26 +95,20 @@ class TableRecorder:
         self._drift = weight @ snapshot.velocity
         self._radius = float(np.linalg.norm(snapshot.position - weight @ snapshot.position, axis=1).max())
 
-    def _remember_energy(self, simulation: "Simulation", row: dict[str, Any]) -> None:
-        """What the energy is to stay at: as a phase began if that was seen, else as it is now."""
-        self._phase_number = simulation.phase_number
-        began = simulation.phase_energy if self.rows else None
-        self._energy = row["total_energy"] if began is None else began
-        self._largest["energy"] = 0.0
-
-    def _errors(self, row: dict[str, Any]) -> dict[str, float]:
+    def _errors(self, row: dict[str, Any], simulation: "Simulation") -> dict[str, float]:
         first = self.rows[0] if self.rows else row
         way = row["center_of_mass"] - first["center_of_mass"]
-        self._raise("energy", row["kinetic_energy"] + abs(row["potential_energy"]))
         self._raise("momentum", row["momentum_scale"])
         self._raise("angular_momentum", row["angular_momentum_scale"])
         self._raise("way", math.hypot(*way))
-        start, largest = abs(self._energy), self._largest
+        largest = self._largest
         uniform = self._drift * (row["time"] - first["time"])
         return {
-            "relative_energy_error": _ratio(
-                row["total_energy"] - self._energy,
-                start if start > ZERO_ENERGY * largest["energy"] else largest["energy"],
+            "relative_energy_error": self._energy_error.see(
+                row["kinetic_energy"],
+                row["potential_energy"],
+                phase_number=simulation.phase_number,
+                phase_energy=simulation.phase_energy,
             ),
             "momentum_error": _ratio(row["momentum"] - first["momentum"], largest["momentum"]),
             "angular_momentum_error": _ratio(row["angular_momentum"] - first["angular_momentum"], largest["angular_momentum"]),
@@ -150,7 +143,7 @@ class TableRecorder:
         return bool(self.rows) and _BALANCE[0] in self.rows[0]
 
     def _balance_errors(self) -> list[float]:
-        turnover, largest = max(row["energy_turnover"] for row in self.rows), self._largest["energy"]
+        turnover, largest = max(row["energy_turnover"] for row in self.rows), self._energy_error.largest
         scale = turnover if turnover > ZERO_ENERGY * largest else largest
         return [_ratio(row["energy_balance_residual"], scale) for row in self.rows]
 
@@ -195,5 +188,4 @@ class TableRecorder:
 
 def _ratio(change: Any, scale: float) -> float:
     """|change| / scale; nothing over nothing is nothing."""
-    size = math.hypot(*np.atleast_1d(change))
-    return size / scale if scale > 0.0 else (0.0 if size == 0.0 else float("inf"))
+    return ratio(math.hypot(*np.atleast_1d(change)), scale)

@@ -7,11 +7,22 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from mpp_taichi.scene import constants, contacts, expectations, extends, messages, references, spring_types, timeline, units
+from mpp_taichi.scene import (
+    constants,
+    contacts,
+    expectations,
+    extends,
+    inspection,
+    messages,
+    references,
+    spring_types,
+    timeline,
+    units,
+)
 from mpp_taichi.scene import overrides as override
 from mpp_taichi.scene.cross_checks import check_together
 from mpp_taichi.scene.document import Node, from_python, read_file
-from mpp_taichi.scene.faults import Faults
+from mpp_taichi.scene.faults import Faults, printable, shown
 from mpp_taichi.scene.fields import Context, Whole, Wrong
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.model import scene_model, select
@@ -33,6 +44,25 @@ def load_scene(source: str | Path | Mapping[str, Any] | SceneSpec, *, overrides:
     tree = _override(tree, overrides, faults)
     spec, times = _check(tree, name, folder, faults)
     return timeline.with_phases(spec, times, tree, faults, lambda changed: _check(changed, name, folder, faults)[0])
+
+
+def change_scene(spec: SceneSpec, at: float, changes: Mapping[str, Any]) -> SceneSpec:
+    """The scene with one more event in its timeline, at a time that a run has come to; SceneError lists every fault.
+
+    What is set at time 0 is an override of the scene itself.
+    """
+    if at <= 0.0:
+        return load_scene(spec, overrides=changes)
+    faults = Faults()
+    tree, name, folder = _read(spec, faults)
+    given = Node({path: _set(path, value) for path, value in changes.items()}, Location(name, 0, 0))
+    return timeline.with_change(spec, at, given, tree, faults, lambda changed: _check(changed, name, folder, faults)[0])
+
+
+def _set(path: str, value: Any) -> Node:
+    """A value from Python, placed where messages say what was to be set."""
+    node = from_python(value, Location(printable(f"set {path}"), 0, 0))
+    return from_python(node.plain(), Location(printable(f"set {path} = {shown(node.plain())}"), 0, 0))
 
 
 def _check(tree: Node, name: str, folder: Path, faults: Faults) -> tuple[SceneSpec, list[float]]:
@@ -115,6 +145,7 @@ def _specification(validated: Any, tree: Node, name: str, context: Context, faul
         record=validated.record,
         expect=expectations.build(validated.expect, tree.get("expect")),
         modes=validated.modes,
+        inspect=inspection.build(validated.inspect, tree.get("inspect"), faults),
         accuracy=validated.accuracy,
         resolved=tree.plain(),
     )

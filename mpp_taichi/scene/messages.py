@@ -20,6 +20,7 @@ _KIND_WORDS = {
     "forces": "force",
     "integrators": "integrator",
     "walls": "wall",
+    "quantities": "quantity",
 }
 
 EXAMINED = 1000  # faults for which a message is composed; the rest is counted
@@ -56,7 +57,9 @@ class _Place:
         return key_text(self.path)
 
     def location_for(self, kind: str) -> Location:
-        return self.node.place if kind in ("extra_forbidden", "unexpected_keyword_argument", "missing") else self.node.location
+        a_word = not self.reached and isinstance(self.node.value, str)  # that stands for an entry of its name
+        keys = ("extra_forbidden", "unexpected_keyword_argument", "missing")
+        return self.node.place if kind in keys and not a_word else self.node.location
 
 
 def key_text(path: Iterable[Any]) -> str:
@@ -79,6 +82,8 @@ def _message(detail: Any, place: _Place, model: type[BaseModel]) -> str:
     if kind == "missing":
         return f"missing key {place.last!r}{_help(model, detail['loc'])}"
     if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+        if _is_quantity(detail["loc"]):
+            return _unknown_component("quantities", place.last)
         return _unknown_key(place, _keys(model, detail["loc"][:-1]))
     if kind == "not_one":
         return _not_one_component(place)
@@ -100,6 +105,15 @@ def _unknown_key(place: _Place, known: list[str]) -> str:
     return f"unknown key {shown(word)}{choices(word, known)}"
 
 
+def _is_quantity(path: tuple[Any, ...]) -> bool:
+    """Whether a pydantic location is that of a quantity's name, `inspect[0].y.position`."""
+    return path[0] == "inspect" and path[2:3] in (("x",), ("y",), ("histogram",)) and len([*filter(_is_word, path)]) == 3
+
+
+def _is_word(step: Any) -> bool:
+    return not isinstance(step, int)
+
+
 def _unknown_component(kind: str, word: str) -> str:
     if component.find_file(kind, word) is not None:
         return f"{word!r} acts by itself where a scene has springs: list them under springs:"
@@ -108,7 +122,7 @@ def _unknown_component(kind: str, word: str) -> str:
 
 
 def _not_one_component(place: _Place) -> str:
-    kind = KINDS[str(place.path[0])]
+    kind = "quantities" if place.path[0] == "inspect" else KINDS[str(place.path[0])]
     value = place.node.value
     given = f"{len(value)} keys" if isinstance(value, dict) else shown(place.node.plain())
     near = isinstance(value, str) and suggestion(value, available(kind)) or ","

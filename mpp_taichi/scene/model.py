@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from mpp_taichi import component
 from mpp_taichi.precision import PRECISIONS
-from mpp_taichi.scene import fields, units
+from mpp_taichi.scene import fields, inspection, units
 from mpp_taichi.scene.contacts import contacts_model
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.fields import Context, Field, Number, Text, Whole, Wrong
@@ -32,7 +32,7 @@ KINDS = {
     "integrator": "integrators",
     "expect": "diagnostics",
 }
-LATER_KEYS = ("inspect", "sliders")
+LATER_KEYS = ("sliders",)
 Selection = tuple[tuple[str, tuple[str, ...]], ...]  # kind → names of the components in the model
 
 
@@ -98,6 +98,8 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         _entries(kind, chosen[kind]) for kind in ("generators", "networks", "forces", "walls", "integrators")
     )
     contacts: Any = contacts_model(chosen["contacts"])
+    quantity = inspection.quantity_of(_entries("quantities", chosen["quantities"]), chosen["quantities"])
+    panel = inspection.panel_model(quantity, _one_or_more(quantity))
     numbers = dict[str, Annotated[float, ResolvedBefore()]]
     types = dict[str, SpringTypeSpec]
     return create_model(
@@ -134,6 +136,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         timeline=(_list_of(EventSpec), Describe([], description="what changes at a time; a list of {at, set}")),
         view=(ViewSpec, Describe(ViewSpec(), description="what is drawn")),
         record=(RecordSpec, Describe(RecordSpec(), description="how a film is made")),
+        inspect=(_list_of(panel), Describe([], description="panels that plot quantities while the scene runs")),
         modes=(ModesSpec | None, Describe(None, description="modes of the springs that are followed while they swing")),
         expect=(expect | None, Describe(None, description="physics that must come out")),
     )
@@ -141,7 +144,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
 
 def all_components() -> Selection:
     """Every component a scene may name."""
-    return tuple((kind, tuple(available(kind))) for kind in (*KINDS.values(), "contacts"))
+    return tuple((kind, tuple(available(kind))) for kind in (*KINDS.values(), "contacts", "quantities"))
 
 
 def available(kind: str) -> list[str]:
@@ -158,7 +161,8 @@ def select(scene: Mapping[str, Any]) -> Selection:
         named = {name for entry in entries if isinstance(entry, dict) for name in entry}
         found.append((kind, tuple(name for name in sorted(named) if _exists(kind, name))))
     solver = contact_solver(scene)
-    return (*found, ("contacts", (solver,) if solver is not None else ()))
+    inspected = tuple(name for name in sorted(inspection.named(scene)) if _exists("quantities", name))
+    return (*found, ("contacts", (solver,) if solver is not None else ()), ("quantities", inspected))
 
 
 def _exists(kind: str, name: str) -> bool:

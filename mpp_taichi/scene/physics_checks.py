@@ -143,5 +143,6 @@ def _center_of_mass(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout)
     place = Location(spec.source, 0, 0)
     if snapshot.mass.sum() <= 0.0:
         yield place, "move_to_center_of_mass: the total mass must be above 0"
-    if not np.all(snapshot.free):
-        yield place, "move_to_center_of_mass: not allowed where a particle is held fixed"
+    # An axis that all are held on is one along which nothing moves.
+    if np.any(snapshot.free.any(axis=0) & ~snapshot.free.all(axis=0)):
+        yield place, "move_to_center_of_mass: not allowed where some particles are held fixed and others are not"

@@ -17,6 +17,7 @@ KIND_TITLES = {
     "contacts": "Contact solvers: `solver:` of `contacts: {hard_spheres: …}`",
     "walls": "Walls: entries of `walls:`",
     "integrators": "Integrators: `integrator:`",
+    "quantities": "Quantities to plot: `x`, `y` and `histogram` of `inspect:`",
     "diagnostics": "Measured quantities: keys of `expect:`",
 }
 SPECS = {
@@ -26,6 +27,7 @@ SPECS = {
     **{key: described.__name__ for key, described in VIEW_SPECS.items()},
     "record": "RecordSpec",
     "modes": "ModesSpec",
+    "inspect": "Panel",
 }
 INTRODUCTION = """# Scene reference
 

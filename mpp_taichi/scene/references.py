@@ -10,7 +10,7 @@ from mpp_taichi.scene.faults import Faults, choices, shown
 from mpp_taichi.scene.layout import ParticleLayout, build, particle_layout
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.model import KINDS
-from mpp_taichi.scene.spec import ComponentSpec, PairSpec, SceneSpec
+from mpp_taichi.scene.spec import ComponentSpec, PairSpec, PanelSpec, SceneSpec
 from mpp_taichi.scene.view_checks import resolve_view
 
 
@@ -40,6 +40,7 @@ def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
         for each in spec.expect
     )
     changed["view"] = resolve_view(spec.view, layout, finder)
+    changed["inspect"] = tuple(finder.panel(number, each) for number, each in enumerate(spec.inspect))
     if spec.modes is not None:
         shown_modes = {("show", number): numbers for number, numbers in enumerate(spec.modes.show)}
         finder.modes(spec.modes.of, shown_modes, ("modes",))
@@ -91,6 +92,17 @@ class _Finder:
         path = ("contacts", "hard_spheres", "pairs", number, "between")
         first, second = (self.group(each, (*path, end)) for end, each in enumerate(pair.between))
         return replace(pair, between=(first, second))
+
+    def panel(self, number: int, panel: PanelSpec) -> PanelSpec:
+        """With the particles of its quantities found."""
+        x, *y = (
+            self.entry(each, "quantities", ("inspect", number, *place, each.name))
+            for place, each in ((("x",), panel.x), *((("y", index), each) for index, each in enumerate(panel.y)))
+        )
+        histogram = panel.histogram
+        if histogram is not None:
+            histogram = self.entry(histogram, "quantities", ("inspect", number, "histogram", histogram.name))
+        return replace(panel, x=x, y=tuple(y), histogram=histogram)
 
     def modes(self, name: str | None, modes: dict[tuple[Any, ...], Any], path: tuple[Any, ...]) -> None:
         """Check that `of` below the path is a lattice, and that it has the modes that stand elsewhere below the path."""

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
+from mpp_taichi.scene.expressions import Formula
 from mpp_taichi.scene.fields import Counts, ListOf, Number, Reference, Settings, Text, Whole
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.target import TargetSpec
@@ -13,7 +14,7 @@ from mpp_taichi.scene.view_spec import ViewSpec
 
 __all__ = [
     *("CameraSpec", "ComponentSpec", "ContactsSpec", "Event", "EventSpec", "Expectation", "Location", "ModesSpec"),
-    *("RecordSpec", "RunSpec", "SceneSpec", "SpringTypeSpec", "ViewSpec"),
+    *("PanelSpec", "RecordSpec", "RunSpec", "SceneSpec", "SpringTypeSpec", "ViewSpec"),
 ]
 _CLOSED = ConfigDict(extra="forbid")
 _COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
@@ -36,6 +37,12 @@ class RecordSpec:
     size: Annotated[tuple[int, int], ListOf(Whole(minimum=16, maximum=8192), (2,)), Field(description="pixels")] = (1280, 720)
     fps: Annotated[float, Number(above=0.0, maximum=1000.0), Field(description="frames per second")] = 30.0
     seconds: Annotated[float, Number(above=0.0, maximum=86_400.0), Field(description="length of the film")] = 10.0
+    panels: Annotated[
+        str, Text(("right", "bottom", "none")), Field(description="where the panels of inspect: are: right, bottom or none")
+    ] = "right"
+    panel_share: Annotated[
+        float, Number(minimum=0.1, maximum=0.9), Field(description="of the picture's width or height that panels take")
+    ] = 0.35
 
 
 @dataclass(frozen=True)
@@ -107,6 +114,24 @@ class ContactsSpec:
 
 
 @dataclass(frozen=True, eq=False)
+class PanelSpec:
+    """One panel: curves of `y` over `x`, or the histogram of a quantity that every particle has.
+
+    `theory` holds formulas over t and x, or of a histogram the name of a distribution.
+    """
+
+    title: str
+    x: ComponentSpec
+    y: tuple[ComponentSpec, ...]
+    histogram: ComponentSpec | None
+    bins: int
+    after: float | None
+    theory: tuple[Formula, ...] | str | None
+    logarithmic: bool
+    location: Location
+
+
+@dataclass(frozen=True, eq=False)
 class Expectation:
     """A statement of physics that `check` asserts: `quantity` bounded by `below`/`above`, or `near ± within`.
 
@@ -156,6 +181,7 @@ class SceneSpec:
     record: RecordSpec
     expect: tuple[Expectation, ...]
     modes: ModesSpec | None
+    inspect: tuple[PanelSpec, ...]
     resolved: dict[str, Any]  # plain YAML-able mapping, itself a scene: extends and overrides applied, expressions kept
     timeline: tuple[Event, ...] = ()  # this scene itself is the first phase
     accuracy: TargetSpec | None = None  # while it is not settled, the integrator is where the choice begins

@@ -9,9 +9,10 @@ from mpp_taichi import component
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene import overrides
 from mpp_taichi.scene.contacts import merges
-from mpp_taichi.scene.document import Node
+from mpp_taichi.scene.document import Node, from_python
 from mpp_taichi.scene.expressions import Formula
 from mpp_taichi.scene.faults import Faults, choices, shown
+from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.spec import ComponentSpec, Event, SceneSpec
 
@@ -36,23 +37,64 @@ def with_phases(
         return spec
     _check_times(spec, times, node, faults)
     faults.raise_if_any()
-    now = replace(tree, value={key: child for key, child in tree.value.items() if key != "timeline"})
+    given = [(at, entry.value["set"], entry.location) for at, entry in zip(times, node.value, strict=True)]
+    events = _events(spec, given, without_timeline(tree), faults, check)
+    whole = replace(spec, forces=_acting(spec.forces), timeline=events)
+    _check_steps(whole, node, faults)
+    faults.raise_if_any()
+    return whole
+
+
+def with_change(
+    spec: SceneSpec, at: float, changes: Node, tree: Node, faults: Faults, check: Callable[[Node], SceneSpec]
+) -> SceneSpec:
+    """The scene, its tree, with one more change at a time that a run has come to; what is at that time already is joined by it.
+
+    Later events change what this one left. SceneError as for a timeline that the scene had from the beginning, but for the
+    length of its run, which nobody is bound to.
+    """
+    given = [(event.at, from_python(event.changes, event.location), event.location) for event in spec.timeline]
+    before = [entry for entry in given if entry[0] < at]
+    joined = [dict(entry[1].value) for entry in given if entry[0] == at]
+    now = Node({**(joined[0] if joined else {}), **changes.value}, changes.location)
+    given = [*before, (at, now, changes.location), *(entry for entry in given if entry[0] > at)]
+    if len(given) > EVENTS_ALLOWED:
+        faults.add(changes.location, "timeline", f"{len(given)} changes are too many, allowed: {EVENTS_ALLOWED}")
+    faults.raise_if_any()
+    bare = without_timeline(tree)
+    first = check(bare)
+    events = _events(first, given, bare, faults, check)
+    written = [{"at": event.at, "set": event.changes} for event in events]
+    return replace(first, forces=_acting(first.forces), timeline=events, resolved={**bare.plain(), "timeline": written})
+
+
+def without_timeline(tree: Node) -> Node:
+    """The scene that a timeline begins with."""
+    return replace(tree, value={key: child for key, child in tree.value.items() if key != "timeline"})
+
+
+def _events(
+    spec: SceneSpec,
+    given: Sequence[tuple[float, Node, Location]],
+    now: Node,
+    faults: Faults,
+    check: Callable[[Node], SceneSpec],
+) -> tuple[Event, ...]:
+    """The events of a timeline that is given as times, what is set, and places; `now` is the tree it begins with."""
     events: list[Event] = []
-    for number, (at, entry) in enumerate(zip(times, node.value, strict=True)):
+    for number, (at, changes, location) in enumerate(given):
         key = f"timeline[{number}].set"
-        changes = entry.value["set"]
         now = _changed(now, changes, key, faults)
         faults.raise_if_any()
         scene = _checked(now, number, check)
         _check_placement(spec, scene, changes, key, faults)
         faults.raise_if_any()
-        events.append(Event(at, changes.plain(), replace(scene, forces=_acting(scene.forces)), entry.location))
-    whole = replace(spec, forces=_acting(spec.forces), timeline=tuple(events))
-    _check_steps(whole, node, faults)
-    if any(merges(scene) for scene in (spec, *(event.scene for event in events))):
-        faults.add(node.location, "timeline", "cannot be where spheres merge: a later phase would bring back what is gone")
-    faults.raise_if_any()
-    return whole
+        events.append(Event(at, changes.plain(), replace(scene, forces=_acting(scene.forces)), location))
+    if given and any(merges(scene) for scene in (spec, *(event.scene for event in events))):
+        what = "cannot be where spheres merge: a later phase would bring back what is gone"
+        faults.add(given[-1][2], "timeline", what)
+        faults.raise_if_any()
+    return tuple(events)
 
 
 def _check_times(spec: SceneSpec, times: Sequence[float], node: Node, faults: Faults) -> None:

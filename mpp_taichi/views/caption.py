@@ -1,12 +1,9 @@
 """Text in pictures: title, time and one more line, drawn on the host."""
 
-import importlib.util
-from functools import lru_cache
-from pathlib import Path
-
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
+from mpp_taichi.fonts import font_of
 from mpp_taichi.views._base import Frame
 
 Color = tuple[int, int, int]
@@ -15,17 +12,6 @@ LIGHT_INK, DARK_INK = ((235, 235, 240), (0, 0, 0)), ((25, 25, 30), (255, 255, 25
 LIGHT_BACKGROUND = 0.5  # mean of its red, green and blue
 DARK: Background = (0.0, 0.0, 0.0)
 LINES_PER_PICTURE = 36  # the height of one line is this share of the picture, 20 pixels at 720
-
-
-@lru_cache(maxsize=8)
-def font_of(height: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """Go Regular, which comes with Taichi and holds Latin, Greek and Cyrillic; Pillow's own holds little beyond ASCII."""
-    taichi = importlib.util.find_spec("taichi")
-    if taichi is not None and taichi.origin is not None:
-        font = Path(taichi.origin).parent / "assets" / "Go-Regular.ttf"
-        if font.is_file():
-            return ImageFont.truetype(str(font), height)
-    return ImageFont.load_default(size=height)
 
 
 def text_height(picture: np.ndarray) -> int:

@@ -16,6 +16,8 @@ HELP = (
     ("F", "frame everything"),
     ("X  Y  Z", "look along an axis"),
     ("T", "trails on, off"),
+    ("P", "panels on, off"),
+    ("E", "panels to CSV and SVG"),
     ("C", "picture to a file"),
     ("K", "print the camera"),
     ("H", "this help"),
@@ -37,6 +39,8 @@ class Controls:
     restart: bool = False
     screenshot: bool = False
     print_camera: bool = False
+    panels: bool = False
+    export: bool = False
     single_steps: int = 0
     _cursor: tuple[float, float] | None = field(default=None, repr=False)
 
@@ -57,6 +61,10 @@ class Controls:
             self.trails = not self.trails
         elif key == "c":
             self.screenshot = True
+        elif key == "p":
+            self.panels = True
+        elif key == "e":
+            self.export = True
         elif key == "k":
             self.print_camera = True
         elif key == "r":
@@ -82,7 +90,7 @@ class Controls:
             camera.zoom(ZOOM_PER_SECOND ** (direction * seconds))
 
     def take(self, request: str) -> bool:
-        """Whether a request (`restart`, `screenshot`, `print_camera`) is open; it is answered by this call."""
+        """Whether a request (`restart`, `screenshot`, `panels`, …) is open; it is answered by this call."""
         asked = bool(getattr(self, request))
         setattr(self, request, False)
         return asked

@@ -81,6 +81,7 @@ class GguiScene:
         self._particles = _Points(with_radius=True)
         self._lines: dict[float, _Points] = {}
         self.appearance = Appearance(spec, dimensions)
+        self.shift = (0.0, 0.0)  # of the picture to the right and up, in halves of its height
         self._canvas.set_background_color(tuple(spec.background))
 
     def draw(self, frame: Frame, camera: Camera, trails: Trails | None) -> None:
@@ -91,7 +92,7 @@ class GguiScene:
         self._scene.ambient_light((0.25, 0.25, 0.25))
         self._scene.point_light(tuple(light.tolist()), (0.85, 0.85, 0.85))
         count = self._particles.put(
-            (frame.position - camera.target) / camera.distance, frame.color, self._point_size(frame, camera, width, height)
+            self._placed(frame.position, camera), frame.color, self._point_size(frame, camera, width, height)
         )
         if count > 0:
             points = self._particles
@@ -112,6 +113,19 @@ class GguiScene:
             ends, colors = added.ends[chosen].reshape(-1, 3), np.repeat(added.color[chosen], 2, axis=0)
             self._draw_lines(ends, colors, float(width) * thickness, camera)
         self._canvas.scene(self._scene)
+
+    def _placed(self, points: np.ndarray, camera: Camera) -> np.ndarray:
+        """Points relative to the camera's target, in camera distances.
+
+        GGUI's pictures have the target in their middle; they are shifted by shearing space along the line of sight, which moves
+        every point by the same part of the picture and hides nothing else.
+        """
+        offset = points - camera.target
+        if any(self.shift):
+            slope = np.tan(np.radians(camera.field_of_view) / 2.0)
+            half = 0.5 * camera.height if camera.orthographic else slope * (camera.distance - offset @ camera.backward)[:, None]
+            offset = offset + half * (self.shift[0] * camera.right + self.shift[1] * camera.up)
+        return offset / camera.distance
 
     def _place(self, camera: Camera, aspect: float) -> None:
         self._camera.position(*camera.backward.tolist())
@@ -143,12 +157,12 @@ class GguiScene:
         focal = height / 2.0 / np.tan(np.radians(camera.field_of_view) / 2.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             pixels = radius / camera.length_per_pixel(seen[:, 2], height)
-        distance = np.linalg.norm(seen, axis=1) / camera.distance
+        distance = np.linalg.norm(self._placed(frame.position, camera) - camera.backward, axis=1)
         return np.where(seen[:, 2] > 0.0, pixels * distance / focal * height / width, 0.0)
 
     def _draw_lines(self, ends: np.ndarray, color: np.ndarray, width: float, camera: Camera) -> None:
         points = self._lines.setdefault(width, _Points(with_radius=False))
-        count = points.put((ends - camera.target) / camera.distance, color, None)
+        count = points.put(self._placed(ends, camera), color, None)
         if count > 0:
             thick = max(width, THINNEST)
             self._scene.lines(points.position, width=thick, per_vertex_color=points.color, vertex_count=count)

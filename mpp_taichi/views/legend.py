@@ -5,9 +5,10 @@ import math
 import numpy as np
 from PIL import Image, ImageDraw
 
+from mpp_taichi.fonts import font_of
 from mpp_taichi.views.appearance import Legend
 from mpp_taichi.views.camera import Camera
-from mpp_taichi.views.caption import DARK, Background, Color, font_of, ink, is_light, text_height
+from mpp_taichi.views.caption import DARK, Background, Color, ink, is_light, text_height
 from mpp_taichi.views.color_maps import colors_of
 from mpp_taichi.views.coloring import ColorBar, GroupKey
 from mpp_taichi.views.marks import Label

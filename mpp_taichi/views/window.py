@@ -15,7 +15,7 @@ from typing import Protocol
 import taichi as ti
 
 from mpp_taichi.errors import BackendError, OutputError
-from mpp_taichi.scene.spec import ViewSpec
+from mpp_taichi.scene.spec import RecordSpec, ViewSpec
 from mpp_taichi.views._base import Frame, Trails
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import caption_lines, draw_caption
@@ -23,6 +23,7 @@ from mpp_taichi.views.controls import HELP, Controls
 from mpp_taichi.views.ggui import GguiScene, probe, read_back
 from mpp_taichi.views.legend import draw_legend, legend_lines
 from mpp_taichi.views.picture import save_picture
+from mpp_taichi.views.window_panels import WindowPanels
 
 FRAMES_PER_SECOND = 60
 SLOW_SECONDS = 0.08  # an advance that takes longer is halved, so that the window answers
@@ -67,8 +68,16 @@ def _keep_folder_clean() -> None:
 class Window:
     """Shows a simulation until the user closes it."""
 
-    def __init__(self, spec: ViewSpec, size: tuple[int, int] = (1280, 720), *, title: str = "", dimensions: int = 3) -> None:
-        """Open the window; `ti.init` has been called.
+    def __init__(
+        self,
+        spec: ViewSpec,
+        size: tuple[int, int] = (1280, 720),
+        *,
+        title: str = "",
+        dimensions: int = 3,
+        panels: WindowPanels | None = None,
+    ) -> None:
+        """Open the window, with panels beside the scene where there are some; `ti.init` has been called.
 
         Raises:
             BackendError: there is no display, or GGUI does not work on it.
@@ -77,6 +86,7 @@ class Window:
         if problem:
             raise BackendError(f"cannot open a window: {problem}")
         self.spec, self.dimensions, self.title = spec, dimensions, title
+        self._panels = panels or WindowPanels((), RecordSpec(), str)
         _keep_folder_clean()
         self._window = ti.ui.Window(title or "mpp_taichi", size, vsync=False, fps_limit=FRAMES_PER_SECOND)
         self._scene = GguiScene(self._window, spec, dimensions=dimensions)
@@ -118,8 +128,7 @@ class Window:
         return self._scene.appearance.dress(simulation.frame())
 
     def _aspect(self) -> float:
-        width, height = self._window.get_window_shape()
-        return float(width / height)
+        return self._panels.aspect(self._window.get_window_shape(), self.spec.camera)
 
     def _read_input(self, controls: Controls, camera: Camera, frame: Frame, seconds: float) -> None:
         held = {key for key in HELD_KEYS if self._window.is_pressed(key)}
@@ -127,21 +136,32 @@ class Window:
         shift = "Shift" in held or "Shift" in keys  # a key may come and go between two frames
         for key in keys:
             controls.press(key, shift=shift, camera=camera, frame=frame, aspect=self._aspect())
-        controls.move(self._window.get_cursor_pos(), held, camera=camera, seconds=seconds, aspect=self._aspect())
+        size = self._window.get_window_shape()
+        with self._panels.aside(camera, self.spec.camera, size):
+            controls.move(self._window.get_cursor_pos(), held, camera=camera, seconds=seconds, aspect=size[0] / size[1])
 
     def _show(self, frame: Frame, camera: Camera, controls: Controls, finished: bool, rate: float) -> None:
         self._trails.add(frame)
-        trails = self._trails if controls.trails else None
-        self._scene.draw(frame, camera, trails)
+        if controls.take("panels"):
+            self._panels.toggle()
+        self._draw(frame, camera, controls.trails)
         if controls.take("screenshot"):
             self._save(frame)
-            self._scene.draw(frame, camera, trails)  # reading back used up what was drawn
+            self._draw(frame, camera, controls.trails)  # reading back used up what was drawn
+        if controls.take("export"):
+            self._say(self._panels.export())
         if controls.take("print_camera"):
             sys.stderr.write(camera.as_yaml())
             self._say("camera printed")
         status = "finished" if finished else "running" if controls.running else "paused"
         self._write([*caption_lines(frame), f"{status}, {rate:,.0f} steps/s   H: help", self._current_message()], controls.help)
         self._window.show()
+
+    def _draw(self, frame: Frame, camera: Camera, with_trails: bool) -> None:
+        size = self._window.get_window_shape()
+        with self._panels.aside(camera, self.spec.camera, size) as self._scene.shift:
+            self._scene.draw(frame, camera, self._trails if with_trails else None)
+        self._panels.draw(self._window.get_canvas(), size, self._window.get_cursor_pos())
 
     def _save(self, frame: Frame) -> None:
         """Write the picture, without the panels, into the working directory, under the first number that is free."""

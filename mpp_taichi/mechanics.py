@@ -1,0 +1,43 @@
+"""Mechanics of particles on the host: sums over some of them, in float64 and in a fixed order."""
+
+import math
+
+import numpy as np
+
+from mpp_taichi.snapshot import Snapshot
+
+ALL = slice(None)
+
+
+def total(terms: np.ndarray) -> float:
+    """The sum, rounded once; not finite where a term, or the sum, is not."""
+    try:
+        return math.fsum(terms)
+    except (OverflowError, ValueError):  # beyond the largest number; ∞ − ∞
+        return math.nan
+
+
+def kinetic_energies(snapshot: Snapshot, rows: slice = ALL) -> np.ndarray:
+    """½ m v² of each particle, (n,)."""
+    velocity = snapshot.velocity[rows]
+    return 0.5 * (snapshot.mass[rows] * np.einsum("ij,ij->i", velocity, velocity))
+
+
+def momentum(snapshot: Snapshot, rows: slice = ALL) -> np.ndarray:
+    """Σ m v, (3,). Particles whose axes are all fixed are left out: they belong to the laboratory."""
+    return _moving_mass(snapshot, rows) @ snapshot.velocity[rows]
+
+
+def angular_momentum(snapshot: Snapshot, rows: slice = ALL) -> np.ndarray:
+    """Σ m x × v about the origin, (3,), of the same particles as `momentum`."""
+    return _moving_mass(snapshot, rows) @ np.cross(snapshot.position[rows], snapshot.velocity[rows])
+
+
+def _moving_mass(snapshot: Snapshot, rows: slice) -> np.ndarray:
+    return np.where(snapshot.free[rows].any(axis=1), snapshot.mass[rows], 0.0)
+
+
+def mean_by_mass(values: np.ndarray, mass: np.ndarray) -> np.ndarray:
+    """Σ m value / Σ m, (3,), as of positions the centre of mass; the plain mean where there is no mass."""
+    whole = float(mass.sum())
+    return (mass @ values) / whole if whole else values.mean(axis=0)

@@ -1,0 +1,109 @@
+"""What a panel shows, as plain arrays that grow with the run; it knows nothing of a simulation nor of how it is drawn."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+MOST_KEPT = 100_000  # samples; beyond, every second one is let go
+FIRST_CAPACITY = 1024
+
+
+class Samples:
+    """Rows of numbers, one for each look. `generation` changes when rows that were there have changed or gone."""
+
+    def __init__(self) -> None:
+        """Without columns yet."""
+        self.generation = self.count = 0
+        self._rows = np.zeros((0, 0))
+
+    def open(self, columns: int) -> None:
+        """Make room for so many columns."""
+        self._rows = np.zeros((columns, FIRST_CAPACITY))
+
+    def clear(self) -> None:
+        """Forget every row."""
+        self.count = 0
+        self.generation += 1
+
+    def add(self, row: np.ndarray) -> None:
+        """Append a row."""
+        if self.count == MOST_KEPT:
+            kept = self._rows[:, : self.count : 2]
+            self.count = kept.shape[1]
+            self._rows[:, : self.count] = kept.copy()
+            self.generation += 1
+        if self.count == self._rows.shape[1]:
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)], axis=1)
+        self._rows[:, self.count] = row
+        self.count += 1
+
+    def column(self, number: int) -> np.ndarray:
+        """All values of a column so far."""
+        return self._rows[number, : self.count]
+
+
+@dataclass(eq=False)
+class Curves:
+    """Curves over a common x; `names` are those of the first, the last `theories` of them are what theory says.
+
+    span         limits of x that are known beforehand
+    equal        a length is as long along both axes
+    """
+
+    title: str
+    x_label: str
+    x_unit: str
+    names: tuple[str, ...]
+    y_unit: str
+    samples: Samples
+    x_column: int
+    y_columns: tuple[int, ...]
+    span: tuple[float, float] | None = None
+    logarithmic: bool = False
+    equal: bool = False
+    theories: int = 0
+
+    @property
+    def x(self) -> np.ndarray:
+        """Values along x, (count,)."""
+        return self.samples.column(self.x_column)
+
+    @property
+    def count(self) -> int:
+        """All curves."""
+        return len(self.y_columns)
+
+    def y(self, number: int) -> np.ndarray:
+        """Values of one curve, (count,); not a number where it has a gap."""
+        return self.samples.column(self.y_columns[number])
+
+
+@dataclass(eq=False)
+class Histogram:
+    """Probability densities over bins, and the curve of theory where there is one.
+
+    edges (bins + 1,), density (bins,); curve and theory (n,) each, empty without one
+    """
+
+    title: str
+    x_label: str
+    x_unit: str
+    has_theory: bool
+    bins: int
+    edges: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    density: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    curve: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    theory: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    generation: int = 0
+
+    def clear(self) -> None:
+        """Nothing was counted yet."""
+        self.show(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0))
+
+    def show(self, edges: np.ndarray, density: np.ndarray, curve: np.ndarray, theory: np.ndarray) -> None:
+        """Take what was counted."""
+        self.edges, self.density, self.curve, self.theory = edges, density, curve, theory
+        self.generation += 1
+
+
+Plot = Curves | Histogram

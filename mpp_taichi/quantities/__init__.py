@@ -1,0 +1,1 @@
+"""Quantities that panels plot, one per file."""

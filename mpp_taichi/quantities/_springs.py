@@ -1,0 +1,36 @@
+"""What quantities of springs share."""
+
+import numpy as np
+
+from mpp_taichi.component import Pair
+from mpp_taichi.quantities._base import Look, NoResultError, Setting
+
+
+def chosen_springs(between: Pair | None, setting: Setting) -> np.ndarray:
+    """Indices of the spring between two particles, or of all.
+
+    Raises:
+        NoResultError: there is none.
+    """
+    ends = setting.start.springs.between
+    if between is None:
+        found = np.arange(len(ends))
+    else:
+        found = np.flatnonzero((np.sort(ends, axis=1) == sorted(between)).all(axis=1))
+    if len(found) == 0:
+        names = "" if between is None else f" between {setting.name_of(between[0])} and {setting.name_of(between[1])}"
+        raise NoResultError(f"there is no spring{names}")
+    return found
+
+
+def lengths(look: Look, springs: np.ndarray) -> np.ndarray:
+    """Distances of the ends, (n,)."""
+    first, second = look.snapshot.springs.between[springs].T
+    return np.linalg.norm(look.snapshot.position[second] - look.snapshot.position[first], axis=1)
+
+
+def label_of(noun: str, between: Pair | None, setting: Setting) -> str:
+    """`length of spring pivot–upper`, or that of the mean."""
+    if between is None:
+        return f"mean {noun} of springs"
+    return f"{noun} of spring {setting.name_of(between[0])}–{setting.name_of(between[1])}"

@@ -1,0 +1,36 @@
+"""The direction in which a particle is seen from another."""
+
+import math
+
+from mpp_taichi.component import Particles, component, param
+from mpp_taichi.quantities._base import Look, Quantity, Setting, center_of, of_which
+
+PLANES = {"x": (1, 2), "y": (0, 2), "z": (0, 1)}
+"""For each axis across a plane, the two axes in it; angles count from the first towards the second."""
+
+
+@component
+class Angle(Quantity):
+    """Angle in −π…π at which a particle is seen from another, or from the origin, in a plane [radians].
+
+    In the plane across z it counts from the x axis towards y, across y from x towards z, and across x from y towards z.
+    """
+
+    of: Particles = param(help="a particle or a group")
+    around: Particles = param(None, optional=True, help="from where it is seen: a particle or a group; absent: the origin")
+    axis: str = param("z", choices=("x", "y", "z"), help="across the plane")
+    zero: float = param(0.0, unit="radians", help="what is taken off, before it is brought into −π…π; −pi/2 for a pendulum")
+
+    def label(self, setting: Setting) -> str:
+        """Of what around what."""
+        around = setting.name_of(self.around)
+        return of_which("angle", setting.name_of(self.of)) + (f" around {around}" if around else "")
+
+    def measure(self, look: Look) -> float:
+        """The angle."""
+        place = look.snapshot.position
+        way = center_of(place, look.snapshot, self.of)
+        if self.around is not None:
+            way = way - center_of(place, look.snapshot, self.around)
+        first, second = PLANES[self.axis]
+        return math.remainder(math.atan2(way[second], way[first]) - self.zero, math.tau)

@@ -1,0 +1,31 @@
+"""How long a spring is."""
+
+import numpy as np
+
+from mpp_taichi.component import Pair, component, param
+from mpp_taichi.quantities._base import Look, OfEach, Setting
+from mpp_taichi.quantities._springs import chosen_springs, label_of, lengths
+
+
+@component
+class SpringLength(OfEach):
+    """Length of a spring [length]; of all springs their mean, in a histogram that of each."""
+
+    between: Pair = param(None, optional=True, help="the particles at its ends; absent: all springs")
+    dimension = (1, 0, 0)
+
+    def begin(self, setting: Setting) -> None:
+        """Find the springs."""
+        self._springs = chosen_springs(self.between, setting)
+
+    def label(self, setting: Setting) -> str:
+        """Between what."""
+        return label_of("length", self.between, setting)
+
+    def measure(self, look: Look) -> float:
+        """The mean length."""
+        return float(self.each(look).mean())
+
+    def each(self, look: Look) -> np.ndarray:
+        """The lengths."""
+        return lengths(look, self._springs)

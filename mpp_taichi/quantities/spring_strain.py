@@ -1,0 +1,32 @@
+"""How far a spring is stretched."""
+
+import numpy as np
+
+from mpp_taichi.component import Pair, component, param
+from mpp_taichi.quantities._base import Look, OfEach, Setting
+from mpp_taichi.quantities._springs import chosen_springs, label_of, lengths
+
+
+@component
+class SpringStrain(OfEach):
+    """Strain of a spring (l − L) / L, L its length at rest; of all springs their mean, in a histogram that of each."""
+
+    between: Pair = param(None, optional=True, help="the particles at its ends; absent: all springs")
+
+    def begin(self, setting: Setting) -> None:
+        """Find the springs."""
+        self._springs = chosen_springs(self.between, setting)
+
+    def label(self, setting: Setting) -> str:
+        """Between what."""
+        return label_of("strain", self.between, setting)
+
+    def measure(self, look: Look) -> float:
+        """The mean strain."""
+        return float(self.each(look).mean())
+
+    def each(self, look: Look) -> np.ndarray:
+        """The strains; springs without a length at rest have none."""
+        rest = look.snapshot.springs.rest_length[self._springs]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return lengths(look, self._springs) / rest - 1.0

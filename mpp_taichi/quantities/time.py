@@ -1,0 +1,19 @@
+"""Time, which panels plot against where they say nothing else."""
+
+from mpp_taichi.component import component
+from mpp_taichi.quantities._base import Look, Quantity, Setting
+
+
+@component
+class Time(Quantity):
+    """Simulated time t [time]."""
+
+    dimension = (0, 1, 0)
+
+    def label(self, setting: Setting) -> str:
+        """Time."""
+        return "time"
+
+    def measure(self, look: Look) -> float:
+        """The time of the look."""
+        return look.time

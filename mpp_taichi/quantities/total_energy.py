@@ -1,0 +1,20 @@
+"""Energy of motion and position."""
+
+from mpp_taichi.component import component
+from mpp_taichi.mechanics import kinetic_energies, total
+from mpp_taichi.quantities._base import ENERGY, Look, Quantity, Setting
+
+
+@component
+class TotalEnergy(Quantity):
+    """Kinetic and potential energy of all particles [energy]."""
+
+    dimension = ENERGY
+
+    def label(self, setting: Setting) -> str:
+        """Total energy."""
+        return "total energy"
+
+    def measure(self, look: Look) -> float:
+        """The sum."""
+        return total(kinetic_energies(look.snapshot)) + look.potential_energy

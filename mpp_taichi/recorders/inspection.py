@@ -1,0 +1,106 @@
+"""Inspection: the quantities of a scene's panels along a run, and the files they are written to."""
+
+import csv
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from PIL import Image
+
+from mpp_taichi.errors import OutputError
+from mpp_taichi.inspector import Inspector
+from mpp_taichi.plots import Histogram
+from mpp_taichi.plots.sheet import Sheet
+from mpp_taichi.plots.svg import draw_svg
+from mpp_taichi.plots.theme import LIGHT
+from mpp_taichi.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation import Simulation
+
+FORMATS = (".csv", ".svg", ".png")
+SAMPLES_PER_RUN = 1000
+PANEL = (960, 480)  # pixels of one panel in a file
+LETTERS = 20  # pixels
+
+
+class Rhythm(Protocol):
+    """Something at whose looks the inspector looks as well: a film."""
+
+    def steps_until_due(self, simulation: "Simulation") -> int:
+        """How many steps may pass before the next look."""
+
+
+class InspectionRecorder:
+    """Lets an inspector look every `every` steps, and whenever a film draws a frame."""
+
+    def __init__(self, inspector: Inspector, every: int) -> None:
+        """Nothing was seen yet."""
+        self.inspector, self.every = inspector, max(1, every)
+        self.film: Rhythm | None = None
+        self._due: int | None = None
+
+    @staticmethod
+    def every_for(steps: int | None, table: int) -> int:
+        """Steps between looks that make `SAMPLES_PER_RUN` of them; as rare as those of the `table` where a look is dear."""
+        return table if steps is None or table > max(1, steps // 200) else max(1, steps // SAMPLES_PER_RUN)
+
+    def restart(self) -> None:
+        """Forget every look."""
+        self._due = None
+        self.inspector.restart()
+
+    def steps_until_due(self, simulation: "Simulation") -> int:
+        """Until the next look, its own or the film's."""
+        own = 0 if self._due is None else self._due - simulation.step_count
+        return own if self.film is None else min(own, self.film.steps_until_due(simulation))
+
+    def record(self, simulation: "Simulation") -> None:
+        """Look."""
+        self.inspector.look(simulation)
+        if self._due is None or self._due <= simulation.step_count:
+            self._due = simulation.step_count + self.every
+
+    def finish(self, simulation: "Simulation") -> None:
+        """Look at the end."""
+        self.record(simulation)
+
+    def save(self, path: Path) -> None:
+        """Write the samples as the suffix says, by way of a temporary file.
+
+        Raises:
+            OutputError: the suffix is none of `FORMATS`, or the file cannot be written.
+        """
+        suffix = path.suffix.lower()
+        if suffix not in FORMATS:
+            raise OutputError(f"{path}: the format {suffix!r} of the panels is none of {', '.join(FORMATS)}")
+        plots = self.inspector.plots
+        with whole_file(path, "the panels") as temporary:
+            if suffix == ".csv":
+                with open(temporary, "w", encoding="utf-8", newline="") as stream:
+                    csv.writer(stream).writerows(self._lines())
+            elif suffix == ".svg":
+                temporary.write_text(draw_svg(plots, PANEL, LETTERS), encoding="utf-8")
+            else:
+                sheet = Sheet(plots, (PANEL[0], PANEL[1] * len(plots)), LETTERS, LIGHT, columns=1)
+                Image.fromarray(sheet.picture()).save(temporary, format="PNG")
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Every sampled quantity, (sample_count,) each; then of each histogram, as it is now, its bins and its theory there."""
+        samples = self.inspector.samples
+        found = {name: samples.column(number) for number, name in enumerate(self.inspector.names)}
+        histograms = [plot for plot in self.inspector.plots if isinstance(plot, Histogram) and len(plot.edges)]
+        for number, plot in enumerate(histograms, start=1):
+            word = f"histogram_{number}_"
+            found |= {f"{word}from": plot.edges[:-1], f"{word}to": plot.edges[1:], f"{word}density": plot.density}
+            if len(plot.theory):
+                middle = 0.5 * (plot.edges[:-1] + plot.edges[1:])
+                found[f"{word}theory"] = np.interp(middle, plot.curve, plot.theory)
+        return found
+
+    def _lines(self) -> list[list[str]]:
+        """Header and rows, numbers in their shortest exact spelling; shorter columns end in empty places."""
+        found = self.columns()
+        rows = max((len(values) for values in found.values()), default=0)
+        texts = [[repr(float(value)) for value in values] for values in found.values()]
+        return [list(found), *([text[row] if row < len(text) else "" for text in texts] for row in range(rows))]

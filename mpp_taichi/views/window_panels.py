@@ -1,0 +1,139 @@
+"""Panels in a window: the same picture as in a film, put over the scene point by point, as GGUI lays no image over a scene."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.plots import Plot
+from mpp_taichi.plots.sheet import Sheet, letters_for
+from mpp_taichi.scene.spec import CameraSpec, RecordSpec
+from mpp_taichi.views.camera import Camera
+from mpp_taichi.views.panels import Division, widened, widening
+
+SPARE = 1.5  # times the points that are needed now: GGUI compiles its copies anew for every field
+RADIUS = 0.5  # pixels: a disc of this radius about the middle of a pixel covers that pixel and no other
+NOWHERE = -2.0
+
+
+class WindowPanels:
+    """Shows plots beside the scene; `shown` is toggled by the user.
+
+    `export` writes what was recorded into files, and says which, or why not.
+    """
+
+    def __init__(self, plots: Sequence[Plot], record: RecordSpec, export: Callable[[], str]) -> None:
+        """Nothing is drawn yet."""
+        self.plots, self.export = tuple(plots), export
+        self.shown = bool(plots) and record.panels != "none"
+        self.record = replace(record, panels="right") if record.panels == "none" else record
+        self._size: tuple[int, int] | None = None
+        self._sheet: Sheet | None = None
+        self._last = np.zeros(0)
+        self._points = _Points()
+        self._ground = _Ground()
+
+    def division(self, size: tuple[int, int]) -> Division | None:
+        """How a window of this size is divided; None while no panels are shown."""
+        return Division.of(size, self.record) if self.shown else None
+
+    def toggle(self) -> None:
+        """Show the panels, or do not; where films have none, they are to the right."""
+        self.shown = bool(self.plots) and not self.shown
+
+    def aspect(self, size: tuple[int, int], camera: CameraSpec) -> float:
+        """Width over height of what a camera is to fill."""
+        division = self.division(size)
+        width, height = size if division is None or widening(camera, size, division.scene) > 1.0 else division.scene
+        return width / height
+
+    @contextmanager
+    def aside(self, camera: Camera, spec: CameraSpec, size: tuple[int, int]) -> Iterator[tuple[float, float]]:
+        """A block in which the camera shows in the whole window what it is to show in the scene's part of it.
+
+        Gives how far the picture is to be shifted to the right and up, in halves of the window's height.
+        """
+        division = self.division(size)
+        if division is None:
+            yield 0.0, 0.0
+            return
+        angle = camera.field_of_view
+        factor = widening(spec, size, division.scene) * size[1] / division.scene[1]
+        camera.field_of_view, camera.height = widened(angle, factor), factor * camera.height
+        try:
+            yield (division.scene[0] - size[0]) / size[1], (size[1] - division.scene[1]) / size[1]
+        finally:
+            camera.field_of_view, camera.height = angle, camera.height / factor
+
+    def draw(self, canvas: "ti.ui.Canvas", size: tuple[int, int], cursor: tuple[float, float]) -> None:
+        """Put the panels on the canvas, over what is there; `cursor` in 0…1 from the lower left corner of the window."""
+        division = self.division(size)
+        if division is None:
+            return
+        if self._sheet is None or size != self._size:
+            self._size = size
+            self._sheet = Sheet(self.plots, division.panels, letters_for(size[1]))
+            self._last = np.zeros(0)
+        left, top = division.corner
+        place = (cursor[0] * size[0] - left, (1.0 - cursor[1]) * size[1] - top)
+        picture = self._sheet.picture(place)
+        if not np.array_equal(picture, self._last):
+            self._last = picture.copy()
+            boxes = self._sheet.grounds()
+            self._ground.put(boxes, (left, top), size)
+            self._points.put(picture, boxes, (left, top), size)
+        canvas.triangles(self._ground.corner, per_vertex_color=self._ground.color)
+        canvas.circles(self._points.place, radius=RADIUS / size[1], per_vertex_color=self._points.color)
+
+
+class _Ground:
+    """Rectangles of one colour each, as two triangles."""
+
+    def __init__(self) -> None:
+        self.corner: Any = None
+        self.color: Any = None
+
+    def put(self, boxes: Sequence[tuple], origin: tuple[int, int], size: tuple[int, int]) -> None:
+        if self.corner is None or self.corner.shape[0] != 6 * len(boxes):
+            self.corner = ti.Vector.field(2, ti.f32, 6 * len(boxes))
+            self.color = ti.Vector.field(3, ti.f32, 6 * len(boxes))
+        corners, colors = [], []
+        for (left, top, right, bottom), color in boxes:
+            x0, x1 = (origin[0] + left) / size[0], (origin[0] + right) / size[0]
+            y0, y1 = 1.0 - (origin[1] + top) / size[1], 1.0 - (origin[1] + bottom) / size[1]
+            corners += [(x0, y0), (x1, y0), (x1, y1), (x0, y0), (x1, y1), (x0, y1)]
+            colors += [color] * 6
+        self.corner.from_numpy(np.array(corners, np.float32))
+        self.color.from_numpy(np.array(colors, np.float32) / 255.0)
+
+
+class _Points:
+    """The pixels of a picture that differ from the rectangles below it."""
+
+    def __init__(self) -> None:
+        self._capacity = 0
+        self.place: Any = None
+        self.color: Any = None
+
+    def put(self, picture: np.ndarray, boxes: Sequence[tuple], origin: tuple[int, int], size: tuple[int, int]) -> None:
+        ground = np.zeros_like(picture)
+        for (left, top, right, bottom), color in boxes:
+            ground[top:bottom, left:right] = color
+        red, green, blue = np.moveaxis(picture != ground, 2, 0)
+        rows, columns = np.nonzero(red | green | blue)
+        if len(rows) > self._capacity:
+            self._capacity = int(SPARE * len(rows))
+            self.place = ti.Vector.field(2, ti.f32, self._capacity)
+            self.color = ti.Vector.field(3, ti.f32, self._capacity)
+        if self._capacity == 0:
+            return
+        place = np.full((self._capacity, 2), NOWHERE, np.float32)
+        color = np.zeros((self._capacity, 3), np.float32)
+        place[: len(rows), 0] = (origin[0] + columns + 0.5) / size[0]
+        place[: len(rows), 1] = 1.0 - (origin[1] + rows + 0.5) / size[1]
+        color[: len(rows)] = picture[rows, columns] / 255.0
+        self.place.from_numpy(place)
+        self.color.from_numpy(color)
