@@ -169,6 +169,26 @@ def _on_screen(camera, places, size, rows=None):
     return np.stack([size[0] / 2 + right * scale, size[1] / 2 - up * scale], axis=1)
 
 
+def test_the_page_has_display_scales_and_colors_by_quantity_and_says_so(tmp_path):
+    bodies = [
+        {"body": {"name": name, "mass": 1.0, "position": [x, 0, 0]}} for name, x in (("sun", 0), ("earth", 4), ("moon", 5))
+    ]
+    moon = {"around": "earth", "distance_scale": 3, "radius_scale": 2}
+    scene = SCENE | {"particles": bodies, "view": SCENE["view"] | {"bodies": {"moon": moon}, "color_by": {"speed": {}}}}
+    place = np.array([[0.0, 0, 0], [4, 0, 0], [5, 0, 0]])
+    frames = [
+        Frame(position=place, radius=np.full(3, 0.1), color=np.ones((3, 3)), velocity=(k + 1) * place, time=float(k))
+        for k in range(3)
+    ]
+    header, columns, _, _ = recorded(tmp_path / "moon.html", frames, scene)
+    np.testing.assert_allclose(columns["x"][0], [0, 4, 7], atol=1e-9)
+    np.testing.assert_allclose(columns["radius"][0], [0.1, 0.1, 0.2], atol=1e-4)
+    violet, yellow = np.array([68, 1, 84]) / 255, np.array([253, 231, 37]) / 255  # the ends of viridis
+    np.testing.assert_allclose(columns["color"][-1].reshape(3, 3)[[0, 2]], [violet, yellow], atol=1 / 255)
+    notes = " ".join(header["notes"])
+    assert "Legend: speed: 0 ... 15 (viridis)." in notes and "drawn farther out" in notes
+
+
 def test_the_page_of_the_ring_is_below_ten_megabytes(tmp_path):
     """As many bodies and frames as the ring has, on orbits like its own: Kepler's, slightly eccentric and inclined."""
     random = np.random.default_rng(2)

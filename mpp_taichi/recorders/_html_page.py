@@ -40,7 +40,8 @@ SERIES = (
 class Recording:
     """A recorded run: its frames, the names of its particles, and its samples of energies.
 
-    `speeds` has one array for each frame, or none; `size` is the picture, in pixels, that the first view is meant for.
+    `speeds` has one array for each frame, or none; `size` is the picture, in pixels, that the first view is meant for; `legend`
+    says in words what colours mean.
     """
 
     spec: SceneSpec
@@ -50,6 +51,7 @@ class Recording:
     rows: Sequence[dict[str, Any]]
     size: tuple[int, int]
     fps: float
+    legend: Sequence[str] = ()
 
 
 def page(recording: Recording) -> str:
@@ -208,6 +210,9 @@ def _notes(recording: Recording, positions: Sequence[Column], shift: float, trai
         else "Nothing moves.",
         "Energies are those of the run itself, at the times of its own samples, joined by straight lines.",
     ]
+    notes += [f"Legend: {line}." for line in recording.legend]
+    if any(body.distance_scale != 1.0 for body in spec.view.bodies.values()):
+        notes.append("Bodies with a distance_scale are drawn farther out than they are; plots have the places drawn.")
     if trails < min(spec.view.trails, len(frames) - 1):
         notes.append(f"Trails show {trails:,} frames in place of {spec.view.trails:,}, as many as a browser draws in time.")
     return notes

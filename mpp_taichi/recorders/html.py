@@ -13,7 +13,9 @@ from mpp_taichi.recorders._html_page import Recording, page
 from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.views._base import Frame
+from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import HORIZON
+from mpp_taichi.views.legend import legend_lines
 from mpp_taichi.whole_file import whole_file
 
 FORMATS = (".html", ".htm")
@@ -34,6 +36,7 @@ class HtmlRecorder:
         self._frames: list[Frame] = []
         self._speeds: list[np.ndarray] = []
         self._spec: SceneSpec | None = None
+        self._appearance: Appearance | None = None
         self._names: Sequence[str] = ()
         self._rows: Sequence[dict[str, Any]] = ()
         self._closed = False
@@ -67,9 +70,12 @@ class HtmlRecorder:
                 f"allowed: {most:,} frames; take fewer, by --fps or --duration"
             )
         self._spec, self._names, self._rows = spec, names, rows
+        self._appearance = Appearance(spec.view, spec.dimensions)
 
     def add(self, frame: Frame) -> None:
-        """Keep one frame; what is lost, farther than any picture reaches, counts as not there."""
+        """Keep one frame as it is drawn; what is lost, farther than any picture reaches, counts as not there."""
+        if self._appearance is not None:
+            frame = self._appearance.dress(frame)
         with np.errstate(invalid="ignore"):
             seen = (np.abs(frame.position) < HORIZON).all(axis=1)
         place = frame.position if seen.all() else np.where(seen[:, None], frame.position, np.nan)
@@ -88,7 +94,8 @@ class HtmlRecorder:
         if self._closed:
             return
         assert self._spec is not None
-        recording = Recording(self._spec, self._frames, self._speeds, self._names, self._rows, self.size, self.fps)
+        legend = [] if self._appearance is None else legend_lines(replace(self._appearance.legend(), lines=()))
+        recording = Recording(self._spec, self._frames, self._speeds, self._names, self._rows, self.size, self.fps, legend)
         try:
             with whole_file(self.path, "the page") as temporary:
                 temporary.write_text(page(recording), encoding="utf-8")

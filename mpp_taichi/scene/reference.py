@@ -7,6 +7,7 @@ from typing import Any
 from mpp_taichi import component
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.schema import scene_schema
+from mpp_taichi.scene.view_spec import VIEW_SPECS
 
 REFERENCE_FILE = Path(__file__).parents[2] / "docs" / "scene.md"
 KIND_TITLES = {
@@ -23,8 +24,7 @@ SPECS = {
     "spring_types.NAME": "SpringTypeSpec",
     "run": "RunSpec",
     "timeline": "EventSpec",
-    "view": "ViewSpec",
-    "view.camera": "CameraSpec",
+    **{key: described.__name__ for key, described in VIEW_SPECS.items()},
     "record": "RecordSpec",
     "modes": "ModesSpec",
     "inspect": "Panel",

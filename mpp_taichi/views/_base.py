@@ -25,6 +25,8 @@ class Frame:
     velocity     [length / time], shape (particle_count, 3); only tells a camera without a position in which plane things move
     extra        one more line of caption, such as the energy error
     outline      segments of walls [length], shape (count, 2, 3)
+    mass, charge of the particles, shape (particle_count,); None where nobody knows them
+    rest_length, stiffness   of the springs, shape (spring_count,); None where nobody knows them
     """
 
     position: np.ndarray
@@ -38,6 +40,10 @@ class Frame:
     center: tuple[float, float, float] | None = None
     velocity: np.ndarray | None = None
     outline: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    mass: np.ndarray | None = None
+    charge: np.ndarray | None = None
+    rest_length: np.ndarray | None = None
+    stiffness: np.ndarray | None = None
 
     @staticmethod
     def of(snapshot: Snapshot, *, title: str = "", extra: str = "", walls: Outline | None = None) -> "Frame":
@@ -63,6 +69,10 @@ class Frame:
             center=center,
             velocity=snapshot.velocity,
             outline=np.zeros((0, 2, 3)) if walls is None else walls.at(snapshot.time),
+            mass=snapshot.mass,
+            charge=snapshot.charge,
+            rest_length=springs.rest_length,
+            stiffness=springs.stiffness,
         )
 
 

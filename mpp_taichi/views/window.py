@@ -21,6 +21,7 @@ from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import caption_lines, draw_caption
 from mpp_taichi.views.controls import HELP, Controls
 from mpp_taichi.views.ggui import GguiScene, probe, read_back
+from mpp_taichi.views.legend import draw_legend, legend_lines
 from mpp_taichi.views.picture import save_picture
 from mpp_taichi.views.window_panels import WindowPanels
 
@@ -31,6 +32,7 @@ RATE_SECONDS = 0.5  # over which steps per second are counted
 MESSAGE_SECONDS = 3.0
 DEFAULT_TRAIL = 60  # frames, when T asks for trails that the scene did not
 CAPTION_COLUMNS, CAPTION_ROWS = 36, 5  # GGUI never resizes a panel once it is there
+LEGEND_COLUMNS = 44
 HELD_KEYS = ("LMB", "MMB", "RMB", "Shift", "Control", "i", "o")
 
 
@@ -87,14 +89,14 @@ class Window:
         self._panels = panels or WindowPanels((), RecordSpec(), str)
         _keep_folder_clean()
         self._window = ti.ui.Window(title or "mpp_taichi", size, vsync=False, fps_limit=FRAMES_PER_SECOND)
-        self._scene = GguiScene(self._window, spec)
+        self._scene = GguiScene(self._window, spec, dimensions=dimensions)
         self._trails = Trails(spec.trails or DEFAULT_TRAIL)
         self._message, self._message_end = "", 0.0
 
     def run(self, simulation: Steerable, *, steps_per_frame: int = 1, paused: bool = False) -> None:
         """Drive the simulation until the window is closed; `steps_per_frame` is halved while steps are slow."""
         controls = Controls(running=not paused, trails=self.spec.trails > 0)
-        frame = simulation.frame()
+        frame = self._look(simulation)
         camera = Camera(self.spec.camera, frame, aspect=self._aspect(), dimensions=self.dimensions)
         stride, rate, last = steps_per_frame, _Rate(), time.perf_counter()
         try:
@@ -105,13 +107,13 @@ class Window:
                 if controls.take("restart"):
                     simulation.restart()
                     self._trails.clear()
-                    frame = simulation.frame()
+                    frame = self._look(simulation)
                 going = controls.running and not simulation.finished
                 steps = controls.take_steps() or (stride if going else 0)
                 if steps > 0:
                     started = time.perf_counter()
                     simulation.advance(steps)
-                    frame = simulation.frame()
+                    frame = self._look(simulation)
                     taken = time.perf_counter() - started
                     if taken > SLOW_SECONDS:
                         stride = max(stride // 2, 1)
@@ -120,6 +122,10 @@ class Window:
                 self._show(frame, camera, controls, simulation.finished, rate.count(steps))
         finally:
             self._window.destroy()
+
+    def _look(self, simulation: Steerable) -> Frame:
+        """What there is to see, as the scene wants it drawn."""
+        return self._scene.appearance.dress(simulation.frame())
 
     def _aspect(self) -> float:
         return self._panels.aspect(self._window.get_window_shape(), self.spec.camera)
@@ -162,7 +168,8 @@ class Window:
         path = next(path for number in range(10**6) if not (path := Path(f"screenshot_{number:04d}.png")).exists())
         picture = read_back(self._window)
         if self.spec.caption:
-            draw_caption(picture, frame)
+            draw_caption(picture, frame, self.spec.background)
+        draw_legend(picture, self._scene.appearance.legend(), self.spec.background)
         try:
             save_picture(picture, path)
             self._say(f"saved {path}")
@@ -179,6 +186,11 @@ class Window:
                 "scene", 8 / width, 8 / height, (7 * columns + 24) / width, (17 * CAPTION_ROWS + 32) / height
             ) as panel:
                 for line in lines:
+                    panel.text(line)
+        if legend := legend_lines(self._scene.appearance.legend()):
+            columns, deep = max(LEGEND_COLUMNS, *(len(line) for line in legend)), (17 * len(legend) + 32) / height
+            with gui.sub_window("legend", 8 / width, 1.0 - 8 / height - deep, (7 * columns + 24) / width, deep) as panel:
+                for line in legend:
                     panel.text(line)
         if with_help:
             columns, rows = 48, len(HELP)
