@@ -22,22 +22,22 @@ class EnergyMeter:
     """Potential energy of the first replica, one term per particle."""
 
     def __init__(self, state: State, total_force: TotalForce):
-        """Allocate one number per particle."""
+        """Bind the parts."""
         self.state = state
         self.total_force = total_force
-        self.terms = ti.field(state.wide, shape=state.particle_count)
 
     @ti.kernel
-    def _measure(self, time: float):
+    def _measure(self, time: float, terms: ti.types.ndarray(ndim=1)):
         for i in range(self.state.particle_count):
-            self.terms[i] = self.total_force.potential_energy_of(self.state, 0, i, time)
+            terms[i] = self.total_force.potential_energy_of(self.state, 0, i, time)
 
     def potential_energy(self, time: float) -> float:
         """Sum over all forces that have a potential."""
         if not self.total_force.forces:
             return 0.0
-        self._measure(time)
-        terms = self.terms.to_numpy().astype(np.float64)
+        terms = np.empty(self.state.particle_count, np.float32 if self.state.wide == ti.f32 else np.float64)
+        self._measure(time, terms)
+        terms = terms.astype(np.float64)
         if self.total_force.by_tree:
             terms += self.total_force.tree_potential(self.state)
         return total(terms)

@@ -7,8 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-
 from mpp_taichi import backends, plans
 from mpp_taichi.errors import MppError, SceneError
 from mpp_taichi.phased_motion import PhasedMotion
@@ -17,6 +15,7 @@ from mpp_taichi.scene.estimate import check_capacity, estimate
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.timeline import whole_steps
+from mpp_taichi.shown import Shown
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.walls._base import Surface
 
@@ -36,7 +35,7 @@ class Recorder(Protocol):
         """Look."""
 
 
-class Simulation(PhasedMotion):
+class Simulation(PhasedMotion, Shown):
     """A scene, compiled to one step and run on one device; with a timeline, to one step for each phase.
 
     What depends on the phase (`spec`, `dt`, `integrator`, `total_force`, `state`, …) is that of the present one, `phase_number`
@@ -195,31 +194,6 @@ class Simulation(PhasedMotion):
     def checkpoint(self, path: str | Path) -> None:
         """Write the state now to a `.npz` file, from which `start` or --rewind goes on; OutputError where that fails."""
         replace(self.snapshot(), dt=self.dt).save(path)
-
-    # --- in a notebook --------------------------------------------------------------------------------------------------
-
-    def picture(self, size: tuple[int, int] = (960, 540)) -> np.ndarray:
-        """What a window would show now: red, green, blue as uint8, shape (height, width, 3)."""
-        from mpp_taichi import notebook
-
-        self._require_life()
-        return notebook.picture(self, size)
-
-    def __repr__(self) -> str:
-        """Scene, time, size and method in one line."""
-        from mpp_taichi import notebook
-
-        return notebook.line(self)
-
-    def _repr_png_(self) -> bytes | None:
-        from mpp_taichi import notebook
-
-        return notebook.png(self)
-
-    def _repr_html_(self) -> str:
-        from mpp_taichi import notebook
-
-        return notebook.html(self)
 
     # --- end ------------------------------------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi import transfer
 from mpp_taichi.low_parts import split
 from mpp_taichi.precision import carries_low_parts, forces_see_low_parts
 from mpp_taichi.snapshot import MERGED_ARRAYS, Snapshot
@@ -180,17 +181,19 @@ class State:
         self.quantities.append(name)
 
     def _fill(self, snapshot: Snapshot, needs: frozenset, host: dict[str, np.ndarray]) -> None:
+        arrays = {}
         for name in PARTICLE_QUANTITIES:
             if name in needs:
-                getattr(self, name).from_numpy(np.tile(getattr(snapshot, name), self.replica_count).astype(self._dtype))
+                arrays[name] = np.tile(getattr(snapshot, name), self.replica_count).astype(self._dtype)
         for name, values in host.items():
             if name in needs and len(values):
-                getattr(self, name).from_numpy(values if values.dtype == np.int32 else values.astype(self._dtype))
+                arrays[name] = values if values.dtype == np.int32 else values.astype(self._dtype)
         if self.has_fixed_axes:
             free = snapshot.free[:, : self.dimensions].astype(self._dtype)
-            self.free.from_numpy(np.tile(free, (self.replica_count, 1)))
+            arrays["free"] = np.tile(free, (self.replica_count, 1))
         if self.merges:
-            self.write_spheres(snapshot)
+            arrays |= self._spheres(snapshot)
+        self._write(arrays)
         self.write(snapshot.position, snapshot.velocity * snapshot.free)
 
     @property
@@ -207,21 +210,31 @@ class State:
 
     def write(self, position: np.ndarray, velocity: np.ndarray) -> None:
         """Set positions and velocities: (particle_count, 3) for every replica, or (total_count, 3)."""
+        arrays = {}
         for name, values in (("position", position), ("velocity", velocity)):
             values = np.asarray(values)[:, : self.dimensions]
             if len(values) != self.total_count:
                 values = np.tile(values, (self.replica_count, 1))
             if self.carries_low:
-                values, low = split(np.asarray(values, np.float64))
-                getattr(self, f"{name}_low").from_numpy(np.ascontiguousarray(low))
-            getattr(self, name).from_numpy(np.ascontiguousarray(values, dtype=self._dtype))
+                values, arrays[f"{name}_low"] = split(np.asarray(values, np.float64))
+            arrays[name] = values.astype(self._dtype)
+        self._write(arrays)
+
+    def _write(self, arrays: Mapping[str, np.ndarray]) -> None:
+        transfer.write([getattr(self, name) for name in arrays], list(arrays.values()))
+
+    def _read(self, *names: str) -> list[np.ndarray]:
+        """Vectors of all replicas as the device keeps them."""
+        return transfer.read([getattr(self, name) for name in names], self._dtype)
 
     def take_over(self, earlier: "State", free: np.ndarray) -> None:
         """Positions and velocities of all replicas as another state has them, bit for bit; an axis that is not free stops."""
         free = np.tile(free[:, : self.dimensions], (self.replica_count, 1))
-        for name in ("position", "velocity", *(("position_low", "velocity_low") if self.carries_low else ())):
-            values = getattr(earlier, name).to_numpy()
-            getattr(self, name).from_numpy(np.ascontiguousarray(values if name.startswith("position") else values * free))
+        names = ("position", "velocity", *(("position_low", "velocity_low") if self.carries_low else ()))
+        arrays = dict(zip(names, earlier._read(*names)))
+        for name in names[1::2]:
+            arrays[name] = (arrays[name] * free).astype(self._dtype)
+        self._write(arrays)
 
     def write_springs(self, snapshot: Snapshot) -> None:
         """Set stiffness, rest length and damping of springs that link the same particles as before."""
@@ -232,11 +245,16 @@ class State:
 
     def write_spheres(self, snapshot: Snapshot) -> None:
         """Set what merging changes of each sphere, the same in every replica."""
+        self._write(self._spheres(snapshot))
+
+    def _spheres(self, snapshot: Snapshot) -> dict[str, np.ndarray]:
+        found = {}
         for name in MERGED_ARRAYS:
             values = np.asarray(getattr(snapshot, name))
             kind = np.int32 if name == "merged_into" else self._dtype
             columns = values[:, : self.dimensions] if values.ndim == 2 else values
-            getattr(self, name).from_numpy(np.concatenate([columns] * self.replica_count).astype(kind))
+            found[name] = np.concatenate([columns] * self.replica_count).astype(kind)
+        return found
 
     def read_spheres(self, particles: Snapshot) -> dict[str, Any]:
         """What merging changes of each sphere, as a Snapshot has it; `particles` are those of the scene."""
@@ -250,22 +268,23 @@ class State:
     def read(self, replica: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities of one replica as float64, (particle_count, 3)."""
         rows = slice(replica * self.particle_count, (replica + 1) * self.particle_count)
-        results = []
-        for name in ("position", "velocity"):
-            values = np.zeros((self.particle_count, 3))
-            values[:, : self.dimensions] = getattr(self, name).to_numpy()[rows]
-            if self.carries_low:
-                values[:, : self.dimensions] += getattr(self, f"{name}_low").to_numpy()[rows]
-            results.append(values)
+        results = np.zeros((2, self.particle_count, 3))
+        parts = self._read("position", "velocity", *(("position_low", "velocity_low") if self.carries_low else ()))
+        for result, values in zip(results, parts[:2]):
+            result[:, : self.dimensions] = values[rows]
+        for result, low in zip(results, parts[2:]):
+            result[:, : self.dimensions] += low[rows]
         return results[0], results[1]
 
     def save(self) -> tuple[np.ndarray, ...]:
         """Positions and velocities of all replicas, and what the integrator remembers, bit for bit."""
-        return tuple(getattr(self, name).to_numpy() for name in ("position", "velocity", *self.memory))
+        return (*self._read("position", "velocity"), *(getattr(self, name).to_numpy() for name in self.memory))
 
     def restore(self, saved: tuple[np.ndarray, ...]) -> None:
         """Put back what `save` gave."""
-        for name, values in zip(("position", "velocity", *self.memory), saved, strict=True):
+        position, velocity, *others = saved
+        self._write({"position": position, "velocity": velocity})
+        for name, values in zip(self.memory, others, strict=True):
             getattr(self, name).from_numpy(values)
 
     def field_sizes(self) -> dict[str, int]:

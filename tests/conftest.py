@@ -1,5 +1,6 @@
 """Shared by all tests: the tests' own modules on the path, and a clean Taichi runtime for each test."""
 
+import gc
 import sys
 from pathlib import Path
 
@@ -40,6 +41,12 @@ def opencl():
     if reason:
         pytest.skip(f"no OpenCL here: {reason}")
     return runner
+
+
+def pytest_collection_finish(session):
+    """What was imported and collected stays to the end: the garbage collector need not look through it again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_configure(config):

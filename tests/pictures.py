@@ -1,9 +1,15 @@
 """Frames to draw and look at, shared by the tests of the views."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from mpp_taichi.scene.spec import CameraSpec
+from mpp_taichi.scene.spec import CameraSpec, ViewSpec
 from mpp_taichi.views._base import Frame
+from mpp_taichi.views.offscreen import open_offscreen
+
+SIZE = (320, 180)
+BLACK = (0.0, 0.0, 0.0)
 
 FRONT = CameraSpec(position=(0.0, 0.0, 10.0), look_at=(0.0, 0.0, 0.0), up=(0.0, 1.0, 0.0))
 
@@ -27,3 +33,17 @@ def crowd(count: int = 400, seed: int = 3) -> Frame:
         spring_color=random.uniform(0.1, 1.0, (count // 2, 3)),
         title="crowd",
     )
+
+
+def view_spec(camera: CameraSpec = FRONT, **others: object) -> ViewSpec:
+    """A black, bare picture."""
+    return replace(ViewSpec(camera=camera, background=BLACK, caption=False, minimum_pixels=0.01), **others)
+
+
+def draw(frame: Frame, spec: ViewSpec | None = None, size: tuple[int, int] = SIZE, renderer: str = "kernel") -> np.ndarray:
+    """One picture."""
+    view = open_offscreen(spec or view_spec(), size, renderer=renderer)
+    try:
+        return view.draw(frame)
+    finally:
+        view.close()

@@ -147,7 +147,9 @@ def test_record_makes_exactly_the_frames_asked_for(scene, suffix):
 
 def test_record_frames_needs_no_encoder(scene, monkeypatch):
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", "/nonexistent/ffmpeg")
-    assert main(["record", scene(), "--frames", "pictures", "--size", "64x48", "--fps", "3", "--duration", "1", "-q"]) == 0
+    words = ["--frames", "pictures", "--still", "new/still.png", "--size", "64x48", "--fps", "3", "--duration", "1", "-q"]
+    assert main(["record", scene(), *words]) == 0
+    assert Path("new/still.png").read_bytes() == Path("pictures/frame_000002.png").read_bytes()  # the last one
     assert sorted(entry.name for entry in Path("pictures").iterdir()) == [f"frame_{k:06d}.png" for k in range(3)]
 
 
@@ -416,18 +418,23 @@ def test_a_bad_scene_fails_before_taichi_is_imported(scene):
 class ScriptedWindow:
     """Stands for a window: runs to the end, goes back, runs a part, and is closed."""
 
-    def __init__(self, spec, size=(0, 0), *, title="", dimensions=3):
-        self.title = title
+    def __init__(self, spec, size=(0, 0), *, title="", dimensions=3, panels=None):
+        self.title, self.panels = title, panels
 
     def run(self, simulation, *, steps_per_frame=1, paused=False):
         while not simulation.finished:
             simulation.advance(steps_per_frame)
         end = simulation.frame()
         assert end.time == self.end and end.title == "Kepler"
+        (plot,) = self.panels.plots
+        assert plot.x[-1] == self.end
+        assert self.panels.export() == "saved kepler_0000.csv, kepler_0000.svg"
+        assert self.panels.export() == "saved kepler_0001.csv, kepler_0001.svg"
         simulation.advance(1)  # a single step beyond the end
         assert simulation.frame().time > self.end
         simulation.restart()
         assert simulation.frame().time == 0.0 and not simulation.finished
+        assert plot.x.tolist() == [0.0]
         simulation.advance(3)
 
 
@@ -439,7 +446,9 @@ def test_a_window_runs_to_the_end_exactly_and_may_start_again(scene, capsys, mon
     monkeypatch.setattr(window, "Window", ScriptedWindow)
     monkeypatch.setattr(ScriptedWindow, "end", end, raising=False)
     monkeypatch.setattr(VERBS["run"], "no_window", lambda: "")
-    code, found, _ = run_json(capsys, scene(run={"duration": end}), "--diagnostics", "d.npz", "--every", "1")
+    code, found, _ = run_json(
+        capsys, scene(run={"duration": end}, inspect=[{"y": "speed"}]), "--diagnostics", "d.npz", "--every", "1"
+    )
     assert code == 0 and found["steps"] == 3 and found["status"] == "ok"
     with np.load("d.npz") as table:
         assert table["step"].tolist() == [0, 1, 2, 3]  # of the second start alone

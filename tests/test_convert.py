@@ -140,6 +140,22 @@ SOLAR = """<?xml version="1.0" encoding="ISO-8859-1" ?>
 </SolarSystem>"""
 
 
+def test_scales_spins_and_the_light_of_a_solar_system_are_for_the_picture_alone(tmp_path):
+    moon = (
+        '<Body Name="Moon" Mass="7.342E22" XPosition="149982422000" YVelocity="30802" Radius="1737400" IsMoon="Yes"'
+        ' Scale="1000" ScaleDistance="45" Tilt="6.687" RotationPeriod="27.321661"/></SolarSystem>'
+    )
+    path = tmp_path / "SolarSystem.xml"
+    path.write_bytes(SOLAR.replace("</SolarSystem>", moon).encode("latin-1"))
+    spec = load_scene(import_scene(path)[1])
+    sun, satellite = spec.view.bodies[0, 1], spec.view.bodies[2, 1]
+    assert (sun.light, sun.radius_scale, sun.spin) == (True, 50.0, None)
+    assert (satellite.around, satellite.distance_scale, satellite.radius_scale) == (1, 45.0, 1000.0)
+    assert satellite.spin.period == 27.321661 * 86400.0
+    np.testing.assert_allclose(satellite.spin.axis, [0.0, np.sin(np.radians(6.687)), np.cos(np.radians(6.687))])
+    assert assemble(spec).position[2, 0] == 149982422000.0 and assemble(spec).radius[2] == 1737400.0
+
+
 def test_a_solar_system_goes_around_once_in_a_year(tmp_path):
     path = tmp_path / "SolarSystem.xml"
     path.write_bytes(SOLAR.encode("latin-1"))

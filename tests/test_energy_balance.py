@@ -246,7 +246,8 @@ def measured(scene, duration, settle=0.0):
     return numerical_damping([row["time"] for row in rows], losses, balance.oscillations)
 
 
-@pytest.mark.parametrize("name", [name for name in KINDS_OF_STEP if not declared(name, "symplectic")])
+# Little damping, and much; two states in one, and derivatives. Of every method test_integrators knows the matrix to be right.
+@pytest.mark.parametrize("name", ["rk4", "implicit_euler", "bdf2", "hermite4"])
 def test_measured_numerical_damping_is_that_of_the_amplification_matrix(name):
     method = component.build("integrators", name, {"dt": 1.0})
     dt = {1: 0.02, 2: 0.1, 4: 0.2, 6: 0.4}[method.order]

@@ -93,7 +93,8 @@ def test_a_stiff_pendulum_converges_at_the_order_to_the_rigid_one(name):
 
 @pytest.mark.parametrize("name", IMPLICIT)
 def test_a_stiff_pendulum_stays_bounded_for_a_long_time(name):
-    for precision in ("f64", "f32"):
+    # f32 is the same text with another type: a method of one equation, one of two states, one whose force is a mean of a step.
+    for precision in ("f64", "f32") if name in ("newmark", "bdf2", "energy_momentum") else ("f64",):
         with Simulation(double_pendulum(name, 1e8, 1.0 / 60.0), backend="cpu", precision=precision) as simulation:
             energy = simulation.diagnostics()["total_energy"]
             for _ in range(20):
@@ -122,8 +123,9 @@ def energies(simulation, dt, steps=60):
 
 @pytest.mark.parametrize("make", hard_networks.SMOOTH + hard_networks.WITH_JUMPS, ids=lambda make: make.__name__)
 def test_the_energy_momentum_method_keeps_every_energy_and_gains_none_where_there_is_damping(make):
-    for damping in (0.0, 0.05):
-        with Simulation(make("energy_momentum", 0.02, damping), backend="cpu", precision="f64") as simulation:
+    with Simulation(make("energy_momentum", 0.02, 0.05), backend="cpu", precision="f64") as simulation:
+        for damping in (0.05, 0.0):  # what is compiled serves both; other tests compile networks without damping
+            simulation.state.spring_damping.fill(damping)
             for dt in LONG_STEPS if make is not hard_networks.flattened_cloth else LONG_STEPS[:1]:
                 found = energies(simulation, dt)
                 # The work of the springs is theirs up to the solver's tolerance of a step's way, times forces that reach some
@@ -167,14 +169,14 @@ def test_conservative_methods_keep_the_energy_of_hard_networks_to_their_order(na
 def test_both_linear_solvers_and_all_plans_give_the_same_step(name):
     """At ω dt = 1; with much longer steps the equations have several solutions, and which is found is nobody's promise."""
     ends = {}
-    for solver in ("direct", "conjugate_gradients"):
-        for plan in ("serial", "parallel"):
-            with Simulation(
-                sheet(name, 0.005, count=5, solver=solver), backend="cpu", precision="f64", plan=plan
-            ) as simulation:
-                ends[solver, plan] = simulation.run(steps=10).snapshot().position
-                assert simulation.solver_report.steps == 10 and simulation.solver_report.unsolved == 0
-                assert simulation.solver_report.linear_iterations >= simulation.solver_report.newton_iterations
+    ways = [("direct", "serial"), ("conjugate_gradients", "parallel")]
+    if name == "bdf2":  # the equation of a method is one text for all ways to solve it
+        ways += [("direct", "parallel"), ("conjugate_gradients", "serial")]
+    for solver, plan in ways:
+        with Simulation(sheet(name, 0.005, count=5, solver=solver), backend="cpu", precision="f64", plan=plan) as simulation:
+            ends[solver, plan] = simulation.run(steps=10).snapshot().position
+            assert simulation.solver_report.steps == 10 and simulation.solver_report.unsolved == 0
+            assert simulation.solver_report.linear_iterations >= simulation.solver_report.newton_iterations
     for end in ends.values():
         np.testing.assert_allclose(end, ends["direct", "serial"], rtol=0, atol=100 * 10 * TOLERANCE)
 

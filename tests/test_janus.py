@@ -37,9 +37,14 @@ def test_an_ordinary_leapfrog_does_not_come_back():
     assert np.abs(end.position - start.position).max() > 0.1
 
 
-@pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.parametrize("plan", ["serial", "parallel"])
-@pytest.mark.parametrize("order", TABLES)
+# Orders are tables of one code; a lattice in single precision is another.
+@pytest.mark.parametrize(
+    ("order", "plan", "precision"),
+    [
+        *((order, plan, "f64") for order in TABLES for plan in ("serial", "parallel")),
+        *((2, plan, "f32") for plan in ("serial", "parallel")),
+    ],
+)
 def test_a_run_forward_and_backward_returns_to_the_very_bits(order, plan, precision):
     steps = 8_000 if plan == "serial" else 200
     start, turn, end = there_and_back(chaos(order=order), steps, plan=plan, precision=precision)

@@ -1,6 +1,5 @@
 """One text of the step: every plan and backend gives the same trajectory, and the same run twice the same bits."""
 
-import hashlib
 import subprocess
 import sys
 
@@ -43,10 +42,9 @@ def end_and_growth(scene, steps, precision):
     return end, 10 * steps * PRECISIONS[precision] * size * max(1.0, amplification)
 
 
-# Single precision is the same text with another type: one method of each family stands for the others.
+# Single precision is the same text with another type: two methods stand for the others (test_springs asks more of them).
 @pytest.mark.parametrize(
-    ("name", "precision"),
-    [*((name, "f64") for name in KINDS_OF_STEP), *((name, "f32") for name in ("leapfrog", "rk4", "newmark", "hermite4"))],
+    ("name", "precision"), [*((name, "f64") for name in KINDS_OF_STEP), ("leapfrog", "f32"), ("hermite4", "f32")]
 )
 def test_serial_and_parallel_agree_to_round_off(name, precision):
     scene = everything(integrator=name)
@@ -69,9 +67,10 @@ def test_vulkan_agrees_with_the_cpu_to_round_off(software_vulkan, precision, pla
         assert difference(here, there) <= growth
 
 
-# kahan_li6 stands for those whose damped kicks have so many slopes that the parallel plan looks their stages up.
+# kahan_li6 stands for those of many stages, and for damped kicks with so many slopes that the parallel plan looks them up.
 @pytest.mark.parametrize(
-    ("integrator", "damping"), [*((name, c) for name in SPLITTINGS for c in (0.0, 0.3)), ("kahan_li6", 0.3)]
+    ("integrator", "damping"),
+    [*((name, c) for name in SPLITTINGS if name != "yoshida4" for c in (0.0, 0.3)), ("kahan_li6", 0.3)],
 )
 def test_steps_of_one_launch_that_share_a_loop_give_the_bits_of_single_ones(integrator, damping):
     scene = irregular_network(60, 150, damping=damping, integrator=integrator)
@@ -121,23 +120,21 @@ def test_the_same_run_twice_gives_the_same_bits(plan, dimensions):
     assert all(np.array_equal(runs[0].velocity, run.velocity) for run in runs[1:])
 
 
-@pytest.mark.parametrize(("scene", "precision"), [("cluster", "f32"), ("cluster", "f64"), ("irregular_network", "f32")])
-def test_any_number_of_threads_gives_the_same_bits(scene, precision):
+def test_any_number_of_threads_gives_the_same_bits():
     code = (
         "import sys, hashlib; sys.path.insert(0, 'tests'); import scenes; from mpp_taichi import Simulation\n"
-        "options = dict(backend='cpu', precision=sys.argv[2], plan='parallel', threads=int(sys.argv[1]))\n"
-        "s = Simulation(getattr(scenes, sys.argv[3])(1100), **options)\n"
-        "first = s.run(steps=5).snapshot().position.tobytes()\n"
-        "s.restart(); again = s.run(steps=5).snapshot().position.tobytes(); assert first == again\n"
-        "print(hashlib.sha256(first).hexdigest())"
+        "for name, precision in (('cluster', 'f32'), ('cluster', 'f64'), ('irregular_network', 'f32')):\n"
+        "    options = dict(backend='cpu', precision=precision, plan='parallel', threads=int(sys.argv[1]))\n"
+        "    with Simulation(getattr(scenes, name)(1100), **options) as s:\n"
+        "        first = s.run(steps=5).snapshot().position.tobytes()\n"
+        "        s.restart(); again = s.run(steps=5).snapshot().position.tobytes(); assert first == again\n"
+        "    print(name, precision, hashlib.sha256(first).hexdigest())"
     )
     digests = {
-        subprocess.run(
-            [sys.executable, "-c", code, threads, precision, scene], capture_output=True, text=True, check=True
-        ).stdout
-        for threads in ("1", "2", "4")
+        subprocess.run([sys.executable, "-c", code, threads], capture_output=True, text=True, check=True).stdout
+        for threads in ("1", "3")
     }
-    assert len(digests) == 1 and len(digests.pop().strip()) == len(hashlib.sha256().hexdigest())
+    assert len(digests) == 1 and len(set(digests.pop().split())) == 2 + 2 + 3
 
 
 def test_two_dimensions_give_what_three_give_in_the_plane():

@@ -54,8 +54,9 @@ def test_setting_is_what_a_timeline_does(stone):
 
 def test_what_was_set_is_kept_and_can_be_run_again(stone, tmp_path):
     stone.run(steps=3)
-    stone.set("forces.linear_drag.coefficient", 0.5)
-    stone.set("forces.uniform_gravity.acceleration", [0, 0, 0])  # at the same time: one event
+    stone.set("forces.uniform_gravity.acceleration", [0, 0, 0])
+    stone.set("forces.linear_drag.coefficient", 0.5)  # at the same time: one event
+    assert stone.phase_work == [-2.0 * 2.0 * (2.0 * 0.375 - 0.375**2)]  # m g z was lost, z = 2 t − t²
     stone.run(until=2.0)
     stone.set("integrator.leapfrog.dt", 0.01)
     stone.run(until=6.0)  # beyond the scene's own end
@@ -91,8 +92,10 @@ def test_a_going_on_from_a_state_is_changed_at_its_time(stone):
     state = stone.snapshot()
     with mpp.Simulation(falling(), backend="cpu", start=state) as simulation:
         simulation.set("forces.uniform_gravity.acceleration", [0, 0, 0])
+        simulation.restart()
         simulation.run(until=3.0)
         assert np.array_equal(simulation.snapshot().position, state.position + state.velocity)
+        assert simulation.phase_work == []  # it began so
         assert [event.at for event in simulation.scene.timeline] == [2.0]
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from mpp_taichi import Simulation, component
-from scenes import KINDS_OF_STEP, takes_friction
 
 UNIT = {"f64": 2.0**-53, "f32": 2.0**-24}
 DAMPINGS = {"underdamped": 0.25, "critical": 2.0, "overdamped": 4.0}
@@ -68,7 +67,8 @@ def rounding(precision, count):
     return UNIT[precision] * (6.0 * math.sqrt(4.0 * count) + 5.0 * 4.0)
 
 
-@pytest.mark.parametrize("name", [name for name in KINDS_OF_STEP if takes_friction(name)])
+# The order of every method beside friction is asked in test_integrators; here are regimes, and single precision.
+@pytest.mark.parametrize("name", [*ALSO_IN_F32, "implicit_euler", "energy_momentum"])
 def test_an_oscillator_of_each_regime_follows_the_closed_form_to_the_order(name):
     order = order_of(name)
     finest = {1: 4096, 2: 1024}.get(order, 512)

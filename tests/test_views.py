@@ -9,38 +9,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pictures import FRONT, crowd, frame_of
+from pictures import FRONT, SIZE, crowd, draw, frame_of, view_spec
 
 from mpp_taichi import backends
 from mpp_taichi.errors import BackendError
 from mpp_taichi.scene.spec import CameraSpec, ViewSpec
+from mpp_taichi.scene.view_spec import ArrowsSpec, AxesSpec, BodyViewSpec, GridSpec, SkySpec, TextureSpec
 from mpp_taichi.views import _primitives, caption
-from mpp_taichi.views._base import Frame, Trails
+from mpp_taichi.views._base import Trails
 from mpp_taichi.views.offscreen import open_offscreen
 
-SIZE = (320, 180)
-BLACK = (0.0, 0.0, 0.0)
 PARALLEL = replace(FRONT, projection="orthographic", height=8.0)
-
-
-def view_spec(camera: CameraSpec = FRONT, **others: object) -> ViewSpec:
-    """A black, bare picture."""
-    return replace(ViewSpec(camera=camera, background=BLACK, caption=False, minimum_pixels=0.01), **others)
 
 
 @pytest.fixture
 def cpu():
     """The CPU backend in single precision."""
     return backends.start("cpu", "f32")
-
-
-def draw(frame: Frame, spec: ViewSpec | None = None, size: tuple[int, int] = SIZE, renderer: str = "kernel") -> np.ndarray:
-    """One picture."""
-    view = open_offscreen(spec or view_spec(), size, renderer=renderer)
-    try:
-        return view.draw(frame)
-    finally:
-        view.close()
 
 
 def silhouette(picture: np.ndarray) -> tuple[float, float, float, float]:
@@ -164,6 +149,22 @@ def test_tiles_change_nothing(cpu, monkeypatch: pytest.MonkeyPatch, size: tuple[
     np.testing.assert_array_equal(draw(crowd(), spec, size), tiled)
 
 
+@pytest.mark.parametrize("camera", [FRONT, PARALLEL])
+def test_tiles_that_look_for_their_primitives_show_what_pixels_do(cpu, monkeypatch: pytest.MonkeyPatch, camera) -> None:
+    """CPUs go through a tile's primitives once, GPUs for each pixel: the same to the last bit, also where a sun glows."""
+    from mpp_taichi.views import renderer
+
+    sun = {(0, 1): BodyViewSpec(light=True, radius_scale=4.0)}
+    specs = [view_spec(camera, spring_width=6.0), view_spec(camera, bodies=sun, sky=SkySpec(stars=100))]
+    pictures = []
+    for by_tile in (True, False):
+        monkeypatch.setattr(renderer, "looks_by_tile", lambda by_tile=by_tile: by_tile)
+        pictures.append([draw(crowd(), spec, (321, 177)) for spec in specs])
+    for ours, theirs in zip(*pictures, strict=True):
+        assert ours.max() > 100
+        np.testing.assert_array_equal(ours, theirs)
+
+
 def test_picture_repeats_and_does_not_depend_on_the_order(cpu) -> None:
     frame = crowd()
     first = draw(frame)
@@ -200,12 +201,16 @@ def test_double_precision_of_the_simulation_changes_nothing() -> None:
 
 
 def test_vulkan_draws_the_same(software_vulkan) -> None:
+    texture = TextureSpec(pattern="checker")
+    bodies = {(0, 1): BodyViewSpec(light=True, radius_scale=4.0), (1, 200): BodyViewSpec(texture=texture, radius_scale=2.0)}
+    views = (view_spec(), view_spec(bodies=bodies, sky=SkySpec(stars=500)))
     pictures = []
     for backend in ("cpu", "vulkan"):
         backends.start(backend, "f32")
-        pictures.append(draw(crowd()).astype(int))
+        pictures.append([draw(crowd(), spec).astype(int) for spec in views])
         backends.stop()
-    assert (np.abs(pictures[0] - pictures[1]).max(axis=2) > 3).mean() < 1e-3
+    for ours, theirs in zip(*pictures, strict=True):
+        assert (np.abs(ours - theirs).max(axis=2) > 3).mean() < 1e-3
 
 
 def test_bad_numbers_are_left_out(cpu) -> None:
@@ -271,14 +276,14 @@ def test_caption_is_written(cpu, size: tuple[int, int]) -> None:
 
 
 def test_caption_has_letters_of_many_languages() -> None:
-    font = caption._font(20)
+    font = caption.font_of(20)
     missing = font.getmask("\uffff").tobytes() if hasattr(font.getmask("x"), "tobytes") else bytes(font.getmask("\uffff"))
     for letter in "äößéñŠůŁĞαΔπЖя–²·":
         assert bytes(font.getmask(letter)) != bytes(missing), letter
 
 
 def test_views_that_only_describe_start_nothing() -> None:
-    modules = ("camera", "caption", "offscreen", "controls")
+    modules = ("camera", "caption", "offscreen", "controls", "appearance", "legend", "sky", "surfaces")
     code = "import sys, " + ", ".join(f"mpp_taichi.views.{name}" for name in modules) + "; sys.exit('taichi' in sys.modules)"
     assert (
         subprocess.run([sys.executable, "-c", code], env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])}).returncode
@@ -328,6 +333,70 @@ def test_ggui_draws_the_same_shapes(ggui_works, camera: CameraSpec, size: tuple[
     spec = view_spec(camera, spring_width=20.0)
     ours, theirs = (draw(frame, spec, size, name).max(axis=2) > 20 for name in ("kernel", "ggui"))
     assert (ours & theirs).sum() / (ours | theirs).sum() > 0.93
+
+
+CAMERAS = {
+    "perspective": FRONT,
+    "oblique": CameraSpec(position=(6.0, -7.0, 4.0), look_at=(0.5, 0.0, -0.5), up=(0.2, 0.1, 1.0), field_of_view=60.0),
+    "far away": CameraSpec(position=(0.0, -440.0, 99.0), look_at=(0.0, 0.0, 0.0), up=(0.0, 0.0, 1.0), field_of_view=1.2),
+    "parallel": PARALLEL,
+    "parallel, oblique": replace(PARALLEL, position=(5.0, 3.0, -4.0), look_at=(0.0, 0.5, 0.0), height=13.0),
+}
+
+
+def pinhole(camera: CameraSpec, place: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Column and row at which a pinhole camera, or one without perspective, shows places; shape (count, 2)."""
+    eye = np.array(camera.position)
+    ahead = np.array(camera.look_at) - eye
+    ahead /= np.linalg.norm(ahead)
+    right = np.cross(ahead, camera.up)
+    right /= np.linalg.norm(right)
+    way = place - eye
+    across = np.stack([way @ right, -(way @ np.cross(right, ahead))], axis=1)
+    if camera.projection == "orthographic":
+        return np.array(size) / 2 + size[1] / camera.height * across
+    focal = size[1] / 2 / math.tan(math.radians(camera.field_of_view) / 2)
+    return np.array(size) / 2 + focal * across / (way @ ahead)[:, None]
+
+
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+def test_every_particle_is_at_its_pixel_in_both_renderers(ggui_works, camera: CameraSpec) -> None:
+    size, reach = (640, 360), 11
+    place = np.random.default_rng(2).uniform(-4.0, 4.0, (200, 3))
+    pixel = pinhole(camera, place, size)
+    apart, kept = [], []
+    for number, each in enumerate(pixel):  # those that stand alone in the picture
+        inside = (each > 2 * reach).all() and (each < np.array(size) - 2 * reach).all()
+        if inside and all(np.abs(each - other).max() > 2 * reach + 2 for other in apart):
+            apart.append(each)
+            kept.append(number)
+    assert len(kept) > 30
+    spec = view_spec(camera, minimum_pixels=5.0)  # all 5 pixels in radius: bodies as small as these are as good as points
+    for renderer in ("kernel", "ggui"):
+        picture = draw(frame_of(place[kept], 1e-4), spec, size, renderer).max(axis=2) > 0
+        assert silhouette(255 * np.repeat(picture[:, :, None], 3, axis=2))[2] > 100
+        for column, row in apart:
+            left, top = int(column) - reach, int(row) - reach
+            rows, columns = np.nonzero(picture[top : top + 2 * reach, left : left + 2 * reach])
+            found = np.array([left + columns.mean() + 0.5, top + rows.mean() + 0.5])
+            assert np.abs(found - (column, row)).max() < 1.0, (renderer, column, row, found)
+
+
+def test_ggui_draws_what_is_added_to_a_scene(ggui_works) -> None:
+    moving = frame_of([[-1, 0, 0], [2, 1, 0]], 0.2, velocity=np.array([[1.0, 0.5, 0], [0, -1, 0]]), time=1.0)
+    outline = np.array([[[-3, -1.5, 0], [3, -1.5, 0]], [[3, -1.5, 0], [3, 1.5, 0]]], dtype=float)
+    asked = {"arrows": ArrowsSpec(time=1.5), "axes": AxesSpec(length=1.0), "grid": GridSpec(spacing=1.0, lines=2)}
+    spec = view_spec(FRONT, trails=5, spring_width=20.0, legend=False, **asked)
+    pictures = []
+    for renderer in ("kernel", "ggui"):
+        view = open_offscreen(spec, (640, 360), renderer=renderer)
+        view.draw(replace(moving, position=moving.position - moving.velocity, time=0.0, outline=outline))
+        pictures.append(view.draw(replace(moving, outline=outline)).max(axis=2) > 20)
+        view.close()
+    # Edges and widths of thin lines differ by a pixel; a wall, the trail, arrows, axes or the grid are more than a tenth each.
+    for picture, other in (pictures, pictures[::-1]):
+        wider = np.max([np.roll(other, (down, across), (0, 1)) for down in (-1, 0, 1) for across in (-1, 0, 1)], axis=0)
+        assert (picture & wider).sum() / picture.sum() > 0.95
 
 
 def test_ggui_forgets_the_last_frame(ggui_works) -> None:

@@ -10,10 +10,12 @@ from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.errors import CapacityError
 from mpp_taichi.recorders._mode_plot import require_matplotlib
 from mpp_taichi.recorders.event_log import FORMATS as EVENT_FORMATS
+from mpp_taichi.recorders.html import FORMATS as PAGE_FORMATS
 from mpp_taichi.recorders.inspection import FORMATS as INSPECTION_FORMATS
 from mpp_taichi.recorders.modes import FORMATS as MODE_FORMATS
 from mpp_taichi.recorders.modes import PLOT_FORMATS
 from mpp_taichi.recorders.speed_histogram import FORMATS as SPEED_FORMATS
+from mpp_taichi.recorders.still import FORMATS as STILL_FORMATS
 from mpp_taichi.recorders.table import FORMATS as TABLE_FORMATS
 from mpp_taichi.recorders.trajectory import FORMATS as TRAJECTORY_FORMATS
 from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
@@ -42,6 +44,8 @@ class Request:
     steps: int | None = None
     video: Path | None = None
     frames: Path | None = None
+    still: Path | None = None
+    html: Path | None = None
     size: tuple[int, int] | None = None
     fps: float | None = None
     film_seconds: float | None = None
@@ -64,7 +68,7 @@ class Request:
     @property
     def films(self) -> bool:
         """Whether pictures are recorded."""
-        return self.video is not None or self.frames is not None
+        return any(path is not None for path in (self.video, self.frames, self.still, self.html))
 
     def check(self) -> None:
         """Refuse what cannot be written, before anything is computed.
@@ -75,6 +79,8 @@ class Request:
             BackendError: a plot is wanted and there is no matplotlib.
         """
         require_suffix(self.video, VIDEO_FORMATS, "--video")
+        require_suffix(self.still, STILL_FORMATS, "--still")
+        require_suffix(self.html, PAGE_FORMATS, "--html")
         require_suffix(self.trajectory, TRAJECTORY_FORMATS, "--trajectory")
         require_suffix(self.snapshot, (".npz",), "--snapshot")
         require_suffix(self.diagnostics, TABLE_FORMATS, "--diagnostics")

@@ -22,10 +22,12 @@ from mpp_taichi.recorders.blow_up import BlowUpWatch
 from mpp_taichi.recorders.event_log import EventLog
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.recorders.frames import FrameRecorder
+from mpp_taichi.recorders.html import HtmlRecorder
 from mpp_taichi.recorders.inspection import InspectionRecorder
 from mpp_taichi.recorders.modes import ModeRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
 from mpp_taichi.recorders.speed_histogram import SpeedHistogram
+from mpp_taichi.recorders.still import StillRecorder
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.video import VideoRecorder
@@ -106,11 +108,15 @@ def _lock_outputs(request: Request, stack: ExitStack) -> None:
 def _open_sinks(spec: SceneSpec, request: Request, stack: ExitStack) -> list[Any]:
     """The film's files; on an exception they keep what was written."""
     sinks: list[Any] = []
+    size, fps = request.size or spec.record.size, request.fps or spec.record.fps
     if request.video is not None:
-        size, fps = request.size or spec.record.size, request.fps or spec.record.fps
         sinks.append(stack.enter_context(VideoRecorder(request.video, size, fps)))
     if request.frames is not None:
         sinks.append(stack.enter_context(FrameRecorder(request.frames)))
+    if request.still is not None:
+        sinks.append(stack.enter_context(StillRecorder(request.still)))
+    if request.html is not None:
+        sinks.append(stack.enter_context(HtmlRecorder(request.html, size, fps)))
     return sinks
 
 
@@ -219,7 +225,8 @@ class _Run:
     def _inspection(self) -> InspectionRecorder | None:
         """What samples the scene's panels; None where nobody sees them."""
         spec, request, simulation = self.spec, self.request, self.simulation
-        shown = request.window or (request.films and spec.record.panels != "none")
+        drawn = any(path is not None for path in (request.video, request.frames, request.still))
+        shown = request.window or (drawn and spec.record.panels != "none")
         if not spec.inspect or not (request.inspect or shown):
             return None
         from mpp_taichi.inspector import Inspector
@@ -244,15 +251,20 @@ class _Run:
     def _film(self, sinks: Sequence[Any]) -> FilmRecorder:
         request, record = self.request, self.spec.record
         size, fps, seconds = request.size or record.size, request.fps or record.fps, request.film_seconds or record.seconds
-        view = self._view(size)
+        pages = [sink for sink in sinks if isinstance(sink, HtmlRecorder)]
+        pictures = [sink for sink in sinks if sink not in pages]
+        view = self._view(size) if pictures else None
         count, span = round(fps * seconds), self.goal.span(self.spec)
         if count > 1 and self.goal.steps is None:
             self.simulation.look_at_multiples_of(span / (count - 1))
+        for page in pages:
+            page.begin(self.spec, self.simulation.start.name, self.table.rows, count)
         return FilmRecorder(
             view,
-            sinks,
+            pictures,
             count,
             span,
+            pages=pages,
             title=self.spec.title,
             caption=self._caption,
             stopwatch=self.stopwatch,
@@ -282,7 +294,7 @@ class _Run:
         for sink in sinks:
             if sink.frame_count == 0 and (self.error or self.interrupted):
                 continue  # its context takes it back
-            jobs.append((sink.path if isinstance(sink, VideoRecorder) else sink.folder, sink.close))
+            jobs.append((sink.path, sink.close))
         if trajectory is not None and trajectory.frame_count > 0:
             jobs.append((trajectory.path, trajectory.close))
         if request.diagnostics is not None and self.table.rows:

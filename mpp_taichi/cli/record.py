@@ -1,4 +1,4 @@
-"""Record a scene as a film, frame by frame, without a window.
+"""Record a scene as a film, or as a page that plays it in a browser, frame by frame, without a window.
 
 The film has exactly round(FPS x T) frames, and the run is spread evenly over them: frame k shows the simulated time
 k / (frames - 1) of the run. Between two steps the positions shown are x + v d, where d < dt is the time since the last step
@@ -15,7 +15,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     _options.add_scene(parser)
     parser.add_argument("--video", type=_options.output_path, metavar="F", help="the film: .mp4, .gif or .webp")
+    parser.add_argument("--still", type=_options.output_path, metavar="F.png", help="the last frame alone, as a picture")
     parser.add_argument("--frames", type=_options.output_path, metavar="DIR", help="a folder of pictures; needs no encoder")
+    parser.add_argument(
+        "--html", type=_options.output_path, metavar="F.html", help="one file that a browser plays, with camera and plots"
+    )
     parser.add_argument("--size", type=_options.picture_size, metavar="WxH", help="of the picture in pixels")
     parser.add_argument("--fps", type=_options.positive_number, metavar="N", help="frames a second; the scene's when absent")
     parser.add_argument(
@@ -33,8 +37,8 @@ def execute(arguments: argparse.Namespace) -> int:
     """Record, and return the exit code."""
     from mpp_taichi.scene.load import load_scene
 
-    if arguments.video is None and arguments.frames is None:
-        raise UsageError("record: where to? --video F.mp4 (or .gif, .webp) or --frames DIR")
+    if all(path is None for path in (arguments.video, arguments.still, arguments.frames, arguments.html)):
+        raise UsageError("record: where to? --video F.mp4 (or .gif, .webp), --still F.png, --frames DIR or --html F.html")
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
     fps, seconds = arguments.fps or spec.record.fps, arguments.duration or spec.record.seconds
     if round(fps * seconds) < 1:
@@ -52,6 +56,8 @@ def execute(arguments: argparse.Namespace) -> int:
         "steps",
         "video",
         "frames",
+        "html",
+        "still",
         "size",
         "fps",
         "trajectory",

@@ -23,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _options.add_scene(parser)
     parser.add_argument("--headless", action="store_true", help="no window, and no film unless --video says so")
     parser.add_argument("--video", type=_options.output_path, metavar="F", help="film of the run: .mp4, .gif or .webp")
+    parser.add_argument("--html", type=_options.output_path, metavar="F.html", help="page of the run, for a browser; no window")
     _options.add_length(parser)
     _options.add_device(parser)
     _options.add_tables(parser)
@@ -77,7 +78,7 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
     """The request that the options make, with the window or the film that goes without saying."""
     from mpp_taichi.cli._request import OUTPUT_FOLDER, Request
 
-    names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "trajectory", "snapshot")
+    names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "html", "trajectory", "snapshot")
     more = (
         "diagnostics",
         "inspect",
@@ -96,7 +97,7 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
         from mpp_taichi.cli._rewind import Rewind
 
         given["rewind"] = Rewind.of(spec, arguments.rewind, arguments.overrides)
-    if arguments.headless or arguments.video is not None:
+    if arguments.headless or arguments.video is not None or arguments.html is not None:
         return Request(**given)
     problem = no_window()
     if not problem:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi import transfer
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts._event_lines import Lines
 
@@ -49,19 +50,17 @@ class Spheres:
         """Start all spheres from (n, dimensions) arrays in the scene's order, at one time."""
         real = np.float32 if self.position.dtype == ti.f32 else np.float64
         order, d = self._order, self.dimensions
-        self.position.from_numpy(np.ascontiguousarray(position[order], dtype=real))
-        self.velocity.from_numpy(np.ascontiguousarray(velocity[order], dtype=real))
+        arrays = [(self.position, position[order].astype(real)), (self.velocity, velocity[order].astype(real))]
         if not self.has_common_radius:
-            self.own_radius.from_numpy(np.asarray(self._setup.radius)[order].astype(real))
+            arrays.append((self.own_radius, np.asarray(self._setup.radius)[order].astype(real)))
         if not self.has_common_mass:
-            weight = np.asarray(self._setup.inverse_mass)[order, :d]
-            self.own_inverse_mass.from_numpy(np.ascontiguousarray(weight, dtype=real))
-        self.material.from_numpy(np.asarray(self._setup.material)[order].astype(np.int32))
-        self.order.from_numpy(order.astype(np.int32))
-        self.clock.fill(time)
-        self.last_partner.fill(self.count)
-        self.contacts.fill(0)
-        self.stalled.fill(0)
+            arrays.append((self.own_inverse_mass, np.asarray(self._setup.inverse_mass)[order, :d].astype(real)))
+        arrays.append((self.clock, np.full(len(order), time, np.float32 if self.clock.dtype == ti.f32 else np.float64)))
+        arrays.append((self.material, np.asarray(self._setup.material)[order].astype(np.int32)))
+        arrays.append((self.order, order.astype(np.int32)))
+        arrays.append((self.last_partner, np.full(len(order), self.count, np.int32)))
+        arrays += [(field, np.zeros(len(order), np.int32)) for field in (self.contacts, self.stalled)]
+        transfer.write(*zip(*arrays))
 
     @ti.func
     def radius(self, i):

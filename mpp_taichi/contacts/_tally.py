@@ -94,19 +94,38 @@ class Tally:
 
     def collect(self) -> ContactReport:
         """Totals since it was last asked."""
-        counts = self.total_count.to_numpy().astype(np.int64).sum(0)
-        sums = self.total_sum.to_numpy().sum(0)
-        pushes = self.total_push.to_numpy().sum(0)
-        report = ContactReport(
+        counts = np.zeros((CHUNKS, 3 + 1), np.int32)
+        reals = np.zeros((CHUNKS, 2 + self.total_push.n + 1), np.float32 if self.wide == ti.f32 else np.float64)
+        self._take(counts, reals)
+        unresolved, overlap = counts[0, -1], reals[0, -1]
+        counts = counts.astype(np.int64).sum(0)
+        sums, pushes = reals[:, :2].sum(0), reals[:, 2:-1].sum(0)
+        return ContactReport(
             pair_count=int(counts[PAIRS]),
             wall_count=int(counts[WALLS]),
             elastic_count=int(counts[ELASTIC]),
             virial=float(sums[VIRIAL]),
             wall_impulse=tuple(float(p) for p in pushes[: self.surface_count]),
             dissipated_energy=float(sums[LOST]),
-            largest_overlap=float(self.overlap[0]),
-            unresolved=int(self.unresolved[0]),
+            largest_overlap=float(overlap),
+            unresolved=int(unresolved),
         )
-        for field in (self.total_count, self.total_sum, self.total_push, self.unresolved, self.overlap):
-            field.fill(0)
-        return report
+
+    @ti.kernel
+    def _take(self, counts: ti.types.ndarray(ndim=2), reals: ti.types.ndarray(ndim=2)):
+        """Hand out the totals of each chunk, and with the first what there is but once; all begin anew, in one launch."""
+        for chunk in range(CHUNKS):
+            for k in ti.static(range(3)):
+                counts[chunk, k] = self.total_count[chunk][k]
+                self.total_count[chunk][k] = 0
+            for k in ti.static(range(2)):
+                reals[chunk, k] = self.total_sum[chunk][k]
+                self.total_sum[chunk][k] = 0.0
+            for k in ti.static(range(self.total_push.n)):
+                reals[chunk, 2 + k] = self.total_push[chunk][k]
+                self.total_push[chunk][k] = 0.0
+            if chunk == 0:
+                counts[0, 3] = self.unresolved[0]
+                self.unresolved[0] = 0
+                reals[0, 2 + self.total_push.n] = self.overlap[0]
+                self.overlap[0] = 0.0

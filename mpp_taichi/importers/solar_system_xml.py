@@ -13,7 +13,8 @@ SUFFIXES = (".xml",)
 ENCODINGS = ("utf-8-sig", "latin-1")
 G = 6.67408e-11  # as there [m³ / (kg s²)]
 STEP = 60.0  # where the file has none [s]
-YEAR = 365.25 * 86400.0
+DAY = 86400.0
+YEAR = 365.25 * DAY
 
 
 def recognises(text: str) -> bool:
@@ -22,9 +23,11 @@ def recognises(text: str) -> bool:
 
 
 def read(text: str, source: str) -> dict[str, Any]:
-    """The scene: gravity, by velocity Verlet; what is only for the picture (textures, spins, scales) is left out.
+    """The scene: gravity, by velocity Verlet; scales, spins and the light are for `view:`, textures are left out.
 
-    A position or velocity that is not given is 0, a colour 255. SceneError with line and column for what is no such file.
+    A position or velocity that is not given is 0, a colour 255. A moon is drawn around the last body before it that is none.
+    Axes are tilted towards +y, as the Earth's is where x is the direction of the equinox. SceneError with line and column for
+    what is no such file.
     """
     reader = _Reader(source)
     try:
@@ -40,7 +43,10 @@ def read(text: str, source: str) -> dict[str, Any]:
         "forces": [{"newtonian_gravity": {"strength": G}}],
         "integrator": {"velocity_verlet": {"dt": reader.dt}},
         "run": {"duration": YEAR},
-        "view": {"camera": {"position": [0.0, -1.5 * far, 1.5 * far], "look_at": [0.0, 0.0, 0.0], "up": [0.0, 0.0, 1.0]}},
+        "view": {
+            "camera": {"position": [0.0, -1.5 * far, 1.5 * far], "look_at": [0.0, 0.0, 0.0], "up": [0.0, 0.0, 1.0]},
+            **({"bodies": reader.drawn} if reader.drawn else {}),
+        },
     }
 
 
@@ -51,6 +57,8 @@ class _Reader:
         self.source = source
         self.bodies: list[dict[str, Any]] = []
         self.names: set[str] = set()
+        self.drawn: dict[str, dict[str, Any]] = {}
+        self.planet = ""  # the last body that is no moon
         self.dt = STEP
         self.depth = 0
         self.parser = expat.ParserCreate("utf-8")  # the text is decoded already, whatever its first line says
@@ -105,3 +113,27 @@ class _Reader:
                 "color": color,
             }
         )
+        if name:
+            self._draw(name, given)
+
+    def _draw(self, name: str, given: dict[str, str]) -> None:
+        """Keep what a body says of its picture."""
+        drawn: dict[str, Any] = {}
+        if (scale := self._number(given, "Scale", 1.0, above=0.0)) != 1.0:
+            drawn["radius_scale"] = scale
+        if _says_yes(given, "IsSun"):
+            drawn["light"] = True
+        moon = _says_yes(given, "IsMoon")
+        if moon and self.planet and (scale := self._number(given, "ScaleDistance", 1.0, above=0.0)) != 1.0:
+            drawn |= {"around": self.planet, "distance_scale": scale}
+        if period := self._number(given, "RotationPeriod", 0.0):
+            tilt = math.radians(self._number(given, "Tilt", 0.0))
+            drawn["spin"] = {"period": DAY * period, "axis": [0.0, math.sin(tilt), math.cos(tilt)]}
+        if not moon:
+            self.planet = name
+        if drawn:
+            self.drawn[name] = drawn
+
+
+def _says_yes(given: dict[str, str], key: str) -> bool:
+    return given.get(key, "").strip().lower() in ("yes", "true", "1")

@@ -56,16 +56,9 @@ class Axis:
         return Axis(0.0, math.ceil(largest / step) * step)
 
     def grown(self, values: np.ndarray) -> "Axis":
-        """An axis with room for these values as well, and some more on the side on which they left it; ends are round."""
-        extent = self._extent(values)
-        if extent is None or self.covers(values):
-            return self
-        low, high = min(self.low, extent[0]), max(self.high, extent[1])
-        if self.logarithmic:
-            return Axis(math.floor(low), math.ceil(high), True)
-        room, step = ROOM * (high - low), round_step((high - low) / STEPS)
-        low = self.low if low == self.low else math.floor((low - room) / step) * step
-        return Axis(low, self.high if high == self.high else math.ceil((high + room) / step) * step)
+        """This axis, longer where these values want more room; `values` are all there are, so that both ends have some."""
+        wanted = Axis.of(values, logarithmic=self.logarithmic)
+        return Axis(min(self.low, wanted.low), max(self.high, wanted.high), self.logarithmic)
 
     @staticmethod
     def of(values: np.ndarray, *, logarithmic: bool = False) -> "Axis":

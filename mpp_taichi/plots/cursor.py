@@ -7,8 +7,9 @@ from PIL import Image
 
 from mpp_taichi.plots.content import Curves, Histogram
 from mpp_taichi.plots.frame import color_of
+from mpp_taichi.plots.ink import put_disc
 from mpp_taichi.plots.painters import PicturePainter, text_width
-from mpp_taichi.plots.panel import DISC, Panel, put_disc
+from mpp_taichi.plots.panel import DISC, Panel
 from mpp_taichi.plots.theme import Rgb
 
 DIGITS = 5  # of a number that is read off

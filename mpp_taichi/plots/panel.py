@@ -1,20 +1,18 @@
 """A panel in pictures: curves grow by what is new, and only that is drawn."""
 
-from dataclasses import dataclass, field
-
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image
 
 from mpp_taichi.plots.axis import Axis
 from mpp_taichi.plots.content import Curves, Histogram, Plot
 from mpp_taichi.plots.frame import Frame, color_of, equalised, fitting_axes
+from mpp_taichi.plots.ink import FINER, Ink, put_disc
 from mpp_taichi.plots.painters import PicturePainter
 from mpp_taichi.plots.theme import Rgb, Theme
 
-FINER = 3  # pixels of a mask along one of the picture: edges of curves are smoothed by so much
 CURVE_WIDTH, BAND_WIDTH, DISC = 2.0, 6.0, 4.0  # pixels, where letters are 15 high; theory is a band that a curve lies on
 BAR = 0.8  # of the curve's colour in a bar, the rest is background
-TALLEST = 1.8  # times what its histogram needs, before an axis is made shorter
+TALLEST = 1.5  # times what its histogram needs, before an axis is made shorter
 LATER = 1.6  # a span of time that is not known beforehand grows by this factor
 
 
@@ -30,7 +28,7 @@ class Panel:
         self._wanted = (Axis(0.0, 1.0), Axis(0.0, 1.0, logarithmic))  # before lengths were made equal
         self._canvas = Image.new("RGB", (width, height), theme.background)
         self._grid = self._canvas
-        self._inks: list[_Ink] = []
+        self._inks: list[Ink] = []
         self._generation, self._drawn = -1, 0
         self._fitted = False  # whether the axes were chosen for values
         self._theory = np.zeros(0)
@@ -75,7 +73,7 @@ class Panel:
         for number in range(plot.count):
             theory = number >= len(plot.names)
             width = (BAND_WIDTH if theory else CURVE_WIDTH) * scale
-            self._inks.append(_Ink(color_of(plot, number, self.theme), width, size))
+            self._inks.append(Ink(color_of(plot, number, self.theme), width, size))
         self._drawn = 0
 
     def _spread(self, plot: Curves) -> bool:
@@ -92,11 +90,13 @@ class Panel:
         return self.axes[0].covers(x) and self.axes[1].covers(y)
 
     def _grow(self, plot: Curves) -> None:
-        x, y = self._fresh(plot)
+        """Axes that have room for what left the old ones."""
         x_axis, y_axis = self._wanted
-        if plot.span is not None and not x_axis.covers(x):
-            x_axis = Axis(x_axis.low, x_axis.low + LATER * (float(np.nanmax(x)) - x_axis.low))
-        self._wanted = x_axis.grown(x), y_axis.grown(y)
+        if plot.span is None:
+            x_axis = x_axis.grown(plot.x)
+        elif not x_axis.covers(plot.x[-1:]):
+            x_axis = Axis(x_axis.low, x_axis.low + LATER * (float(plot.x[-1]) - x_axis.low))
+        self._wanted = x_axis, y_axis.grown(np.concatenate([plot.y(number) for number in range(plot.count)]))
         self._blank(plot)
 
     def _append(self, plot: Curves, first: int) -> None:
@@ -152,10 +152,10 @@ class Panel:
         self._law(plot)
         return self._canvas
 
-    def _new_ink(self) -> "_Ink":
+    def _new_ink(self) -> "Ink":
         left, top, right, bottom = self.frame.field
         width = CURVE_WIDTH * self.frame.size / 15.0
-        return _Ink(self.theme.theory, width, (FINER * (right - left), FINER * (bottom - top)))
+        return Ink(self.theme.theory, width, (FINER * (right - left), FINER * (bottom - top)))
 
     def _bars(self, plot: Histogram) -> None:
         painter = PicturePainter(self._canvas)
@@ -177,48 +177,6 @@ class Panel:
         self._canvas.paste(ink.color, self.frame.field, ink.cover((0, 0, right - left, bottom - top)))
 
 
-@dataclass(eq=False)
-class _Ink:
-    """A curve as a mask of the field, `FINER` times as fine as the picture along both sides."""
-
-    color: Rgb
-    width: float
-    size: tuple[int, int]
-    _mask: Image.Image = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._mask = Image.new("L", self.size)
-        self._pen = ImageDraw.Draw(self._mask)
-
-    def draw(self, points: np.ndarray) -> list[tuple[int, int, int, int]]:
-        """Join points (n, 2), pixels of the field; the boxes that have changed. What is not finite leaves a gap."""
-        finite = np.isfinite(points).all(axis=1)
-        wide = max(1, round(FINER * self.width))
-        limit = 4.0 * max(self.size)
-        boxes = []
-        for run in np.split(np.arange(len(points)), np.flatnonzero(np.diff(finite.astype(int))) + 1):
-            if len(run) == 0 or not finite[run[0]]:
-                continue
-            fine = np.clip(FINER * points[run], -limit, limit)
-            path = [tuple(each) for each in fine.tolist()]
-            if len(path) > 1:
-                self._pen.line(path, fill=255, width=wide, joint="curve" if len(path) < 5000 else None)
-            box = self._box(fine, wide)
-            boxes += [box] if box[2] > box[0] and box[3] > box[1] else []
-        return boxes
-
-    def _box(self, fine: np.ndarray, wide: int) -> tuple[int, int, int, int]:
-        low = np.floor((fine.min(axis=0) - wide) / FINER).astype(int)
-        high = np.ceil((fine.max(axis=0) + wide) / FINER).astype(int) + 1
-        (left, top), (right, bottom) = np.maximum(low, 0), np.minimum(high, np.array(self.size) // FINER)
-        return int(left), int(top), int(right), int(bottom)
-
-    def cover(self, box: tuple[int, int, int, int]) -> Image.Image:
-        """How much of each pixel inside a box is covered, 0…255."""
-        left, top, right, bottom = box
-        return self._mask.reduce(FINER, (FINER * left, FINER * top, FINER * right, FINER * bottom))
-
-
 def bars(plot: Histogram, frame: Frame, axes: tuple[Axis, Axis]) -> list[tuple[float, float, float, float]]:
     """Boxes of the bars in pixels: left, top, right, bottom."""
     if not len(plot.edges):
@@ -233,13 +191,3 @@ def blended(color: Rgb, ground: Rgb, share: float) -> Rgb:
     """A colour over another."""
     red, green, blue = (round(share * a + (1.0 - share) * b) for a, b in zip(color, ground))
     return red, green, blue
-
-
-def put_disc(picture: Image.Image, point: np.ndarray, radius: float, color: Rgb) -> None:
-    """A smooth disc about a point."""
-    x0, y0 = int(np.floor(point[0] - radius - 1)), int(np.floor(point[1] - radius - 1))
-    side = int(2 * radius + 4)
-    across = np.arange(side) + 0.5
-    distance = np.hypot(across[None, :] + x0 - point[0], across[:, None] + y0 - point[1])
-    mask = np.clip(255.0 * (radius - distance + 0.5), 0.0, 255.0).astype(np.uint8)
-    picture.paste(color, (x0, y0, x0 + side, y0 + side), Image.fromarray(mask))

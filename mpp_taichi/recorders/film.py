@@ -24,6 +24,13 @@ class PictureSink(Protocol):
         """Add one picture."""
 
 
+class FrameSink(Protocol):
+    """Where frames go that are not drawn here: `HtmlRecorder`."""
+
+    def add(self, frame: Frame) -> None:
+        """Add one frame."""
+
+
 class FilmRecorder:
     """Draws exactly `frame_count` frames; frame k shows the time start + k / (frame_count − 1) · span.
 
@@ -35,16 +42,21 @@ class FilmRecorder:
 
     def __init__(
         self,
-        view: View,
+        view: View | None,
         sinks: Sequence[PictureSink],
         frame_count: int,
         span: float,
         *,
+        pages: Sequence[FrameSink] = (),
         title: str = "",
         caption: Callable[[], str] = lambda: "",
         stopwatch: Callable[[str], AbstractContextManager[Any]],
     ) -> None:
-        """`stopwatch(name)` times a block; drawing is counted as capture, handing over to a sink as encode."""
+        """`stopwatch(name)` times a block; drawing is counted as capture, handing over to a sink as encode.
+
+        `pages` get the frames themselves; without a view there is nothing else.
+        """
+        self.pages = tuple(pages)
         self.view, self.sinks, self.frame_count, self.span = view, tuple(sinks), frame_count, span
         self.title, self.caption, self.stopwatch = title, caption, stopwatch
         self.drawn_count = 0
@@ -96,9 +108,13 @@ class FilmRecorder:
         return self.drawn_count == self.frame_count - 1 and self.frame_count > 1
 
     def _draw(self, frame: Frame) -> None:
+        self.drawn_count += 1
+        for page in self.pages:
+            page.add(frame)
+        if self.view is None:
+            return
         with self.stopwatch("capture"):
             picture = self.view.draw(frame)
         with self.stopwatch("encode"):
             for sink in self.sinks:
                 sink.write(picture)
-        self.drawn_count += 1

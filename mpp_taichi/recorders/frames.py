@@ -23,6 +23,7 @@ class FrameRecorder:
         """
         self.folder = Path(folder)
         self.frame_count = 0
+        self.path = self.folder
         self._lock = OutputLock(self.folder / "frames")
         for old in self.folder.glob("frame_[0-9][0-9][0-9][0-9][0-9][0-9].png"):
             old.unlink()

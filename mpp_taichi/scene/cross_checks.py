@@ -6,12 +6,13 @@ from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.integrator_checks import check_integrator
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import check_tree
+from mpp_taichi.scene.view_checks import check_view
 
 
 def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     """Add what is wrong between the keys."""
     _check_run(spec, tree, faults)
-    _check_camera(spec, tree, faults)
+    check_view(spec, tree, faults)
     _check_expect(spec, faults)
     _check_accuracy(spec, tree, faults)
     check_contacts(spec, tree, faults)
@@ -46,18 +47,6 @@ def _check_accuracy(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     for key in ("contacts", "timeline"):
         if tree.get(key) is not None:
             faults.add(place, "accuracy", f"cannot be chosen for a scene with {key}; give it an integrator with a step")
-
-
-def _check_camera(spec: SceneSpec, tree: Node, faults: Faults) -> None:
-    camera = spec.view.camera
-    view = tree.get("view")
-    node = view.get("camera") if view is not None else None
-    if node is None:
-        return
-    if camera.position is not None and camera.position == camera.look_at:
-        faults.add(node.location, "view.camera", "position and look_at must be different points")
-    if camera.up is not None and not any(camera.up):
-        faults.add(node.location, "view.camera.up", "must not be [0, 0, 0]")
 
 
 def _check_expect(spec: SceneSpec, faults: Faults) -> None:

@@ -25,12 +25,13 @@ BOUNDS = ("below", "above", "near", "within")
 
 def build(validated: Any, node: Node | None) -> tuple[Expectation, ...]:
     """Expectations from the checked `expect:` block; `node` gives their places."""
-    found = []
-    for quantity in validated.model_fields_set if validated is not None else ():
+    found: list[Expectation] = []
+    if validated is None or node is None:
+        return ()
+    for quantity in node.value:  # in the order of the scene
         for number, entry in enumerate(getattr(validated, quantity)):
             values = {name: getattr(entry, name) for name in type(entry).model_fields}
             bounds = {name: values.pop(name) for name in BOUNDS}
-            assert node is not None
             place = node.value[quantity]
             if isinstance(place.value, list):
                 place = place.value[number]

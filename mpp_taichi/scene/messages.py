@@ -57,7 +57,9 @@ class _Place:
         return key_text(self.path)
 
     def location_for(self, kind: str) -> Location:
-        return self.node.place if kind in ("extra_forbidden", "unexpected_keyword_argument", "missing") else self.node.location
+        a_word = not self.reached and isinstance(self.node.value, str)  # that stands for an entry of its name
+        keys = ("extra_forbidden", "unexpected_keyword_argument", "missing")
+        return self.node.place if kind in keys and not a_word else self.node.location
 
 
 def key_text(path: Iterable[Any]) -> str:

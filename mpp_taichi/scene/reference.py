@@ -7,6 +7,7 @@ from typing import Any
 from mpp_taichi import component
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.schema import scene_schema
+from mpp_taichi.scene.view_spec import VIEW_SPECS
 
 REFERENCE_FILE = Path(__file__).parents[2] / "docs" / "scene.md"
 KIND_TITLES = {
@@ -23,8 +24,7 @@ SPECS = {
     "spring_types.NAME": "SpringTypeSpec",
     "run": "RunSpec",
     "timeline": "EventSpec",
-    "view": "ViewSpec",
-    "view.camera": "CameraSpec",
+    **{key: described.__name__ for key, described in VIEW_SPECS.items()},
     "record": "RecordSpec",
     "modes": "ModesSpec",
     "inspect": "Panel",
@@ -35,7 +35,8 @@ INTRODUCTION = """# Scene reference
 Written from the model by `python -m mpp_taichi.scene.reference`; do not edit.
 
 A scene is one YAML mapping. Every number may be an expression in quotes or without, over `constants:`, `pi`, `tau`, `e` and
-`sqrt sin cos tan atan2 exp log hypot min max abs`. A particle is named by its index, its `name`, or `group[index]`.
+`sqrt sin cos tan atan2 exp log hypot min max abs`. A particle is named by its index, its `name`, or `group[index]`;
+a group by its name, and `group[first:end]` is a part of it, without the end.
 Lists of components are lists of one-key mappings, `- name: {parameters}`. `extends:` takes another scene of the folder as
 the base: mappings merge, lists replace. `--set path=value` changes any key from the command line; `+path` adds an entry.
 `timeline:` changes such paths while the scene runs: each change begins a phase, which is compiled as a step of its own. Forces,

@@ -11,6 +11,7 @@ from mpp_taichi.scene.layout import ParticleLayout, build, particle_layout
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.model import KINDS
 from mpp_taichi.scene.spec import ComponentSpec, PairSpec, PanelSpec, SceneSpec
+from mpp_taichi.scene.view_checks import resolve_view
 
 
 def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
@@ -38,6 +39,7 @@ def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
         replace(each, parameters=finder.parameters(each.parameters, _diagnostic(each.quantity), ("expect", each.quantity)))
         for each in spec.expect
     )
+    changed["view"] = resolve_view(spec.view, layout, finder)
     changed["inspect"] = tuple(finder.panel(number, each) for number, each in enumerate(spec.inspect))
     if spec.modes is not None:
         shown_modes = {("show", number): numbers for number, numbers in enumerate(spec.modes.show)}
@@ -74,12 +76,12 @@ class _Finder:
             if parameter.type == "Particle" and value is not None:
                 found[parameter.name] = self._find(value, (*path, parameter.name))
             elif parameter.type == "Particles" and value is not None:
-                found[parameter.name] = self._find_group(value, (*path, parameter.name))
+                found[parameter.name] = self.group(value, (*path, parameter.name))
             elif parameter.type == "Pair" and value is not None:
                 places = [(*path, parameter.name, end) for end in (0, 1)]
                 pair = tuple(self._find(end, place) for end, place in zip(value, places, strict=True))
                 if pair[0] is not None and pair[0] == pair[1]:
-                    self._fault(places[1], f"both ends are {self.layout.label(pair[0])}, must be two different particles")
+                    self.fault(places[1], f"both ends are {self.layout.label(pair[0])}, must be two different particles")
                 found[parameter.name] = pair
             elif parameter.type == "ModeNumbers":
                 self.modes(given["of"], {(parameter.name,): value}, path)
@@ -88,7 +90,7 @@ class _Finder:
     def pair(self, number: int, pair: PairSpec) -> PairSpec:
         """With its groups found."""
         path = ("contacts", "hard_spheres", "pairs", number, "between")
-        first, second = (self._find_group(each, (*path, end)) for end, each in enumerate(pair.between))
+        first, second = (self.group(each, (*path, end)) for end, each in enumerate(pair.between))
         return replace(pair, between=(first, second))
 
     def panel(self, number: int, panel: PanelSpec) -> PanelSpec:
@@ -105,29 +107,31 @@ class _Finder:
     def modes(self, name: str | None, modes: dict[tuple[Any, ...], Any], path: tuple[Any, ...]) -> None:
         """Check that `of` below the path is a lattice, and that it has the modes that stand elsewhere below the path."""
         if name is not None and name not in self.layout.lattices:
-            self._fault((*path, "of"), f"no lattice is called {shown(name)}{choices(name, self.layout.lattices)}")
+            self.fault((*path, "of"), f"no lattice is called {shown(name)}{choices(name, self.layout.lattices)}")
             return
         for place, numbers in modes.items():
             try:
                 self.layout.check_mode(name, numbers)
             except PlacementError as error:
-                self._fault((*path, *place), str(error))
+                self.fault((*path, *place), str(error))
 
     def _find(self, reference: int | str, path: tuple[Any, ...]) -> int | None:
         try:
             return self.layout.find(reference)
         except PlacementError as error:
-            self._fault(path, str(error))
+            self.fault(path, str(error))
             return None
 
-    def _find_group(self, reference: int | str, path: tuple[Any, ...]) -> tuple[int, int] | None:
+    def group(self, reference: int | str, path: tuple[Any, ...]) -> tuple[int, int] | None:
+        """First index and count of a group, or of one particle; a fault where there is none."""
         group = self.layout.group(reference)
         if group is not None:
             return group
         index = self._find(reference, path)
         return None if index is None else (index, 1)
 
-    def _fault(self, path: tuple[Any, ...], message: str) -> None:
+    def fault(self, path: tuple[Any, ...], message: str) -> None:
+        """Note what is wrong at a path of the scene."""
         walked = list(self.tree.along(path))
         self.faults.add(walked[-1][1].location if walked else self.tree.location, key_text(path), message)
 

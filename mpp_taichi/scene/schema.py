@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from mpp_taichi.scene.model import all_components, scene_model
-from mpp_taichi.scene.spec import CameraSpec, EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec, ViewSpec
+from mpp_taichi.scene.spec import EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec
+from mpp_taichi.scene.view_spec import VIEW_SPECS
 
 SCHEMA_FILE = Path(__file__).parent.parent / "scene.schema.json"
 
@@ -13,7 +14,7 @@ SCHEMA_FILE = Path(__file__).parent.parent / "scene.schema.json"
 def scene_schema() -> dict[str, Any]:
     """The schema of everything this version (and `component.extra_folders`) has."""
     schema = scene_model(all_components()).model_json_schema(mode="validation")
-    for described in (CameraSpec, EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec, ViewSpec):  # pydantic may not
+    for described in (EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec, *VIEW_SPECS.values()):  # pydantic may not
         schema["$defs"][described.__name__]["description"] = described.__doc__
     schema["anyOf"] = [{"required": schema.pop("required")}, {"required": ["extends"]}]  # the base may hold what is missing
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

@@ -1,14 +1,16 @@
 """SceneSpec: the immutable, checked description of a scene. Pure Python; no device, no Taichi."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
 from mpp_taichi.scene.expressions import Formula
-from mpp_taichi.scene.fields import Counts, Flag, ListOf, Number, Reference, Settings, Text, Whole
+from mpp_taichi.scene.fields import Counts, ListOf, Number, Reference, Settings, Text, Whole
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.target import TargetSpec
+from mpp_taichi.scene.view_spec import CameraSpec as CameraSpec
+from mpp_taichi.scene.view_spec import ViewSpec
 
 __all__ = [
     *("CameraSpec", "ComponentSpec", "ContactsSpec", "Event", "EventSpec", "Expectation", "Location", "ModesSpec"),
@@ -26,35 +28,6 @@ class ComponentSpec:
     parameters: dict[str, Any]
     location: Location
     live: tuple[str, ...] = ()  # parameters that sliders move while kernels run
-
-
-@dataclass(frozen=True)
-class CameraSpec:
-    """Where the picture is taken from; None means: chosen so that every particle is in view."""
-
-    __pydantic_config__ = _CLOSED
-    position: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="of the eye")] = None
-    look_at: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="middle of the picture")] = None
-    up: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="direction that is up")] = None
-    field_of_view: Annotated[float, Number(minimum=1.0, maximum=170.0), Field(description="vertical, degrees")] = 45.0
-    projection: Annotated[str, Text(("perspective", "orthographic")), Field(description="perspective or orthographic")] = (
-        "perspective"
-    )
-    height: Annotated[float | None, Number(above=0.0), Field(description="of an orthographic picture [length]")] = None
-
-
-@dataclass(frozen=True)
-class ViewSpec:
-    """What is drawn."""
-
-    __pydantic_config__ = _CLOSED
-    camera: Annotated[CameraSpec, Field(description="where the picture is taken from")] = field(default_factory=CameraSpec)
-    background: Annotated[tuple[float, float, float], _COLOR, Field(description="red, green, blue in 0…1")] = (0.02, 0.02, 0.05)
-    radius_scale: Annotated[float, Number(above=0.0), Field(description="of the spheres, display only")] = 1.0
-    minimum_pixels: Annotated[float, Number(minimum=0.0), Field(description="smallest radius of a sphere")] = 1.5
-    spring_width: Annotated[float, Number(above=0.0, maximum=100.0), Field(description="pixels")] = 2.0
-    trails: Annotated[int, Whole(minimum=0, maximum=10_000), Field(description="frames of trail per particle, 0 = none")] = 0
-    caption: Annotated[bool, Flag(), Field(description="title and time")] = True
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,10 @@
 
 from typing import Any
 
+import numpy as np
 import taichi as ti
 
+from mpp_taichi import transfer
 from mpp_taichi.solvers._sums import dot, read_total, reduce_terms, zero_pair
 from mpp_taichi.solvers.newton_matrix import NewtonMatrix
 from mpp_taichi.solvers.report import SolverReport
@@ -184,9 +186,10 @@ class Newton:
 
     def collect(self, state: Any) -> SolverReport:
         """What was counted since the last time, on the device and beside it."""
-        counts = {name: getattr(state, name).to_numpy() for name in COUNTERS}
-        for name in COUNTERS:
-            getattr(state, name).fill(0)
+        fields = [getattr(state, name) for name in (*COUNTERS, "unsolved")]
+        found = transfer.read(fields, np.int32)
+        transfer.write(fields[:-1], [np.zeros_like(count) for count in found[:-1]])
+        counts = dict(zip(COUNTERS, found))
         report, self.launched = self.launched, SolverReport()
         report.add(
             SolverReport(
@@ -196,7 +199,7 @@ class Newton:
                 cut_steps=int(counts["cut_steps"].sum()),
                 gaining_pieces=int(counts["gaining_pieces"].sum()),
                 most_newton_iterations=int(counts["newton_most"].max()),
-                unsolved=int(state.unsolved.to_numpy().sum()),
+                unsolved=int(found[-1].sum()),
             )
         )
         report.fewest_steps += int(counts["solved_steps"].min())

@@ -26,7 +26,8 @@ class Frame:
     velocity     [length / time], shape (particle_count, 3); only tells a camera without a position in which plane things move
     extra        one more line of caption, such as the energy error
     outline      segments of walls [length], shape (count, 2, 3)
-    mass, name   of each particle, shape (particle_count,), for what a window says of one; without a name ""
+    mass, charge, name   of the particles, shape (particle_count,); None, or no names, where nobody knows them
+    rest_length, stiffness   of the springs, shape (spring_count,); None where nobody knows them
     """
 
     position: np.ndarray
@@ -41,6 +42,9 @@ class Frame:
     velocity: np.ndarray | None = None
     outline: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 3)))
     mass: np.ndarray | None = None
+    charge: np.ndarray | None = None
+    rest_length: np.ndarray | None = None
+    stiffness: np.ndarray | None = None
     name: tuple[str, ...] = ()
 
     @staticmethod
@@ -68,6 +72,9 @@ class Frame:
             velocity=snapshot.velocity,
             outline=np.zeros((0, 2, 3)) if walls is None else walls.at(snapshot.time),
             mass=snapshot.mass,
+            charge=snapshot.charge,
+            rest_length=springs.rest_length,
+            stiffness=springs.stiffness,
             name=snapshot.name,
         )
 

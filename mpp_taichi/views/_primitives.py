@@ -17,7 +17,7 @@ FIELDS = 16
 """Columns of the table, float32, one row per primitive.
 
  0…3   box on the screen: left, right, top, bottom [pixels];  4: smallest depth
- sphere: 5…7 centre in camera coordinates, 8 radius, 9…11 linear colour
+ sphere: 5…7 centre in camera coordinates, 8 radius, 9…11 linear colour; where bodies have surfaces, 12 material, 13 index
  line:   5…7 first end: x, y [pixels], w;  8…10 second end less the first;  11: 1/|second − first|² on the screen, or 0;
          12: half the width [pixels];  13…15: linear colour.  w is 1/depth in perspective, which is linear on the screen,
          and the depth itself in an orthographic picture.
@@ -64,16 +64,18 @@ class Screen:
         return -(-self.height // TILE)
 
 
-def spheres(center: np.ndarray, radius: np.ndarray, color: np.ndarray, screen: Screen) -> np.ndarray:
-    """Rows for spheres, those in view only; `center` in scaled camera coordinates, colours linear.
+def spheres(
+    center: np.ndarray, radius: np.ndarray, color: np.ndarray, screen: Screen, *, marks: np.ndarray | None = None
+) -> np.ndarray:
+    """Rows for spheres, those in view only; `center` in scaled camera coordinates, colours linear, marks as in surfaces.py.
 
     A sphere that holds the camera is left out; one that reaches behind the near plane is boxed by the whole picture.
     """
     usable = (np.abs(center) < FAR).all(axis=1) & (radius > 0.0) & (radius < FAR) & (center[:, 2] + radius > NEAR)
-    center, radius, color = center[usable], radius[usable], color[usable]
     if not screen.orthographic:
-        outside = np.einsum("ij,ij->i", center, center) > radius * radius * (1.0 + 1.0e-6)
-        center, radius, color = center[outside], radius[outside], color[outside]
+        with np.errstate(over="ignore", invalid="ignore"):  # of what is left out anyway
+            usable &= np.einsum("ij,ij->i", center, center) > radius * radius * (1.0 + 1.0e-6)
+    center, radius, color = center[usable], radius[usable], color[usable]
     right, up, depth = center.T
     if screen.orthographic:
         low_x, high_x, low_y, high_y = right - radius, right + radius, up - radius, up + radius
@@ -90,6 +92,8 @@ def spheres(center: np.ndarray, radius: np.ndarray, color: np.ndarray, screen: S
     table[:, 8] = radius
     table[:, 9:12] = color
     table[:, 12:] = 0.0
+    if marks is not None:
+        table[:, 12:14] = marks[usable]
     return table[_in_view(table, screen)]
 
 
@@ -179,6 +183,8 @@ def bin_into_tiles(sphere_table: np.ndarray, line_table: np.ndarray, screen: Scr
     last = np.clip(np.floor(right / TILE), 0, across - 1).astype(np.int64)
     span, offset = _spread(np.arange(len(owner)), np.maximum(last - first + 1, 0))
     tile = row[span] * across + first[span] + offset
+    if across * down <= 1 << 16:
+        tile = tile.astype(np.uint16)  # which NumPy sorts ten times as fast: by its digits
     by_tile = np.argsort(tile, kind="stable")
     start = np.zeros(across * down + 1, np.int32)
     start[1:] = np.cumsum(np.bincount(tile, minlength=across * down))
@@ -201,3 +207,8 @@ def _reach(line: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ]
     x = [ax + s * dx for s in share]
     return np.minimum(*x) - half, np.maximum(*x) + half
+
+
+def at_least_one(rows: np.ndarray) -> np.ndarray:
+    """The array, or one row of zeros in place of none: an array of a kernel may not be empty."""
+    return rows if len(rows) else np.zeros((1, *rows.shape[1:]), rows.dtype)

@@ -6,8 +6,27 @@ from PIL import Image, ImageDraw
 from mpp_taichi.fonts import font_of
 from mpp_taichi.views._base import Frame
 
-TEXT_COLOR, SHADOW_COLOR = (235, 235, 240), (0, 0, 0)
+Color = tuple[int, int, int]
+Background = tuple[float, float, float]
+LIGHT_INK, DARK_INK = ((235, 235, 240), (0, 0, 0)), ((25, 25, 30), (255, 255, 255))  # text and its shadow
+LIGHT_BACKGROUND = 0.5  # mean of its red, green and blue
+DARK: Background = (0.0, 0.0, 0.0)
 LINES_PER_PICTURE = 36  # the height of one line is this share of the picture, 20 pixels at 720
+
+
+def text_height(picture: np.ndarray) -> int:
+    """Height of a line of text in a picture [pixels]."""
+    return max(picture.shape[0] // LINES_PER_PICTURE, 9)
+
+
+def is_light(background: Background) -> bool:
+    """Whether a background wants dark text."""
+    return sum(background) / 3.0 > LIGHT_BACKGROUND
+
+
+def ink(background: Background) -> tuple[Color, Color]:
+    """Colours of text and of its shadow before a background."""
+    return DARK_INK if is_light(background) else LIGHT_INK
 
 
 def caption_lines(frame: Frame) -> list[str]:
@@ -15,15 +34,15 @@ def caption_lines(frame: Frame) -> list[str]:
     return [line for line in (frame.title, f"t = {frame.time:.4g}", frame.extra) if line]
 
 
-def draw_caption(picture: np.ndarray, frame: Frame) -> None:
+def draw_caption(picture: np.ndarray, frame: Frame, background: Background = DARK) -> None:
     """Write the caption into the upper left corner of a picture (height, width, 3), in place."""
-    draw_text(picture, "\n".join(caption_lines(frame)))
+    draw_text(picture, "\n".join(caption_lines(frame)), background)
 
 
-def draw_text(picture: np.ndarray, text: str) -> None:
+def draw_text(picture: np.ndarray, text: str, background: Background = DARK) -> None:
     """Write lines of text into the upper left corner of a picture, in place; what does not fit is cut off."""
     height, width = picture.shape[:2]
-    size = max(height // LINES_PER_PICTURE, 9)
+    size = text_height(picture)
     margin = size // 2
     font = font_of(size)
     ruler = ImageDraw.Draw(Image.new("RGB", (1, 1)))
@@ -31,6 +50,7 @@ def draw_text(picture: np.ndarray, text: str) -> None:
     box = min(int(right) + margin, width), min(int(bottom) + margin, height)
     corner = Image.fromarray(picture[: box[1], : box[0]])
     pen = ImageDraw.Draw(corner)
-    pen.multiline_text((margin + 1, margin + 1), text, font=font, fill=SHADOW_COLOR, spacing=size // 3)
-    pen.multiline_text((margin, margin), text, font=font, fill=TEXT_COLOR, spacing=size // 3)
+    color, shadow = ink(background)
+    pen.multiline_text((margin + 1, margin + 1), text, font=font, fill=shadow, spacing=size // 3)
+    pen.multiline_text((margin, margin), text, font=font, fill=color, spacing=size // 3)
     picture[: box[1], : box[0]] = np.asarray(corner)

@@ -17,8 +17,10 @@ import taichi as ti
 from mpp_taichi.errors import BackendError
 from mpp_taichi.scene.spec import ViewSpec
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
+from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
+from mpp_taichi.views.legend import draw_labels, draw_legend
 
 PROBE_SECONDS = 60.0
 PROBE = """
@@ -36,6 +38,7 @@ else:
 LIGHT = (-0.75, 1.0, 1.1)  # right, up, towards the viewer, in camera distances from the target
 NEAR, FAR = 1.0e-3, 1.0e3  # in camera distances
 TRAIL_WIDTH = 1.5  # pixels
+THINNEST = 1.0  # pixels; of a thinner line GGUI, which does not smooth edges, draws some pixels or none
 
 
 @lru_cache(maxsize=2)
@@ -69,7 +72,7 @@ class GguiScene:
     at any place and scale.
     """
 
-    def __init__(self, window: "ti.ui.Window", spec: ViewSpec) -> None:
+    def __init__(self, window: "ti.ui.Window", spec: ViewSpec, *, dimensions: int = 3) -> None:
         """Make what can be made before the first frame."""
         ti.set_logging_level(ti.ERROR)  # GGUI logs every picture read back, and warns of its own kernels under f64
         self._window, self._spec = window, spec
@@ -77,11 +80,12 @@ class GguiScene:
         self._camera = ti.ui.Camera()
         self._particles = _Points(with_radius=True)
         self._lines: dict[float, _Points] = {}
+        self.appearance = Appearance(spec, dimensions)
         self.shift = (0.0, 0.0)  # of the picture to the right and up, in halves of its height
         self._canvas.set_background_color(tuple(spec.background))
 
     def draw(self, frame: Frame, camera: Camera, trails: Trails | None) -> None:
-        """Draw a frame on the window's canvas; showing it, or reading it back, is the caller's."""
+        """Draw a dressed frame on the window's canvas; showing it, or reading it back, is the caller's."""
         width, height = self._window.get_window_shape()
         self._place(camera, width / height)
         light = LIGHT[0] * camera.right + LIGHT[1] * camera.up + LIGHT[2] * camera.backward
@@ -103,6 +107,11 @@ class GguiScene:
         if trails is not None:
             ends, colors, _ = trails.segments(np.asarray(frame.color), np.array(self._spec.background))
             self._draw_lines(ends.reshape(-1, 3), colors.reshape(-1, 3), TRAIL_WIDTH * thickness, camera)
+        added = self.appearance.segments(frame, camera)
+        for width in np.unique(added.width):
+            chosen = added.width == width
+            ends, colors = added.ends[chosen].reshape(-1, 3), np.repeat(added.color[chosen], 2, axis=0)
+            self._draw_lines(ends, colors, float(width) * thickness, camera)
         self._canvas.scene(self._scene)
 
     def _placed(self, points: np.ndarray, camera: Camera) -> np.ndarray:
@@ -155,7 +164,8 @@ class GguiScene:
         points = self._lines.setdefault(width, _Points(with_radius=False))
         count = points.put(self._placed(ends, camera), color, None)
         if count > 0:
-            self._scene.lines(points.position, width=width, per_vertex_color=points.color, vertex_count=count)
+            thick = max(width, THINNEST)
+            self._scene.lines(points.position, width=thick, per_vertex_color=points.color, vertex_count=count)
 
 
 class _Points:
@@ -207,18 +217,22 @@ class GguiView(View):
         self.camera: Camera | None = None
         self.trails = Trails(spec.trails)
         self._window = ti.ui.Window("offscreen", size, show_window=False)
-        self._scene = GguiScene(self._window, spec)
+        self._scene = GguiScene(self._window, spec, dimensions=dimensions)
         self._end: Callable[[], None] = self._window.destroy
 
     def draw(self, frame: Frame) -> np.ndarray:
         """The picture of a frame, uint8, shape (height, width, 3)."""
+        appearance = self._scene.appearance
+        frame = appearance.dress(frame)
         if self.camera is None:
             self.camera = Camera(self.spec.camera, frame, aspect=self.size[0] / self.size[1], dimensions=self.dimensions)
         self.trails.add(frame)
         self._scene.draw(frame, self.camera, self.trails)
         picture = read_back(self._window)
+        draw_labels(picture, appearance.labels(), self.camera, self.spec.background)
         if self.spec.caption:
-            draw_caption(picture, frame)
+            draw_caption(picture, frame, self.spec.background)
+        draw_legend(picture, appearance.legend(), self.spec.background)
         return picture
 
     def close(self) -> None:

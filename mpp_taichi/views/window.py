@@ -23,6 +23,7 @@ from mpp_taichi.views.controls import BUTTONS, HELP, Controls
 from mpp_taichi.views.desk import Desk
 from mpp_taichi.views.following import Follower
 from mpp_taichi.views.ggui import GguiScene, probe, read_back
+from mpp_taichi.views.legend import draw_legend, legend_lines
 from mpp_taichi.views.pace import Pace, Rate
 from mpp_taichi.views.picking import discs, pick
 from mpp_taichi.views.picture import save_picture
@@ -34,6 +35,7 @@ FRAMES_PER_SECOND = 60
 MESSAGE_SECONDS = 3.0
 DEFAULT_TRAIL = 60  # frames, when T asks for trails that the scene did not
 CAPTION_COLUMNS, CAPTION_ROWS = 36, 5  # GGUI never resizes a panel once it is there
+LEGEND_COLUMNS = 44
 HELD_KEYS = ("LMB", "MMB", "RMB", "Shift", "Control", "i", "o")
 
 
@@ -91,7 +93,7 @@ class Window:
         self._panels = panels or WindowPanels((), RecordSpec(), str)
         _keep_folder_clean()
         self._window = ti.ui.Window(title or "mpp_taichi", size, vsync=False, fps_limit=FRAMES_PER_SECOND)
-        self._scene = GguiScene(self._window, spec)
+        self._scene = GguiScene(self._window, spec, dimensions=dimensions)
         self._trails = Trails(spec.trails or DEFAULT_TRAIL)
         self._desk = desk or Desk()
         self._sliders = SliderPanel(self._desk.knobs)
@@ -102,7 +104,7 @@ class Window:
     def run(self, simulation: Steerable, *, steps_per_frame: int = 1, paused: bool = False) -> None:
         """Drive the simulation until the window is closed; there are fewer steps per frame while they are slow."""
         controls = Controls(running=not paused, trails=self.spec.trails > 0)
-        frame = simulation.frame()
+        frame = self._look(simulation)
         camera = Camera(self.spec.camera, frame, aspect=self._aspect(), dimensions=self.dimensions)
         if self.dimensions == 2 and not camera.orthographic:
             camera.turn_projection()
@@ -116,7 +118,7 @@ class Window:
                 if controls.take("restart"):
                     simulation.restart()
                     self._trails.clear()
-                    frame = simulation.frame()
+                    frame = self._look(simulation)
                 if back := controls.take_steps_back():
                     frame = self._go_back(simulation, back)
                 going = controls.running and not simulation.finished
@@ -124,7 +126,7 @@ class Window:
                 if steps > 0:
                     started = time.perf_counter()
                     simulation.advance(steps)
-                    frame = simulation.frame()
+                    frame = self._look(simulation)
                     pace.took(time.perf_counter() - started)
                 self._follower.update(camera, frame)
                 self._show(frame, camera, controls, simulation.finished, f"{rate.count(steps):,.0f} steps/s{pace.text}")
@@ -135,7 +137,12 @@ class Window:
         """Back by so many frames, or as many as are kept."""
         if not any([self._desk.back() for _ in range(times)]):
             self._say("there is no way back from here")
-        return simulation.frame()
+        return self._look(simulation)
+
+    def _look(self, simulation: Steerable) -> Frame:
+        """What there is to see, as the scene wants it drawn."""
+        self._bare = simulation.frame()
+        return self._scene.appearance.dress(self._bare)
 
     def _aspect(self) -> float:
         return self._panels.aspect(self._window.get_window_shape(), self.spec.camera)
@@ -176,7 +183,8 @@ class Window:
             self._say("camera printed")
         status = "finished" if finished else "running" if controls.running else "paused"
         self._write([*caption_lines(frame), f"{status}, {rate}   H: help", self._current_message()], controls.help)
-        self._picked.write(self._window, frame)
+        legend = legend_lines(self._scene.appearance.legend())
+        self._picked.write(self._window, self._bare, 7 * LEGEND_COLUMNS + 40 if legend else 8)
         if self._sliders.shown:
             self._move_sliders()
         self._window.show()
@@ -194,7 +202,8 @@ class Window:
         path = next(path for number in range(10**6) if not (path := Path(f"screenshot_{number:04d}.png")).exists())
         picture = read_back(self._window)
         if self.spec.caption:
-            draw_caption(picture, frame)
+            draw_caption(picture, frame, self.spec.background)
+        draw_legend(picture, self._scene.appearance.legend(), self.spec.background)
         try:
             save_picture(picture, path)
             self._say(f"saved {path}")
@@ -211,6 +220,11 @@ class Window:
                 "scene", 8 / width, 8 / height, (7 * columns + 24) / width, (17 * CAPTION_ROWS + 32) / height
             ) as panel:
                 for line in lines:
+                    panel.text(line)
+        if legend := legend_lines(self._scene.appearance.legend()):
+            columns, deep = max(LEGEND_COLUMNS, *(len(line) for line in legend)), (17 * len(legend) + 32) / height
+            with gui.sub_window("legend", 8 / width, 1.0 - 8 / height - deep, (7 * columns + 24) / width, deep) as panel:
+                for line in legend:
                     panel.text(line)
         if with_help:
             columns, rows = 54, len(HELP)

@@ -1,4 +1,4 @@
-"""The picked particle in a window: a ring about it, and what there is to say of it, in a corner."""
+"""The picked particle in a window: a ring about it, and what there is to say of it, at the lower rim."""
 
 from typing import Any
 
@@ -33,14 +33,14 @@ class WindowMark:
         self._ends.from_numpy(ends.astype(np.float32))
         canvas.lines(self._ends, RING_WIDTH / size[1], color=COLOR)
 
-    def write(self, window: "ti.ui.Window", frame: Frame) -> None:
-        """Write into the lower left corner what is known of it."""
+    def write(self, window: "ti.ui.Window", frame: Frame, left: int) -> None:
+        """Write at the lower rim, `left` pixels from the left one, what is known of it."""
         if self.index is None or self.index >= len(frame.position):
             return
         width, height = window.get_window_shape()
         rows = 17 * ROWS + 32
         with window.get_gui().sub_window(
-            "picked", 8 / width, 1.0 - (rows + 8) / height, (7 * COLUMNS + 24) / width, rows / height
+            "picked", left / width, 1.0 - (rows + 8) / height, (7 * COLUMNS + 24) / width, rows / height
         ) as panel:
             for line in described(frame, self.index):
                 panel.text(line)

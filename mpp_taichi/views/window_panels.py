@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,8 +27,9 @@ class WindowPanels:
 
     def __init__(self, plots: Sequence[Plot], record: RecordSpec, export: Callable[[], str]) -> None:
         """Nothing is drawn yet."""
-        self.plots, self.record, self.export = tuple(plots), record, export
+        self.plots, self.export = tuple(plots), export
         self.shown = bool(plots) and record.panels != "none"
+        self.record = replace(record, panels="right") if record.panels == "none" else record
         self._size: tuple[int, int] | None = None
         self._sheet: Sheet | None = None
         self._last = np.zeros(0)
@@ -39,7 +41,7 @@ class WindowPanels:
         return Division.of(size, self.record) if self.shown else None
 
     def toggle(self) -> None:
-        """Show the panels, or do not; where `record:` has none, they are to the right."""
+        """Show the panels, or do not; where films have none, they are to the right."""
         self.shown = bool(self.plots) and not self.shown
 
     def aspect(self, size: tuple[int, int], camera: CameraSpec) -> float:

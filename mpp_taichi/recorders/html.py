@@ -1,0 +1,108 @@
+"""A film as one HTML file: the frames of a run, and a player that turns, plays and plots them in a browser, offline."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.errors import CapacityError
+from mpp_taichi.recorders._html_page import Recording, page
+from mpp_taichi.recorders._lock import OutputLock
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.views._base import Frame
+from mpp_taichi.views.appearance import Appearance
+from mpp_taichi.views.camera import HORIZON
+from mpp_taichi.views.legend import legend_lines
+from mpp_taichi.whole_file import whole_file
+
+FORMATS = (".html", ".htm")
+SELDOM_NEW = ("radius", "color", "between", "spring_color", "outline")  # kept once for all frames where they are alike
+MOST_ENTRIES = 20_000_000  # particles times frames: 160 MB in a browser, and as much in the file
+
+
+class HtmlRecorder:
+    """Keeps frames and writes them into one page; a context manager, like `VideoRecorder`, that leaves a whole file or none."""
+
+    def __init__(self, path: str | Path, size: tuple[int, int], fps: float) -> None:
+        """A page at `fps` frames a second, whose first view is made for a picture of (width, height) pixels.
+
+        Raises:
+            OutputError: the folder cannot be written, or the file is being written by another run.
+        """
+        self.path, self.size, self.fps = Path(path), size, fps
+        self._frames: list[Frame] = []
+        self._speeds: list[np.ndarray] = []
+        self._spec: SceneSpec | None = None
+        self._appearance: Appearance | None = None
+        self._names: Sequence[str] = ()
+        self._rows: Sequence[dict[str, Any]] = ()
+        self._closed = False
+        self._lock = OutputLock(self.path)
+
+    @property
+    def frame_count(self) -> int:
+        """Frames kept so far."""
+        return len(self._frames)
+
+    def __enter__(self) -> "HtmlRecorder":
+        """The recorder itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """Write the page; after an exception nothing is written."""
+        if kind is None and self._frames:
+            self.close()
+        self.abandon()
+
+    def begin(self, spec: SceneSpec, names: Sequence[str], rows: Sequence[dict[str, Any]], frame_count: int) -> None:
+        """What the page tells of: the scene, its particles' names, and the samples of energies, a list that grows with the run.
+
+        Raises:
+            CapacityError: so many particles in so many frames are more than a page can hold.
+        """
+        most = MOST_ENTRIES // max(1, len(names))
+        if frame_count > most:
+            raise CapacityError(
+                f"{self.path}: {frame_count:,} frames of {len(names):,} particles are more than a page can hold, "
+                f"allowed: {most:,} frames; take fewer, by --fps or --duration"
+            )
+        self._spec, self._names, self._rows = spec, names, rows
+        self._appearance = Appearance(spec.view, spec.dimensions)
+
+    def add(self, frame: Frame) -> None:
+        """Keep one frame as it is drawn; what is lost, farther than any picture reaches, counts as not there."""
+        if self._appearance is not None:
+            frame = self._appearance.dress(frame)
+        with np.errstate(invalid="ignore"):
+            seen = (np.abs(frame.position) < HORIZON).all(axis=1)
+        place = frame.position if seen.all() else np.where(seen[:, None], frame.position, np.nan)
+        if frame.velocity is not None:
+            self._speeds.append(np.where(seen, np.linalg.norm(frame.velocity, axis=1), np.nan).astype(np.float32))
+        last = self._frames[-1] if self._frames else frame
+        same = {name: getattr(last, name) for name in SELDOM_NEW if np.array_equal(getattr(last, name), getattr(frame, name))}
+        self._frames.append(replace(frame, position=place, velocity=None, **same))
+
+    def close(self) -> None:
+        """Write the page and give it its name; once.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        if self._closed:
+            return
+        assert self._spec is not None
+        legend = [] if self._appearance is None else legend_lines(replace(self._appearance.legend(), lines=()))
+        recording = Recording(self._spec, self._frames, self._speeds, self._names, self._rows, self.size, self.fps, legend)
+        try:
+            with whole_file(self.path, "the page") as temporary:
+                temporary.write_text(page(recording), encoding="utf-8")
+        finally:
+            self.abandon()
+
+    def abandon(self) -> None:
+        """Let go of the name; harmless after `close`."""
+        self._closed = True
+        self._lock.release()

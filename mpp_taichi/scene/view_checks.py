@@ -1,0 +1,143 @@
+"""What a view says, checked and resolved: the bodies it names, and what must not stand together."""
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any, Protocol
+
+from PIL import Image
+
+from mpp_taichi.scene.document import Node
+from mpp_taichi.scene.faults import Faults, allowed
+from mpp_taichi.scene.layout import ParticleLayout
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.view_spec import BodyViewSpec, GroupColorsSpec, ViewSpec
+
+MOST_PIXELS = 150_000_000  # of a picture that is wrapped around a body, or around all
+
+
+class Finder(Protocol):
+    """Finds what a scene names; what is not there becomes a fault."""
+
+    def group(self, reference: int | str, path: tuple[Any, ...]) -> tuple[int, int] | None:
+        """First index and count of a group, or of one particle."""
+
+    def fault(self, path: tuple[Any, ...], message: str) -> None:
+        """Something is wrong at a path."""
+
+
+def resolve_view(view: ViewSpec, layout: ParticleLayout, finder: Finder) -> ViewSpec:
+    """The view with every name an index."""
+    bodies: dict[Any, BodyViewSpec] = {}
+    for name, body in view.bodies.items():
+        path = ("view", "bodies", name)
+        key = finder.group(name, path)
+        primary = finder.group(body.around, (*path, "around")) if body.around is not None else None
+        _check_body(body, path, finder)
+        if key is None:
+            continue
+        if key in bodies:
+            finder.fault(path, "is drawn by another entry already")
+        bodies[key] = replace(body, around=primary[0] if primary is not None else None)
+    if view.sky is not None:
+        _check_picture(view.sky.file, ("view", "sky", "file"), finder)
+    if _circle(bodies):
+        finder.fault(("view", "bodies"), "bodies are drawn around one another in a circle, must end at a body around none")
+    changed: dict[str, Any] = {"bodies": bodies}
+    if view.color_by is not None and view.color_by.group is not None:
+        groups = _groups(view.color_by.group, layout, finder)
+        changed["color_by"] = replace(view.color_by, group=replace(view.color_by.group, of=groups))
+    if view.arrows is not None and view.arrows.of is not None:
+        found = [finder.group(each, ("view", "arrows", "of", number)) for number, each in enumerate(view.arrows.of)]
+        changed["arrows"] = replace(view.arrows, of=tuple(each for each in found if each is not None))
+    return replace(view, **changed)
+
+
+def _check_body(body: BodyViewSpec, path: tuple[Any, ...], finder: Finder) -> None:
+    if body.distance_scale != 1.0 and body.around is None:
+        finder.fault((*path, "distance_scale"), "must say around: which body it is measured from")
+    if body.spin is not None and body.spin.period == 0.0:
+        finder.fault((*path, "spin", "period"), "must not be 0")
+    if body.spin is not None and not any(body.spin.axis):
+        finder.fault((*path, "spin", "axis"), "must not be [0, 0, 0]")
+    if body.texture is not None and (body.texture.file is None) == (body.texture.pattern is None):
+        finder.fault((*path, "texture"), "must have a file or a pattern, and not both")
+    if body.texture is not None:
+        _check_picture(body.texture.file, (*path, "texture", "file"), finder)
+
+
+def _check_picture(file: str | None, path: tuple[Any, ...], finder: Finder) -> None:
+    """Look at the beginning of a file; what is torn farther on is found when it is drawn."""
+    if file is None:
+        return
+    try:
+        with Image.open(file) as picture:
+            pixels = picture.size[0] * picture.size[1]
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        finder.fault(path, "is no picture that can be read, allowed: PNG, JPEG, WebP, TIFF and others")
+        return
+    if pixels > MOST_PIXELS:
+        finder.fault(path, f"is a picture of {pixels:,} pixels, allowed: up to {MOST_PIXELS:,}")
+
+
+def _groups(colors: GroupColorsSpec, layout: ParticleLayout, finder: Finder) -> tuple[tuple[str, int, int], ...]:
+    """(name, first index, count) of the groups that are told apart."""
+    if colors.of is None:
+        labels = [entry.parameters.get("name") or f"{entry.name} {number}" for number, entry in enumerate(layout.entries)]
+        return tuple(zip(labels, layout.starts, layout.counts, strict=True))
+    found = [(str(each), finder.group(each, ("view", "color_by", "group", "of", n))) for n, each in enumerate(colors.of)]
+    return tuple((label, *group) for label, group in found if group is not None)
+
+
+def _circle(bodies: Mapping[tuple[int, int], BodyViewSpec]) -> bool:
+    """Whether following `around` comes back to where it began."""
+    moved = [(range(first, first + count), body.around) for (first, count), body in bodies.items() if body.around is not None]
+    around = {index: primary for indices, primary in moved for index in indices}
+    for index in set(around.values()):
+        following, seen = around.get(index), {index}
+        while following is not None:
+            if following in seen:
+                return True
+            seen.add(following)
+            following = around.get(following)
+    return False
+
+
+def check_view(spec: SceneSpec, tree: Node, faults: Faults) -> None:
+    """Add what is wrong between the keys of the view."""
+    view, node = spec.view, tree.get("view")
+    if node is None:
+        return
+    _check_camera(view, node, faults)
+    for key in ("color_by", "spring_color_by"):
+        if (chosen := getattr(view, key)) is not None:
+            _check_colors(chosen, key, node.value[key], faults)
+    if view.light is not None and not any(view.light.direction):
+        faults.add(node.value["light"].location, "view.light.direction", "must not be [0, 0, 0]")
+    if view.sky is not None and view.sky.stars and view.sky.file:
+        faults.add(node.value["sky"].location, "view.sky", "has stars and a file, must have one of them")
+
+
+def _check_camera(view: ViewSpec, tree: Node, faults: Faults) -> None:
+    camera, node = view.camera, tree.get("camera")
+    if node is None:
+        return
+    if camera.position is not None and camera.position == camera.look_at:
+        faults.add(node.location, "view.camera", "position and look_at must be different points")
+    if camera.up is not None and not any(camera.up):
+        faults.add(node.location, "view.camera.up", "must not be [0, 0, 0]")
+
+
+def _check_colors(chosen: Any, key: str, node: Node, faults: Faults) -> None:
+    names = [each.name for each in fields(chosen)]
+    given = [name for name in names if getattr(chosen, name) is not None]
+    if len(given) != 1:
+        faults.add(node.location, f"view.{key}", f"must be one quantity, not {len(given)}, {allowed(names)}")
+    for name in given:
+        scale = getattr(chosen, name)
+        low_high = getattr(scale, "range", None)
+        if low_high is None:
+            continue
+        if not low_high[0] < low_high[1]:
+            faults.add(node.value[name].value["range"].location, f"view.{key}.{name}.range", "must go from low to high")
+        if scale.logarithmic and not low_high[0] > 0.0:
+            faults.add(node.value[name].value["range"].location, f"view.{key}.{name}.range", "must be above 0 for a logarithm")

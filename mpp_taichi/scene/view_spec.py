@@ -1,0 +1,261 @@
+"""ViewSpec: what a scene says of its pictures. Display only: nothing here changes a motion."""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, ConfigDict, Field
+
+from mpp_taichi.scene.fields import FileBeside, Flag, ListOf, Number, Reference, Text, Whole
+
+COLOR_MAPS = ("viridis", "cividis", "diverging")
+PATTERNS = ("banded", "continents", "cratered", "checker")
+_CLOSED = ConfigDict(extra="forbid")
+_COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
+_MOST_GROUPS = 64
+
+
+def _nothing_is_empty(value: Any) -> Any:
+    """`speed:` with nothing after it asks for the speed with all defaults."""
+    return {} if value is None else value
+
+
+_ASKED = BeforeValidator(_nothing_is_empty)
+
+
+@dataclass(frozen=True)
+class CameraSpec:
+    """Where the picture is taken from; None means: chosen so that every particle is in view."""
+
+    __pydantic_config__ = _CLOSED
+    position: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="of the eye")] = None
+    look_at: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="middle of the picture")] = None
+    up: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="direction that is up")] = None
+    field_of_view: Annotated[float, Number(minimum=1.0, maximum=170.0), Field(description="vertical, degrees")] = 45.0
+    projection: Annotated[str, Text(("perspective", "orthographic")), Field(description="perspective or orthographic")] = (
+        "perspective"
+    )
+    height: Annotated[float | None, Number(above=0.0), Field(description="of an orthographic picture [length]")] = None
+
+
+@dataclass(frozen=True)
+class SpinSpec:
+    """How the surface of a body turns: by phase + 2π t / period about its axis."""
+
+    __pydantic_config__ = _CLOSED
+    period: Annotated[float, Number(), Field(description="of a turn about the axis; below 0 for the other way round [time]")]
+    axis: Annotated[tuple[float, float, float], ListOf(Number()), Field(description="direction of the north pole")] = (0, 0, 1)
+    phase: Annotated[
+        float,
+        Number(),
+        Field(description="at time 0: prime meridian from where the equator rises through the x–y plane, radians"),
+    ] = 0.0
+
+
+@dataclass(frozen=True)
+class TextureSpec:
+    """The surface of a body: a picture of it, or a pattern made from a seed and the body's colour."""
+
+    __pydantic_config__ = _CLOSED
+    file: Annotated[
+        str | None, FileBeside(), Field(description="a picture beside the scene; longitude along its width, north on top")
+    ] = None
+    pattern: Annotated[str | None, Text(PATTERNS), Field(description="or one of: " + ", ".join(PATTERNS))] = None
+    seed: Annotated[int, Whole(minimum=0, maximum=2**31), Field(description="of the pattern")] = 0
+
+
+@dataclass(frozen=True)
+class BodyViewSpec:
+    """How a body, or a group, is drawn; display only, no motion changes.
+
+    `around` is an index once the scene is loaded.
+    """
+
+    __pydantic_config__ = _CLOSED
+    radius_scale: Annotated[float, Number(above=0.0), Field(description="the radius is drawn so many times as large")] = 1.0
+    around: Annotated[Any, Reference(), Field(description="the body that distance_scale is measured from")] = None
+    distance_scale: Annotated[
+        float, Number(above=0.0), Field(description="drawn so many times as far from the body it is around, as moons may be")
+    ] = 1.0
+    light: Annotated[bool, Flag(), Field(description="shines, and lights the others, which then cast shadows")] = False
+    texture: Annotated[TextureSpec | None, Field(description="its surface")] = None
+    spin: Annotated[SpinSpec | None, Field(description="how its surface turns")] = None
+
+
+@dataclass(frozen=True)
+class LightSpec:
+    """Light from afar, in which spheres cast shadows on one another."""
+
+    __pydantic_config__ = _CLOSED
+    direction: Annotated[tuple[float, float, float], ListOf(Number()), Field(description="to where it comes from")]
+    angular_radius: Annotated[
+        float, Number(above=0.0, maximum=20.0), Field(description="of what it comes from, degrees; larger makes softer shadows")
+    ] = 0.27
+
+
+@dataclass(frozen=True)
+class SkySpec:
+    """What is behind all: stars from a seed, or a picture of the whole sky."""
+
+    __pydantic_config__ = _CLOSED
+    stars: Annotated[int, Whole(minimum=0, maximum=100_000), Field(description="how many, all around")] = 0
+    seed: Annotated[int, Whole(minimum=0, maximum=2**31), Field(description="of the stars")] = 0
+    file: Annotated[str | None, FileBeside(), Field(description="a picture: longitude along its width, north (+z) on top")] = (
+        None
+    )
+    brightness: Annotated[float, Number(minimum=0.0, maximum=100.0), Field(description="of stars and picture")] = 1.0
+
+
+@dataclass(frozen=True)
+class ColorScaleSpec:
+    """How a quantity becomes a colour."""
+
+    __pydantic_config__ = _CLOSED
+    map: Annotated[
+        str | None,
+        Text(COLOR_MAPS),
+        Field(description=" or ".join(COLOR_MAPS) + "; absent: viridis, of strain and tension diverging"),
+    ] = None
+    range: Annotated[
+        tuple[float, float] | None,
+        ListOf(Number(), (2,)),
+        Field(description="values at the two ends; absent: what has been seen since the first picture"),
+    ] = None
+    logarithmic: Annotated[bool, Flag(), Field(description="colours by the logarithm of positive values")] = False
+    label: Annotated[str, Text(), Field(description="of the legend; absent: the name of the quantity")] = ""
+
+
+@dataclass(frozen=True)
+class GroupColorsSpec:
+    """Colours that tell groups apart, those of Okabe and Ito.
+
+    Once the scene is loaded, `of` holds (name, first index, count) of each.
+    """
+
+    __pydantic_config__ = _CLOSED
+    of: Annotated[
+        Any,
+        ListOf(Reference(), tuple(range(1, _MOST_GROUPS + 1)), "particles and groups"),
+        Field(description="bodies and groups; absent: every entry of particles:"),
+    ] = None
+
+
+@dataclass(frozen=True)
+class ColorBySpec:
+    """By what particles are coloured; one of these."""
+
+    __pydantic_config__ = _CLOSED
+    speed: Annotated[ColorScaleSpec | None, _ASKED, Field(description="size of the velocity")] = None
+    kinetic_energy: Annotated[ColorScaleSpec | None, _ASKED, Field(description="½ m v²")] = None
+    mass: Annotated[ColorScaleSpec | None, _ASKED, Field(description="m")] = None
+    charge: Annotated[ColorScaleSpec | None, _ASKED, Field(description="q")] = None
+    radius: Annotated[ColorScaleSpec | None, _ASKED, Field(description="of the sphere, without display scales")] = None
+    x: Annotated[ColorScaleSpec | None, _ASKED, Field(description="coordinate")] = None
+    y: Annotated[ColorScaleSpec | None, _ASKED, Field(description="coordinate")] = None
+    z: Annotated[ColorScaleSpec | None, _ASKED, Field(description="coordinate")] = None
+    index: Annotated[ColorScaleSpec | None, _ASKED, Field(description="number in the list of all particles")] = None
+    group: Annotated[GroupColorsSpec | None, _ASKED, Field(description="which entry of particles: it is of")] = None
+
+
+@dataclass(frozen=True)
+class SpringColorBySpec:
+    """By what springs are coloured; one of these."""
+
+    __pydantic_config__ = _CLOSED
+    strain: Annotated[ColorScaleSpec | None, _ASKED, Field(description="(l − L)/L, above 0 where stretched")] = None
+    tension: Annotated[ColorScaleSpec | None, _ASKED, Field(description="D (l − L), without friction [force]")] = None
+    length: Annotated[ColorScaleSpec | None, _ASKED, Field(description="l")] = None
+
+
+@dataclass(frozen=True)
+class ArrowsSpec:
+    """Arrows of velocities: each ends where its particle would be after `time` if it went straight on."""
+
+    __pydantic_config__ = _CLOSED
+    time: Annotated[
+        float | None,
+        Number(above=0.0),
+        Field(description="that an arrow stands for; absent: so that they fit the first picture"),
+    ] = None
+    of: Annotated[
+        Any,
+        ListOf(Reference(), tuple(range(1, _MOST_GROUPS + 1)), "particles and groups"),
+        Field(description="bodies and groups; absent: all"),
+    ] = None
+    color: Annotated[tuple[float, float, float], _COLOR, Field(description="red, green, blue in 0…1")] = (0.95, 0.95, 0.95)
+    width: Annotated[float, Number(above=0.0, maximum=100.0), Field(description="pixels of a picture of 720 rows")] = 2.0
+
+
+@dataclass(frozen=True)
+class AxesSpec:
+    """The axes x, y, z with their letters."""
+
+    __pydantic_config__ = _CLOSED
+    origin: Annotated[tuple[float, float, float], ListOf(Number()), Field(description="where they begin")] = (0.0, 0.0, 0.0)
+    length: Annotated[float | None, Number(above=0.0), Field(description="absent: a round number that fits the picture")] = None
+
+
+@dataclass(frozen=True)
+class GridSpec:
+    """A grid of squares in a plane through the origin; its spacing is told in the legend."""
+
+    __pydantic_config__ = _CLOSED
+    plane: Annotated[str, Text(("xy", "xz", "yz")), Field(description="xy, xz or yz")] = "xy"
+    spacing: Annotated[float | None, Number(above=0.0), Field(description="absent: a round number that fits the picture")] = (
+        None
+    )
+    lines: Annotated[int, Whole(minimum=1, maximum=500), Field(description="on each side of the middle")] = 5
+    at: Annotated[float, Number(), Field(description="of the plane on the third axis")] = 0.0
+
+
+@dataclass(frozen=True)
+class ViewSpec:
+    """What is drawn."""
+
+    __pydantic_config__ = _CLOSED
+    camera: Annotated[CameraSpec, Field(description="where the picture is taken from")] = field(default_factory=CameraSpec)
+    background: Annotated[tuple[float, float, float], _COLOR, Field(description="red, green, blue in 0…1")] = (0.02, 0.02, 0.05)
+    radius_scale: Annotated[float, Number(above=0.0), Field(description="of the spheres, display only")] = 1.0
+    minimum_pixels: Annotated[float, Number(minimum=0.0), Field(description="smallest radius of a sphere")] = 1.5
+    spring_width: Annotated[float, Number(above=0.0, maximum=100.0), Field(description="pixels")] = 2.0
+    trails: Annotated[int, Whole(minimum=0, maximum=10_000), Field(description="frames of trail per particle, 0 = none")] = 0
+    caption: Annotated[bool, Flag(), Field(description="title and time")] = True
+    bodies: Annotated[dict[Any, BodyViewSpec], Field(description="how single bodies and groups are drawn, by name")] = field(
+        default_factory=dict
+    )  # by (first index, count) once the scene is loaded
+    light: Annotated[
+        LightSpec | None,
+        Field(description="from afar, with shadows; absent, and no body a light: from the upper left, without shadows"),
+    ] = None
+    sky: Annotated[SkySpec | None, Field(description="stars or a picture behind all; by the program's own renderer")] = None
+    ambient: Annotated[
+        float,
+        Number(minimum=0.0, maximum=1.0),
+        Field(description="light on what no light reaches, where light or a body's light says where it is"),
+    ] = 0.03
+    color_by: Annotated[ColorBySpec | None, Field(description="colour of the particles by a quantity: {speed: {}} say")] = None
+    spring_color_by: Annotated[
+        SpringColorBySpec | None, Field(description="colour of the springs by a quantity: {strain: {}} say")
+    ] = None
+    legend: Annotated[bool, Flag(), Field(description="what colours, arrows and grid mean, in numbers")] = True
+    arrows: Annotated[ArrowsSpec | None, _ASKED, Field(description="velocities as arrows")] = None
+    axes: Annotated[AxesSpec | None, _ASKED, Field(description="axes with their letters")] = None
+    grid: Annotated[GridSpec | None, _ASKED, Field(description="a grid in a plane")] = None
+
+
+VIEW_SPECS: dict[str, type] = {
+    "view": ViewSpec,
+    "view.camera": CameraSpec,
+    "view.bodies.NAME": BodyViewSpec,
+    "view.bodies.NAME.texture": TextureSpec,
+    "view.bodies.NAME.spin": SpinSpec,
+    "view.light": LightSpec,
+    "view.sky": SkySpec,
+    "view.color_by": ColorBySpec,
+    "view.color_by.QUANTITY": ColorScaleSpec,
+    "view.color_by.group": GroupColorsSpec,
+    "view.spring_color_by": SpringColorBySpec,
+    "view.arrows": ArrowsSpec,
+    "view.axes": AxesSpec,
+    "view.grid": GridSpec,
+}
+"""Keys of a scene and the classes that describe them, as the reference lists them."""

@@ -1,0 +1,85 @@
+"""Appearance: a frame as the scene's `view:` wants it drawn. Places, sizes and colours, and the lines that are added to them.
+
+All renderers draw what comes out of here, so that they agree. Nothing here knows a device.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.scene.view_spec import BodyViewSpec, ViewSpec
+from mpp_taichi.views._base import Frame
+from mpp_taichi.views.camera import Camera
+from mpp_taichi.views.coloring import ColorBar, Coloring, GroupKey
+from mpp_taichi.views.marks import Label, Marks, Segments
+
+
+@dataclass(frozen=True, eq=False)
+class Legend:
+    """What the colours mean, and further lines of text."""
+
+    entries: tuple[ColorBar | GroupKey, ...]
+    lines: tuple[str, ...]
+
+
+class Appearance:
+    """Dresses the frames of one view; ranges of colours and lengths that fit are remembered from frame to frame."""
+
+    def __init__(self, spec: ViewSpec, dimensions: int = 3) -> None:
+        """Nothing has been seen yet."""
+        self.spec = spec
+        self._coloring = Coloring(spec.color_by, spec.spring_color_by)
+        self._marks = Marks(spec, dimensions)
+        self._moved = _primaries_first(spec.bodies)
+
+    def dress(self, frame: Frame) -> Frame:
+        """The frame with display-only places, radii and colours; the frame itself where the scene asks for none."""
+        changed: dict[str, Any] = {}
+        if (colors := self._coloring.particle_colors(frame)) is not None:
+            changed["color"] = colors
+        if (colors := self._coloring.spring_colors(frame)) is not None:
+            changed["spring_color"] = colors
+        count = len(frame.position)
+        scaled = [(key, body) for key, body in self.spec.bodies.items() if body.radius_scale != 1.0]
+        if scaled:
+            radius = np.array(frame.radius, dtype=float)
+            for (first, group), body in scaled:
+                radius[first : first + group] *= body.radius_scale
+            changed["radius"] = radius
+        if self._moved:
+            position = np.array(frame.position, dtype=float)
+            for (first, group), body in self._moved:
+                if body.around is None or body.around >= count:
+                    continue
+                way = frame.position[first : first + group] - frame.position[body.around]
+                position[first : first + group] = position[body.around] + body.distance_scale * way
+            changed["position"] = position
+        return replace(frame, **changed) if changed else frame
+
+    def segments(self, frame: Frame, camera: Camera) -> Segments:
+        """The lines added to a dressed frame: arrows, axes, grid."""
+        return self._marks.segments(frame, camera)
+
+    def labels(self) -> list[Label]:
+        """Texts in the scene, as of the last segments."""
+        return self._marks.labels
+
+    def legend(self) -> Legend:
+        """What is to be written beside the picture; empty where the scene wants no legend."""
+        if not self.spec.legend:
+            return Legend((), ())
+        return Legend(tuple(self._coloring.legend()), tuple(self._marks.lines()))
+
+
+def _primaries_first(bodies: dict[tuple[int, int], BodyViewSpec]) -> list[tuple[tuple[int, int], BodyViewSpec]]:
+    """The entries drawn at another distance, those first that others are drawn around; there is no circle among them."""
+    left = {key: body for key, body in bodies.items() if body.around is not None}
+    ordered: list[tuple[tuple[int, int], BodyViewSpec]] = []
+    while left:
+        waiting = [range(first, first + count) for first, count in left]
+        ready = [key for key, body in left.items() if not any(body.around in indices for indices in waiting)]
+        ordered += [(key, left.pop(key)) for key in ready]
+        if not ready:
+            break
+    return ordered
