@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi import transfer
 from mpp_taichi.scene.spec import ComponentSpec
 
 COMPONENTS = 3  # of a vector
@@ -46,15 +47,14 @@ class LiveParameters:
 
     def write(self, entries: Sequence[ComponentSpec]) -> None:
         """Let the forces have the values of these entries from the next launch on."""
-        before = self._values.copy()
         for entry in entries:
             for name in entry.live:
                 value, place = entry.parameters[name], self._places[entry.name, name]
                 numbers = value if isinstance(value, tuple) else (value,)
                 self._values[place : place + len(numbers)] = numbers
-        if not np.array_equal(before, self._values):
+        if self._tree is not None:
             dtype = np.float32 if self._field.dtype == ti.f32 else np.float64
-            self._field.from_numpy(self._values.astype(dtype))
+            transfer.write([self._field], [self._values.astype(dtype)])
 
     def destroy(self) -> None:
         """Give the memory back."""

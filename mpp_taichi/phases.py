@@ -182,6 +182,8 @@ class CompiledPhase:
             precision=device.precision,
             guards_rounding=not device.probes.compensation,
         )
+        if any(target.kind == "springs" for slider in spec.sliders for target in slider.targets):
+            self.state.write_springs(start)  # so that what copies them is compiled before they move
         if solver is not None:
             solver.bind(contact_setup(spec, start), self.state)
         self.contacts = solver
