@@ -96,4 +96,4 @@ class Distribution:
         low, high = (min(low, -reach) if low < 0.0 else low), max(high, reach)
         room = ROOM * (high - low) or 0.5 * abs(high) or 0.5
         self._counts = None
-        return np.linspace(low - room if low != 0.0 else 0.0, high + room, self._plot.bins + 1)
+        return np.linspace(low - room if low < 0.0 else max(low - room, 0.0), high + room, self._plot.bins + 1)

@@ -147,7 +147,9 @@ def test_record_makes_exactly_the_frames_asked_for(scene, suffix):
 
 def test_record_frames_needs_no_encoder(scene, monkeypatch):
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", "/nonexistent/ffmpeg")
-    assert main(["record", scene(), "--frames", "pictures", "--size", "64x48", "--fps", "3", "--duration", "1", "-q"]) == 0
+    words = ["--frames", "pictures", "--still", "new/still.png", "--size", "64x48", "--fps", "3", "--duration", "1", "-q"]
+    assert main(["record", scene(), *words]) == 0
+    assert Path("new/still.png").read_bytes() == Path("pictures/frame_000002.png").read_bytes()  # the last one
     assert sorted(entry.name for entry in Path("pictures").iterdir()) == [f"frame_{k:06d}.png" for k in range(3)]
 
 

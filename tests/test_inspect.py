@@ -2,6 +2,7 @@
 
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,11 @@ from PIL import Image
 
 from mpp_taichi.cli.main import main
 from mpp_taichi.energy import EnergyMeter
+from mpp_taichi.errors import SceneError
 from mpp_taichi.inspector import Inspector
 from mpp_taichi.recorders.inspection import InspectionRecorder
 from mpp_taichi.recorders.table import TableRecorder
+from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import CameraSpec, RecordSpec, ViewSpec
 from mpp_taichi.simulation import Simulation
 from mpp_taichi.views._base import Frame
@@ -70,6 +73,10 @@ def test_what_is_recorded_is_the_motion_and_changes_nothing(scene: Path):
         recorder.save(Path("panels.csv"))
         recorder.restart()
         assert recorder.inspector.samples.count == 0
+        wrong = load_scene(str(scene), overrides=["inspect=[{y: {mode_amplitude: {mode: [9]}}}]"])
+        simulation.spec = replace(simulation.spec, inspect=wrong.inspect)
+        with pytest.raises(SceneError, match=r"inspect\[0\].y.mode_amplitude: modes: there is no mode 9"):
+            Inspector(simulation)
     found = table(Path("panels.csv"))
     assert list(found) == [
         *("time", "x_of_ball", "theory_of_x_of_ball", "velocity_x_of_ball", "length_of_spring_hook_ball"),
@@ -119,7 +126,6 @@ def test_files_and_films_of_the_command_line(scene: Path):
     [
         (["--inspect", "a.pdf"], "must be one of .csv, .svg, .png"),
         (["--set", "inspect=[]", "--inspect", "a.csv"], "has no inspect:"),
-        (["--set", "inspect=[{y: {mode_amplitude: {mode: [9]}}}]", "--inspect", "a.csv"], "there is no mode 9"),
     ],
 )
 def test_what_cannot_be_written_is_refused(scene: Path, capsys, more, reason):

@@ -19,7 +19,7 @@ SCENE = {
         {"body": {"name": "post", "mass": 1, "position": [0, 0, 0], "velocity": [9, 9, 9], "free": False}},
         {"body": {"name": "a", "mass": 2, "position": [3, 0, 0], "velocity": [0, 2, 0]}},
         {"body": {"name": "b", "mass": 3, "position": [3, 4, 0], "velocity": [1, 0, 2]}},
-        {"lattice": {"name": "net", "shape": [1, 1, 2], "lower": [0, 0, 6], "upper": [0, 0, 8], "mass": 1}},
+        {"lattice": {"name": "net", "shape": [1, 1, 3], "lower": [0, 0, 6], "upper": [0, 0, 8], "mass": 1}},
     ],
     "springs": [{"link": {"between": ["a", "b"], "stiffness": 1, "rest_length": 3}}],
     "integrator": {"leapfrog": {"dt": 1}},
@@ -47,14 +47,16 @@ def named(name: str, inspect: dict):
         ("time", {}, 7.0, "time", "day"),
         ("position", {"of": "a", "axis": "x"}, 3.0, "x of a", "AU"),
         ("position", {"of": "net", "axis": "z"}, 7.0, "z of net", "AU"),
-        ("position", {"of": "net[1]", "axis": "z"}, 8.0, "z of net[1]", "AU"),
-        ("position", {"axis": "x"}, (2 * 3 + 3 * 3) / 8, "x", "AU"),
+        ("position", {"of": "net[2]", "axis": "z"}, 8.0, "z of net[2]", "AU"),
+        ("position", {"of": "net[1:3]", "axis": "z"}, 7.5, "z of net[1:3]", "AU"),
+        ("position", {"of": "net[:2]", "axis": "z"}, 6.5, "z of net[0:2]", "AU"),
+        ("position", {"axis": "x"}, (2 * 3 + 3 * 3) / 9, "x", "AU"),
         ("velocity", {"of": 2, "axis": "z"}, 2.0, "velocity z of b", "AU/day"),
         ("speed", {"of": "b"}, math.sqrt(5), "speed of b", "AU/day"),
         ("distance", {"of": "b", "to": "post"}, 5.0, "distance of b to post", "AU"),
         ("distance", {"of": "a", "point": [0, 4, 0]}, 5.0, "distance of a to (0, 4, 0)", "AU"),
-        # The centre of mass of all eight masses is at (15, 12, 14) / 8.
-        ("distance", {"of": "post"}, math.sqrt(15**2 + 12**2 + 14**2) / 8, "distance of post to centre of mass", "AU"),
+        # The centre of mass of all nine masses is at (15, 12, 21) / 9.
+        ("distance", {"of": "post"}, math.sqrt(15**2 + 12**2 + 21**2) / 9, "distance of post to centre of mass", "AU"),
         ("kinetic_energy", {}, 0.5 * (2 * 4 + 3 * 5), "kinetic energy", "Msun AU²/day²"),
         ("kinetic_energy", {"of": "a"}, 4.0, "kinetic energy of a", "Msun AU²/day²"),
         ("potential_energy", {}, -1.5, "potential energy", "Msun AU²/day²"),
@@ -69,7 +71,7 @@ def named(name: str, inspect: dict):
         ("spring_strain", {}, 1 / 3, "mean strain of springs", ""),
         ("angle", {"of": "b"}, math.atan2(4, 3), "angle of b", ""),
         ("angle", {"of": "post", "around": "a", "zero": "pi / 2"}, math.pi / 2, "angle of post around a", ""),
-        ("mass", {"of": "net"}, 2.0, "mass of net", "Msun"),
+        ("mass", {"of": "net"}, 3.0, "mass of net", "Msun"),
         ("relative_energy_error", {}, 0.0, "relative energy error", ""),
     ],
 )
@@ -85,8 +87,8 @@ def test_a_quantity_is_what_it_says(setting, name, parameters, expected, label, 
 def test_what_every_particle_has_is_measured_one_by_one(setting):
     look = SimpleNamespace(snapshot=setting.start)
     # Held particles are no part of a gas; their places are counted.
-    assert named("speed", {}).each(look) == pytest.approx([2, math.sqrt(5), 0, 0])
-    assert named("position", {"axis": "x"}).each(look).tolist() == [0, 3, 3, 0, 0]
+    assert named("speed", {}).each(look) == pytest.approx([2, math.sqrt(5), 0, 0, 0])
+    assert named("position", {"axis": "x"}).each(look).tolist() == [0, 3, 3, 0, 0, 0]
     assert named("kinetic_energy", {"of": "b"}).each(look).tolist() == [7.5]
 
 
@@ -124,7 +126,7 @@ def test_a_merged_particle_is_nowhere(setting):
     start = setting.start
     merged = np.full(start.particle_count, -1)
     merged[2] = 1
-    gone = SimpleNamespace(snapshot=SimpleNamespace(**{**vars(start), "present": merged < 0, "particle_count": 5}))
+    gone = SimpleNamespace(snapshot=SimpleNamespace(**{**vars(start), "present": merged < 0, "particle_count": 6}))
     assert math.isnan(named("position", {"of": "b", "axis": "x"}).measure(gone))
     assert named("position", {"of": "a", "axis": "x"}).measure(gone) == 3.0
 

@@ -198,6 +198,7 @@ CHANGES = [
     ("run: {duration: 30}", "inspect: [{y: sped}]", "unknown quantity 'sped', did you mean 'speed'?"),
     ("run: {duration: 30}", "inspect: [{y: [speed, {positon: {}}]}]", "unknown quantity 'positon', did you mean 'position'?"),
     ("run: {duration: 30}", "inspect: [{y: {position: {of: moon, axis: z}}}]", "no particle is called 'moon'"),
+    ("run: {duration: 30}", "inspect: [{y: {speed: {of: 'net[2:9]'}}}]", "allowed: net[0] to net[5]"),
     ("run: {duration: 30}", "inspect: [{y: {position: {of: 1, axis: w}}}]", "'w' is unknown, allowed: x, y, z"),
     ("run: {duration: 30}", "inspect: [{y: position}]", "missing key 'axis'"),
     ("run: {duration: 30}", "inspect: [{y: {speed: {}, time: {}}}]", "must be one entry"),

@@ -149,6 +149,22 @@ def test_tiles_change_nothing(cpu, monkeypatch: pytest.MonkeyPatch, size: tuple[
     np.testing.assert_array_equal(draw(crowd(), spec, size), tiled)
 
 
+@pytest.mark.parametrize("camera", [FRONT, PARALLEL])
+def test_tiles_that_look_for_their_primitives_show_what_pixels_do(cpu, monkeypatch: pytest.MonkeyPatch, camera) -> None:
+    """CPUs go through a tile's primitives once, GPUs for each pixel: the same to the last bit, also where a sun glows."""
+    from mpp_taichi.views import renderer
+
+    sun = {(0, 1): BodyViewSpec(light=True, radius_scale=4.0)}
+    specs = [view_spec(camera, spring_width=6.0), view_spec(camera, bodies=sun, sky=SkySpec(stars=100))]
+    pictures = []
+    for by_tile in (True, False):
+        monkeypatch.setattr(renderer, "looks_by_tile", lambda by_tile=by_tile: by_tile)
+        pictures.append([draw(crowd(), spec, (321, 177)) for spec in specs])
+    for ours, theirs in zip(*pictures, strict=True):
+        assert ours.max() > 100
+        np.testing.assert_array_equal(ours, theirs)
+
+
 def test_picture_repeats_and_does_not_depend_on_the_order(cpu) -> None:
     frame = crowd()
     first = draw(frame)

@@ -15,6 +15,7 @@ from mpp_taichi.recorders.inspection import FORMATS as INSPECTION_FORMATS
 from mpp_taichi.recorders.modes import FORMATS as MODE_FORMATS
 from mpp_taichi.recorders.modes import PLOT_FORMATS
 from mpp_taichi.recorders.speed_histogram import FORMATS as SPEED_FORMATS
+from mpp_taichi.recorders.still import FORMATS as STILL_FORMATS
 from mpp_taichi.recorders.table import FORMATS as TABLE_FORMATS
 from mpp_taichi.recorders.trajectory import FORMATS as TRAJECTORY_FORMATS
 from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
@@ -43,6 +44,7 @@ class Request:
     steps: int | None = None
     video: Path | None = None
     frames: Path | None = None
+    still: Path | None = None
     html: Path | None = None
     size: tuple[int, int] | None = None
     fps: float | None = None
@@ -65,7 +67,7 @@ class Request:
     @property
     def films(self) -> bool:
         """Whether pictures are recorded."""
-        return any(path is not None for path in (self.video, self.frames, self.html))
+        return any(path is not None for path in (self.video, self.frames, self.still, self.html))
 
     def check(self) -> None:
         """Refuse what cannot be written, before anything is computed.
@@ -76,6 +78,7 @@ class Request:
             BackendError: a plot is wanted and there is no matplotlib.
         """
         require_suffix(self.video, VIDEO_FORMATS, "--video")
+        require_suffix(self.still, STILL_FORMATS, "--still")
         require_suffix(self.html, PAGE_FORMATS, "--html")
         require_suffix(self.trajectory, TRAJECTORY_FORMATS, "--trajectory")
         require_suffix(self.snapshot, (".npz",), "--snapshot")

@@ -26,6 +26,7 @@ from mpp_taichi.recorders.inspection import InspectionRecorder
 from mpp_taichi.recorders.modes import ModeRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
 from mpp_taichi.recorders.speed_histogram import SpeedHistogram
+from mpp_taichi.recorders.still import StillRecorder
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.video import VideoRecorder
@@ -103,6 +104,8 @@ def _open_sinks(spec: SceneSpec, request: Request, stack: ExitStack) -> list[Any
         sinks.append(stack.enter_context(VideoRecorder(request.video, size, fps)))
     if request.frames is not None:
         sinks.append(stack.enter_context(FrameRecorder(request.frames)))
+    if request.still is not None:
+        sinks.append(stack.enter_context(StillRecorder(request.still)))
     if request.html is not None:
         sinks.append(stack.enter_context(HtmlRecorder(request.html, size, fps)))
     return sinks
@@ -213,7 +216,7 @@ class _Run:
     def _inspection(self) -> InspectionRecorder | None:
         """What samples the scene's panels; None where nobody sees them."""
         spec, request, simulation = self.spec, self.request, self.simulation
-        drawn = request.video is not None or request.frames is not None
+        drawn = any(path is not None for path in (request.video, request.frames, request.still))
         shown = request.window or (drawn and spec.record.panels != "none")
         if not spec.inspect or not (request.inspect or shown):
             return None

@@ -15,6 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     _options.add_scene(parser)
     parser.add_argument("--video", type=_options.output_path, metavar="F", help="the film: .mp4, .gif or .webp")
+    parser.add_argument("--still", type=_options.output_path, metavar="F.png", help="the last frame alone, as a picture")
     parser.add_argument("--frames", type=_options.output_path, metavar="DIR", help="a folder of pictures; needs no encoder")
     parser.add_argument(
         "--html", type=_options.output_path, metavar="F.html", help="one file that a browser plays, with camera and plots"
@@ -36,8 +37,8 @@ def execute(arguments: argparse.Namespace) -> int:
     """Record, and return the exit code."""
     from mpp_taichi.scene.load import load_scene
 
-    if arguments.video is None and arguments.frames is None and arguments.html is None:
-        raise UsageError("record: where to? --video F.mp4 (or .gif, .webp), --frames DIR or --html F.html")
+    if all(path is None for path in (arguments.video, arguments.still, arguments.frames, arguments.html)):
+        raise UsageError("record: where to? --video F.mp4 (or .gif, .webp), --still F.png, --frames DIR or --html F.html")
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
     fps, seconds = arguments.fps or spec.record.fps, arguments.duration or spec.record.seconds
     if round(fps * seconds) < 1:
@@ -56,6 +57,7 @@ def execute(arguments: argparse.Namespace) -> int:
         "video",
         "frames",
         "html",
+        "still",
         "size",
         "fps",
         "trajectory",

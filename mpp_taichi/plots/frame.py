@@ -10,6 +10,7 @@ from mpp_taichi.plots.painters import Painter, text_width
 from mpp_taichi.plots.theme import Rgb, Theme
 
 LEAST_FIELD = 24  # pixels
+LONGEST_LABEL = 0.35  # of the field's width, in the row of the axis' numbers
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class Frame:
     size: int
     field: tuple[int, int, int, int]
     legend: tuple[tuple[float, float, Entry], ...]  # x, y, entry
+    label_below: bool  # the label of x in a row of its own, as it is too long for that of the numbers
 
     @staticmethod
     def of(plot: Plot, width: int, height: int, size: int, theme: Theme) -> "Frame":
@@ -43,8 +45,9 @@ class Frame:
             places.append((x, y, entry))
             x += wide + 0.8 * size
         top = round(y + 1.15 * size)
-        bottom = max(height - round(1.9 * size), top + LEAST_FIELD)
-        return Frame(width, height, size, (left, top, max(right, left + LEAST_FIELD), bottom), tuple(places))
+        below = text_width(plot.x_label + plot.x_unit, size) > LONGEST_LABEL * (right - left)
+        bottom = max(height - round((3.2 if below else 1.9) * size), top + LEAST_FIELD)
+        return Frame(width, height, size, (left, top, max(right, left + LEAST_FIELD), bottom), tuple(places), below)
 
     def points(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Shares of both axes as pixels, (n, 2)."""
@@ -62,7 +65,7 @@ class Frame:
         width = size / 15.0
         unit = " ".join(filter(None, (x_power, plot.x_unit)))
         x_label = f"{plot.x_label} [{unit}]" if unit else plot.x_label
-        free = right - text_width(x_label, size) - size  # the label shares the row of the numbers
+        free = self.width if self.label_below else right - text_width(x_label, size) - size
         for tick in x_ticks:
             x = left + tick.share * (right - left)
             painter.line((x, top, x, bottom), theme.grid, width)
@@ -78,7 +81,7 @@ class Frame:
             painter.text(0.6 * size, 1.1 * size, plot.title, theme.text, round(1.1 * size))
         y_unit = plot.y_unit if isinstance(plot, Curves) else ""
         painter.text(left - 0.5 * size, top - 0.9 * size, " ".join(filter(None, (y_power, y_unit))), theme.faint, size, "r")
-        painter.text(right, bottom + 0.95 * size, x_label, theme.text, size, "r")
+        painter.text(right, bottom + (2.2 if self.label_below else 0.95) * size, x_label, theme.text, size, "r")
         for x, y, entry in self.legend:
             painter.rectangle((x, y - 0.1 * size, x + 1.2 * size, y + 0.1 * size), entry.color)
             painter.text(x + 1.6 * size, y, entry.name, theme.text, size)

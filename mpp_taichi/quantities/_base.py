@@ -54,7 +54,7 @@ class Setting:
         return layout_of(self.spec)
 
     def name_of(self, of: Particles | int | None) -> str:
-        """`planet`, `sheet[27]`, `particle 30`, or the name of a group; of all particles nothing."""
+        """`planet`, `sheet[27]`, `particle 30`, the name of a group or `sheet[8:16]`; of all particles nothing."""
         if of is None:
             return ""
         first, count = (of, 1) if isinstance(of, int) else of
@@ -62,7 +62,10 @@ class Setting:
         name, whole = self.layout.entries[number].parameters.get("name"), self.layout.counts[number]
         if count == whole:
             return name or (f"particle {first}" if count == 1 else self.layout.entries[number].name)
-        return f"{name}[{first - self.layout.starts[number]}]" if name else f"particle {first}"
+        offset = first - self.layout.starts[number]
+        if count > 1:
+            return f"{name or self.layout.entries[number].name}[{offset}:{offset + count}]"
+        return f"{name}[{offset}]" if name else f"particle {first}"
 
     def unit(self, dimension: Dimension) -> str:
         """`AU/day`, `Msun AU²/day²`; empty for pure numbers, and where the scene names no units."""

@@ -1,6 +1,7 @@
 """Layout: which particles and springs each entry of a scene makes, known without making them."""
 
 import bisect
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ from mpp_taichi.errors import PlacementError, SceneError
 from mpp_taichi.scene.faults import choices, shown
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 
+_PART = re.compile(r"(?P<name>[^\[\]]+)\[(?P<first>[0-9]{0,9}):(?P<end>[0-9]{0,9})\]", re.ASCII)
 Lattice = tuple[int, tuple[int, int, int]]  # index of the first particle, counts along the axes
 
 
@@ -66,9 +68,16 @@ class ParticleLayout:
             raise PlacementError(f"{name} has no mode {list(numbers)}, allowed: from [1, 1, 1] to {most}")
 
     def group(self, reference: int | str) -> tuple[int, int] | None:
-        """First index and count of the entry called so; None where no entry is."""
-        number = self.names.get(reference) if isinstance(reference, str) else None
-        return None if number is None else (self.starts[number], self.counts[number])
+        """First index and count of the entry called so, or of a part `name[first:end]` of it; None where no entry is."""
+        if not isinstance(reference, str):
+            return None
+        part = _PART.fullmatch(reference)
+        number = self.names.get(part["name"] if part else reference)
+        if number is None:
+            return None
+        count = self.counts[number]
+        first, end = (int(part["first"] or 0), int(part["end"] or count)) if part else (0, count)
+        return (self.starts[number] + first, end - first) if first < end <= count else None
 
     def lattice(self, name: str) -> Lattice:
         """The lattice of a name; PlacementError says which there are."""

@@ -207,3 +207,8 @@ def _reach(line: np.ndarray, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ]
     x = [ax + s * dx for s in share]
     return np.minimum(*x) - half, np.maximum(*x) + half
+
+
+def at_least_one(rows: np.ndarray) -> np.ndarray:
+    """The array, or one row of zeros in place of none: an array of a kernel may not be empty."""
+    return rows if len(rows) else np.zeros((1, *rows.shape[1:]), rows.dtype)

@@ -13,7 +13,9 @@ import taichi as ti
 from mpp_taichi.scene.spec import ViewSpec
 from mpp_taichi.types import Template
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
-from mpp_taichi.views._primitives import FIELDS, TILE, Primitives, Screen, bin_into_tiles, lines, spheres
+from mpp_taichi.views._coverage import Coverage, looks_by_tile
+from mpp_taichi.views._primitives import TILE, Primitives, Screen, at_least_one, bin_into_tiles, lines, spheres
+from mpp_taichi.views._sample_hits import SAMPLES, line_hit, sphere_hit
 from mpp_taichi.views._surface_shading import AMBIENT, DIFFUSE, SPECULAR, displayed, glow, highlight, shade_surface, single
 from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import Camera
@@ -26,7 +28,6 @@ from mpp_taichi.views.textures import LEVELS
 
 logger = logging.getLogger(__name__)
 
-SAMPLES = ((-0.125, -0.375), (0.375, -0.125), (-0.375, 0.125), (0.125, 0.375))  # rotated grid, in pixels from the middle
 LIGHT = np.array([-0.45, 0.6, -0.66]) / math.sqrt(0.45**2 + 0.6**2 + 0.66**2)  # from where: upper left, before the scene
 TRAIL_WIDTH = 1.5  # pixels
 GAMMA_ENTRIES = 4096
@@ -46,6 +47,7 @@ class Renderer(View):
         self._packed = np.zeros((size[1], size[0]), np.uint32)
         self._appearance, self._surfaces = Appearance(spec, dimensions), Surfaces(spec)
         self._background = linear_from_srgb(np.array(spec.background))
+        self._coverage = Coverage()
         self._sky = Sky(spec.sky, size, self._background) if spec.sky is not None else None
 
     def draw(self, frame: Frame) -> np.ndarray:
@@ -98,84 +100,57 @@ class Renderer(View):
         return bin_into_tiles(drawn, lines(all_ends, color, thickness * screen.height / 720.0, screen), screen), tables
 
     def _rasterize(self, primitives: Primitives, tables: SurfaceTables, screen: Screen) -> None:
-        background = np.array(self.spec.background)
-        red, green, blue = (int(value) for value in np.rint(255.0 * np.clip(background, 0.0, 1.0)))
         longest = int(np.diff(primitives.start).max())
         if longest > LOOP_LIMIT and ti.lang.impl.current_cfg().arch == ti.vulkan:
             logger.warning(
                 "%d particles share one tile of the picture; software Vulkan draws the nearest %d", longest, LOOP_LIMIT
             )
         assert self.camera is not None
-        sky = (np.zeros((1, 1, 3), np.float32), np.zeros((1, 1), np.uint32))
+        sky_light = np.zeros((1, 1, 3), np.float32)
         if self._sky is not None:
-            sky = self._sky.pictures(self.camera)
+            sky_light, self._packed[:] = self._sky.pictures(self.camera)
+        else:
+            red, green, blue = np.rint(255.0 * np.clip(self.spec.background, 0.0, 1.0)).astype(int).tolist()
+            self._packed.fill(red | green << 8 | blue << 16)
+        by_tile = looks_by_tile()
+        # Most of a picture is empty, unless something glows.
+        shows = np.diff(primitives.start) > 0
+        tiles = np.flatnonzero(shows if not tables.glow_count else np.ones_like(shows)).astype(np.int32)
+        if not len(tiles):
+            return
+        if by_tile:
+            self._coverage.find(tiles, primitives, screen)
         _draw_pixels(
             screen.width,
             screen.height,
             primitives.sphere_count,
-            primitives.table if len(primitives.table) else np.zeros((1, FIELDS), np.float32),
+            at_least_one(primitives.table),
             primitives.start,
-            primitives.entry if len(primitives.entry) else np.zeros(1, np.int32),
+            at_least_one(primitives.entry),
             self._gamma,
             self._packed,
             screen.focal,
             int(screen.orthographic),
             ti.Vector(LIGHT.tolist()),
             ti.Vector(self._background.tolist()),
-            red | green << 8 | blue << 16,
             bool(self._surfaces),
             self._sky is not None,
             tables.material,
             tables.place,
             tables.texels,
             LEVELS,
-            _at_least_one(tables.lights),
-            _at_least_one(tables.casters),
+            at_least_one(tables.lights),
+            at_least_one(tables.casters),
             len(tables.lights),
             tables.glow_count,
             len(tables.casters),
             self.spec.ambient,
-            *sky,
+            sky_light,
+            by_tile,
+            tiles,
+            self._coverage.depth,
+            self._coverage.hit,
         )
-
-
-def _at_least_one(rows: np.ndarray) -> np.ndarray:
-    """The array, or one row of zeros in place of none: an array of a kernel may not be empty."""
-    return rows if len(rows) else np.zeros((1, rows.shape[1]), rows.dtype)
-
-
-@ti.func
-def _sphere_hit(table: Template, p, x, y, orthographic):
-    """Depth where the ray through (x, y) meets sphere p, negative for none; the ray is (x, y, 1) t, or (x, y) + (0, 0, t).
-
-    Measured from the point of the ray nearest to the centre, so that far small spheres keep their shape in single precision.
-    """
-    mx, my, dx, dy = table[p, 5], table[p, 6], x, y
-    if orthographic == 1:
-        mx, my, dx, dy = mx - x, my - y, single(0.0), single(0.0)
-    mz = table[p, 7]
-    d2 = dx * dx + dy * dy + 1
-    nearest = (mx * dx + my * dy + mz) / d2
-    ox, oy, oz = mx - nearest * dx, my - nearest * dy, mz - nearest
-    under = table[p, 8] * table[p, 8] - (ox * ox + oy * oy + oz * oz)
-    depth = single(-1.0)
-    if under > 0:
-        depth = nearest - ti.sqrt(under / d2)
-    return depth
-
-
-@ti.func
-def _line_hit(table: Template, p, x, y, orthographic):
-    """Depth where the pixel position (x, y) lies on line p, negative where it lies beside."""
-    ax, ay = x - table[p, 5], y - table[p, 6]
-    share = ti.min(ti.max((ax * table[p, 8] + ay * table[p, 9]) * table[p, 11], single(0.0)), single(1.0))
-    ox, oy = ax - share * table[p, 8], ay - share * table[p, 9]
-    depth = single(-1.0)
-    if ox * ox + oy * oy < table[p, 12] * table[p, 12]:
-        depth = table[p, 7] + share * table[p, 10]
-        if orthographic == 0:
-            depth = single(1.0) / depth
-    return depth
 
 
 @ti.func
@@ -209,7 +184,6 @@ def _draw_pixels(
     orthographic: ti.i32,
     light: ti.types.vector(3, ti.f32),
     background: ti.types.vector(3, ti.f32),
-    packed_background: ti.u32,
     surfaces: Template,
     sky: Template,
     material: ti.types.ndarray(ti.f32, ndim=2),
@@ -223,80 +197,90 @@ def _draw_pixels(
     caster_count: ti.i32,
     ambient: ti.f32,
     sky_light: ti.types.ndarray(ti.f32, ndim=3),
-    sky_packed: ti.types.ndarray(ti.u32, ndim=2),
+    covered: Template,
+    tiles: ti.types.ndarray(ti.i32, ndim=1),
+    tile_depth: ti.types.ndarray(ti.f32, ndim=2),
+    tile_hit: ti.types.ndarray(ti.i32, ndim=2),
 ):
-    for q in range(width * height):
-        row, column = q // width, q % width
-        tile = row // TILE * ((width + TILE - 1) // TILE) + column // TILE
-        # The samples on the screen [pixels] and, below, as rays.
-        sx, sy = ti.Vector([single(0)] * 4), ti.Vector([single(0)] * 4)
-        depth, hit = ti.Vector([single(3.0e38)] * 4), ti.Vector([-1] * 4)
-        for s in ti.static(range(4)):
-            sx[s] = ti.cast(column, ti.f32) + single(0.5 + SAMPLES[s][0])
-            sy[s] = ti.cast(row, ti.f32) + single(0.5 + SAMPLES[s][1])
-        rx, ry = (sx - single(0.5) * width) / focal, (single(0.5) * height - sy) / focal
-        k, end = start[tile], start[tile + 1]
-        while k < end:
-            p = entry[k]
-            k += 1
-            if table[p, 4] > depth.max():
-                k = end  # nearest first: nothing behind can be seen in any sample
-            elif table[p, 0] < column + 1 and table[p, 1] > column and table[p, 2] < row + 1 and table[p, 3] > row:
+    for q in range(tiles.shape[0] * TILE * TILE):
+        slot, inside = q // (TILE * TILE), q % (TILE * TILE)
+        tile = tiles[slot]
+        across = (width + TILE - 1) // TILE
+        row, column = tile // across * TILE + inside // TILE, tile % across * TILE + inside % TILE
+        if row < height and column < width:
+            color = packed[row, column]  # what lies behind all
+            k, end = start[tile], start[tile + 1]
+            behind = background
+            if ti.static(sky):
+                behind = ti.Vector([sky_light[row, column, 0], sky_light[row, column, 1], sky_light[row, column, 2]])
+            # The samples on the screen [pixels] and, below, as rays.
+            sx, sy = ti.Vector([single(0)] * 4), ti.Vector([single(0)] * 4)
+            depth, hit = ti.Vector([single(3.0e38)] * 4), ti.Vector([-1] * 4)
+            for s in ti.static(range(4)):
+                sx[s] = ti.cast(column, ti.f32) + single(0.5 + SAMPLES[s][0])
+                sy[s] = ti.cast(row, ti.f32) + single(0.5 + SAMPLES[s][1])
+            rx, ry = (sx - single(0.5) * width) / focal, (single(0.5) * height - sy) / focal
+            if ti.static(covered):
+                k = end
                 for s in ti.static(range(4)):
-                    found = single(-1)
-                    if p < sphere_count:
-                        found = _sphere_hit(table, p, rx[s], ry[s], orthographic)
-                    else:
-                        found = _line_hit(table, p, sx[s], sy[s], orthographic)
-                    if found > 0 and found < depth[s]:
-                        depth[s] = found
-                        hit[s] = p
-        behind, color = background, packed_background
-        if ti.static(sky):
-            behind = ti.Vector([sky_light[row, column, 0], sky_light[row, column, 1], sky_light[row, column, 2]])
-            color = sky_packed[row, column]
-        if ti.static(surfaces):
-            if glow_count > 0 and hit.max() < 0:  # one sample will do where there are no edges
-                halo = glow(lights, glow_count, rx[0], ry[0], single(3.0e38), orthographic)
-                if halo.max() > 0:
-                    color = displayed(ti.min(behind + halo, ti.Vector([single(1)] * 3)), row, column)
-        if hit.max() >= 0:
-            total = ti.Vector([single(0), single(0), single(0)])
+                    depth[s], hit[s] = tile_depth[slot, 4 * inside + s], tile_hit[slot, 4 * inside + s]
+            while k < end:
+                p = entry[k]
+                k += 1
+                if table[p, 4] > depth.max():
+                    k = end  # nearest first: nothing behind can be seen in any sample
+                elif table[p, 0] < column + 1 and table[p, 1] > column and table[p, 2] < row + 1 and table[p, 3] > row:
+                    for s in ti.static(range(4)):
+                        found = single(-1)
+                        if p < sphere_count:
+                            found = sphere_hit(table, p, rx[s], ry[s], orthographic)
+                        else:
+                            found = line_hit(table, p, sx[s], sy[s], orthographic)
+                        if found > 0 and found < depth[s]:
+                            depth[s] = found
+                            hit[s] = p
             if ti.static(surfaces):
-                for s in range(4):  # not unrolled: the compiler would take four times as long
-                    light_seen = behind
-                    if hit[s] >= sphere_count:
-                        light_seen = ti.Vector([table[hit[s], 13], table[hit[s], 14], table[hit[s], 15]])
-                    elif hit[s] >= 0:
-                        light_seen = shade_surface(
-                            table,
-                            material,
-                            place,
-                            texels,
-                            levels,
-                            lights,
-                            casters,
-                            light_count,
-                            caster_count,
-                            ambient,
-                            hit[s],
-                            rx[s],
-                            ry[s],
-                            depth[s],
-                            orthographic,
-                            light,
-                        )
-                    light_seen += glow(lights, glow_count, rx[s], ry[s], depth[s], orthographic)
-                    total += ti.min(light_seen, ti.Vector([single(1)] * 3))
-            else:
-                for s in ti.static(range(4)):
-                    light_seen = behind
-                    if hit[s] >= 0:
-                        light_seen = _shade(table, hit[s], sphere_count, rx[s], ry[s], depth[s], orthographic, light)
-                    total += ti.min(light_seen, ti.Vector([single(1)] * 3))
-            if ti.static(surfaces or sky):
-                color = displayed(total * single(0.25), row, column)
-            else:
-                level = ti.cast(total * single((GAMMA_ENTRIES - 1) / 4) + single(0.5), ti.i32)
-                color = ti.cast(gamma[level[0]] | gamma[level[1]] << 8 | gamma[level[2]] << 16, ti.u32)
-        packed[row, column] = color
+                if glow_count > 0 and hit.max() < 0:  # one sample will do where there are no edges
+                    halo = glow(lights, glow_count, rx[0], ry[0], single(3.0e38), orthographic)
+                    if halo.max() > 0:
+                        color = displayed(ti.min(behind + halo, ti.Vector([single(1)] * 3)), row, column)
+            if hit.max() >= 0:
+                total = ti.Vector([single(0), single(0), single(0)])
+                if ti.static(surfaces):
+                    for s in range(4):  # not unrolled: the compiler would take four times as long
+                        light_seen = behind
+                        if hit[s] >= sphere_count:
+                            light_seen = ti.Vector([table[hit[s], 13], table[hit[s], 14], table[hit[s], 15]])
+                        elif hit[s] >= 0:
+                            light_seen = shade_surface(
+                                table,
+                                material,
+                                place,
+                                texels,
+                                levels,
+                                lights,
+                                casters,
+                                light_count,
+                                caster_count,
+                                ambient,
+                                hit[s],
+                                rx[s],
+                                ry[s],
+                                depth[s],
+                                orthographic,
+                                light,
+                            )
+                        light_seen += glow(lights, glow_count, rx[s], ry[s], depth[s], orthographic)
+                        total += ti.min(light_seen, ti.Vector([single(1)] * 3))
+                else:
+                    for s in ti.static(range(4)):
+                        light_seen = behind
+                        if hit[s] >= 0:
+                            light_seen = _shade(table, hit[s], sphere_count, rx[s], ry[s], depth[s], orthographic, light)
+                        total += ti.min(light_seen, ti.Vector([single(1)] * 3))
+                if ti.static(surfaces or sky):
+                    color = displayed(total * single(0.25), row, column)
+                else:
+                    level = ti.cast(total * single((GAMMA_ENTRIES - 1) / 4) + single(0.5), ti.i32)
+                    color = ti.cast(gamma[level[0]] | gamma[level[1]] << 8 | gamma[level[2]] << 16, ti.u32)
+            packed[row, column] = color
