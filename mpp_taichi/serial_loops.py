@@ -29,7 +29,7 @@ class SerialLoops:
 
 
 def loop_grain() -> int:
-    """Iterations of a parallel loop for each heavy one, as Taichi gives no thread of a CPU fewer; a kernel asks while compiled."""
+    """Iterations of a parallel loop for each heavy one, as Taichi gives no CPU thread fewer; a kernel asks while compiled."""
     on_cpu = ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
     return 512 if on_cpu and SerialLoops.depth == 0 else 1
 

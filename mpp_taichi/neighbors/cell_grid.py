@@ -37,8 +37,7 @@ class CellGrid:
     def __init__(self, particle_count: int, dimensions: int, period: Any = (0.0, 0.0, 0.0), origin: Any = (0.0, 0.0, 0.0)):
         """Allocate; needs a started Taichi, whose precision and thread count it takes."""
         config = ti.lang.impl.current_cfg()
-        self.particle_count = particle_count
-        self.dimensions = dimensions
+        self.particle_count, self.dimensions = particle_count, dimensions
         self.period = tuple(float(edge) for edge in period)
         self.origin = np.array(origin, float)[:dimensions]
         self.repeats = tuple(edge > 0.0 for edge in self.period)
