@@ -87,7 +87,7 @@ class Simulation(Motion, Shown):
         work = max(
             plans.step_work(each.spec, each.particles.particle_count, len(each.particles.springs)) for each in self.phases
         )
-        large = work >= GPU_WORTH_WORK and all(phase.spec.contacts is None for phase in self.phases)  # those run on the CPU
+        large = work >= GPU_WORTH_WORK and all(phase.spec.contacts is None for phase in self.phases)  # no GPU has run them yet
         super().__init__(backends.start(backend, precision, large=large, threads=threads))
         self._plan_asked, self.replica_starts, self._force = plan, tuple(replica_starts), force
         self._event_log = event_log
