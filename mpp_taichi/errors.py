@@ -33,7 +33,11 @@ class BackendError(MppError):
     exit_code = 3
 
 
-class PrecisionError(BackendError):
+class UnsupportedError(BackendError):
+    """Something of a scene that cannot run on the backend asked for, which itself does; on others it can."""
+
+
+class PrecisionError(UnsupportedError):
     """A method or contact solver that cannot run in the precision asked for; others can."""
 
 

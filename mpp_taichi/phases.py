@@ -10,7 +10,7 @@ from mpp_taichi.assemble import assemble, springs_of
 from mpp_taichi.backends import Device
 from mpp_taichi.contact_setup import contact_setup
 from mpp_taichi.contacts._base import ContactSolver
-from mpp_taichi.errors import BackendError, CapacityError, PrecisionError, SceneError
+from mpp_taichi.errors import BackendError, CapacityError, PrecisionError, SceneError, UnsupportedError
 from mpp_taichi.precision import carries_low_parts, forces_see_low_parts
 from mpp_taichi.scene import sliders
 from mpp_taichi.scene.estimate import LARGEST_COUNT, available_bytes
@@ -150,7 +150,7 @@ class CompiledPhase:
         replica_count = max(1, len(replica_starts))
         self.plan = plan if plan != "auto" else plans.choose(self.work, on_cpu=device.on_cpu, replica_count=replica_count)
         if self.integrator.on_cpu_only and not device.on_cpu:
-            raise BackendError(f"{spec.integrator.name} runs on the CPU only, not on {device.backend}; use --backend cpu")
+            raise UnsupportedError(f"{spec.integrator.name} runs on the CPU only, not on {device.backend}; use --backend cpu")
         if self.integrator.adaptive or self.integrator.own_state:
             self._check_one_thread(plan, spec)
         if self.total_force.by_tree:
@@ -165,7 +165,9 @@ class CompiledPhase:
             check_low_parts(spec, self.integrator, device)
             scratch_count += self.integrator.low_scratch_count()
             work_fields = {**work_fields, "step_parts": ("pair", len(self.integrator.step_numbers(1.0)))}
-        solver = self._contact_solver(spec, device, event_log=event_log) if spec.contacts is not None else None
+        solver = None
+        if spec.contacts is not None:
+            solver = self._contact_solver(spec, device, start.particle_count, event_log=event_log)
         if solver is not None:
             work_fields = {**work_fields, **solver.work_fields(start.particle_count)}
         check_room(work_fields, dimensions=spec.dimensions, replica_count=replica_count, on_cpu=device.on_cpu)
@@ -224,15 +226,14 @@ class CompiledPhase:
             )
         self.plan = "parallel" if plan == "auto" else plan
 
-    def _contact_solver(self, spec: SceneSpec, device: Device, *, event_log: bool) -> ContactSolver:
+    def _contact_solver(self, spec: SceneSpec, device: Device, count: int, *, event_log: bool) -> ContactSolver:
         """The scene's contact solver, not yet bound to its spheres."""
         if self.plan == "replicas":
             raise BackendError("the plan replicas has no contacts; run one copy of the scene")
-        if not device.on_cpu:
-            # Seen on software Vulkan: loops of a thread end in silence, and contacts with them.
-            raise BackendError(f"contacts run on the CPU only, not on {device.backend}; use --backend cpu")
         assert spec.contacts is not None
         solver: ContactSolver = component.build("contacts", spec.contacts.solver.name, spec.contacts.solver.parameters)
+        if not device.on_cpu:
+            check_contacts(spec.contacts.solver.name, solver, count, device)
         if event_log and not solver.can_log:
             name = spec.contacts.solver.name
             raise SceneError(f"{spec.contacts.solver.location}: {name} keeps no log of events, allowed: event_driven, merging")
@@ -258,6 +259,20 @@ class CompiledPhase:
                 "use --backend cpu or another plan"
             )
         return allowed
+
+
+def check_contacts(name: str, solver: ContactSolver, count: int, device: Device) -> None:
+    """UnsupportedError where a solver does not run elsewhere than on the CPU, or not with so many spheres."""
+    if solver.in_turn:
+        raise UnsupportedError(
+            f"the contact solver {name} runs on the CPU only, not on {device.backend}: {solver.in_turn}; use --backend cpu, "
+            "or solver: pairwise"
+        )
+    if solver.most_elsewhere is not None and count > solver.most_elsewhere:
+        raise UnsupportedError(
+            f"the contact solver {name} takes up to {solver.most_elsewhere} spheres on {device.backend}, and here are {count}: "
+            "more of them run on the CPU only; use --backend cpu, or solver: pairwise"
+        )
 
 
 def check_sines(spec: SceneSpec, forces: Sequence[Any], device: Device) -> None:

@@ -29,8 +29,9 @@ class SerialLoops:
 
 
 def loop_grain() -> int:
-    """Iterations of a CPU's parallel loop for each heavy one, as Taichi gives no thread fewer; a kernel asks while compiled."""
-    return 1 if SerialLoops.depth > 0 else 512
+    """Iterations of a parallel loop for each heavy one, as Taichi gives no CPU thread fewer; a kernel asks while compiled."""
+    on_cpu = ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
+    return 512 if on_cpu and SerialLoops.depth == 0 else 1
 
 
 class _Reader:

@@ -76,7 +76,7 @@ class Simulation(PhasedMotion, Shown):
         made = phases[first].particles
         course = Course(read, phases, first, made if start is None else start.continuing(made))
         work = max(plans.step_work(each.spec, each.particles.particle_count, len(each.particles.springs)) for each in phases)
-        large = work >= GPU_WORTH_WORK and all(phase.spec.contacts is None for phase in phases)  # those run on the CPU
+        large = work >= GPU_WORTH_WORK and all(phase.spec.contacts is None for phase in phases)  # no GPU has run them yet
         device = backends.start(backend, precision, large=large, threads=threads)
         super().__init__(course, device, plan=plan, replica_starts=replica_starts, force=force, event_log=event_log)
         self.setup_seconds = clock.perf_counter() - began

@@ -8,6 +8,7 @@ import taichi as ti
 
 from mpp_taichi import backends
 from mpp_taichi.neighbors.cell_grid import CellGrid
+from mpp_taichi.neighbors.device_grid import DeviceGrid
 from mpp_taichi.neighbors.partner_list import PARTNERS_PER_SPHERE, PartnerList
 
 
@@ -174,3 +175,22 @@ def test_the_order_is_that_of_cell_and_index_whatever_the_threads():
         hashes.add(hashlib.sha256(b"".join([order.tobytes(), *(part.tobytes() for part in table)])).hexdigest())
         backends.stop()
     assert len(hashes) == 1
+
+
+@pytest.mark.parametrize("factors", [[1.0], [1.0, 3.0, 30.0]], ids=["one level", "levels"])
+def test_threads_of_a_device_build_the_same_grid(factors):
+    """Slot by slot, to the last bit, whatever order spheres come into their cells in; no reach is at the edge of a bin."""
+    random = np.random.default_rng(7)
+    places, reaches = random.random((3000, 2)), 0.005 * random.choice(factors, 3000)
+    found = []
+    backends.start("cpu", "f64", threads=2)
+    for kind in (CellGrid, DeviceGrid):
+        position, reach = ti.Vector.field(2, float, shape=3000), ti.field(float, shape=3000)
+        position.from_numpy(places)
+        reach.from_numpy(reaches)
+        grid = kind(3000, 2, (1.0, 0.0, 0.0))
+        grid.build(position, reach, skin=1e-3)
+        assert int(grid.level_count[0]) == len(grid._table) and (len(grid._table) > 1) == (len(factors) > 1)
+        kept = (grid.order, grid.sorted_position, grid.sorted_reach)
+        found.append([field.to_numpy().tobytes() for field in kept])
+    assert found[0] == found[1]

@@ -111,6 +111,21 @@ def test_the_table_names_every_pass_and_fail(folder, capsys):
     assert "it expects nothing" in out and out.endswith("1 of 2 scenes pass\n")
 
 
+def test_a_scene_that_cannot_run_here_neither_passes_nor_fails(folder, capsys):
+    """In f32c no solver of contacts carries low parts; other scenes run."""
+    folder("s/a.yaml", {"steps": {"above": 0}})
+    touching = {"hard_spheres": {"solver": "swept"}}
+    bodies = [{"body": {"mass": 1, "radius": 0.1, "position": [float(k), 0, 0]}} for k in range(2)]
+    refused = folder("s/b.yaml", {"steps": {"above": 0}}, particles=bodies, contacts=touching, move_to_center_of_mass=False)
+    code, (runs, cannot) = check(capsys, "s", "--precision", "f32c")
+    assert code == 0 and runs["status"] == "ok"
+    assert cannot["status"] == "not possible here" and "swept does not carry low parts" in cannot["error"]
+    assert main(["check", "s", "--precision", "f32c"]) == 0
+    out = capsys.readouterr().out
+    assert "FAIL" not in out and out.endswith("1 of 1 scenes pass, 1 not possible here\n")
+    assert check(capsys, refused, "--precision", "f32c")[0] == 3  # where nothing ran, nothing passed
+
+
 def test_precision_chooses_the_bound(folder, capsys):
     name = folder("a.yaml", {"momentum_error_max": {"below": {"f64": 1e-13, "f32": 1e-4}}})
     for precision in ("f64", "f32"):

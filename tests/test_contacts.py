@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from mpp_taichi import BackendError, SceneError, Simulation, component
+from mpp_taichi import SceneError, Simulation, component
 from mpp_taichi.assemble import assemble
 from mpp_taichi.contact_setup import ContactSetup, contact_setup
+from mpp_taichi.errors import UnsupportedError
 from mpp_taichi.overlaps import overlapping_pairs
 from mpp_taichi.scene.contacts import DRIFTING
 from mpp_taichi.scene.load import load_scene
@@ -260,12 +261,24 @@ def test_what_cannot_be_is_refused_in_one_line(change, message):
     assert message in str(caught.value) and len(caught.value.faults) == 1
 
 
-def test_contacts_are_refused_where_they_would_be_wrong(software_vulkan):
-    scene = spheres([BALL | {"position": [0, 0, 0]}], solver="swept")
-    with pytest.raises(BackendError, match="contacts run on the CPU only, not on vulkan"):
+@pytest.mark.parametrize(
+    ("solver", "count", "reason"),
+    [
+        ("event_driven", 1, "event_driven runs on the CPU only, not on vulkan: it takes one event after the other"),
+        ("located", 1, "runs on the CPU only, not on vulkan"),
+        ("merging", 1, "merging runs on the CPU only, not on vulkan: it takes one meeting after the other"),
+        ("simultaneous", 161, "simultaneous takes up to 160 spheres on vulkan, and here are 161"),
+    ],
+)
+def test_what_takes_one_thread_is_refused_by_name_on_a_gpu(solver, count, reason, software_vulkan):
+    restitution = {} if solver == "merging" else {"restitution": 1.0}
+    scene = spheres([BALL | {"position": [3.0 * k, 0, 0]} for k in range(count)], solver=solver)
+    scene["contacts"] = {"hard_spheres": {"solver": solver, **restitution}}
+    with pytest.raises(UnsupportedError, match=reason):
         Simulation(scene, backend="vulkan")
-    with Simulation(scene, backend="auto") as run:
-        assert run.device.on_cpu
+    if count == 1:
+        with Simulation(scene, backend="auto") as run:
+            assert run.device.on_cpu
 
 
 def test_event_driven_contacts_know_no_other_force_than_gravity():

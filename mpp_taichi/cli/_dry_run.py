@@ -104,7 +104,7 @@ def _plan(spec: SceneSpec, asked: str, needed: Estimate) -> str:
 
 def _files(spec: SceneSpec, arguments: argparse.Namespace) -> list[str]:
     """The files that are asked for; without a display there is a film as well."""
-    names = ("video", "still", "html", "trajectory", "snapshot", "diagnostics", "modes", "speeds", "events")
+    names = ("video", "html", "trajectory", "snapshot", "diagnostics", "modes", "speeds", "events")
     files = [str(getattr(arguments, name)) for name in names if getattr(arguments, name) is not None]
     if not arguments.headless and arguments.video is None and arguments.html is None:
         files.append(f"{OUTPUT_FOLDER / _options.output_stem(spec.source)}.mp4, unless a window opens")

@@ -1,6 +1,7 @@
 """Check scenes: run each one and compare what came out with its own `expect:` block.
 
 Takes files and folders; a folder means every *.yaml in it. Scenes run one after the other in this process, without pictures.
+A scene that asks for what the backend or the precision has not got neither passes nor fails: it is counted apart, and why.
 """
 
 import argparse
@@ -9,7 +10,10 @@ from typing import Any
 
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._terminal import UsageError, explain_error, output_reserved, put, put_json, say
-from mpp_taichi.errors import MppError, SceneError, StabilityError
+from mpp_taichi.errors import MppError, SceneError, StabilityError, UnsupportedError
+
+NOT_HERE = "not possible here"
+NOT_RUN = "-   "
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,14 +24,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Check them all; the code of the first scene that could not be run, else 4 when an expectation failed, else 0."""
+    """Check them all; the code of the first scene that is broken, else 4 when an expectation failed, else 0.
+
+    Where the backend can run none of them, that is what the code says.
+    """
     scenes = _scene_files(arguments.scenes)
     with output_reserved(arguments.json):
         results = [_check(scene, arguments) for scene in scenes]
-    broken = [result["exit_code"] for result in results if result["exit_code"] not in (0, StabilityError.exit_code)]
-    code = broken[0] if broken else max(result["exit_code"] for result in results)
+    run = [result["exit_code"] for result in results if result["status"] != NOT_HERE]
+    broken = [code for code in run if code not in (0, StabilityError.exit_code)]
+    code = broken[0] if broken else max(run, default=UnsupportedError.exit_code)
     if arguments.json:
-        put_json({"scenes": results, "status": "ok" if code == 0 else "failed", "exit_code": code})
+        counts = {"passed": run.count(0), "failed": len(run) - run.count(0), "not_possible_here": len(results) - len(run)}
+        put_json({"scenes": results, **counts, "status": "ok" if code == 0 else "failed", "exit_code": code})
     elif not arguments.quiet:
         _put_table(results)
     return code
@@ -60,11 +69,13 @@ def _check(scene: Path, arguments: argparse.Namespace) -> dict[str, Any]:
         )
         outcome = run_scene(spec, request)
     except MppError as error:
-        explain_error(error)
+        not_here = isinstance(error, UnsupportedError)
+        if not not_here:
+            explain_error(error)
         faults = list(error.faults) if isinstance(error, SceneError) else [str(error)]
         return {
             "scene": str(scene),
-            "status": "failed",
+            "status": NOT_HERE if not_here else "failed",
             "error": str(error),
             "faults": faults,
             "expect": [],
@@ -79,7 +90,8 @@ def _put_table(results: list[dict[str, Any]]) -> None:
     lines = []
     for result in results:
         seconds = f"{result['wall_seconds']:.1f} s" if "wall_seconds" in result else ""
-        lines.append(f"{_mark(result['exit_code'] == 0)}  {result['scene']}  {result['status']}  {seconds}".rstrip())
+        mark = NOT_RUN if result["status"] == NOT_HERE else _mark(result["exit_code"] == 0)
+        lines.append(f"{mark}  {result['scene']}  {result['status']}  {seconds}".rstrip())
         lines += [f"      {line}" for line in str(result.get("error", "")).splitlines()]
         for row in result["expect"]:
             value = "undefined" if row["value"] is None else f"{row['value']:.6g}"
@@ -88,7 +100,9 @@ def _put_table(results: list[dict[str, Any]]) -> None:
         if not result["expect"] and "error" not in result:
             lines.append("      it expects nothing")
     passed = sum(result["exit_code"] == 0 for result in results)
-    put("\n".join([*lines, f"{passed} of {len(results)} scenes pass"]))
+    not_here = sum(result["status"] == NOT_HERE for result in results)
+    others = f", {not_here} {NOT_HERE}" if not_here else ""
+    put("\n".join([*lines, f"{passed} of {len(results) - not_here} scenes pass{others}"]))
 
 
 def _mark(passed: bool) -> str:

@@ -18,6 +18,8 @@ class ContactSolver:
     leads    takes the steps of an adaptive method, its `integrator`, set before `bind`, and cuts them at contacts: `lead`
     logs     notes every contact, to be taken by `take_log`; set before `bind`, where a solver `can_log`
     forces   the TotalForce that acts on the spheres, or None; set before `bind`
+    in_turn  why it has to run in one thread, and so on the CPU only; empty where it need not
+    most_elsewhere  spheres that it takes on other backends than the CPU; None: any number
     memory   of its `work_fields` those that one step hands on to the next, to be saved with the state
     """
 
@@ -26,6 +28,8 @@ class ContactSolver:
     leads = False
     can_log = False
     logs = False
+    in_turn = ""
+    most_elsewhere: int | None = None
     forces: Any = None
     integrator: Any = None
     memory: tuple[str, ...] = ()

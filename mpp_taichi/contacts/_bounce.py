@@ -39,11 +39,12 @@ class Bounce:
         self.material = ti.field(ti.i32)
         self.inverse_mass = ti.Vector.field(self.dimensions, float)
         self.restitution = ti.field(float)
-        builder = ti.FieldsBuilder()
-        for field in (self.radius, self.material, self.inverse_mass):
-            builder.dense(ti.i, setup.particle_count).place(field)
-        builder.dense(ti.ij, setup.restitution.shape).place(self.restitution)
-        self._tree = builder.finalize()
+        numbers, integers = ti.FieldsBuilder(), ti.FieldsBuilder()  # apart: see State._builder
+        for field in (self.radius, self.inverse_mass):
+            numbers.dense(ti.i, setup.particle_count).place(field)
+        numbers.dense(ti.ij, setup.restitution.shape).place(self.restitution)
+        integers.dense(ti.i, setup.particle_count).place(self.material)
+        self._trees = [numbers.finalize(), integers.finalize()]
         self.radius.from_numpy(np.ascontiguousarray(setup.radius, dtype=real))
         self.material.from_numpy(np.ascontiguousarray(setup.material, dtype=np.int32))
         self.inverse_mass.from_numpy(np.ascontiguousarray(inverse_mass, dtype=real))
@@ -51,7 +52,8 @@ class Bounce:
 
     def destroy(self) -> None:
         """Give the memory back."""
-        self._tree.destroy()
+        for tree in self._trees:
+            tree.destroy()
 
     @ti.func
     def separation(self, first, second):

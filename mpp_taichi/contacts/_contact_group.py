@@ -3,6 +3,7 @@
 import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.contacts._field_trees import FieldTrees
 from mpp_taichi.types import Template
 
 ROUND_OFF = 64  # roundings that a relative speed may have gathered; a slower approach is none
@@ -31,22 +32,23 @@ class ContactGroup:
         # Of the run's precision; the relative speed below which a contact does not approach.
         self.epsilon = 2.0**-23 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-52
         self.threshold = ROUND_OFF * self.epsilon
-        builder = ti.FieldsBuilder()
+        self._trees = FieldTrees()
         self.inverse_mass = ti.Vector.field(self.dimensions, float)
-        builder.dense(ti.i, self.particle_count).place(self.inverse_mass)
+        self._trees.place(self.particle_count, self.inverse_mass)
         self.first, self.second, self.hits, self.made_elastic = (ti.field(ti.i32) for _ in range(4))
         self.normal = ti.Vector.field(self.dimensions, float)
         self.restitution, self.surface_speed, self.impulse, self.lost = (ti.field(float) for _ in range(4))
-        indices = (self.first, self.second, self.hits, self.made_elastic)
-        for row in (*indices, self.normal, self.restitution, self.surface_speed, self.impulse, self.lost):
-            builder.dense(ti.i, self.capacity).place(row)
-        self._tree = builder.finalize()
+        for row in (self.first, self.second, self.hits, self.made_elastic):
+            self._trees.place(self.capacity, integers=[row])
+        for row in (self.normal, self.restitution, self.surface_speed, self.impulse, self.lost):
+            self._trees.place(self.capacity, row)
+        self._trees.finish()
         kind = self.inverse_mass.to_numpy().dtype
         self.inverse_mass.from_numpy(setup.inverse_mass[:, : self.dimensions].astype(kind))
 
     def destroy(self) -> None:
         """Give the memory back."""
-        self._tree.destroy()
+        self._trees.destroy()
 
     @ti.func
     def set_row(self, c, first, second, normal, surface_speed, restitution, made_elastic):

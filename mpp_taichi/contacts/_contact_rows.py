@@ -39,23 +39,26 @@ class ContactRows:
         self.period = setup.enclosure.period
         self.epsilon = float(np.finfo(np.float32 if ti.lang.impl.current_cfg().default_fp == ti.f32 else np.float64).eps)
         self.capacity = (ENTRIES_EACH + len(self.surfaces)) * n
-        builder = ti.FieldsBuilder()
+        numbers, integers = ti.FieldsBuilder(), ti.FieldsBuilder()  # apart: see State._builder
         self.start, self.old_start, self.filled = (ti.field(ti.i32) for _ in range(3))
         self.radius = ti.field(float)
         self.material = ti.field(ti.i32)
         self.inverse_mass = ti.Vector.field(self.dimensions, float)
-        for row in (self.start, self.old_start, self.filled, self.radius, self.material, self.inverse_mass):
-            builder.dense(ti.i, n + 1).place(row)
+        for row in (self.start, self.old_start, self.filled, self.material):
+            integers.dense(ti.i, n + 1).place(row)
+        for row in (self.radius, self.inverse_mass):
+            numbers.dense(ti.i, n + 1).place(row)
         self.other, self.old_other, self.impact = (ti.field(ti.i32) for _ in range(3))
         self.normal = ti.Vector.field(self.dimensions, float)
         self.gap, self.impulse, self.old_impulse = (ti.field(float) for _ in range(3))
         self.given, self.when, self.resting = (ti.field(float) for _ in range(3))
-        entries = (self.other, self.old_other, self.impact, self.normal, self.gap, self.impulse, self.old_impulse)
-        for row in (*entries, self.given, self.when, self.resting):
-            builder.dense(ti.i, self.capacity).place(row)
+        for row in (self.other, self.old_other, self.impact):
+            integers.dense(ti.i, self.capacity).place(row)
+        for row in (self.normal, self.gap, self.impulse, self.old_impulse, self.given, self.when, self.resting):
+            numbers.dense(ti.i, self.capacity).place(row)
         self.restitution = ti.field(float)
-        builder.dense(ti.ij, setup.restitution.shape).place(self.restitution)
-        self._tree = builder.finalize()
+        numbers.dense(ti.ij, setup.restitution.shape).place(self.restitution)
+        self._trees = [numbers.finalize(), integers.finalize()]
         self._fill(self.radius, setup.radius)
         self._fill(self.material, setup.material)
         self._fill(self.inverse_mass, setup.inverse_mass[:, : self.dimensions])
@@ -69,7 +72,8 @@ class ContactRows:
 
     def destroy(self) -> None:
         """Give the memory back."""
-        self._tree.destroy()
+        for tree in self._trees:
+            tree.destroy()
 
     # Building; each func is a loop for the top of a kernel, or for inside a serial one ---------------------------------------
 

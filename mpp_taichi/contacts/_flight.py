@@ -9,6 +9,7 @@ import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts._tally import CHUNKS
+from mpp_taichi.contacts._threads import on_cpu
 from mpp_taichi.serial_loops import loop_grain
 
 SLACK = 1.25  # margin over the way that a sphere of the same speed makes: contacts make some faster
@@ -20,6 +21,7 @@ OUTLIER = 6.0  # root mean square speeds; margins of all spheres allow for that,
 DRIFTS_PER_SKIN = 3  # for which a grid is kept, beyond that for which it was built
 SKIN_PER_RADIUS = 0.4  # at most
 SKIN_SLACK = 1.05  # for spheres that are made a little faster than the fastest
+DEVICE_CHUNKS = 4096  # of spheres, whose speeds are measured by a thread each
 ROUNDINGS = 16  # of a coordinate, by which a pair must not be missed
 
 
@@ -84,12 +86,14 @@ class Flight:
             )
         config = ti.lang.impl.current_cfg()
         self.epsilon = float(np.finfo(np.float32 if config.default_fp == ti.f32 else np.float64).eps)
+        self.on_cpu = on_cpu()
+        self.chunks = CHUNKS if self.on_cpu else DEVICE_CHUNKS
         self.radius, self.reach, self.remembered = (ti.field(float) for _ in range(3))
         self.measured = ti.Vector.field(2 * self.dimensions + 2, float)
         builder = ti.FieldsBuilder()
         for field in (self.radius, self.reach, self.remembered):
             builder.dense(ti.i, self.particle_count).place(field)
-        builder.dense(ti.i, CHUNKS).place(self.measured)
+        builder.dense(ti.i, self.chunks).place(self.measured)
         self.farthest, self.rounding = ti.field(float), ti.field(float)
         for field in (self.farthest, self.rounding):
             builder.dense(ti.i, 1).place(field)
@@ -155,7 +159,15 @@ class Flight:
     def remember(self, i, way):
         """Give sphere i a wider margin when the piece is done again."""
         self.remembered[i] = 2.0 * way
-        ti.atomic_max(self.farthest[0], 2.0 * way)
+        if ti.static(self.on_cpu):
+            ti.atomic_max(self.farthest[0], 2.0 * way)
+
+    @ti.kernel
+    def find_farthest(self):
+        """The largest margin that is remembered; on the CPU that is known."""
+        for i in range(self.particle_count):
+            if self.remembered[i] > self.farthest[0]:
+                ti.atomic_max(self.farthest[0], self.remembered[i])
 
     @ti.kernel
     def _set_margins(self, common: float, time: float, rounding: float):
@@ -167,7 +179,7 @@ class Flight:
     @ti.kernel
     def _measure(self):
         grain = ti.static(loop_grain())
-        for q in range(CHUNKS * grain):
+        for q in range(self.chunks * grain):
             if q % grain == 0:
                 chunk = q // grain
                 lower = ti.Vector([ti.math.inf] * self.dimensions, float)
@@ -188,4 +200,4 @@ class Flight:
     @ti.func
     def _begin(self, chunk):
         """First sphere of a chunk; 64 bits, because the product may not fit 32."""
-        return ti.cast(ti.cast(chunk, ti.i64) * self.particle_count // CHUNKS, ti.i32)
+        return ti.cast(ti.cast(chunk, ti.i64) * self.particle_count // self.chunks, ti.i32)

@@ -64,11 +64,11 @@ class GroupSweep(Sweep):
             done += 1
         count = self.rows[0]
         if count > self.group.capacity:
-            self.tally.give_up(count - self.group.capacity)
+            self.tally.fail(root, count - self.group.capacity)
             count = self.group.capacity
         outcome = self.reflections.resolve(self.moving, count)
         if outcome[1] > 0:
-            self.tally.give_up(outcome[1])
+            self.tally.fail(root, outcome[1])
         hit = self._account(count, t)
         if hit == 0:
             # An approach that is round-off of the group's speeds: the two part by themselves.
@@ -122,7 +122,7 @@ class GroupSweep(Sweep):
             else:
                 d = self.bounce.separation(self.local_position[i], self.start_position[j] + self.start_velocity[j] * t)
                 if self._touches(i, j, d):
-                    self.islands.link(i, j, ti.math.inf)
+                    self.join(i, j)
 
     @ti.func
     def _touches(self, i, j, d):

@@ -7,15 +7,21 @@ import taichi as ti
 
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts._bounce import Bounce
+from mpp_taichi.contacts._field_trees import FieldTrees
 from mpp_taichi.contacts._flight import Flight
 from mpp_taichi.contacts._islands import Islands
 from mpp_taichi.contacts._tally import Tally
+from mpp_taichi.contacts._threads import LoopWatch, on_cpu
 from mpp_taichi.neighbors.cell_grid import CellGrid
+from mpp_taichi.neighbors.device_grid import DeviceGrid
 from mpp_taichi.neighbors.partner_list import PartnerList
 from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 
 ALL_PAIRS_UP_TO = 300  # spheres; more are faster on the cell grid, see tools/benchmark_contacts.py
+MOST_IN_ONE_THREAD = (
+    160  # elsewhere than on the CPU; all their pairs are a fifth of the iterations that software Vulkan lets it have
+)
 LONG_AGO = -1e30  # when a sphere that never touched anything did so last
 NOTHING = -1  # partner of a sphere without an event; surface s is -2 - s
 LOOK_AGAIN = -1  # stamp of a prediction that says no more than that there is no contact before
@@ -41,17 +47,20 @@ class IslandPlay:
         self.dimensions = setup.dimensions
         self.state = state
         self.event_limit = event_limit
-        self.all_pairs = n <= ALL_PAIRS_UP_TO if all_pairs is None else all_pairs
+        few = ALL_PAIRS_UP_TO if on_cpu() else MOST_IN_ONE_THREAD
+        self.all_pairs = n <= few if all_pairs is None else all_pairs
         self.local_position, self.local_velocity = (ti.Vector.field(self.dimensions, float) for _ in range(2))
         self.clock, self.excursion = ti.field(float), ti.field(float)
         self.best_partner, self.best_stamp, self.stamp, self.near = (ti.field(ti.i32) for _ in range(4))
         local = (self.local_position, self.local_velocity, self.clock, self.excursion)
-        self.grid = None if self.all_pairs else CellGrid(n, self.dimensions, setup.enclosure.period, setup.enclosure.origin)
-        beside = (*local, self.best_partner, self.best_stamp, self.stamp, self.near)
-        self.islands = Islands(n, beside, None if self.grid is None else self.grid.order)
+        kind = CellGrid if on_cpu() else DeviceGrid
+        self.grid = None if self.all_pairs else kind(n, self.dimensions, setup.enclosure.period, setup.enclosure.origin)
+        indices = (self.best_partner, self.best_stamp, self.stamp, self.near)
+        self.islands = Islands(n, local, indices, None if self.grid is None else self.grid.order)
         self.bounce = Bounce(setup)
         self.tally = Tally(n, len(self.bounce.surfaces), getattr(state, "wide", ti.f64))
         self.flight = Flight(setup, state)
+        self.watch = LoopWatch()
         self.partners = None if self.grid is None else PartnerList(self.grid)
         self.keeps_last_contact = setup.contact_time > 0.0
         self.contact_time = float(setup.contact_time)
@@ -63,19 +72,19 @@ class IslandPlay:
         self.start_position, self.start_velocity = (ti.Vector.field(self.dimensions, float) for _ in range(2))
         self.start_radius, self.start_reach = ti.field(float), ti.field(float)
         self.stale = ti.field(ti.i32)
-        builder = ti.FieldsBuilder()
-        builder.dense(ti.i, n).place(self.touched)
+        self._trees = FieldTrees()
+        self._trees.place(n, integers=[self.touched])
         sorted_count = 1 if self.all_pairs else n
-        builder.dense(ti.i, sorted_count).place(self.start_position, self.start_velocity, self.start_radius, self.start_reach)
+        self._trees.place(sorted_count, self.start_position, self.start_velocity, self.start_radius, self.start_reach)
         for field in (self.last_contact, self.local_last_contact):
-            builder.dense(ti.i, n if self.keeps_last_contact else 1).place(field)
-        builder.dense(ti.i, 1).place(self.violations, self.stale)
-        self._tree = builder.finalize()
+            self._trees.place(n if self.keeps_last_contact else 1, field)
+        self._trees.place(1, integers=[self.violations, self.stale])
+        self._trees.finish()
         self.last_contact.fill(LONG_AGO)
 
     def destroy(self) -> None:
         """Give the memory back."""
-        for part in (self.bounce, self.islands, self.tally, self.flight, self._tree, self.partners, self.grid):
+        for part in (self.bounce, self.islands, self.tally, self.flight, self._trees, self.partners, self.watch, self.grid):
             if part is not None:
                 part.destroy()
 
@@ -128,7 +137,7 @@ class IslandPlay:
         reach = self.radius_of(i) + self.radius_of(j)
         square = separation.dot(separation)
         if square < reach * reach:
-            self.tally.see_overlap((reach - ti.sqrt(square)) / ti.min(self.radius_of(i), self.radius_of(j)))
+            self.tally.see_overlap(i, (reach - ti.sqrt(square)) / ti.min(self.radius_of(i), self.radius_of(j)))
 
     @ti.func
     def _first_wall(self, k, time, h):
@@ -139,7 +148,7 @@ class IslandPlay:
             t = self.bounce.time_of_wall(s, self.index(k), self.radius_of(k), x, self.start_velocity_of(k), time, h)
             gap = _geometry.gap(self.bounce.surfaces[s], x, self.radius_of(k), time)
             if gap < 0.0 and self.radius_of(k) > 0.0:
-                self.tally.see_overlap(-gap / self.radius_of(k))
+                self.tally.see_overlap(k, -gap / self.radius_of(k))
             if t < result[0]:
                 result = ti.Vector([t, -2.0 - s])
         return result
@@ -173,7 +182,7 @@ class IslandPlay:
                 if self._is_fresh(i):
                     events += 1
                     if events > self.event_limit:
-                        self.tally.give_up(1)
+                        self.tally.fail(root, 1)
                         playing = False
                     else:
                         count = self.resolve(root, i, self.best_partner[i], t, time)
@@ -253,7 +262,7 @@ class IslandPlay:
         self.local_velocity[j] = self.local_velocity[j] + result[0] * (self.bounce.inverse_mass[b] * n)
         self.tally.add_pair(i, result[0], distance, result[1], elastic)
         if not result[0] > 0.0:
-            self.tally.give_up(1)
+            self.tally.fail(i, 1)
 
     @ti.func
     def bounce_off_wall(self, i, surface, t, time):
@@ -271,7 +280,7 @@ class IslandPlay:
         self.local_velocity[i] = self.local_velocity[i] + result[0] * (self.bounce.inverse_mass[self.index(i)] * n)
         self.tally.add_wall(i, surface, result[0], result[1], elastic)
         if not result[0] > 0.0:
-            self.tally.give_up(1)
+            self.tally.fail(i, 1)
 
     @ti.func
     def _restitution(self, nominal, i, j, t):
@@ -322,7 +331,12 @@ class IslandPlay:
             v = self.start_velocity[j]
             d = self.bounce.separation(self.place_at(i, now), self.start_position[j] + v * now)
             if self._time_of_contact(i, j, d, self.local_velocity[i], v, h - now) <= h - now:
-                self.islands.link(i, j, ti.math.inf)
+                self.join(i, j)
+
+    @ti.func
+    def join(self, k, other):
+        """Wish that k and other be in one island when it is played again."""
+        self.islands.link(k, other, ti.math.inf)
 
     @ti.func
     def _may_meet(self, i, j):
@@ -372,7 +386,7 @@ class IslandPlay:
     def _check_margin(self, k):
         if self.excursion[k] > self.start_reach[k] - self.start_radius[k]:
             self.flight.remember(self.index(k), self.excursion[k])
-            ti.atomic_add(self.violations[0], 1)
+            self.violations[0] = 1
 
     @ti.func
     def _keep(self, chunk, k, h):

@@ -5,6 +5,8 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.contacts._field_trees import FieldTrees
+
 LINKS_PER_SPHERE = 8  # a contact graph of spheres has fewer than 7.5 edges for each: half the mean kissing number, below 14.96
 
 
@@ -22,8 +24,8 @@ class Islands:
 
     LINKS, INVOLVED, PENDING = 0, 1, 2
 
-    def __init__(self, particle_count: int, beside: Sequence[Any], order: Any = None) -> None:
-        """Allocate, and place the fields `beside` beside those that an event touches; needs a started Taichi.
+    def __init__(self, particle_count: int, beside: Sequence[Any], indices: Sequence[Any], order: Any = None) -> None:
+        """Allocate, and place floats `beside`, and `indices`, beside those that an event touches; needs a started Taichi.
 
         `order` tells the numbers of the spheres by which events at one time are ordered, if not their indices here.
         Spheres of islands are far apart in memory, and each line of it that is fetched costs more than the formulas.
@@ -31,28 +33,29 @@ class Islands:
         self.particle_count = particle_count
         self.has_order, self.order = order is not None, order
         self.capacity = LINKS_PER_SPHERE * particle_count + 64
-        indices = [ti.field(ti.i32) for _ in range(9)]
-        self.parent, self.island, self.members, self.begin, self.size = indices[:5]
-        self.filled, self.changed, self.pending, self.involved = indices[5:]
+        apart = [ti.field(ti.i32) for _ in range(9)]
+        self.parent, self.island, self.members, self.begin, self.size = apart[:5]
+        self.filled, self.changed, self.pending, self.involved = apart[5:]
         self.tree = ti.field(ti.i32)
         self.place, self.first_partner = ti.field(ti.i32), ti.field(ti.i32)
         self.first_time, self.best_time, self.link_time = (ti.field(float) for _ in range(3))
         self.links = ti.Vector.field(2, ti.i32)
         self.count = ti.field(ti.i32)
-        builder = ti.FieldsBuilder()
-        builder.dense(ti.i, particle_count).place(*beside, self.first_time, self.best_time, self.place, self.first_partner)
-        for field in (*indices, self.tree):
-            builder.dense(ti.i, particle_count).place(field)
-        for field in (self.links, self.link_time):
-            builder.dense(ti.i, self.capacity).place(field)
-        builder.dense(ti.i, 3).place(self.count)
-        self._tree = builder.finalize()
+        self._trees = FieldTrees()
+        together = (*indices, self.place, self.first_partner)
+        self._trees.place(particle_count, *beside, self.first_time, self.best_time, integers=together)
+        for field in (*apart, self.tree):
+            self._trees.place(particle_count, integers=[field])
+        self._trees.place(self.capacity, self.link_time)
+        self._trees.place(self.capacity, integers=[self.links])
+        self._trees.place(3, integers=[self.count])
+        self._trees.finish()
         self.parent.fill(-1)
         self.island.fill(-1)
 
     def destroy(self) -> None:
         """Give the memory back."""
-        self._tree.destroy()
+        self._trees.destroy()
 
     # Which spheres belong together -------------------------------------------------------------------------------------
 
@@ -75,10 +78,10 @@ class Islands:
         for k in range(link_count):
             i, j = self.links[k][0], self.links[k][1]
             self._enter(i)
-            self._offer(i, j, self.link_time[k])
+            self.offer(i, j, self.link_time[k])
             if j >= 0:
                 self._enter(j)
-                self._offer(j, i, self.link_time[k])
+                self.offer(j, i, self.link_time[k])
                 one, other = self._root(i), self._root(j)
                 self.parent[ti.max(one, other)] = ti.min(one, other)
         for k in range(link_count):
@@ -97,7 +100,8 @@ class Islands:
             self.changed[i] = 0
 
     @ti.func
-    def _offer(self, i, j, time):
+    def offer(self, i, j, time):
+        """Note the first of all contacts that are offered; of those at one time that with the lowest number."""
         if time < self.first_time[i] or (time == self.first_time[i] and self.number(j) < self.number(self.first_partner[i])):
             self.first_time[i] = time
             self.first_partner[i] = j

@@ -3,6 +3,7 @@
 import taichi as ti
 
 from mpp_taichi.contacts._contact_group import ContactGroup
+from mpp_taichi.contacts._field_trees import FieldTrees
 
 MEMBERS = 512  # contacts that approach together; what has more is not solved, and said so
 
@@ -23,18 +24,20 @@ class LeastImpulse:
         """Allocate for up to MEMBERS of the contacts of `group`."""
         self.group = group
         self.capacity = min(group.capacity, MEMBERS)
-        builder = ti.FieldsBuilder()
+        self._trees = FieldTrees()
         self.member, self.flag, self.passive = (ti.field(ti.i32) for _ in range(3))
         self.size, self.right, self.impulse, self.trial = (ti.field(float) for _ in range(4))
-        for row in (self.member, self.flag, self.passive, self.size, self.right, self.impulse, self.trial):
-            builder.dense(ti.i, self.capacity).place(row)
+        for row in (self.member, self.flag, self.passive):
+            self._trees.place(self.capacity, integers=[row])
+        for row in (self.size, self.right, self.impulse, self.trial):
+            self._trees.place(self.capacity, row)
         self.factor = ti.field(float)
-        builder.dense(ti.i, self.capacity * self.capacity).place(self.factor)
-        self._tree = builder.finalize()
+        self._trees.place(self.capacity * self.capacity, self.factor)
+        self._trees.finish()
 
     def destroy(self) -> None:
         """Give the memory back."""
-        self._tree.destroy()
+        self._trees.destroy()
 
     @ti.func
     def solve(self, count, shift):

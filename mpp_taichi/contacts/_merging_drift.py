@@ -243,7 +243,7 @@ class MergingDrift:
                     bounces += 1
                 self.agenda.take_off(i, j)
                 if bounces > self.bounce_limit:
-                    self.tally.give_up(1)
+                    self.tally.give_up(i, 1)
                     self.agenda.clear()
                 else:
                     self._look_ahead(changed, time, now, h)

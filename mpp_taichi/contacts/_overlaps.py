@@ -26,34 +26,41 @@ class Overlaps:
     Pairs are found on the cell grid, or among all, listed by number and worked off in one thread: the result is the same.
     """
 
+    apart: bool | None = False  # whether each sphere has totals of its own
+
     def __init__(self, setup: ContactSetup, state: Any, *, all_pairs: bool | None = None) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
         n = setup.particle_count
         self.particle_count = n
         self.state = state
         self.all_pairs = n <= ALL_PAIRS_UP_TO if all_pairs is None else all_pairs
+        self.capacity = PAIRS_PER_SPHERE * n + 64
         self.contact_time = float(setup.contact_time)
         self.bounce = Bounce(setup)
-        self.tally = Tally(n, len(self.bounce.surfaces), getattr(state, "wide", ti.f64))
-        self.grid = None if self.all_pairs else CellGrid(n, setup.dimensions, setup.enclosure.period, setup.enclosure.origin)
-        self.capacity = PAIRS_PER_SPHERE * n + 64
-        self.found = ti.Vector.field(2, ti.i32)
-        self.partner, self.row, self.found_count = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
+        self.tally = Tally(n, len(self.bounce.surfaces), getattr(state, "wide", ti.f64), apart=self.apart)
         self.last_contact = ti.field(float)
         builder = ti.FieldsBuilder()
+        builder.dense(ti.i, n if self.contact_time > 0.0 else 1).place(self.last_contact)
+        self._parts = [self.bounce, self.tally, builder.finalize(), *self._prepare_search(setup)]
+        self.last_contact.fill(LONG_AGO)
+
+    def _prepare_search(self, setup: ContactSetup) -> list[Any]:
+        """Allocate what pairs are found with; returns what has memory to be given back."""
+        n = self.particle_count
+        builder = ti.FieldsBuilder()
+        self.found = ti.Vector.field(2, ti.i32)
+        self.partner, self.row, self.found_count = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
         for field in (self.found, self.partner):
             builder.dense(ti.i, self.capacity).place(field)
         builder.dense(ti.i, n + 2).place(self.row)
-        builder.dense(ti.i, n if self.contact_time > 0.0 else 1).place(self.last_contact)
         builder.dense(ti.i, 1).place(self.found_count)
-        self._tree = builder.finalize()
-        self.last_contact.fill(LONG_AGO)
+        self.grid = None if self.all_pairs else CellGrid(n, setup.dimensions, setup.enclosure.period, setup.enclosure.origin)
+        return [builder.finalize(), *([self.grid] if self.grid else [])]
 
     def destroy(self) -> None:
         """Give the memory back."""
-        for part in (self.bounce, self.tally, self._tree, self.grid):
-            if part is not None:
-                part.destroy()
+        for part in self._parts:
+            part.destroy()
 
     def collect(self) -> ContactReport:
         """What was counted since it was last asked."""
@@ -92,7 +99,7 @@ class Overlaps:
                         self.partner[count] = j
                         count += 1
                     else:
-                        self.tally.give_up(1)
+                        self.tally.give_up(i, 1)
         self.row[self.particle_count] = count
         self._work_off(time)
         for i in range(self.particle_count):
@@ -137,7 +144,7 @@ class Overlaps:
                 i = self.found[k][0]
                 self.partner[self.row[i + 1]] = self.found[k][1]
                 self.row[i + 1] = self.row[i + 1] + 1
-            self.tally.give_up(ti.max(self.found_count[0] - self.capacity, 0))
+            self.tally.give_up(0, ti.max(self.found_count[0] - self.capacity, 0))
             for i in range(self.particle_count):
                 self._sort_row(self.row[i], self.row[i + 1])
             self._work_off(time)
@@ -156,16 +163,16 @@ class Overlaps:
     def _work_off(self, time):
         for i in range(self.particle_count):
             for k in range(self.row[i], self.row[i + 1]):
-                self._bounce_pair(i, self.partner[k], time)
+                self._bounce_pair(0, i, self.partner[k], time)
 
     @ti.func
-    def _bounce_pair(self, i, j, time):
+    def _bounce_pair(self, chunk, i, j, time):
         separation = self.bounce.separation(self.state.position[i], self.state.position[j])
         distance = separation.norm()
         reach = self.bounce.radius[i] + self.bounce.radius[j]
         overlap = reach - distance
         if overlap > 0.0:
-            self.tally.see_overlap(overlap / ti.min(self.bounce.radius[i], self.bounce.radius[j]))
+            self.tally.see_overlap(i, overlap / ti.min(self.bounce.radius[i], self.bounce.radius[j]))
             n = ti.Vector.unit(self.bounce.dimensions, 0, float)  # centres at one place have no direction: take x
             if distance > 0.0:
                 n = separation / distance
@@ -178,7 +185,7 @@ class Overlaps:
                 self.state.velocity[j] = self.state.velocity[j] + result[0] * (w_j * n)
                 self.tally.begin(i)
                 self.tally.add_pair(i, result[0], distance, result[1], elastic)
-                self.tally.keep(0, i)
+                self.tally.keep(chunk, i)
             yielding = (n * n).dot(w_i + w_j)
             if yielding > 0.0:
                 self.state.position[i] = self.state.position[i] - (overlap / yielding) * (w_i * n)
@@ -201,7 +208,7 @@ class Overlaps:
             gap = _geometry.gap(self.bounce.surfaces[s], x, self.bounce.radius[i], time)
             if gap < 0.0:
                 if self.bounce.radius[i] > 0.0:
-                    self.tally.see_overlap(-gap / self.bounce.radius[i])
+                    self.tally.see_overlap(i, -gap / self.bounce.radius[i])
                 n = _geometry.normal(self.bounce.surfaces[s], x, time)
                 w = self.bounce.inverse_mass[i]
                 u = self.state.velocity[i] - _geometry.surface_velocity(self.bounce.surfaces[s], x)

@@ -101,4 +101,4 @@ class Rebound:
     @ti.func
     def _see_overlap(self, depth, radius):
         if depth > 0.0 and radius > 0.0:
-            self.tally.see_overlap(depth / radius)
+            self.tally.see_overlap(0, depth / radius)

@@ -3,6 +3,7 @@
 import taichi as ti
 
 from mpp_taichi.contacts._contact_group import ContactGroup
+from mpp_taichi.contacts._field_trees import FieldTrees
 from mpp_taichi.contacts._least_impulse import LeastImpulse
 from mpp_taichi.types import Template
 
@@ -33,19 +34,20 @@ class Reflections:
         """Bind the contacts."""
         self.group = group
         self.least = LeastImpulse(group)
-        builder = ti.FieldsBuilder()
+        self._trees = FieldTrees()
         self.speed = ti.field(float)
         self.part, self.part_size = ti.field(ti.i32), ti.field(ti.i32)
-        for row in (self.speed, self.part, self.part_size):
-            builder.dense(ti.i, group.capacity).place(row)
+        self._trees.place(group.capacity, self.speed)
+        for row in (self.part, self.part_size):
+            self._trees.place(group.capacity, integers=[row])
         self.seen_by = ti.field(ti.i32)
-        builder.dense(ti.i, group.particle_count).place(self.seen_by)
-        self._tree = builder.finalize()
+        self._trees.place(group.particle_count, integers=[self.seen_by])
+        self._trees.finish()
 
     def destroy(self) -> None:
         """Give the memory back."""
         self.least.destroy()
-        self._tree.destroy()
+        self._trees.destroy()
 
     @ti.func
     def resolve(self, state: Template, count):

@@ -6,9 +6,13 @@ import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts._resting_step import ROOM, RestingStep
+from mpp_taichi.contacts._threads import on_cpu
 from mpp_taichi.neighbors.cell_grid import CellGrid
+from mpp_taichi.neighbors.device_grid import DeviceGrid
+from mpp_taichi.neighbors.prefix_sum import PrefixSum
 from mpp_taichi.types import Template
 
+ALL_PAIRS_UP_TO = 1000  # spheres of a device of many threads, where a launch takes longer than to look at all of them
 TRIES = 12  # of building rows, each time for spheres twice as fast
 
 
@@ -88,13 +92,17 @@ class SerialPlan:
 
 @ti.data_oriented
 class ParallelPlan:
-    """A launch for each loop; what is near comes from the cell grid."""
+    """A launch for each loop; what is near comes from the cell grid, or among few from a look at all of them."""
 
     def __init__(self, step: RestingStep, setup: ContactSetup, state: Any):
         """Bind the step and the state; allocate the grid."""
         self.step = step
         self.state = state
-        self.grid = CellGrid(setup.particle_count, setup.dimensions, setup.enclosure.period, setup.enclosure.origin)
+        n, enclosure = setup.particle_count, setup.enclosure
+        kind = CellGrid if on_cpu() else DeviceGrid
+        self.few = not on_cpu() and n <= ALL_PAIRS_UP_TO
+        self.grid = None if self.few else kind(n, setup.dimensions, enclosure.period, enclosure.origin)
+        self.sums = None if on_cpu() else PrefixSum(n)
         builder = ti.FieldsBuilder()
         self.reach = ti.field(float)
         builder.dense(ti.i, setup.particle_count).place(self.reach)
@@ -102,7 +110,9 @@ class ParallelPlan:
 
     def destroy(self) -> None:
         """Give the memory back."""
-        self.grid.destroy()
+        for part in (self.grid, self.sums):
+            if part is not None:
+                part.destroy()
         self._tree.destroy()
 
     def drift(self, state: Any, time: float, h: float, resting_speed: float, kicked: bool) -> tuple[bool, int, int]:
@@ -115,9 +125,10 @@ class ParallelPlan:
         bound = ROOM * fastest
         iterations = unresolved = 0
         for _ in range(TRIES):
-            self._set_reach(h * bound)
-            self.grid.build(state.position, self.reach)
-            entries = self._count(state, bound, time, h)
+            if self.grid is not None:
+                self._set_reach(h * bound)
+                self.grid.build(state.position, self.reach)
+            entries = self._number_rows(state, bound, time, h)
             if entries > step.rows.capacity:
                 unresolved += entries
                 self._clear()
@@ -144,6 +155,15 @@ class ParallelPlan:
         self._move(state, h)
         return change > 0.0, iterations, unresolved
 
+    def _number_rows(self, state: Any, bound: float, time: float, h: float) -> int:
+        """Count what is near each sphere, and say where the rows begin; returns how many entries they have."""
+        rows = self.step.rows
+        if self.sums is None:
+            return self._count(state, bound, time, h)
+        self._count_each(state, bound, time, h)
+        self.sums.run(rows.filled, rows.start, self.step.particle_count)
+        return int(rows.start[self.step.particle_count])
+
     def _totals(self) -> tuple[float, float]:
         total = self.step.solver.total[0]
         return float(total[0]), float(total[1])
@@ -166,10 +186,13 @@ class ParallelPlan:
 
     @ti.func
     def _look(self, state: Template, bound, time, h, filling):
-        for slot in range(self.step.particle_count):
-            i = self.grid.order[slot]
-            self.grid.visit(slot, self._see, 2.0 * h * bound, filling)
-            self.step.rows.add_surfaces(state, i, bound, time, h, filling)
+        if ti.static(self.few):
+            self.step.add_all_pairs(state, bound, time, h, filling)
+        else:
+            for slot in range(self.step.particle_count):
+                i = self.grid.order[slot]
+                self.grid.visit(slot, self._see, 2.0 * h * bound, filling)
+                self.step.rows.add_surfaces(state, i, bound, time, h, filling)
 
     @ti.kernel
     def _remember(self):
@@ -190,6 +213,11 @@ class ParallelPlan:
         self._look(state, bound, time, h, 0)
         self.step.rows.number()
         return self.step.rows.start[self.step.particle_count]
+
+    @ti.kernel
+    def _count_each(self, state: Template, bound: float, time: float, h: float):
+        self.step.begin_rows()
+        self._look(state, bound, time, h, 0)
 
     @ti.kernel
     def _clear(self):

@@ -121,6 +121,6 @@ class StepSearch:
         """Whether to look again at s; a search that does not end is given up, and what is no number is none."""
         result = s <= horizon
         if result and waits >= MOST_WAITS:
-            self.tally.give_up(1)
+            self.tally.give_up(0, 1)
             result = False
         return result

@@ -45,9 +45,11 @@ class Sweep(IslandPlay):
 
     @ti.kernel
     def _drift_serial(self, time: float, h: float):
-        ti.loop_config(serialize=True)
+        ti.loop_config(serialize=self.watch.on_cpu)
         for _ in range(1):
             self.drift_serial(time, h)
+            if self.watch.was_stopped():
+                self.tally.give_up(0, 1)
 
     @ti.func
     def drift_serial(self, time, h):
@@ -89,11 +91,15 @@ class Sweep(IslandPlay):
             elif self._play_until_nothing_joins(time, piece.h) == 0:
                 break
             else:
-                piece = self.flight.widen(piece)
+                piece = self._again(piece)
         else:
             self._give_up()
         self._commit(piece.h)
         return piece.h
+
+    def _again(self, piece: Piece) -> Piece:
+        """What is to be tried after a sphere left its margin."""
+        return self.flight.widen(piece)
 
     def _play_until_nothing_joins(self, time: float, h: float) -> int:
         """Number of spheres that left the margin within which their partners were looked for."""
@@ -104,7 +110,7 @@ class Sweep(IslandPlay):
 
     @ti.kernel
     def _give_up(self):
-        self.tally.give_up(ti.max(self.violations[0], 1))
+        self.tally.give_up(0, ti.max(self.violations[0], 1))
 
     # Looking for first contacts ----------------------------------------------------------------------------------------
 
@@ -182,7 +188,7 @@ class Sweep(IslandPlay):
             separation = self.bounce.separation(self.start_position[k], self.start_position[other])
             reach = self.radius_of(k) + self.radius_of(other) + self.excursion[k] + self.excursion[other]
             if separation.dot(separation) <= reach * reach:
-                self.islands.link(k, other, ti.math.inf)
+                self.join(k, other)
 
     # Making it so ------------------------------------------------------------------------------------------------------
 
@@ -196,7 +202,11 @@ class Sweep(IslandPlay):
                     if self.islands.island[k] >= 0:
                         self._keep(chunk, k, h)
                     else:
-                        i = self.index(k)
-                        self.state.position[i] = self.start_position[k] + self.start_velocity[k] * h
-                        if ti.static(self.keeps_last_contact):
-                            self.last_contact[i] = self.last_contact[i] - h
+                        self._fly_on(k, h)
+
+    @ti.func
+    def _fly_on(self, k, h):
+        i = self.index(k)
+        self.state.position[i] = self.start_position[k] + self.start_velocity[k] * h
+        if ti.static(self.keeps_last_contact):
+            self.last_contact[i] = self.last_contact[i] - h

@@ -3,6 +3,7 @@
 from typing import Any
 
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
+from mpp_taichi.contacts._island_play import MOST_IN_ONE_THREAD
 from mpp_taichi.contacts._sweep import Sweep
 
 
@@ -12,6 +13,7 @@ class SweepSolver(ContactSolver):
     drifts = True
     sweep_kind: type[Sweep] = Sweep
     event_limit: int
+    most_elsewhere = MOST_IN_ONE_THREAD
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""

@@ -37,6 +37,7 @@ class Located(ContactSolver):
     event_limit: int = param(100_000, minimum=1, help="contacts between two looks, beyond which a run is given up")
 
     leads = True
+    in_turn = "an adaptive method leads it, a step at a time"
     memory = ("due", "last_contact", *StepPaths.BOUNDS)
 
     def work_fields(self, particle_count: int) -> dict[str, tuple[str, int]]:
@@ -84,7 +85,7 @@ class Located(ContactSolver):
                         k += 1
                         contacts = 0
                     if contacts > self.event_limit or stuck > MOST_AT_ONCE:
-                        self.tally.give_up(1)
+                        self.tally.give_up(0, 1)
                         k = looks
 
     @ti.func

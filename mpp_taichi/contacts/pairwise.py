@@ -4,7 +4,9 @@ from typing import Any
 
 from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
+from mpp_taichi.contacts._overlap_rounds import OverlapRounds
 from mpp_taichi.contacts._overlaps import Overlaps
+from mpp_taichi.contacts._threads import on_cpu
 
 
 @component
@@ -29,7 +31,7 @@ class Pairwise(ContactSolver):
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
         self.setup = setup
-        self.overlaps = Overlaps(setup, state)
+        self.overlaps = Overlaps(setup, state) if on_cpu() else OverlapRounds(setup, state)
 
     def drift(self, state: Any, time: float, h: float) -> None:
         """Move all spheres by h [time] along their velocities; then let overlapping ones bounce."""

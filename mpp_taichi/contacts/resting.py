@@ -9,14 +9,10 @@ from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts._resting_plans import ParallelPlan, SerialPlan
 from mpp_taichi.contacts._resting_step import LOST, PAIRS, PUSHED, VIRIAL, WALLS, RestingStep
+from mpp_taichi.contacts._threads import on_cpu
 from mpp_taichi.quick_compilation import quick_compilation
 
 SERIAL_COUNT = 512  # up to here one thread does a drift in one launch; more spheres are worth a launch for each loop
-
-
-def on_cpu() -> bool:
-    """Whether one thread is quick, and may loop as long as it likes."""
-    return ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
 
 
 @component

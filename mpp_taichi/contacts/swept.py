@@ -1,7 +1,13 @@
 """Time-stepped hard spheres with every contact at its exact time: nothing tunnels at any speed."""
 
+from typing import Any
+
 from mpp_taichi.component import component, param
+from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.contacts._device_sweep import DeviceSweep
+from mpp_taichi.contacts._island_play import MOST_IN_ONE_THREAD
 from mpp_taichi.contacts._sweep_solver import SweepSolver
+from mpp_taichi.contacts._threads import on_cpu
 
 
 @component
@@ -20,3 +26,13 @@ class Swept(SweepSolver):
     event_limit: int = param(
         1_000_000, minimum=1, help="contacts of one connected group in a drift, beyond which it is given up"
     )
+
+    most_elsewhere = None
+
+    def bind(self, setup: ContactSetup, state: Any) -> None:
+        """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
+        if on_cpu() or setup.particle_count <= MOST_IN_ONE_THREAD:
+            SweepSolver.bind(self, setup, state)
+        else:
+            self.setup = setup
+            self.sweep = DeviceSweep(setup, state, event_limit=self.event_limit)

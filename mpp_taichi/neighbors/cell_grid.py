@@ -32,16 +32,17 @@ class CellGrid:
     is right while reach_i + reach_j stays below half a period.
     """
 
+    most_sorters = 8
+
     def __init__(self, particle_count: int, dimensions: int, period: Any = (0.0, 0.0, 0.0), origin: Any = (0.0, 0.0, 0.0)):
         """Allocate; needs a started Taichi, whose precision and thread count it takes."""
         config = ti.lang.impl.current_cfg()
-        self.particle_count = particle_count
-        self.dimensions = dimensions
+        self.particle_count, self.dimensions = particle_count, dimensions
         self.period = tuple(float(edge) for edge in period)
         self.origin = np.array(origin, float)[:dimensions]
         self.repeats = tuple(edge > 0.0 for edge in self.period)
         self.epsilon = float(np.finfo(np.float32 if config.default_fp == ti.f32 else np.float64).eps)
-        self.sorter_count = min(config.cpu_max_num_threads, 8)
+        self.sorter_count = min(config.cpu_max_num_threads, self.most_sorters)
         self.scan_count = 8 * config.cpu_max_num_threads
         buckets = BUCKETS_PER_SPHERE * particle_count + 4 * MAXIMUM_LEVELS
         self.order, self.key, self.start, self.tally, self.scan = (ti.field(ti.i32) for _ in range(5))
@@ -50,33 +51,33 @@ class CellGrid:
         self.bounds = ti.Vector.field(2 * dimensions + 2, float)
         self.bin_count, self.level_of_bin = ti.field(ti.i32), ti.field(ti.i32)
         self.level_count, self.level_offset, self.level_mask, self.level_buckets = (ti.field(ti.i32) for _ in range(4))
-        self.level_reach = ti.field(float)
-        self.level_inverse = ti.Vector.field(dimensions, float)
+        self.level_reach, self.slack = ti.field(float), ti.field(float)
+        self.level_inverse, self.corner = (ti.Vector.field(dimensions, float) for _ in range(2))
         self.level_cells = ti.Vector.field(dimensions, ti.i32)
         self.level_strides = ti.Vector.field(2, ti.u32)
-        self.corner = ti.Vector.field(dimensions, float)
-        self.slack = ti.field(float)
-        builder = ti.FieldsBuilder()
-        builder.dense(ti.i, particle_count).place(self.sorted_position, self.sorted_reach)  # read together
-        for count, fields in (
-            (particle_count, (self.order, self.key)),
-            (buckets + 1, (self.start,)),
-            (self.sorter_count * buckets, (self.tally,)),
-            (self.scan_count + 1, (self.scan,)),
-            (CHUNKS, (self.bounds,)),
-            (BINS, (self.bin_count, self.level_of_bin)),
-            (MAXIMUM_LEVELS, (self.level_offset, self.level_mask, self.level_buckets, self.level_reach)),
-            (MAXIMUM_LEVELS, (self.level_inverse, self.level_cells, self.level_strides)),
-            (1, (self.level_count, self.corner, self.slack)),
+        numbers, integers = ti.FieldsBuilder(), ti.FieldsBuilder()  # apart: see State._builder
+        numbers.dense(ti.i, particle_count).place(self.sorted_position, self.sorted_reach)  # read together
+        for builder, count, fields in (
+            (numbers, CHUNKS, (self.bounds,)),
+            (numbers, MAXIMUM_LEVELS, (self.level_reach, self.level_inverse)),
+            (numbers, 1, (self.corner, self.slack)),
+            (integers, particle_count, (self.order, self.key)),
+            (integers, buckets + 1, (self.start,)),
+            (integers, self.sorter_count * buckets, (self.tally,)),
+            (integers, self.scan_count + 1, (self.scan,)),
+            (integers, BINS, (self.bin_count, self.level_of_bin)),
+            (integers, MAXIMUM_LEVELS, (self.level_offset, self.level_mask, self.level_buckets)),
+            (integers, MAXIMUM_LEVELS, (self.level_cells, self.level_strides, self.level_count)),
         ):
             for field in fields:
                 builder.dense(ti.i, count).place(field)
-        self._tree = builder.finalize()
+        self._trees = [numbers.finalize(), integers.finalize()]
         self._table: list[Level] = []
 
     def destroy(self) -> None:
         """Give the memory back."""
-        self._tree.destroy()
+        for tree in self._trees:
+            tree.destroy()
 
     # Building ----------------------------------------------------------------------------------------------------------
 
@@ -102,6 +103,9 @@ class CellGrid:
     def measure(self, position: Any, reach: Any) -> tuple[np.ndarray, np.ndarray, float, float]:
         """Bounding box, least and largest reach."""
         self._measure(position, reach)
+        return self._measured()
+
+    def _measured(self) -> tuple[np.ndarray, np.ndarray, float, float]:
         found = self.bounds.to_numpy().astype(float)
         d = self.dimensions
         return found[:, :d].min(0), found[:, d : 2 * d].max(0), float(found[:, 2 * d].min()), float(found[:, 2 * d + 1].max())
@@ -190,10 +194,7 @@ class CellGrid:
             if q % grain == 0:
                 sorter = q // grain
                 for i in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
-                    level = 0
-                    if self.level_count[0] > 1:
-                        level = self.level_of_bin[self._bin(reach[i] + skin, largest)]
-                    bucket = self._bucket(self._cell(self._inside(position[i]), level), level)
+                    bucket = self._bucket_of(position[i], reach[i] + skin, largest)
                     self.key[i] = bucket
                     self.tally[sorter * buckets + bucket] = self.tally[sorter * buckets + bucket] + 1
         for q in range(self.scan_count * grain):
@@ -234,6 +235,13 @@ class CellGrid:
             i = self.order[slot]
             self.sorted_position[slot] = self._inside(position[i])
             self.sorted_reach[slot] = reach[i] + skin
+
+    @ti.func
+    def _bucket_of(self, x, reach, largest):
+        level = 0
+        if self.level_count[0] > 1:
+            level = self.level_of_bin[self._bin(reach, largest)]
+        return self._bucket(self._cell(self._inside(x), level), level)
 
     @ti.func
     def _part(self, part, buckets):

@@ -6,7 +6,6 @@ from types import TracebackType
 import numpy as np
 
 from mpp_taichi.recorders._lock import OutputLock
-from mpp_taichi.views.picture import save_picture
 
 FORMATS = (".png",)
 
@@ -49,6 +48,8 @@ class StillRecorder:
         """
         try:
             if self._picture is not None:
+                from mpp_taichi.views.picture import save_picture  # not for those who only ask for the formats
+
                 save_picture(self._picture, self.path)
                 self._picture = None
         finally:

@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 from mpp_taichi.fonts import font_of
 from mpp_taichi.views.appearance import Legend
 from mpp_taichi.views.camera import Camera
-from mpp_taichi.views.caption import DARK, Background, Color, ink, is_light, text_height
+from mpp_taichi.views.caption import DARK, LINES_PER_PICTURE, Background, Color, ink, is_light, text_height
 from mpp_taichi.views.color_maps import colors_of
 from mpp_taichi.views.coloring import ColorBar, GroupKey
 from mpp_taichi.views.marks import Label
@@ -34,11 +34,12 @@ def draw_legend(picture: np.ndarray, legend: Legend, background: Background = DA
     """Draw a legend into the lower left corner of a picture (height, width, 3), in place; what does not fit is cut off."""
     if not legend.entries and not legend.lines:
         return
-    size = text_height(picture)
+    size = _text_height(picture)
     margin, step = size // 2 + 1, size + size // 3
     rows = len(legend.lines) + sum(3 if isinstance(entry, ColorBar) else len(_names(entry)) for entry in legend.entries)
     words = [*legend.lines, *(word for entry in legend.entries if isinstance(entry, GroupKey) for word, _ in _names(entry))]
-    wide = 3 * margin + max(BAR_WIDTH * size, *(int(font_of(size).getlength(word)) + 2 * size for word in [*words, ""]))
+    widths = [int(font_of(size).getlength(word)) + 2 * size for word in words]
+    wide = 3 * margin + max([*widths, *(BAR_WIDTH * size for entry in legend.entries if isinstance(entry, ColorBar))])
     corner = picture[max(picture.shape[0] - rows * step - 2 * margin, 0) :, :wide]
     corner[:] = np.rint(BACKING * corner + (255.0 * (1.0 - BACKING) if is_light(background) else 0.0))
     pen = _Pen(corner, size, ink(background))
@@ -62,7 +63,7 @@ def draw_labels(picture: np.ndarray, labels: list[Label], camera: Camera, backgr
     if not labels:
         return
     height, width = picture.shape[:2]
-    pen = _Pen(picture, text_height(picture), ink(background))
+    pen = _Pen(picture, _text_height(picture), ink(background))
     for text, place, color in labels:
         right, up, depth = camera.view(place)
         per_pixel = float(camera.length_per_pixel(np.array(depth), height))
@@ -80,6 +81,12 @@ def number_text(value: float, span: float) -> str:
         return "0"
     digits = 3 if span <= 0.0 else min(max(3, math.ceil(math.log10(abs(value) / span)) + 3), 12)
     return f"{value:.{digits}g}"
+
+
+def _text_height(picture: np.ndarray) -> int:
+    """As of a caption; in a wide strip above panels, as of the caption of the whole."""
+    height, width = picture.shape[:2]
+    return min(max(text_height(picture), width * 9 // 16 // LINES_PER_PICTURE), max(height // 12, text_height(picture)))
 
 
 def _names(key: GroupKey) -> list[tuple[str, Color | None]]:

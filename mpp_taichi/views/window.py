@@ -144,6 +144,12 @@ class Window:
         self._bare = simulation.frame()
         return self._scene.appearance.dress(self._bare)
 
+    def _scene_share(self) -> float:
+        """The share of the window's height that the scene has, above panels below it."""
+        size = self._window.get_window_shape()
+        division = self._panels.division(size)
+        return 1.0 if division is None else float(division.scene[1] / size[1])
+
     def _aspect(self) -> float:
         return self._panels.aspect(self._window.get_window_shape(), self.spec.camera)
 
@@ -203,7 +209,8 @@ class Window:
         picture = read_back(self._window)
         if self.spec.caption:
             draw_caption(picture, frame, self.spec.background)
-        draw_legend(picture, self._scene.appearance.legend(), self.spec.background)
+        rows = round(self._scene_share() * len(picture))
+        draw_legend(picture[:rows], self._scene.appearance.legend(), self.spec.background)
         try:
             save_picture(picture, path)
             self._say(f"saved {path}")
@@ -223,7 +230,8 @@ class Window:
                     panel.text(line)
         if legend := legend_lines(self._scene.appearance.legend()):
             columns, deep = max(LEGEND_COLUMNS, *(len(line) for line in legend)), (17 * len(legend) + 32) / height
-            with gui.sub_window("legend", 8 / width, 1.0 - 8 / height - deep, (7 * columns + 24) / width, deep) as panel:
+            top = self._scene_share() - 8 / height - deep
+            with gui.sub_window("legend", 8 / width, top, (7 * columns + 24) / width, deep) as panel:
                 for line in legend:
                     panel.text(line)
         if with_help:

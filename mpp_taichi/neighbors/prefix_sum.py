@@ -1,0 +1,68 @@
+"""Running sums of whole numbers on a device of many threads: where rows begin whose lengths are known."""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.types import Template
+
+MOST_PARTS = 4096
+GROUP = 64  # parts that are summed up together
+SHARE = 16  # numbers that are worth a thread
+
+
+@ti.data_oriented
+class PrefixSum:
+    """begin[k] = Σ_{l < k} length[l] for k = 0 … count, in three loops without atomics.
+
+    Parts of the row are added up, parts are added up in groups, and then each part knows where it begins.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        """Allocate for up to `capacity` numbers; needs a started Taichi."""
+        self.groups = max(1, min(MOST_PARTS, capacity // SHARE) // GROUP)
+        self.parts = self.groups * GROUP
+        self.part, self.group = ti.field(ti.i32), ti.field(ti.i32)
+        builder = ti.FieldsBuilder()
+        builder.dense(ti.i, self.parts).place(self.part)
+        builder.dense(ti.i, self.groups).place(self.group)
+        self._tree = builder.finalize()
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self._tree.destroy()
+
+    def run(self, length: Any, begin: Any, count: int) -> None:
+        """Fill `begin`, count + 1 numbers of it."""
+        self._run(length, begin, count)
+
+    @ti.kernel
+    def _run(self, length: Template, begin: Template, count: ti.i32):
+        for part in range(self.parts):
+            total = 0
+            for k in range(self._first(part, count), self._first(part + 1, count)):
+                total += length[k]
+            self.part[part] = total
+        for group in range(self.groups):
+            total = 0
+            for part in range(group * GROUP, (group + 1) * GROUP):
+                total += self.part[part]
+            self.group[group] = total
+        for part in range(self.parts):
+            place = 0
+            for group in range(part // GROUP):
+                place += self.group[group]
+            for earlier in range(part // GROUP * GROUP, part):
+                place += self.part[earlier]
+            for k in range(self._first(part, count), self._first(part + 1, count)):
+                here = length[k]
+                begin[k] = place
+                place += here
+            if part == self.parts - 1:
+                begin[count] = place
+
+    @ti.func
+    def _first(self, part, count):
+        """First number of a part; no product, which might not fit 32 bits."""
+        share, rest = count // self.parts, count % self.parts
+        return part * share + ti.min(part, rest)
