@@ -44,6 +44,12 @@ def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot
     return _centered(snapshot) if spec.move_to_center_of_mass else snapshot
 
 
+def springs_of(spec: SceneSpec) -> Springs:
+    """The springs of a checked scene alone."""
+    layout = layout_of(spec)
+    return _link(spec, layout, np.concatenate([group.rest_position for group in _place(spec, layout)]))
+
+
 def rest_positions(spec: SceneSpec) -> np.ndarray:
     """Where the particles of a checked scene are without their displacements [length], shape (particle_count, 3)."""
     groups = _place(spec, layout_of(spec))

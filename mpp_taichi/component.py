@@ -39,6 +39,7 @@ class Parameter:
     choices: tuple = ()  # of words or whole numbers
     optional: bool = False  # absent means None
     strength: bool = False  # of a force: without it, where it is zero, there is no force
+    slider: bool = False  # a number, or a vector, that formulas only calculate with: it may be moved while a scene runs
     names: tuple[str, ...] = ()  # per-particle names that a Formula may use
 
 

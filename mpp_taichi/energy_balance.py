@@ -1,5 +1,6 @@
 """Energy balance: what friction took and driving forces gave along a run, and what the method itself lost."""
 
+import copy
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -43,6 +44,15 @@ class EnergyBalance:
         self._largest_kinetic = 0.0
         self.initial_energy = 0.0
         self.oscillations = OscillationCounter()
+
+    def copied(self) -> dict[str, Any]:
+        """What it knows now, to `go_back` to."""
+        return {name: copy.deepcopy(value) for name, value in vars(self).items() if name != "meter"}
+
+    def go_back(self, earlier: dict[str, Any]) -> None:
+        """Know what was known then; nothing, where nothing was kept."""
+        self.restart()
+        vars(self).update(copy.deepcopy(earlier))
 
     @property
     def dissipated_energy(self) -> float:

@@ -68,7 +68,7 @@ class Inspector:
             self._panel(panel, f"inspect[{number}]") for number, panel in enumerate(spec.inspect)
         )
         self._step = -1
-        self.samples.open(len(self._names))
+        self.samples.open(len(self._names) + 1)  # the last column holds the step
 
     def restart(self) -> None:
         """Forget every look."""
@@ -79,13 +79,21 @@ class Inspector:
         for histogram in self._histograms:
             histogram.restart()
 
+    def go_back(self, simulation: "Simulation") -> None:
+        """Forget the looks after the step to which a simulation has gone back; what was gathered over many looks, wholly."""
+        self._step = simulation.step_count
+        self.samples.cut_after(len(self._names), self._step)
+        for histogram in self._histograms:
+            histogram.restart()
+
     def look(self, simulation: "Simulation") -> None:
         """Measure everything, unless that was just done at this step."""
         if simulation.step_count == self._step:
             return
         self._step = simulation.step_count
         look = SimulationLook(simulation)
-        row = np.full(len(self._names), math.nan)
+        row = np.full(len(self._names) + 1, math.nan)
+        row[-1] = self._step
         for quantity, column in self._made.values():
             row[column] = quantity.measure(look)
         for formula, x, column in self._theories:

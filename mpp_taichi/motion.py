@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mpp_taichi.energy_balance import EnergyBalance
 
 LAUNCH_SECONDS = 0.1  # aim for one launch: short enough to interrupt, long enough not to matter
+MOST_STEPS_COUNTED = 2**31 - 1  # by kernels, since the last change of the step
 
 
 class Motion:
@@ -43,7 +44,7 @@ class Motion:
     def _adopt(self, phase: Phase, compiled: CompiledPhase) -> None:
         """Go on with the step of this phase."""
         self.spec, self._particles = phase.spec, phase.particles
-        self.integrator, self.dt = compiled.integrator, compiled.dt
+        self.integrator, self.dt = compiled.integrator, float(phase.spec.integrator.parameters["dt"])
         self.total_force, self.plan, self.step_work = compiled.total_force, compiled.plan, compiled.work
         self.state, self.stepper, self.energy_meter = compiled.state, compiled.stepper, compiled.energy_meter
         self.contacts, self.launch_limit = compiled.contacts, compiled.launch_limit
@@ -124,7 +125,10 @@ class Motion:
         if not self._prepared:
             self.stepper.prepare(self.time)
             self._prepared = True
-        self.stepper.advance(self.time, dt, steps, None if balance is None else balance.meter)
+        origin, first = self._origin_time, self._steps_since_origin
+        if dt != self.dt or first + steps > MOST_STEPS_COUNTED:
+            origin, first = self.time, 0
+        self.stepper.advance(origin, dt, steps, None if balance is None else balance.meter, first=first)
         self.kernel_calls += 1
 
     def _count_contacts(self, contacts: ContactSolver, saved: Any) -> None:

@@ -1,19 +1,21 @@
 """Phases: the scenes that a run goes through, and each of them compiled to one step. Without a timeline there is one."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from mpp_taichi import backends, component, plans
-from mpp_taichi.assemble import assemble
+from mpp_taichi.assemble import assemble, springs_of
 from mpp_taichi.backends import Device
 from mpp_taichi.contact_setup import contact_setup
 from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.errors import BackendError, CapacityError, PrecisionError, SceneError, UnsupportedError
 from mpp_taichi.precision import carries_low_parts, forces_see_low_parts
+from mpp_taichi.scene import sliders
 from mpp_taichi.scene.estimate import LARGEST_COUNT, available_bytes
-from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.spec import Event, SceneSpec, SliderSpec
+from mpp_taichi.scene.timeline import MOVES_ALLOWED
 from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.snapshot import Snapshot
 
@@ -24,12 +26,14 @@ class Phase:
 
     particles   placed as at the start, with the masses, charges, colours, held axes and springs of this phase
     changes     what the timeline sets at its beginning, path → value; empty for the first phase
+    kernels     what stands for its kernels: the same as in the phase before where sliders alone have moved
     """
 
     at: float
     spec: SceneSpec
     particles: Snapshot
     changes: dict[str, Any]
+    kernels: object = field(default_factory=object)
 
     @property
     def effects(self) -> list[str]:
@@ -42,15 +46,75 @@ def phases_of(spec: SceneSpec) -> tuple[Phase, ...]:
     phases = [Phase(-math.inf, spec, assemble(spec), {})]
     for event in spec.timeline:
         start = phases[0].particles
+        if event.live:
+            phases.append(moved_on(phases[-1], event))
+            continue
         made = assemble(event.scene, placed_as=spec)
         particles = replace(made, position=start.position, velocity=start.velocity * made.free)
         phases.append(Phase(event.at, event.scene, particles, event.changes))
     return tuple(phases)
 
 
+def moved_on(before: Phase, event: Event) -> Phase:
+    """The phase that begins where sliders move: the same particles and kernels, with other numbers in them."""
+    particles = before.particles
+    if any(new is not old for new, old in zip(event.scene.springs, before.spec.springs, strict=True)):
+        particles = replace(particles, springs=springs_of(event.scene))
+    return Phase(event.at, event.scene, particles, event.changes, before.kernels)
+
+
 def phase_at(phases: Sequence[Phase], time: float) -> int:
     """Number of the phase that a time is in; at the very time of an event that is the new one."""
     return sum(phase.at <= time for phase in phases) - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """What a run goes through: phases[k + 1] begins with timeline[k] of the scene; it begins in phase `first`, at `start`."""
+
+    scene: SceneSpec
+    phases: tuple[Phase, ...]
+    first: int
+    start: Snapshot
+
+    def moved(self, number: int, at: float, moved: Mapping[SliderSpec, float]) -> tuple["Course", int]:
+        """The course on which sliders move at a time in the phase `number`, and the number of the phase that begins with it.
+
+        What moves at a time at which something has changed already joins that. Later events keep what they set themselves.
+
+        Raises:
+            SceneError: there were too many changes.
+        """
+        present, timeline = self.phases[number], self.scene.timeline
+        changes = {slider.path: value for slider, value in moved.items()}
+        joins = number > 0 and present.at == at
+        changes = {**present.changes, **changes} if joins else changes
+        live = timeline[number - 1].live if joins else True
+        place = next(iter(moved)).location
+        events = [Event(at, changes, sliders.with_values(present.spec, moved), place, live)]
+        phases = [moved_on(present, events[0])]
+        left = dict(moved)
+        for event, phase in zip(timeline[number:], self.phases[number + 1 :], strict=True):
+            before = self.phases[number + len(events) - 1].spec
+            left = {slider: value for slider, value in left.items() if not sliders.is_set(slider, event, before)}
+            known = {slider.steps: slider for slider in event.scene.sliders}
+            still = {known[slider.steps]: value for slider, value in left.items() if slider.steps in known}
+            events.append(replace(event, scene=sliders.with_values(event.scene, still)) if still else event)
+            made = moved_on(phase, events[-1]) if still else phase
+            # Where sliders alone have moved, the kernels are those of the phase before, whichever that now is.
+            phases.append(replace(made, kernels=phases[-1].kernels) if event.live else made)
+        first = number if joins else number + 1
+        if first - 1 + len(events) > MOVES_ALLOWED:
+            raise SceneError(f"{self.scene.source}: timeline: {MOVES_ALLOWED:,} moves of sliders are all that are kept")
+        written = list(self.scene.resolved.get("timeline", ()))
+        written[first - 1 :] = [{"at": event.at, "set": event.changes} for event in events]
+        scene = replace(
+            self.scene,
+            timeline=(*timeline[: first - 1], *events),
+            resolved={**self.scene.resolved, "timeline": written},
+        )
+        course = Course(scene, (*self.phases[:first], *phases), self.first, self.start)
+        return (replace(course, first=first) if at == self.start.time else course), first
 
 
 class CompiledPhase:
@@ -65,17 +129,18 @@ class CompiledPhase:
         """Import what the phase names, allocate and fill its fields."""
         # Only now may Taichi code be imported, and only what the scene names.
         from mpp_taichi.energy import EnergyMeter
+        from mpp_taichi.live import LiveParameters
         from mpp_taichi.state import State
         from mpp_taichi.stepper import Stepper
         from mpp_taichi.total_force import TotalForce, compose
 
-        spec, start = phase.spec, phase.particles
+        spec, start, self.phase = phase.spec, phase.particles, phase
         self.work = plans.step_work(spec, start.particle_count, len(start.springs))
         self.integrator = component.build("integrators", spec.integrator.name, spec.integrator.parameters)
-        self.dt = float(spec.integrator.parameters["dt"])
         merges = start.merged_into is not None
+        self.live = LiveParameters(spec.forces, compose(spec, start))
         self.total_force = TotalForce(
-            compose(spec, start),
+            self.live.forces,
             start.particle_count,
             spec.dimensions,
             merges=merges,
@@ -119,6 +184,8 @@ class CompiledPhase:
             precision=device.precision,
             guards_rounding=not device.probes.compensation,
         )
+        if any(target.kind == "springs" for slider in spec.sliders for target in slider.targets):
+            self.state.write_springs(start)  # so that what copies them is compiled before they move
         if solver is not None:
             solver.bind(contact_setup(spec, start), self.state)
         self.contacts = solver
@@ -128,8 +195,18 @@ class CompiledPhase:
         self.energy_meter = EnergyMeter(self.state, self.total_force)
         self.launch_limit = self._steps_per_launch(device)
 
+    def adopt(self, phase: Phase) -> None:
+        """Take on the numbers of a phase that these kernels serve."""
+        if phase is self.phase:
+            return
+        self.live.write(phase.spec.forces)
+        if phase.particles.springs is not self.phase.particles.springs:
+            self.state.write_springs(phase.particles)
+        self.phase = phase
+
     def destroy(self) -> None:
         """Give the device memory back."""
+        self.live.destroy()
         if self.contacts is not None:
             self.contacts.destroy()
         self.total_force.destroy()

@@ -236,6 +236,12 @@ class State:
             arrays[name] = (arrays[name] * free).astype(self._dtype)
         self._write(arrays)
 
+    def write_springs(self, snapshot: Snapshot) -> None:
+        """Set stiffness, rest length and damping of springs that link the same particles as before."""
+        host = half_springs(snapshot)
+        names = [name for name in ("spring_stiffness", "spring_rest_length", "spring_damping") if name in self.quantities]
+        transfer.write([getattr(self, name) for name in names], [host[name].astype(self._dtype) for name in names])
+
     def write_spheres(self, snapshot: Snapshot) -> None:
         """Set what merging changes of each sphere, the same in every replica."""
         self._write(self._spheres(snapshot))

@@ -85,52 +85,56 @@ class Stepper:
             with self._vectors():
                 self._prepare_replicas(force, time)
 
-    def advance(self, time: float, dt: float, steps: int, meter: Any = None) -> None:
-        """Advance by `steps` steps of `dt` from `time`; a `meter` of powers looks on after each of them."""
+    def advance(self, time: float, dt: float, steps: int, meter: Any = None, *, first: int = 0) -> None:
+        """Advance by `steps` steps of `dt`, the `first` of them so many after `time`; a `meter` of powers looks on after each.
+
+        Step s begins at time + s dt whatever launch it is in, so that no bit of a force that depends on time does either.
+        """
         if self.state.carries_low and dt != self._parts_of:
             self.state.step_parts.from_numpy(self._parts(dt))
             self._parts_of = dt
         with quick_compilation() if self.integrator.quickly_compiled else nullcontext():
-            self._advance(time, dt, steps, meter)
+            self._advance(time, dt, first, first + steps, meter)
 
-    def _advance(self, time: float, dt: float, steps: int, meter: Any) -> None:
+    def _advance(self, time: float, dt: float, first: int, last: int, meter: Any) -> None:
+        """Steps first … last − 1."""
         if meter and meter.in_kernel and not self.integrator.adaptive and not self.integrator.own_state:
-            self._advance_metered(time, dt, steps, meter)
+            self._advance_metered(time, dt, first, last, meter)
         elif meter:
-            for s in range(steps):
-                self._advance(time + s * dt, dt, 1, None)
-                meter.keep(s, time + (s + 1) * dt)
+            for s in range(first, last):
+                self._advance(time, dt, s, s + 1, None)
+                meter.keep(s - first, time + (s + 1) * dt)
         elif self.contacts is not None and self.contacts.flies:
-            self.contacts.advance(time, steps * dt)
+            self.contacts.advance(time + first * dt, (last - first) * dt)
         elif self.contacts is not None and self.contacts.leads:
-            self.contacts.lead(time, dt, steps)
+            self.contacts.lead(time + first * dt, dt, last - first)
         elif self.contacts is not None:
-            for s in range(steps):
+            for s in range(first, last):
                 self._step_with_contacts(self.contacts, time + s * dt, dt)
         elif self.integrator.adaptive:
             with self._vectors():
-                self._advance_adaptive(time + steps * dt)
+                self._advance_adaptive(time + last * dt)
         elif self.integrator.own_state:
-            self._launch_own(dt, steps, 0.0)
+            self._launch_own(dt, last - first, 0.0)
         elif self.plan == "serial":
             with self._vectors():
-                self._advance_serial(time, dt, steps)
+                self._advance_serial(time, dt, first, last)
         elif self.plan == "replicas":
             with self._vectors():
-                self._advance_replicas(time, dt, steps)
+                self._advance_replicas(time, dt, first, last)
         elif self.integrator.implicit:
-            for s in range(steps):
+            for s in range(first, last):
                 self.integrator.launch_step(self.state, self.total_force, self.launch_force, time + s * dt, dt)
         elif self.launches_stages or self.integrator.looks_stages_up(self.total_force):
             joins = self.integrator.joins_steps(self.total_force)
-            for s in range(steps):
-                self._launch_stages(time + s * dt, dt, begins=s == 0 or not joins, joins=joins, opens=s + 1 < steps)
+            for s in range(first, last):
+                self._launch_stages(time + s * dt, dt, begins=s == first or not joins, joins=joins, opens=s + 1 < last)
         elif self.integrator.joins_steps(self.total_force):
-            self._open(time, dt)
-            for s in range(steps):
-                self._step_on(time + s * dt, dt, int(s + 1 < steps))
+            self._open(time + first * dt, dt)
+            for s in range(first, last):
+                self._step_on(time + s * dt, dt, int(s + 1 < last))
         else:
-            for s in range(steps):
+            for s in range(first, last):
                 self._advance_parallel(time + s * dt, dt)
 
     def _vectors(self) -> AbstractContextManager:
@@ -191,17 +195,17 @@ class Stepper:
             self.integrator.kick_stage(self.state, self.total_force, 0, time, dt, k, shape)
 
     @ti.kernel
-    def _advance_serial(self, time: float, dt: float, steps: ti.i32):
+    def _advance_serial(self, time: float, dt: float, begin: ti.i32, end: ti.i32):
         ti.loop_config(serialize=True)
-        for s in range(steps):
+        for s in range(begin, end):
             self.integrator.step(self.state, self.total_force, 0, time + s * dt, dt, "serial")
 
     @ti.kernel
-    def _advance_metered(self, time: float, dt: float, steps: ti.i32, meter: ti.template()):
+    def _advance_metered(self, time: float, dt: float, begin: ti.i32, end: ti.i32, meter: ti.template()):
         ti.loop_config(serialize=True)
-        for s in range(steps):
+        for s in range(begin, end):
             self.integrator.step(self.state, self.total_force, 0, time + s * dt, dt, "serial")
-            meter.store(s, 0, time + (s + 1) * dt)
+            meter.store(s - begin, 0, time + (s + 1) * dt)
 
     @ti.kernel
     def _advance_parallel(self, time: float, dt: float):
@@ -216,11 +220,11 @@ class Stepper:
         self.integrator.step_on(self.state, self.total_force, 0, time, dt, "parallel", True, opens)
 
     @ti.kernel
-    def _advance_replicas(self, time: float, dt: float, steps: ti.i32):
+    def _advance_replicas(self, time: float, dt: float, begin: ti.i32, end: ti.i32):
         for q in range(self.state.replica_count * self.grain):
             if q % self.grain == 0:
                 first = q // self.grain * self.state.particle_count
-                for s in range(steps):
+                for s in range(begin, end):
                     self.integrator.step(self.state, self.total_force, first, time + s * dt, dt, "serial")
 
     @ti.kernel

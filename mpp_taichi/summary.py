@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from mpp_taichi.recorders.table import TableRecorder
     from mpp_taichi.simulation import Simulation
 
+PHASES_TOLD = 8
+
 
 class Stopwatch:
     """Seconds spent under each name."""
@@ -202,7 +204,7 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         ("device", f"{found['backend']}: {found['device']}{threads}"),
         ("plan", f"{found['plan']}: {found['plan_reason']}"),
         ("reached", f"t = {found['time']:.9g} in {found['steps']:,} steps{_rate(found)}"),
-        *(("phase", _phase_line(phase)) for phase in found["phases"]),
+        *(("phase", line) for line in _phase_lines(found["phases"])),
         ("control", control),
         ("solver", _solver_line(found)),
         ("contact", contact_line(found)),
@@ -242,6 +244,13 @@ def _solver_line(found: Mapping[str, Any]) -> str:
         linear = f", {found['linear_iterations_per_step']:.1f} of conjugate gradients a step"
     gains = f", {found['gaining_pieces']} pieces gained energy" if found["gaining_pieces"] else ""
     return f"{newton}{linear}; {found['cut_steps']} steps cut in pieces{gains}, {found['unsolved_steps']} not solved"
+
+
+def _phase_lines(phases: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A line for each change; of the many that a hand on a slider makes, the first ones and how many there are."""
+    told = [_phase_line(phase) for phase in phases[:PHASES_TOLD]]
+    left = len(phases) - len(told)
+    return [*told, f"… and {left:,} more changes, the last at t = {phases[-1]['at']:.9g}"] if left else told
 
 
 def _phase_line(phase: Mapping[str, Any]) -> str:

@@ -22,7 +22,8 @@ def compose(spec: SceneSpec, snapshot: Snapshot) -> tuple[Force, ...]:
     """Import and build the forces that a scene names, and its springs when it has some."""
     forces = [component.build("forces", entry.name, entry.parameters) for entry in spec.forces]
     if len(snapshot.springs):
-        damping = spec.spring_damping if (snapshot.springs.damping != 0).any() else "none"
+        damped = spec.damping_is_live or (snapshot.springs.damping != 0).any()
+        damping = spec.spring_damping if damped else "none"
         forces.append(component.build("forces", "spring", {"damping": damping}))
     return tuple(forces)
 

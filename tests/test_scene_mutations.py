@@ -213,7 +213,6 @@ CHANGES = [
     ("run: {duration: 30}", "inspect: [{histogram: spring_length, theory: maxwell_boltzmann}]", "not of spring_length"),
     ("run: {duration: 30}", "inspect: 3", "must be a list"),
     ("record: {size", "record: {panels: left, size", "'left' is unknown, allowed: bottom, none, right"),
-    ("run: {duration: 30}", "sliders: []", "does not have 'sliders' yet"),
     ("run: {duration: 30}", "accuracy: {}", "must be a number, {position: number} or {energy: number}"),
     ("run: {duration: 30}", "accuracy: 1e-6", "needs run.duration"),
     ("run: {duration: 30}", "run: {duration: 30}\naccuracy: 0", "must be above 0"),

@@ -114,13 +114,15 @@ def display() -> Iterator[str]:
 class Session:
     """A program with a window, and hands on its keyboard and mouse."""
 
-    def __init__(self, display: str, folder: Path, limit: int = 10**9, *more: str) -> None:
+    def __init__(
+        self, display: str, folder: Path, limit: int = 10**9, *more: str, program: str = PROGRAM, title: str = "Planets"
+    ) -> None:
         self.folder = folder
         self.environment = ENVIRONMENT | {"DISPLAY": display}
         self.log = open(folder / "log.txt", "w+", encoding="utf-8")
         self.errors = open(folder / "errors.txt", "w+", encoding="utf-8")
         self.process = subprocess.Popen(
-            [sys.executable, "-c", textwrap.dedent(PROGRAM), str(limit), *more],
+            [sys.executable, "-c", textwrap.dedent(program), str(limit), *more],
             cwd=folder,
             env=self.environment,
             # A background job of a shell is started with interrupts ignored, and so would be its children.
@@ -128,7 +130,7 @@ class Session:
             stdout=self.log,
             stderr=self.errors,
         )
-        self.window = self.wait_for(lambda: self.tool("search", "--onlyvisible", "--name", "Planets").split()[:1])[0]
+        self.window = self.wait_for(lambda: self.tool("search", "--onlyvisible", "--name", title).split()[:1])[0]
         self.wait_for(lambda: self.picture().max() > 100)
 
     def tool(self, *arguments: object) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mpp_taichi.cli._desk import SessionDesk
 from mpp_taichi.cli._options import output_stem
 from mpp_taichi.errors import OutputError
 from mpp_taichi.scene import timeline
@@ -14,6 +15,7 @@ from mpp_taichi.walls.outline import outline_of
 if TYPE_CHECKING:
     from mpp_taichi.cli._request import Goal
     from mpp_taichi.cli._signals import Interruption
+    from mpp_taichi.history import History
     from mpp_taichi.recorders.inspection import InspectionRecorder
     from mpp_taichi.simulation import Simulation
 
@@ -38,11 +40,12 @@ def show(
     panels = None
     if inspection is not None:
         panels = WindowPanels(inspection.inspector.plots, spec.record, lambda: exported(inspection, output_stem(spec.source)))
-    window = Window(spec.view, title=spec.title, dimensions=spec.dimensions, panels=panels)
+    desk = SessionDesk(simulation, goal, recorders)
+    window = Window(spec.view, title=spec.title, dimensions=spec.dimensions, panels=panels, desk=desk.desk())
     total = goal.step_count(spec)
     frames = max(1, round(spec.record.seconds * WINDOW_FRAMES_PER_SECOND))
     steps = max(1, round(total / frames)) if total else STEPS_PER_FRAME_WITHOUT_END
-    steered = _Steered(simulation, spec, goal, recorders, interruption, caption, inspection)
+    steered = _Steered(simulation, spec, goal, recorders, interruption, caption, inspection, desk.history)
     window.run(steered, steps_per_frame=steps)
 
 
@@ -75,7 +78,9 @@ class _Steered:
         interruption: "Interruption",
         caption: Callable[[], str] = lambda: "",
         inspection: "InspectionRecorder | None" = None,
+        history: "History | None" = None,
     ) -> None:
+        self.history = history
         self.simulation, self.spec, self.goal, self.interruption = simulation, spec, goal, interruption
         self.recorders, self.caption, self.inspection = recorders, caption, inspection
         self._walls = outline_of(spec, simulation.start.position)
@@ -88,10 +93,15 @@ class _Steered:
 
     def advance(self, steps: int) -> None:
         """Go on by so many steps, and to the end exactly."""
+        self._advance(steps)
+        if self.history is not None:
+            self.history.keep()
+
+    def _advance(self, steps: int) -> None:
         until, left = self.goal.until, self.goal.steps
         if not self.goal.is_reached(self.simulation):
             time, dt = self.simulation.time, self.simulation.dt
-            if until is not None and timeline.time_after(self.spec, steps, time) + 1e-9 * dt >= until:
+            if until is not None and timeline.time_after(self.simulation.scene, steps, time) + 1e-9 * dt >= until:
                 self.simulation.run(until=until, recorders=self.recorders)
                 return
             if left is not None:
@@ -105,7 +115,9 @@ class _Steered:
         return Frame.of(self.simulation.snapshot(), title=self.spec.title, extra=self.caption(), walls=self._walls)
 
     def restart(self) -> None:
-        """Back to the start."""
-        self.simulation.restart()
+        """Back to the start; sliders stay where they are."""
+        self.simulation.begin_anew()
         for recorder in self.recorders:
             recorder.restart()
+        if self.history is not None:
+            self.history.restart()

@@ -56,6 +56,7 @@ class Request:
     modes: Path | None = None
     speeds: Path | None = None
     events: Path | None = None
+    log: Path | None = None
     every: int | None = None
     quiet: bool = False
     allow_inaccurate: bool = False
@@ -88,6 +89,7 @@ class Request:
         require_suffix(self.modes, MODE_FORMATS, "--modes")
         require_suffix(self.speeds, SPEED_FORMATS, "--speeds")
         require_suffix(self.events, EVENT_FORMATS, "--events")
+        require_suffix(self.log, (".yaml", ".yml"), "--log")
         if self.video is not None:
             check_encoder()
         if any(path is not None and path.suffix.lower() in PLOT_FORMATS for path in (self.modes, self.speeds)):

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mpp_taichi.cli._desk import save_log
 from mpp_taichi.cli._options import output_stem
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
@@ -91,7 +92,15 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
 
 def _lock_outputs(request: Request, stack: ExitStack) -> None:
     """Hold the names of the files written at the end, so that a second run with the same names is refused now."""
-    for path in (request.snapshot, request.diagnostics, request.modes, request.speeds, request.events, *request.inspect):
+    for path in (
+        request.snapshot,
+        request.diagnostics,
+        request.modes,
+        request.speeds,
+        request.events,
+        request.log,
+        *request.inspect,
+    ):
         if path is not None:
             stack.callback(OutputLock(path).release)
 
@@ -298,8 +307,10 @@ class _Run:
             jobs.append((request.speeds, lambda: self.speeds.save(request.speeds)))
         if self.events is not None and request.events is not None:
             jobs.append((request.events, lambda: self.events.save(request.events)))
+        if request.log is not None:
+            jobs.append((request.log, partial(save_log, request.log, simulation, self.goal)))
         if state is not None:
-            jobs.append((state, lambda: replace(simulation.snapshot(), dt=simulation.dt).save(state)))
+            jobs.append((state, lambda: simulation.checkpoint(state)))
         for path, job in jobs:
             try:
                 job()
@@ -345,4 +356,5 @@ class _Run:
     def _reached_the_end(self) -> bool:
         """Whether the run came to the end that the scene's expectations speak of."""
         broken_off = self.error is not None or self.interrupted is not None
-        return self.goal.whole and not broken_off and self.goal.is_reached(self.simulation)
+        meddled = len(self.simulation.scene.timeline) != len(self.spec.timeline)  # with sliders
+        return self.goal.whole and not (broken_off or meddled) and self.goal.is_reached(self.simulation)

@@ -32,6 +32,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--energy-balance", action="store_true", help="account for dissipated energy, work and what the method loses by itself"
     )
+    parser.add_argument(
+        "--log",
+        type=_options.output_path,
+        metavar="F.yaml",
+        help="what sliders did, as a scene file that repeats the motion bit for bit",
+    )
     _options.add_force(parser)
     parser.add_argument(
         "--rewind",
@@ -79,6 +85,7 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
         "modes",
         "speeds",
         "events",
+        "log",
         "every",
         "quiet",
         "allow_inaccurate",

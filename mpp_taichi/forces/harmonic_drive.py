@@ -15,9 +15,9 @@ class HarmonicDrive(ExternalForce):
     ω t 2⁻²⁴. Source: Landau & Lifshitz, Mechanics (1976), §22 and §26.
     """
 
-    force: Vector = param(unit="force", help="F₀, on each particle driven")
-    angular_frequency: float = param(minimum=0.0, unit="time⁻¹", help="ω")
-    phase: float = param(0.0, unit="radian", help="φ; pi/2 makes a cosine")
+    force: Vector = param(slider=True, unit="force", help="F₀, on each particle driven")
+    angular_frequency: float = param(minimum=0.0, slider=True, unit="time⁻¹", help="ω")
+    phase: float = param(0.0, slider=True, unit="radian", help="φ; pi/2 makes a cosine")
     of: Particles = param(None, optional=True, help="the particle or group driven; absent: every particle")
     needs = frozenset({"mass"})
     has_derivatives = True

@@ -11,7 +11,7 @@ from mpp_taichi.types import Template
 class LinearDrag(ExternalForce):
     """Linear (Stokes) drag, F = −c v. Takes energy out: a free particle slows as exp(−c t / m)."""
 
-    coefficient: float = param(minimum=0.0, strength=True, unit="mass time⁻¹", help="c")
+    coefficient: float = param(minimum=0.0, strength=True, slider=True, unit="mass time⁻¹", help="c")
     needs = frozenset({"mass"})
     conserves_energy = False
     depends_on_velocity = True

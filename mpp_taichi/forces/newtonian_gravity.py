@@ -22,6 +22,7 @@ class NewtonianGravity(PairForce):
         None,
         optional=True,
         strength=True,
+        slider=True,
         unit="length³ mass⁻¹ time⁻²",
         help="G, or k² in Gaussian units; absent: the G of the scene's units, or 1",
     )

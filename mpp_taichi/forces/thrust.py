@@ -20,8 +20,10 @@ class Thrust(ExternalForce):
     Source: Tsiolkovsky (1903); Goldstein, Classical Mechanics (1980), §1, problem 13.
     """
 
-    exhaust_speed: float = param(minimum=0.0, unit="length time⁻¹", help="u, against the rocket")
-    flow: float = param(minimum=0.0, strength=True, unit="mass time⁻¹", help="q, fuel burnt in a unit of time; 0: off")
+    exhaust_speed: float = param(minimum=0.0, slider=True, unit="length time⁻¹", help="u, against the rocket")
+    flow: float = param(
+        minimum=0.0, strength=True, slider=True, unit="mass time⁻¹", help="q, fuel burnt in a unit of time; 0: off"
+    )
     direction: Vector = param(help="of the push, any length")
     start: float = param(0.0, unit="time", help="t₀, ignition")
     empty_mass: float = param(0.0, minimum=0.0, unit="mass", help="m_e, at which the fuel is gone")

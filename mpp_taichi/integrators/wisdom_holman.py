@@ -41,6 +41,7 @@ class WisdomHolman(Integrator):
     symplectic = True
     time_reversible = True
     takes_velocity = False
+    takes_sliders = False  # the strength is part of every orbit's constants
     own_state = True
     on_cpu_only = True
     nodes = (0.5,)

@@ -26,9 +26,11 @@ class LatticeLinks(Network):
     of: str = param(help="name of the lattice")
     neighbors: str = param("nearest", choices=("nearest", "diagonal", "bending"), help="which particles are linked")
     type: str = param("", help="of spring_types:, which gives what is not said here")
-    stiffness: float = param(None, optional=True, minimum=0.0, unit="force length⁻¹", help="D; needed here or in the type")
-    damping: float = param(0.0, minimum=0.0, unit="force time length⁻¹", help="c")
-    prestretch: float = param(1.0, above=0.0, help="placed length over rest length")
+    stiffness: float = param(
+        None, optional=True, slider=True, minimum=0.0, unit="force length⁻¹", help="D; needed here or in the type"
+    )
+    damping: float = param(0.0, slider=True, minimum=0.0, unit="force time length⁻¹", help="c")
+    prestretch: float = param(1.0, above=0.0, slider=True, help="placed length over rest length")
     color: Color = param((0.4, 0.4, 1.0), help="red, green, blue in 0…1")
 
     def spring_count(self, lattice: Callable[[str], tuple[int, tuple[int, int, int]]]) -> int:

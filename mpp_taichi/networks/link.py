@@ -15,10 +15,16 @@ class Link(Network):
 
     between: Pair = param(help="the two ends, by index or name")
     type: str = param("", help="of spring_types:, which gives what is not said here")
-    stiffness: float = param(None, optional=True, minimum=0.0, unit="force length⁻¹", help="D; needed here or in the type")
-    damping: float = param(0.0, minimum=0.0, unit="force time length⁻¹", help="c")
-    rest_length: float = param(None, optional=True, minimum=0.0, unit="length", help="absent: placed length over prestretch")
-    prestretch: float = param(1.0, above=0.0, help="placed length over rest length; of no account beside a rest_length")
+    stiffness: float = param(
+        None, optional=True, slider=True, minimum=0.0, unit="force length⁻¹", help="D; needed here or in the type"
+    )
+    damping: float = param(0.0, slider=True, minimum=0.0, unit="force time length⁻¹", help="c")
+    rest_length: float = param(
+        None, optional=True, slider=True, minimum=0.0, unit="length", help="absent: placed length over prestretch"
+    )
+    prestretch: float = param(
+        1.0, above=0.0, slider=True, help="placed length over rest length; of no account beside a rest_length"
+    )
     color: Color = param((0.4, 0.4, 1.0), help="red, green, blue in 0…1")
 
     def spring_count(self, lattice: Callable) -> int:

@@ -25,6 +25,11 @@ class Samples:
         self.count = 0
         self.generation += 1
 
+    def cut_after(self, column: int, value: float) -> None:
+        """Forget the rows in which a column, that has grown so far, is larger."""
+        self.count = int(np.searchsorted(self._rows[column, : self.count], value, side="right"))
+        self.generation += 1
+
     def add(self, row: np.ndarray) -> None:
         """Append a row."""
         if self.count == MOST_KEPT:

@@ -50,6 +50,11 @@ class InspectionRecorder:
         self._due = None
         self.inspector.restart()
 
+    def go_back(self, simulation: "Simulation") -> None:
+        """Forget the looks after the step to which a simulation has gone back."""
+        self._due = None if self._due is None else min(self._due, simulation.step_count + self.every)
+        self.inspector.go_back(simulation)
+
     def steps_until_due(self, simulation: "Simulation") -> int:
         """Until the next look, its own or the film's."""
         own = 0 if self._due is None else self._due - simulation.step_count

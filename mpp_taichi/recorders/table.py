@@ -56,6 +56,13 @@ class TableRecorder:
         self._energy_error = EnergyError()
         self._largest = dict.fromkeys(("momentum", "angular_momentum", "way"), 0.0)
 
+    def go_back(self, simulation: "Simulation") -> None:
+        """Forget the samples from the step on to which a simulation has gone back; one is taken there anew."""
+        self.rows[:] = [row for row in self.rows if row["step"] < simulation.step_count]
+        self._phase_number = -1  # the phase that comes may have the number of one that is forgotten
+        if not self.rows:
+            self.restart()
+
     @staticmethod
     def every_for(steps: int | None, *, sparse: bool = False) -> int:
         """Steps between samples that make about `SAMPLES_PER_RUN` of them; of an endless run, every 100th step.

@@ -15,6 +15,7 @@ from mpp_taichi.scene import (
     inspection,
     messages,
     references,
+    sliders,
     spring_types,
     timeline,
     units,
@@ -43,6 +44,7 @@ def load_scene(source: str | Path | Mapping[str, Any] | SceneSpec, *, overrides:
     tree, name, folder = _read(source, faults)
     tree = _override(tree, overrides, faults)
     spec, times = _check(tree, name, folder, faults)
+    sliders.check_ends(spec, timeline.without_timeline(tree), lambda changed: _check(changed, name, folder, Faults())[0])
     return timeline.with_phases(spec, times, tree, faults, lambda changed: _check(changed, name, folder, faults)[0])
 
 
@@ -125,7 +127,7 @@ def _context(tree: Node, folder: Path, faults: Faults) -> Context:
 def _specification(validated: Any, tree: Node, name: str, context: Context, faults: Faults) -> SceneSpec:
     gravity = context.constants.get("G", 1.0) if validated.units else 1.0
     forces = tuple(_with_gravity(entry, gravity) for entry in _entries(validated.forces, tree, "forces"))
-    return SceneSpec(
+    spec = SceneSpec(
         source=name,
         title=validated.title,
         dimensions=validated.dimensions,
@@ -149,6 +151,7 @@ def _specification(validated: Any, tree: Node, name: str, context: Context, faul
         accuracy=validated.accuracy,
         resolved=tree.plain(),
     )
+    return sliders.with_sliders(spec, validated, tree, faults)
 
 
 def _integrator(validated: Any, tree: Node, faults: Faults) -> ComponentSpec:

@@ -12,7 +12,7 @@ from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.faults import Faults, allowed, choices, shown, suggestion
 from mpp_taichi.scene.location import Location
-from mpp_taichi.scene.model import KINDS, LATER_KEYS, available
+from mpp_taichi.scene.model import KINDS, available
 
 _KIND_WORDS = {
     "generators": "generator of particles",
@@ -96,8 +96,6 @@ def _message(detail: Any, place: _Place, model: type[BaseModel]) -> str:
 
 def _unknown_key(place: _Place, known: list[str]) -> str:
     word = place.last
-    if place.path == (word,) and word in LATER_KEYS:
-        return f"this version does not have {word!r} yet, {allowed(known)}"
     if place.path[:1] == ("expect",) and len(place.path) == 2:
         known = sorted({*SUMMARY_QUANTITIES, *available("diagnostics")})
     elif place.path[0] in KINDS and all(isinstance(step, int) for step in place.path[1:-1]) and len(place.path) > 1:

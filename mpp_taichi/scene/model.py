@@ -20,6 +20,7 @@ from mpp_taichi.scene.contacts import contacts_model
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.fields import Context, Field, Number, Text, Whole, Wrong
 from mpp_taichi.scene.parameters import STRICT, parameter_fields
+from mpp_taichi.scene.slider_model import slider_model
 from mpp_taichi.scene.spec import EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec, ViewSpec
 from mpp_taichi.scene.target import Target
 
@@ -32,7 +33,6 @@ KINDS = {
     "integrator": "integrators",
     "expect": "diagnostics",
 }
-LATER_KEYS = ("sliders",)
 Selection = tuple[tuple[str, tuple[str, ...]], ...]  # kind → names of the components in the model
 
 
@@ -137,6 +137,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         view=(ViewSpec, Describe(ViewSpec(), description="what is drawn")),
         record=(RecordSpec, Describe(RecordSpec(), description="how a film is made")),
         inspect=(_list_of(panel), Describe([], description="panels that plot quantities while the scene runs")),
+        sliders=(_list_of(slider_model()), Describe([], description="parameters to be moved while the scene runs")),
         modes=(ModesSpec | None, Describe(None, description="modes of the springs that are followed while they swing")),
         expect=(expect | None, Describe(None, description="physics that must come out")),
     )

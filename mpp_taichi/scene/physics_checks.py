@@ -105,7 +105,7 @@ def refused_friction(integrator: str, spec: SceneSpec, snapshot: Snapshot) -> li
     if component.declaration("integrators", integrator).flags.get("takes_velocity", True):
         return []
     forces = [each.name for each in spec.forces if component.declaration("forces", each.name).flags.get("depends_on_velocity")]
-    return [*forces, "damped springs"] if snapshot.springs.damping.any() else forces
+    return [*forces, "damped springs"] if spec.damping_is_live or snapshot.springs.damping.any() else forces
 
 
 def _friction(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:

@@ -28,6 +28,7 @@ SPECS = {
     "record": "RecordSpec",
     "modes": "ModesSpec",
     "inspect": "Panel",
+    "sliders": "Slider",
 }
 INTRODUCTION = """# Scene reference
 
@@ -87,6 +88,7 @@ def _row(parameter: component.Parameter) -> str:
     limits += [f"> {parameter.above:g}"] if parameter.above is not None else []
     limits += [f"≤ {parameter.maximum:g}"] if parameter.maximum is not None else []
     limits += [" or ".join(map(str, parameter.choices))] if parameter.choices else []
+    limits += ["a slider may move it"] if parameter.slider else []
     meaning = "; ".join(part for part in (parameter.help, ", ".join(limits)) if part)
     return f"| `{parameter.name}` | {parameter.type} | {default} | {parameter.unit} | {meaning} |"
 

@@ -14,7 +14,7 @@ from mpp_taichi.scene.view_spec import ViewSpec
 
 __all__ = [
     *("CameraSpec", "ComponentSpec", "ContactsSpec", "Event", "EventSpec", "Expectation", "Location", "ModesSpec"),
-    *("PanelSpec", "RecordSpec", "RunSpec", "SceneSpec", "SpringTypeSpec", "ViewSpec"),
+    *("PanelSpec", "RecordSpec", "RunSpec", "SceneSpec", "SliderSpec", "SliderTarget", "SpringTypeSpec", "ViewSpec"),
 ]
 _CLOSED = ConfigDict(extra="forbid")
 _COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
@@ -27,6 +27,7 @@ class ComponentSpec:
     name: str
     parameters: dict[str, Any]
     location: Location
+    live: tuple[str, ...] = ()  # parameters that sliders move while kernels run
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class EventSpec:
     """A change at a time: `set` maps paths, as `--set` takes them, to the values that hold from then on."""
 
     __pydantic_config__ = _CLOSED
-    at: Annotated[float, Number(above=0.0), Field(description="time of the change, reached exactly")]
+    at: Annotated[float, Number(minimum=0.0), Field(description="time of the change, reached exactly; 0 for what sliders move")]
     set: Annotated[dict[str, Any], Settings(), Field(description="path: value, forces.linear_drag.coefficient: 0 say")]
 
 
@@ -131,6 +132,36 @@ class PanelSpec:
     location: Location
 
 
+@dataclass(frozen=True)
+class SliderTarget:
+    """A number that a slider moves: a parameter of an entry of `kind` (forces, springs, integrator), of a vector one axis.
+
+    A force is known by its name, which stands once, an entry of springs by its number.
+    """
+
+    kind: str
+    entry: str | int
+    parameter: str
+    axis: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class SliderSpec:
+    """A parameter that may be moved from `low` to `high` while the scene runs; `steps` lead to it in the scene's tree.
+
+    A parameter of a spring type is that of several entries, all of them `targets`.
+    """
+
+    path: str
+    steps: tuple[Any, ...]
+    targets: tuple[SliderTarget, ...]
+    low: float
+    high: float
+    logarithmic: bool
+    label: str
+    location: Location
+
+
 @dataclass(frozen=True, eq=False)
 class Expectation:
     """A statement of physics that `check` asserts: `quantity` bounded by `below`/`above`, or `near ± within`.
@@ -156,6 +187,7 @@ class Event:
     changes: dict[str, Any]
     scene: "SceneSpec"
     location: Location
+    live: bool = False  # nothing changes but what sliders move, so that nothing is compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +216,13 @@ class SceneSpec:
     inspect: tuple[PanelSpec, ...]
     resolved: dict[str, Any]  # plain YAML-able mapping, itself a scene: extends and overrides applied, expressions kept
     timeline: tuple[Event, ...] = ()  # this scene itself is the first phase
+    sliders: tuple[SliderSpec, ...] = ()
     accuracy: TargetSpec | None = None  # while it is not settled, the integrator is where the choice begins
+
+    @property
+    def damping_is_live(self) -> bool:
+        """Whether springs without damping may come to have some."""
+        return any(slider.steps[-1] == "damping" for slider in self.sliders)
 
     def effects(self, spring_count: int) -> list[str]:
         """What acts, as scenes call it: forces, springs where there are some, contacts and walls."""

@@ -7,16 +7,17 @@ from typing import Any
 
 from mpp_taichi import component
 from mpp_taichi.errors import SceneError
-from mpp_taichi.scene import overrides
+from mpp_taichi.scene import overrides, sliders
 from mpp_taichi.scene.contacts import merges
 from mpp_taichi.scene.document import Node, from_python
 from mpp_taichi.scene.expressions import Formula
 from mpp_taichi.scene.faults import Faults, choices, shown
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.messages import key_text
-from mpp_taichi.scene.spec import ComponentSpec, Event, SceneSpec
+from mpp_taichi.scene.spec import ComponentSpec, Event, SceneSpec, SliderSpec
 
-EVENTS_ALLOWED = 50  # every phase is checked, compiled and kept
+EVENTS_ALLOWED = 50  # that change more than what sliders move: such a phase is compiled and kept
+MOVES_ALLOWED = 100_000  # of sliders
 CHANGEABLE = (
     *("constants", "particles", "springs", "spring_types", "spring_damping", "forces", "contacts", "walls", "integrator"),
 )
@@ -58,11 +59,10 @@ def with_change(
     joined = [dict(entry[1].value) for entry in given if entry[0] == at]
     now = Node({**(joined[0] if joined else {}), **changes.value}, changes.location)
     given = [*before, (at, now, changes.location), *(entry for entry in given if entry[0] > at)]
-    if len(given) > EVENTS_ALLOWED:
-        faults.add(changes.location, "timeline", f"{len(given)} changes are too many, allowed: {EVENTS_ALLOWED}")
-    faults.raise_if_any()
     bare = without_timeline(tree)
     first = check(bare)
+    _check_count(first, [entry[1] for entry in given], changes.location, faults)
+    faults.raise_if_any()
     events = _events(first, given, bare, faults, check)
     written = [{"at": event.at, "set": event.changes} for event in events]
     return replace(first, forces=_acting(first.forces), timeline=events, resolved={**bare.plain(), "timeline": written})
@@ -82,15 +82,25 @@ def _events(
 ) -> tuple[Event, ...]:
     """The events of a timeline that is given as times, what is set, and places; `now` is the tree it begins with."""
     events: list[Event] = []
+    scene = replace(spec, forces=_acting(spec.forces), resolved=now.plain())
+    pending: dict[SliderSpec, float] = {}  # what sliders moved and `now` has yet to be given
     for number, (at, changes, location) in enumerate(given):
         key = f"timeline[{number}].set"
-        now = _changed(now, changes, key, faults)
+        moved = sliders.moved_to(scene, changes.plain())
+        if moved is not None:
+            scene, pending = sliders.with_values(scene, moved), pending | moved
+            events.append(Event(at, changes.plain(), scene, location, live=True))
+            continue
+        for slider, value in pending.items():
+            now = sliders.put(now, slider, scene, value, location)
+        now, pending = _changed(now, changes, key, faults), {}
         faults.raise_if_any()
         scene = _checked(now, number, check)
         _check_placement(spec, scene, changes, key, faults)
         faults.raise_if_any()
-        events.append(Event(at, changes.plain(), replace(scene, forces=_acting(scene.forces)), location))
-    if given and any(merges(scene) for scene in (spec, *(event.scene for event in events))):
+        scene = replace(scene, forces=_acting(scene.forces))
+        events.append(Event(at, changes.plain(), scene, location))
+    if not all(event.live for event in events) and any(merges(scene) for scene in (spec, *(event.scene for event in events))):
         what = "cannot be where spheres merge: a later phase would bring back what is gone"
         faults.add(given[-1][2], "timeline", what)
         faults.raise_if_any()
@@ -98,14 +108,24 @@ def _events(
 
 
 def _check_times(spec: SceneSpec, times: Sequence[float], node: Node, faults: Faults) -> None:
-    if len(times) > EVENTS_ALLOWED:
-        faults.add(node.location, "timeline", f"{len(times)} events are too many, allowed: {EVENTS_ALLOWED}")
+    _check_count(spec, [entry.value["set"] for entry in node.value], node.location, faults)
     for number, (at, entry) in enumerate(zip(times, node.value, strict=True)):
         place, key = entry.value["at"].location, f"timeline[{number}].at"
-        if number and at <= times[number - 1]:
+        if at <= 0.0 and sliders.moved_to(spec, entry.value["set"].plain()) is None:
+            faults.add(place, key, f"{shown(at)} is not allowed, must be above 0")
+        elif number and at <= times[number - 1]:
             faults.add(place, key, f"{shown(at)} is not after timeline[{number - 1}].at = {shown(times[number - 1])}")
         elif spec.run.duration is not None and at >= spec.run.duration:
             faults.add(place, key, f"{shown(at)} is never reached, must be below run.duration = {shown(spec.run.duration)}")
+
+
+def _check_count(spec: SceneSpec, given: Sequence[Node], place: Location, faults: Faults) -> None:
+    """Refuse more phases than anybody has memory for; what sliders move takes little."""
+    count = sum(sliders.moved_to(spec, changes.plain()) is None for changes in given)
+    if count > EVENTS_ALLOWED:
+        faults.add(place, "timeline", f"{count} events are too many, allowed: {EVENTS_ALLOWED}")
+    elif len(given) > MOVES_ALLOWED:
+        faults.add(place, "timeline", f"{len(given)} events are too many, allowed: {MOVES_ALLOWED}")
 
 
 def _check_steps(spec: SceneSpec, node: Node, faults: Faults) -> None:
@@ -186,7 +206,7 @@ def _acting(forces: tuple[ComponentSpec, ...]) -> tuple[ComponentSpec, ...]:
 
 def _is_nothing(entry: ComponentSpec) -> bool:
     strengths = [each.name for each in component.declaration("forces", entry.name).parameters if each.strength]
-    return any(_is_zero(entry.parameters[name]) for name in strengths)
+    return not entry.live and any(_is_zero(entry.parameters[name]) for name in strengths)
 
 
 def _is_zero(value: Any) -> bool:

@@ -3,8 +3,9 @@
 from typing import Any
 
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.snapshot import Snapshot, Springs
 from mpp_taichi.stability.advice import Method, StepAdvice, advise
+from mpp_taichi.stability.network import drag_of
 
 
 class StepGuard:
@@ -16,6 +17,10 @@ class StepGuard:
         self._advice: Any = None
         self._asked = False
         self._checked: float | None = None
+
+    def knows(self, spec: SceneSpec, springs: Springs, method: Method) -> bool:
+        """Whether what limits a step is the same: these springs, this method, and the drag."""
+        return springs is self.start.springs and method is self.method and drag_of(spec) == drag_of(self.spec)
 
     def advice(self, dt: float) -> StepAdvice | None:
         """How large a step the springs and the drag allow; None where nothing limits it."""

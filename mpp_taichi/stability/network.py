@@ -21,6 +21,11 @@ class Rates:
     damping: float
 
 
+def drag_of(spec: SceneSpec) -> float:
+    """The coefficient of the scene's linear drag [mass / time]."""
+    return sum(float(force.parameters["coefficient"]) for force in spec.forces if force.name == "linear_drag")
+
+
 class Network:
     """Springs and linear drag of a scene, linearised where the particles are.
 
@@ -30,7 +35,7 @@ class Network:
     def __init__(self, spec: SceneSpec, snapshot: Snapshot) -> None:
         """Keep what is asked; everything is computed when it is wanted."""
         self.spec, self.snapshot = spec, snapshot
-        self.drag = sum(float(force.parameters["coefficient"]) for force in spec.forces if force.name == "linear_drag")
+        self.drag = drag_of(spec)
         self.swings = bool(snapshot.springs.stiffness.any())
         self._decays = bool(snapshot.springs.damping.any()) or self.drag > 0.0
 

@@ -1,6 +1,7 @@
 """What every view takes and gives: a `Frame` in, a picture (or a window) out."""
 
 from abc import ABC, abstractmethod
+from bisect import bisect_left
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,7 +26,7 @@ class Frame:
     velocity     [length / time], shape (particle_count, 3); only tells a camera without a position in which plane things move
     extra        one more line of caption, such as the energy error
     outline      segments of walls [length], shape (count, 2, 3)
-    mass, charge of the particles, shape (particle_count,); None where nobody knows them
+    mass, charge, name   of the particles, shape (particle_count,); None, or no names, where nobody knows them
     rest_length, stiffness   of the springs, shape (spring_count,); None where nobody knows them
     """
 
@@ -44,6 +45,7 @@ class Frame:
     charge: np.ndarray | None = None
     rest_length: np.ndarray | None = None
     stiffness: np.ndarray | None = None
+    name: tuple[str, ...] = ()
 
     @staticmethod
     def of(snapshot: Snapshot, *, title: str = "", extra: str = "", walls: Outline | None = None) -> "Frame":
@@ -73,6 +75,7 @@ class Frame:
             charge=snapshot.charge,
             rest_length=springs.rest_length,
             stiffness=springs.stiffness,
+            name=snapshot.name,
         )
 
 
@@ -92,29 +95,31 @@ class Trails:
     """The last positions of every particle, as line segments that fade into the background.
 
     `length` counts frames. A frame at the same time as the last one (a paused simulation) adds nothing; one at an earlier
-    time, or with another number of particles, starts afresh.
+    time takes back what came after it, and one with another number of particles starts afresh.
     """
 
     def __init__(self, length: int) -> None:
         """Keep nothing yet."""
         self.length = length
         self._positions: list[np.ndarray] = []
-        self._time = -np.inf
+        self._times: list[float] = []
 
     def clear(self) -> None:
         """Forget every position."""
         self._positions.clear()
-        self._time = -np.inf
+        self._times.clear()
 
     def add(self, frame: Frame) -> None:
         """Remember where the particles of a frame are."""
-        if self.length < 1 or frame.time == self._time:
+        if self.length < 1 or (self._times and frame.time == self._times[-1]):
             return
-        if frame.time < self._time or (self._positions and len(self._positions[-1]) != len(frame.position)):
+        if self._positions and len(self._positions[-1]) != len(frame.position):
             self.clear()
-        self._time = frame.time
+        kept = bisect_left(self._times, frame.time)
+        del self._times[kept:], self._positions[kept:]
+        self._times.append(frame.time)
         self._positions.append(np.array(frame.position, dtype=float))
-        del self._positions[: -(self.length + 1)]
+        del self._times[: -(self.length + 1)], self._positions[: -(self.length + 1)]
 
     def segments(self, color: np.ndarray, background: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Segments from oldest to newest: ends (count, 2, 3) and colours of both ends (count, 2, 3), then the ages.

@@ -121,6 +121,14 @@ class Camera:
         self.distance /= factor
         self.height /= factor
 
+    def turn_projection(self) -> None:
+        """Change between perspective and orthographic; what is at the target's depth stays as large as it is."""
+        if self.orthographic:
+            self.distance = self.height / (2.0 * math.tan(math.radians(self.field_of_view) / 2.0))
+        else:
+            self.height = self.visible_height
+        self.orthographic = not self.orthographic
+
     def reset(self) -> None:
         """Go back to where the camera was at first."""
         target, self.backward, self.axis, self.distance, self.height = self._start

@@ -1,5 +1,6 @@
 """What keys and mouse do in a window; knows nothing of GGUI, so that it can be tested without a display."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from mpp_taichi.views._base import Frame
@@ -8,17 +9,25 @@ from mpp_taichi.views.camera import Camera
 HELP = (
     ("space", "run, pause"),
     ("right arrow", "one step (Shift: 50)"),
+    ("left arrow", "back (Shift: 50 times)"),
+    ("up, down arrow", "faster, slower"),
     ("Backspace", "back to the start"),
+    ("V", "sliders on, off"),
     ("left drag", "rotate"),
     ("right drag, Shift+left", "pan"),
     ("Ctrl+left drag, I, O", "zoom"),
     ("R", "reset the camera"),
     ("F", "frame everything"),
     ("X  Y  Z", "look along an axis"),
+    ("G", "with, without perspective"),
+    ("click", "pick a particle"),
+    ("Tab", "follow it, the center of mass"),
     ("T", "trails on, off"),
     ("P", "panels on, off"),
     ("E", "panels to CSV and SVG"),
     ("C", "picture to a file"),
+    ("S", "state to a file"),
+    ("L", "log to a file"),
     ("K", "print the camera"),
     ("H", "this help"),
     ("Q, Esc", "quit"),
@@ -26,6 +35,21 @@ HELP = (
 ZOOM_PER_SECOND = 2.5  # factor while I or O is held
 ZOOM_PER_HEIGHT = 8.0  # factor for a drag over the height of the window
 MANY_STEPS = 50
+CLICK = 0.01  # heights of the window that a hand moves while it clicks
+Box = tuple[float, float, float, float]
+"""Left, top, width and height, in 0…1 from the upper left corner of the window."""
+
+
+BUTTONS = {"LMB", "MMB", "RMB"}
+REQUESTS = {
+    **{"c": "screenshot", "p": "panels", "e": "export", "k": "print_camera"},
+    **{"v": "sliders", "s": "save", "l": "log", "Tab": "follow"},
+}
+
+
+def _holds(box: Box, cursor: tuple[float, float]) -> bool:
+    left, top, width, height = box
+    return left <= cursor[0] <= left + width and top <= 1.0 - cursor[1] <= top + height
 
 
 @dataclass(eq=False)
@@ -41,8 +65,18 @@ class Controls:
     print_camera: bool = False
     panels: bool = False
     export: bool = False
+    sliders: bool = False
+    save: bool = False
+    log: bool = False
+    follow: bool = False
     single_steps: int = 0
+    steps_back: int = 0
+    faster: int = 0
+    occupied: Sequence[Box] = ()  # where the mouse is another's
     _cursor: tuple[float, float] | None = field(default=None, repr=False)
+    _pressed: tuple[float, float] | None = field(default=None, repr=False)  # where a click may have begun
+    _clicked: tuple[float, float] | None = field(default=None, repr=False)
+    _taken: bool = field(default=False, repr=False)  # the drag began where the mouse is another's
 
     def press(self, key: str, *, shift: bool, camera: Camera, frame: Frame, aspect: float) -> None:
         """A key went down."""
@@ -51,22 +85,23 @@ class Controls:
         elif key == "Right":
             self.running = False
             self.single_steps += MANY_STEPS if shift else 1
+        elif key == "Left":
+            self.running = False
+            self.steps_back += MANY_STEPS if shift else 1
+        elif key in ("Up", "Down"):
+            self.faster += 1 if key == "Up" else -1
         elif key == "BackSpace":
             self.restart = True
+        elif key in REQUESTS:
+            setattr(self, REQUESTS[key], True)
         elif key in ("q", "Escape"):
             self.quit = True
         elif key == "h":
             self.help = not self.help
         elif key == "t":
             self.trails = not self.trails
-        elif key == "c":
-            self.screenshot = True
-        elif key == "p":
-            self.panels = True
-        elif key == "e":
-            self.export = True
-        elif key == "k":
-            self.print_camera = True
+        elif key == "g":
+            camera.turn_projection()
         elif key == "r":
             camera.reset()
         elif key == "f":
@@ -76,7 +111,10 @@ class Controls:
 
     def move(self, cursor: tuple[float, float], held: set[str], *, camera: Camera, seconds: float, aspect: float) -> None:
         """Drag and held keys since the last call, `seconds` ago; `cursor` in 0…1 from the lower left corner of the window."""
-        last, self._cursor = self._cursor, cursor if held & {"LMB", "MMB", "RMB"} else None
+        last, self._cursor = self._cursor, cursor if held & BUTTONS else None
+        self._watch_clicks(cursor, held, begins=last is None, aspect=aspect)
+        if self._taken:
+            last = None
         if last is not None and self._cursor is not None:
             right, up = (cursor[0] - last[0]) * aspect, cursor[1] - last[1]
             if "RMB" in held or ("LMB" in held and "Shift" in held):
@@ -89,11 +127,38 @@ class Controls:
         if direction:
             camera.zoom(ZOOM_PER_SECOND ** (direction * seconds))
 
+    def _watch_clicks(self, cursor: tuple[float, float], held: set[str], *, begins: bool, aspect: float) -> None:
+        """A click is the left button, alone, down and up again at one place."""
+        if not held & BUTTONS:
+            self._clicked, self._pressed, self._taken = self._pressed or self._clicked, None, False
+        elif begins:
+            self._taken = any(_holds(box, cursor) for box in self.occupied)
+            alone = not self._taken and not held & {"MMB", "RMB", "Shift", "Control"}
+            self._pressed = cursor if alone else None
+        elif self._pressed is not None:
+            away = abs(cursor[0] - self._pressed[0]) * aspect + abs(cursor[1] - self._pressed[1])
+            self._pressed = self._pressed if away < CLICK else None
+
+    def take_click(self) -> tuple[float, float] | None:
+        """Where the user has clicked since the last call, in 0…1 from the lower left corner."""
+        clicked, self._clicked = self._clicked, None
+        return clicked
+
     def take(self, request: str) -> bool:
         """Whether a request (`restart`, `screenshot`, `panels`, …) is open; it is answered by this call."""
         asked = bool(getattr(self, request))
         setattr(self, request, False)
         return asked
+
+    def take_faster(self) -> int:
+        """How many times twice as fast was asked for since the last call."""
+        faster, self.faster = self.faster, 0
+        return faster
+
+    def take_steps_back(self) -> int:
+        """How often back was asked for since the last call."""
+        steps, self.steps_back = self.steps_back, 0
+        return steps
 
     def take_steps(self) -> int:
         """Single steps asked for since the last call."""

@@ -19,16 +19,19 @@ from mpp_taichi.scene.spec import RecordSpec, ViewSpec
 from mpp_taichi.views._base import Frame, Trails
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import caption_lines, draw_caption
-from mpp_taichi.views.controls import HELP, Controls
+from mpp_taichi.views.controls import BUTTONS, HELP, Controls
+from mpp_taichi.views.desk import Desk
+from mpp_taichi.views.following import Follower
 from mpp_taichi.views.ggui import GguiScene, probe, read_back
 from mpp_taichi.views.legend import draw_legend, legend_lines
+from mpp_taichi.views.pace import Pace, Rate
+from mpp_taichi.views.picking import discs, pick
 from mpp_taichi.views.picture import save_picture
+from mpp_taichi.views.slider_panel import SliderPanel
+from mpp_taichi.views.window_mark import WindowMark
 from mpp_taichi.views.window_panels import WindowPanels
 
 FRAMES_PER_SECOND = 60
-SLOW_SECONDS = 0.08  # an advance that takes longer is halved, so that the window answers
-QUICK_SECONDS = 0.02  # one that takes less is doubled again, up to what was asked for
-RATE_SECONDS = 0.5  # over which steps per second are counted
 MESSAGE_SECONDS = 3.0
 DEFAULT_TRAIL = 60  # frames, when T asks for trails that the scene did not
 CAPTION_COLUMNS, CAPTION_ROWS = 36, 5  # GGUI never resizes a panel once it is there
@@ -76,8 +79,9 @@ class Window:
         title: str = "",
         dimensions: int = 3,
         panels: WindowPanels | None = None,
+        desk: Desk | None = None,
     ) -> None:
-        """Open the window, with panels beside the scene where there are some; `ti.init` has been called.
+        """Open the window, with panels beside the scene and sliders where there are some; `ti.init` has been called.
 
         Raises:
             BackendError: there is no display, or GGUI does not work on it.
@@ -91,41 +95,54 @@ class Window:
         self._window = ti.ui.Window(title or "mpp_taichi", size, vsync=False, fps_limit=FRAMES_PER_SECOND)
         self._scene = GguiScene(self._window, spec, dimensions=dimensions)
         self._trails = Trails(spec.trails or DEFAULT_TRAIL)
+        self._desk = desk or Desk()
+        self._sliders = SliderPanel(self._desk.knobs)
+        self._picked = WindowMark()
+        self._follower = Follower()
         self._message, self._message_end = "", 0.0
 
     def run(self, simulation: Steerable, *, steps_per_frame: int = 1, paused: bool = False) -> None:
-        """Drive the simulation until the window is closed; `steps_per_frame` is halved while steps are slow."""
+        """Drive the simulation until the window is closed; there are fewer steps per frame while they are slow."""
         controls = Controls(running=not paused, trails=self.spec.trails > 0)
         frame = self._look(simulation)
         camera = Camera(self.spec.camera, frame, aspect=self._aspect(), dimensions=self.dimensions)
-        stride, rate, last = steps_per_frame, _Rate(), time.perf_counter()
+        if self.dimensions == 2 and not camera.orthographic:
+            camera.turn_projection()
+        pace, rate, last = Pace(steps_per_frame), Rate(), time.perf_counter()
         try:
             while self._window.running and not controls.quit:
                 now = time.perf_counter()
                 self._read_input(controls, camera, frame, now - last)
                 last = now
+                pace.change(controls.take_faster())
                 if controls.take("restart"):
                     simulation.restart()
                     self._trails.clear()
                     frame = self._look(simulation)
+                if back := controls.take_steps_back():
+                    frame = self._go_back(simulation, back)
                 going = controls.running and not simulation.finished
-                steps = controls.take_steps() or (stride if going else 0)
+                steps = controls.take_steps() or (pace.take() if going else 0)
                 if steps > 0:
                     started = time.perf_counter()
                     simulation.advance(steps)
                     frame = self._look(simulation)
-                    taken = time.perf_counter() - started
-                    if taken > SLOW_SECONDS:
-                        stride = max(stride // 2, 1)
-                    elif taken < QUICK_SECONDS:
-                        stride = min(stride * 2, steps_per_frame)
-                self._show(frame, camera, controls, simulation.finished, rate.count(steps))
+                    pace.took(time.perf_counter() - started)
+                self._follower.update(camera, frame)
+                self._show(frame, camera, controls, simulation.finished, f"{rate.count(steps):,.0f} steps/s{pace.text}")
         finally:
             self._window.destroy()
 
+    def _go_back(self, simulation: Steerable, times: int) -> Frame:
+        """Back by so many frames, or as many as are kept."""
+        if not any([self._desk.back() for _ in range(times)]):
+            self._say("there is no way back from here")
+        return self._look(simulation)
+
     def _look(self, simulation: Steerable) -> Frame:
         """What there is to see, as the scene wants it drawn."""
-        return self._scene.appearance.dress(simulation.frame())
+        self._bare = simulation.frame()
+        return self._scene.appearance.dress(self._bare)
 
     def _scene_share(self) -> float:
         """The share of the window's height that the scene has, above panels below it."""
@@ -137,16 +154,22 @@ class Window:
         return self._panels.aspect(self._window.get_window_shape(), self.spec.camera)
 
     def _read_input(self, controls: Controls, camera: Camera, frame: Frame, seconds: float) -> None:
-        held = {key for key in HELD_KEYS if self._window.is_pressed(key)}
         keys = [event.key for event in self._window.get_events(ti.ui.PRESS)]
+        held = {key for key in HELD_KEYS if self._window.is_pressed(key)}
+        held |= BUTTONS & set(keys)  # a click may come and go between two frames
         shift = "Shift" in held or "Shift" in keys  # a key may come and go between two frames
         for key in keys:
             controls.press(key, shift=shift, camera=camera, frame=frame, aspect=self._aspect())
         size = self._window.get_window_shape()
-        with self._panels.aside(camera, self.spec.camera, size):
+        controls.occupied = [self._sliders.box(size, self._caption_bottom())] if self._sliders.shown else []
+        with self._panels.aside(camera, self.spec.camera, size) as away:
             controls.move(self._window.get_cursor_pos(), held, camera=camera, seconds=seconds, aspect=size[0] / size[1])
+            if (cursor := controls.take_click()) is not None:
+                self._picked.index = pick(discs(frame, camera, self.spec, size, away), cursor, size)
+        if controls.take("follow"):
+            self._say(self._follower.next(self._picked.index))
 
-    def _show(self, frame: Frame, camera: Camera, controls: Controls, finished: bool, rate: float) -> None:
+    def _show(self, frame: Frame, camera: Camera, controls: Controls, finished: bool, rate: str) -> None:
         self._trails.add(frame)
         if controls.take("panels"):
             self._panels.toggle()
@@ -156,17 +179,28 @@ class Window:
             self._draw(frame, camera, controls.trails)  # reading back used up what was drawn
         if controls.take("export"):
             self._say(self._panels.export())
+        for request, action in (("save", self._desk.save), ("log", self._desk.log)):
+            if controls.take(request):
+                self._say(action())
+        if controls.take("sliders"):
+            self._sliders.toggle()
         if controls.take("print_camera"):
             sys.stderr.write(camera.as_yaml())
             self._say("camera printed")
         status = "finished" if finished else "running" if controls.running else "paused"
-        self._write([*caption_lines(frame), f"{status}, {rate:,.0f} steps/s   H: help", self._current_message()], controls.help)
+        self._write([*caption_lines(frame), f"{status}, {rate}   H: help", self._current_message()], controls.help)
+        legend = legend_lines(self._scene.appearance.legend())
+        self._picked.write(self._window, self._bare, 7 * LEGEND_COLUMNS + 40 if legend else 8)
+        if self._sliders.shown:
+            self._move_sliders()
         self._window.show()
 
     def _draw(self, frame: Frame, camera: Camera, with_trails: bool) -> None:
         size = self._window.get_window_shape()
         with self._panels.aside(camera, self.spec.camera, size) as self._scene.shift:
             self._scene.draw(frame, camera, self._trails if with_trails else None)
+            if self._picked.index is not None:
+                self._picked.draw(self._window.get_canvas(), discs(frame, camera, self.spec, size, self._scene.shift), size)
         self._panels.draw(self._window.get_canvas(), size, self._window.get_cursor_pos())
 
     def _save(self, frame: Frame) -> None:
@@ -201,30 +235,27 @@ class Window:
                 for line in legend:
                     panel.text(line)
         if with_help:
-            columns, rows = 48, len(HELP)
+            columns, rows = 54, len(HELP)
             left = 1.0 - (7 * columns + 32) / width
             with gui.sub_window("keys", left, 8 / height, (7 * columns + 24) / width, (17 * rows + 32) / height) as panel:
                 for keys, does in HELP:
                     panel.text(f"{keys:24s}{does}")
+
+    def _caption_bottom(self) -> int:
+        """Pixels from the top that the caption may take."""
+        return 17 * CAPTION_ROWS + 48 if self.spec.caption else 8
+
+    def _move_sliders(self) -> None:
+        """Draw the sliders, and set what was moved: the next step is with it."""
+        size = self._window.get_window_shape()
+        gui = self._window.get_gui()
+        with gui.sub_window("sliders", *self._sliders.box(size, self._caption_bottom())) as panel:
+            moved = self._sliders.draw(panel)
+        if moved and (message := self._desk.move(moved)):
+            self._say(message)
 
     def _say(self, message: str) -> None:
         self._message, self._message_end = message, time.perf_counter() + MESSAGE_SECONDS
 
     def _current_message(self) -> str:
         return self._message if time.perf_counter() < self._message_end else ""
-
-
-class _Rate:
-    """Steps per second over the last half second."""
-
-    def __init__(self) -> None:
-        self._since, self._steps, self._rate = time.perf_counter(), 0, 0.0
-
-    def count(self, steps: int) -> float:
-        """Add steps, and say how many there are in a second."""
-        self._steps += steps
-        passed = time.perf_counter() - self._since
-        if passed >= RATE_SECONDS:
-            self._rate = self._steps / passed
-            self._since, self._steps = time.perf_counter(), 0
-        return self._rate

@@ -1,0 +1,72 @@
+"""Log: a scene file that repeats what was done while a scene ran: what it extends, its timeline, and where it ended."""
+
+from pathlib import Path
+from typing import Any
+
+from mpp_taichi.errors import OutputError
+from mpp_taichi.scene import extends
+from mpp_taichi.scene.document import read_file
+from mpp_taichi.scene.faults import Faults
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.write import scene_text
+from mpp_taichi.whole_file import whole_file
+
+WITHOUT = ("timeline", "run", "expect")  # what the log says itself, or cannot hold the run to
+
+
+def write_log(path: Path, scene: SceneSpec, end: float, comment: str) -> None:
+    """Write the scene file; `end` is the time that the run has come to, `comment` what else is needed to repeat it.
+
+    It extends the scene's own file where that is in the same folder or below, and else holds the whole scene.
+
+    Raises:
+        OutputError: it cannot be written, or not there.
+    """
+    with whole_file(path, "the log") as temporary:
+        temporary.write_text(scene_text(_as_mapping(path, scene, end), comment), encoding="utf-8")
+
+
+def _as_mapping(path: Path, scene: SceneSpec, end: float) -> dict[str, Any]:
+    base = _base(path, scene)
+    timeline = [{"at": event.at, "set": event.changes} for event in scene.timeline if event.at < end]
+    if base is None:
+        _check_files(path, scene)
+        found = {key: value for key, value in scene.resolved.items() if key not in WITHOUT}
+    else:
+        name, plain = base
+        changed = {key: value for key, value in scene.resolved.items() if key not in WITHOUT and plain.get(key) != value}
+        found = {"extends": name, **changed}
+        if "expect" in plain:
+            found["expect"] = None  # what the scene promises is of a run that nobody meddled with
+        if plain.get("timeline") and not timeline:
+            found["timeline"] = []
+    if end > 0.0:
+        found["run"] = {"duration": end}
+    return {**found, "timeline": timeline} if timeline else found
+
+
+def _base(path: Path, scene: SceneSpec) -> tuple[str, dict[str, Any]] | None:
+    """The scene's own file, as the log may call it, and what it holds; None where the log cannot extend it."""
+    source, folder = Path(scene.source), path.absolute().parent
+    if not source.is_file() or not source.absolute().is_relative_to(folder) or source.absolute() == path.absolute():
+        return None
+    if source.absolute().parent != folder and _files(scene):
+        return None
+    faults = Faults()
+    tree = extends.resolve(read_file(source, str(source), faults), source, source.parent, faults)
+    plain = tree.plain()
+    gone = any(key not in scene.resolved for key in plain if key not in WITHOUT)
+    if faults.found or gone or "steps" in (plain.get("run") or {}):
+        return None  # a log cannot take back what the file says
+    return source.absolute().relative_to(folder).as_posix(), plain
+
+
+def _files(scene: SceneSpec) -> bool:
+    """Whether the scene reads files beside it."""
+    return any(entry.name == "file" for entry in scene.particles)
+
+
+def _check_files(path: Path, scene: SceneSpec) -> None:
+    folder = Path(scene.source).absolute().parent
+    if _files(scene) and path.absolute().parent != folder:
+        raise OutputError(f"{path}: the scene reads files beside it, so its log must be in its folder, {folder}")

@@ -1,0 +1,25 @@
+"""The model of `sliders:`: what an entry may say; what it means in its scene is found out by sliders.py."""
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, create_model
+from pydantic import Field as Describe
+
+from mpp_taichi.scene.fields import Number, Text
+from mpp_taichi.scene.parameters import STRICT
+
+
+def _key(check: Any, default: Any, description: str) -> Any:
+    return (Annotated[Any, check], Describe(default, description=description))
+
+
+def slider_model() -> type[BaseModel]:
+    """The model of one entry of `sliders:`; `from` is no name that Python allows for an attribute of a class."""
+    keys: dict[str, Any] = {
+        "set": _key(Text(), ..., "the parameter, as --set names it: forces.newtonian_gravity.strength"),
+        "from": _key(Number(), None, "the lower end; absent: 0, or a tenth of the scene's value where that cannot be"),
+        "to": _key(Number(), None, "the upper end; absent: twice the scene's value, on a logarithmic scale ten times"),
+        "scale": _key(Text(("linear", "log")), "linear", "linear or log"),
+        "label": _key(Text(), "", "what is written beside it; absent: the parameter"),
+    }
+    return create_model("Slider", __config__=STRICT, __doc__="A parameter that is moved while the scene runs.", **keys)

@@ -1,0 +1,269 @@
+"""Sliders: the parameters that a scene lets be moved while it runs, and the scene with other values of them."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from numbers import Real
+from typing import Any
+
+from mpp_taichi import component
+from mpp_taichi.errors import SceneError
+from mpp_taichi.scene import overrides
+from mpp_taichi.scene.document import Node, from_python
+from mpp_taichi.scene.faults import Faults, shown
+from mpp_taichi.scene.messages import key_text
+from mpp_taichi.scene.spec import ComponentSpec, Event, Location, SceneSpec, SliderSpec, SliderTarget
+
+SLIDERS_ALLOWED = 24  # that fit into a window of 720 rows
+SPRING_TYPE_PARAMETERS = ("stiffness", "damping", "prestretch")
+FOLDERS = {"forces": "forces", "springs": "networks", "integrator": "integrators"}
+"""Keys of a scene below which sliders may act, and where their components come from."""
+LEAST_SHARE, LARGEST_SHARE = 0.1, 10.0  # of the scene's value: the ends that go without saying, where 0 cannot be one
+
+
+# --- from text ----------------------------------------------------------------------------------------------------------
+
+
+def with_sliders(spec: SceneSpec, validated: Any, tree: Node, faults: Faults) -> SceneSpec:
+    """The scene with its sliders, and with the parameters marked that they move."""
+    node = tree.get("sliders")
+    if node is None or not validated.sliders:
+        return spec
+    if len(validated.sliders) > SLIDERS_ALLOWED:
+        faults.add(node.place, "sliders", f"{len(validated.sliders)} are too many, allowed: {SLIDERS_ALLOWED}")
+    found: list[SliderSpec] = []
+    for number, (entry, place) in enumerate(zip(validated.sliders, node.value, strict=True)):
+        made = _slider(entry, place, f"sliders[{number}]", spec, validated, tree, faults)
+        if made is not None and any(made.steps == other.steps for other in found):
+            faults.add(place.value["set"].location, f"sliders[{number}].set", f"{made.path} has a slider already, allowed: one")
+        elif made is not None:
+            found.append(made)
+    forces = tuple(_marked(entry, found) for entry in spec.forces)
+    return replace(spec, forces=forces, sliders=tuple(found))
+
+
+def _marked(entry: ComponentSpec, sliders: Sequence[SliderSpec]) -> ComponentSpec:
+    """A force that knows which of its parameters are moved."""
+    targets = [target for slider in sliders for target in slider.targets]
+    moved = {target.parameter for target in targets if (target.kind, target.entry) == ("forces", entry.name)}
+    return replace(entry, live=tuple(sorted(moved)))
+
+
+def _slider(entry: Any, node: Node, key: str, spec: SceneSpec, validated: Any, tree: Node, faults: Faults) -> SliderSpec | None:
+    said, place = entry.set, node.value["set"].location
+    known = {canonical(tree.plain(), path): (path, targets) for path, targets in _movable(spec, validated, tree)}
+    steps = canonical(tree.plain(), said)
+    if steps not in known:
+        before = len(faults.found)
+        overrides.put(tree, said, from_python(0.0, place), faults)
+        if len(faults.found) == before:
+            allowed = ", ".join(path for path, _ in known.values()) or "nothing in this scene"
+            what = f"{shown(said)} cannot be moved while the scene runs: its value is compiled, or places particles"
+            faults.add(place, f"{key}.set", f"{what}; allowed: {allowed}")
+        return None
+    path, targets = known[steps]
+    value = value_of(spec, targets[0])
+    if value is None:
+        faults.add(place, f"{key}.set", f"{path} has no value in the scene to begin with")
+        return None
+    logarithmic = entry.scale == "log"
+    low, high = _ends(spec, targets[0], value, logarithmic)
+    low, high = (low if getattr(entry, "from") is None else getattr(entry, "from")), (high if entry.to is None else entry.to)
+    if not low < high:
+        faults.add(node.place, key, f"from {shown(low)} to {shown(high)} is no range, from must be below to")
+        return None
+    if logarithmic and not min(low, value) > 0.0:
+        faults.add(node.place, key, f"a logarithmic scale from {shown(min(low, value))} has no beginning, must be above 0")
+        return None
+    label = entry.label or key_text(steps[-2:] if isinstance(steps[-1], str) else steps[-3:])
+    return SliderSpec(path, steps, targets, min(low, value), max(high, value), logarithmic, label, node.place)
+
+
+def _ends(spec: SceneSpec, target: SliderTarget, value: float, logarithmic: bool) -> tuple[float, float]:
+    """The range that goes without saying."""
+    declared = _declared(spec, target)
+    if logarithmic or declared.above is not None:
+        low, high = LEAST_SHARE * value, (LARGEST_SHARE if logarithmic else 2.0) * value
+    else:
+        low, high = (min(0.0, 2.0 * value), max(0.0, 2.0 * value)) if value else (0.0, 1.0)
+    if declared.maximum is not None:
+        high = min(high, declared.maximum)
+    if target.kind == "integrator" and spec.run.duration is not None:
+        high = min(high, spec.run.duration)
+    return low, high
+
+
+def _declared(spec: SceneSpec, target: SliderTarget) -> component.Parameter:
+    name = entry_of(spec, target).name
+    parameters = component.declaration(FOLDERS[target.kind], name).parameters
+    return next(each for each in parameters if each.name == target.parameter)
+
+
+def _movable(spec: SceneSpec, validated: Any, tree: Node) -> Iterator[tuple[str, tuple[SliderTarget, ...]]]:
+    """Every path that a slider of this scene may have, with what it acts on."""
+    method = component.declaration("integrators", spec.integrator.name)
+    for entry in spec.forces if _forces_may_move(spec, method) else ():
+        for each in component.declaration("forces", entry.name).parameters:
+            if each.slider and each.type == "Vector":
+                for axis in range(spec.dimensions):
+                    path = f"forces.{entry.name}.{each.name}[{axis}]"
+                    yield path, (SliderTarget("forces", entry.name, each.name, axis),)
+            elif each.slider:
+                yield f"forces.{entry.name}.{each.name}", (SliderTarget("forces", entry.name, each.name, None),)
+    for number, entry in enumerate(spec.springs):
+        for each in component.declaration("networks", entry.name).parameters:
+            if each.slider:
+                yield f"springs[{number}].{entry.name}.{each.name}", (SliderTarget("springs", number, each.name, None),)
+    for name in validated.spring_types or {}:
+        for parameter in SPRING_TYPE_PARAMETERS:
+            said = getattr(validated.spring_types[name], parameter) is not None
+            if targets := tuple(_of_type(spec, name, parameter, tree) if said else ()):
+                yield f"spring_types.{name}.{parameter}", targets
+    if any(each.name == "dt" and not each.optional for each in method.parameters) and tree.get("integrator") is not None:
+        yield f"integrator.{method.name}.dt", (SliderTarget("integrator", method.name, "dt", None),)
+
+
+def _forces_may_move(spec: SceneSpec, method: component.Declaration) -> bool:
+    """Not where orbits or flights are solved by constants made of them."""
+    return method.flags.get("takes_sliders", True) and method.name != "event_driven"
+
+
+def _of_type(spec: SceneSpec, name: str, parameter: str, tree: Node) -> Iterator[SliderTarget]:
+    """The entries of `springs:` that take a parameter from their type; the first of them has the type's value."""
+    for number, entry in enumerate(spec.springs):
+        said = tree.value["springs"].value[number].value[entry.name].value or {}
+        if entry.parameters.get("type") == name and parameter in entry.parameters and parameter not in said:
+            yield SliderTarget("springs", number, parameter, None)
+
+
+def check_ends(spec: SceneSpec, tree: Node, check: Callable[[Node], SceneSpec]) -> None:
+    """Refuse a range at one of whose ends the scene could not be; SceneError names the slider.
+
+    `check` makes a scene of a tree.
+    """
+    for number, slider in enumerate(spec.sliders):
+        said: Node = tree.value["sliders"].value[number]
+        for end, value in (("from", slider.low), ("to", slider.high)):
+            node = said.get(end)
+            try:
+                check(put(tree, slider, spec, value, slider.location if node is None else node.location))
+            except SceneError as error:
+                raise SceneError(
+                    *(f"{fault} (where sliders[{number}] may be moved to)" for fault in error.faults), excerpts=error.excerpts
+                ) from None
+
+
+# --- paths and values ---------------------------------------------------------------------------------------------------
+
+
+def canonical(scene: Any, text: str) -> tuple[Any, ...]:
+    """The steps of a path with entries of lists by number; empty where there is no such place in a scene, as plain data."""
+    found: list[Any] = []
+    steps = list(overrides.steps(text.removeprefix("+").strip()))
+    while steps:
+        step = steps.pop(0)
+        if isinstance(scene, list):
+            named = [number for number, entry in enumerate(scene) if isinstance(entry, Mapping) and str(step) in entry]
+            if len(named) == 1:
+                steps.insert(0, str(step))
+                step = named[0]
+            if not str(step).isdigit() or int(step) >= len(scene):
+                return ()
+            step = int(step)
+            scene = scene[step]
+        elif isinstance(scene, Mapping):
+            scene = scene.get(str(step))
+        elif scene is None and str(step).isdigit():
+            step = int(step)  # of a vector that the scene does not say
+        elif scene is not None:
+            return ()
+        found.append(step)
+    return tuple(found)
+
+
+def entry_of(spec: SceneSpec, target: SliderTarget) -> ComponentSpec:
+    """The component that a slider acts on."""
+    if target.kind == "integrator":
+        return spec.integrator
+    if isinstance(target.entry, int):
+        return spec.springs[target.entry]
+    return next(entry for entry in spec.forces if entry.name == target.entry)
+
+
+def value_of(spec: SceneSpec, target: SliderTarget) -> float | None:
+    """What it is in a scene; None where the scene does not say."""
+    value = entry_of(spec, target).parameters[target.parameter]
+    return value if target.axis is None or value is None else value[target.axis]
+
+
+def moved_to(spec: SceneSpec, changes: Mapping[str, Any]) -> dict[SliderSpec, float] | None:
+    """What changes mean where all of them are numbers, finite and within the ranges of sliders; else None."""
+    known = {slider.steps: slider for slider in spec.sliders}
+    found: dict[SliderSpec, float] = {}
+    for path, value in changes.items():
+        slider = known.get(canonical(spec.resolved, path))
+        if slider is None or isinstance(value, bool) or not isinstance(value, Real):
+            return None
+        if not slider.low <= float(value) <= slider.high:
+            return None
+        found[slider] = float(value)
+    return found or None
+
+
+def is_set(slider: SliderSpec, event: Event, before: SceneSpec) -> bool:
+    """Whether an event, `before` which a scene held, says itself what a slider's parameter is from then on."""
+    paths = (canonical(event.scene.resolved, path) for path in event.changes)
+    if any(path and slider.steps[: len(path)] == path for path in paths):
+        return True
+    known = {each.steps: each for each in event.scene.sliders}
+    now = known.get(slider.steps)
+    return now is None or value_of(event.scene, now.targets[0]) != value_of(before, slider.targets[0])
+
+
+def with_values(spec: SceneSpec, values: Mapping[SliderSpec, float]) -> SceneSpec:
+    """The scene with its sliders elsewhere, within their ranges: nothing needs to be checked again."""
+    for slider, value in values.items():
+        resolved = with_value(spec.resolved, slider, spec, value)
+        for target in slider.targets:
+            spec = _with_target(spec, target, value)
+        spec = replace(spec, resolved=resolved)
+    return spec
+
+
+def _with_target(spec: SceneSpec, target: SliderTarget, value: float) -> SceneSpec:
+    entry = entry_of(spec, target)
+    new: Any = value
+    if target.axis is not None:
+        before = entry.parameters[target.parameter]
+        new = (*before[: target.axis], value, *before[target.axis + 1 :])
+    changed = replace(entry, parameters={**entry.parameters, target.parameter: new})
+    if target.kind == "integrator":
+        return replace(spec, integrator=changed)
+    entries: dict[str, Any] = {target.kind: tuple(changed if one is entry else one for one in getattr(spec, target.kind))}
+    return replace(spec, **entries)
+
+
+def put(tree: Node, slider: SliderSpec, spec: SceneSpec, value: float, place: Location) -> Node:
+    """The tree of a scene with a slider elsewhere; a vector is put as a whole, for the scene may leave it out."""
+    path = slider.steps if slider.targets[0].axis is None else slider.steps[:-1]
+    new = with_value(tree.plain(), slider, spec, value)
+    for step in path:
+        new = new[step]
+    faults = Faults()
+    changed = overrides.put(tree, key_text(path), from_python(new, place), faults)
+    faults.raise_if_any()
+    return changed
+
+
+def with_value(scene: Any, slider: SliderSpec, spec: SceneSpec, value: float) -> Any:
+    """A scene as plain data with a slider elsewhere; `spec` has what the data may leave out."""
+
+    def put(tree: Any, steps: tuple[Any, ...]) -> Any:
+        if not steps:
+            return value
+        if isinstance(steps[0], int):
+            entries = list(entry_of(spec, slider.targets[0]).parameters[slider.targets[0].parameter] if tree is None else tree)
+            entries[steps[0]] = put(entries[steps[0]], steps[1:])
+            return entries
+        return {**(tree or {}), steps[0]: put((tree or {}).get(steps[0]), steps[1:])}
+
+    return put(scene, slider.steps)

@@ -1,0 +1,46 @@
+"""The picked particle in a window: a ring about it, and what there is to say of it, at the lower rim."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.views._base import Frame
+from mpp_taichi.views.picking import CORNERS, Discs, described, ring
+
+COLOR = (0.9, 0.62, 0.0)  # orange of Okabe and Ito
+RING_WIDTH = 2.0  # pixels
+COLUMNS, ROWS = 52, 4  # GGUI never resizes a panel once it is there
+
+
+class WindowMark:
+    """Marks the particle `index`, if there is one."""
+
+    def __init__(self) -> None:
+        """Nothing is picked."""
+        self.index: int | None = None
+        self._ends: Any = None
+
+    def draw(self, canvas: "ti.ui.Canvas", drawn: Discs, size: tuple[int, int]) -> None:
+        """Put the ring on the canvas, over the scene."""
+        if self.index is None or self.index >= len(drawn.depth):
+            return
+        ends = ring(drawn, self.index, size)
+        if not np.isfinite(ends).all():
+            return
+        if self._ends is None:
+            self._ends = ti.Vector.field(2, ti.f32, 2 * CORNERS)
+        self._ends.from_numpy(ends.astype(np.float32))
+        canvas.lines(self._ends, RING_WIDTH / size[1], color=COLOR)
+
+    def write(self, window: "ti.ui.Window", frame: Frame, left: int) -> None:
+        """Write at the lower rim, `left` pixels from the left one, what is known of it."""
+        if self.index is None or self.index >= len(frame.position):
+            return
+        width, height = window.get_window_shape()
+        rows = 17 * ROWS + 32
+        with window.get_gui().sub_window(
+            "picked", left / width, 1.0 - (rows + 8) / height, (7 * COLUMNS + 24) / width, rows / height
+        ) as panel:
+            for line in described(frame, self.index):
+                panel.text(line)
