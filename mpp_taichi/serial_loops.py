@@ -28,10 +28,14 @@ class SerialLoops:
         SerialLoops.depth -= 1
 
 
+def on_cpu() -> bool:
+    """Whether the backend that runs is one whose threads are few and quick, and may loop as long as they like."""
+    return ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
+
+
 def loop_grain() -> int:
     """Iterations of a parallel loop for each heavy one, as Taichi gives no CPU thread fewer; a kernel asks while compiled."""
-    on_cpu = ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
-    return 512 if on_cpu and SerialLoops.depth == 0 else 1
+    return 512 if on_cpu() and SerialLoops.depth == 0 else 1
 
 
 class _Reader:

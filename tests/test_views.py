@@ -158,7 +158,7 @@ def test_tiles_that_look_for_their_primitives_show_what_pixels_do(cpu, monkeypat
     specs = [view_spec(camera, spring_width=6.0), view_spec(camera, bodies=sun, sky=SkySpec(stars=100))]
     pictures = []
     for by_tile in (True, False):
-        monkeypatch.setattr(renderer, "looks_by_tile", lambda by_tile=by_tile: by_tile)
+        monkeypatch.setattr(renderer, "on_cpu", lambda by_tile=by_tile: by_tile)
         pictures.append([draw(crowd(), spec, (321, 177)) for spec in specs])
     for ours, theirs in zip(*pictures, strict=True):
         assert ours.max() > 100

@@ -5,7 +5,7 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.contacts._threads import on_cpu
+from mpp_taichi.serial_loops import on_cpu
 
 
 class FieldTrees:

@@ -9,8 +9,7 @@ import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts._tally import CHUNKS
-from mpp_taichi.contacts._threads import on_cpu
-from mpp_taichi.serial_loops import loop_grain
+from mpp_taichi.serial_loops import loop_grain, on_cpu
 
 SLACK = 1.25  # margin over the way that a sphere of the same speed makes: contacts make some faster
 TRAVEL_PER_GAP = 0.5  # root mean square way in a piece, at most, over the mean gap between spheres

@@ -11,10 +11,11 @@ from mpp_taichi.contacts._field_trees import FieldTrees
 from mpp_taichi.contacts._flight import Flight
 from mpp_taichi.contacts._islands import Islands
 from mpp_taichi.contacts._tally import Tally
-from mpp_taichi.contacts._threads import LoopWatch, on_cpu
+from mpp_taichi.contacts._threads import LoopWatch
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.device_grid import DeviceGrid
 from mpp_taichi.neighbors.partner_list import PartnerList
+from mpp_taichi.serial_loops import on_cpu
 from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 

@@ -6,10 +6,10 @@ import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts._resting_step import ROOM, RestingStep
-from mpp_taichi.contacts._threads import on_cpu
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.device_grid import DeviceGrid
 from mpp_taichi.neighbors.prefix_sum import PrefixSum
+from mpp_taichi.serial_loops import on_cpu
 from mpp_taichi.types import Template
 
 ALL_PAIRS_UP_TO = 1000  # spheres of a device of many threads, where a launch takes longer than to look at all of them

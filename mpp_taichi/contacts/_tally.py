@@ -6,7 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.contacts._base import ContactReport
-from mpp_taichi.contacts._threads import on_cpu
+from mpp_taichi.serial_loops import on_cpu
 
 CHUNKS = 64  # of the spheres; fixed, so that sums do not depend on the threads
 STRIPES = 1024  # threads that add up what spheres counted, where each has totals of its own

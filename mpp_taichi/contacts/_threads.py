@@ -1,13 +1,10 @@
-"""Where loops run: on the CPU's own threads or on a device of many, and how a thread learns that its loops were ended."""
+"""How a thread on a device of many learns that its loops were ended."""
 
 import taichi as ti
 
+from mpp_taichi.serial_loops import on_cpu
+
 TURNS = 3  # of a loop that a device which ends loops cuts down to one
-
-
-def on_cpu() -> bool:
-    """Whether one thread is quick, and may loop as long as it likes."""
-    return ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
 
 
 @ti.data_oriented

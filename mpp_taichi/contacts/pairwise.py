@@ -6,7 +6,7 @@ from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts._overlap_rounds import OverlapRounds
 from mpp_taichi.contacts._overlaps import Overlaps
-from mpp_taichi.contacts._threads import on_cpu
+from mpp_taichi.serial_loops import on_cpu
 
 
 @component

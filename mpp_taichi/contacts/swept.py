@@ -7,7 +7,7 @@ from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts._device_sweep import DeviceSweep
 from mpp_taichi.contacts._island_play import MOST_IN_ONE_THREAD
 from mpp_taichi.contacts._sweep_solver import SweepSolver
-from mpp_taichi.contacts._threads import on_cpu
+from mpp_taichi.serial_loops import on_cpu
 
 
 @component

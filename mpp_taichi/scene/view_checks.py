@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any, Protocol
 
-from PIL import Image
-
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults, allowed
 from mpp_taichi.scene.layout import ParticleLayout
@@ -69,6 +67,8 @@ def _check_picture(file: str | None, path: tuple[Any, ...], finder: Finder) -> N
     """Look at the beginning of a file; what is torn farther on is found when it is drawn."""
     if file is None:
         return
+    from PIL import Image  # only for scenes that bring pictures
+
     try:
         with Image.open(file) as picture:
             pixels = picture.size[0] * picture.size[1]

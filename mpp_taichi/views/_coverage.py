@@ -13,11 +13,6 @@ from mpp_taichi.views._sample_hits import SAMPLES, line_hit, single, sphere_hit
 SAMPLES_PER_TILE = 4 * TILE * TILE
 
 
-def looks_by_tile() -> bool:
-    """Whether the backend that runs is one for this."""
-    return ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
-
-
 class Coverage:
     """Depths and primitives of the samples of some tiles; memory is kept from picture to picture.
 

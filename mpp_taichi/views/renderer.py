@@ -11,9 +11,10 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.scene.spec import ViewSpec
+from mpp_taichi.serial_loops import on_cpu
 from mpp_taichi.types import Template
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
-from mpp_taichi.views._coverage import Coverage, looks_by_tile
+from mpp_taichi.views._coverage import Coverage
 from mpp_taichi.views._primitives import TILE, Primitives, Screen, at_least_one, bin_into_tiles, lines, spheres
 from mpp_taichi.views._sample_hits import SAMPLES, line_hit, sphere_hit
 from mpp_taichi.views._surface_shading import AMBIENT, DIFFUSE, SPECULAR, displayed, glow, highlight, shade_surface, single
@@ -112,7 +113,7 @@ class Renderer(View):
         else:
             red, green, blue = np.rint(255.0 * np.clip(self.spec.background, 0.0, 1.0)).astype(int).tolist()
             self._packed.fill(red | green << 8 | blue << 16)
-        by_tile = looks_by_tile()
+        by_tile = on_cpu()
         # Most of a picture is empty, unless something glows.
         shows = np.diff(primitives.start) > 0
         tiles = np.flatnonzero(shows if not tables.glow_count else np.ones_like(shows)).astype(np.int32)
