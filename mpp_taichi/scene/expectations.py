@@ -8,6 +8,7 @@ from mpp_taichi.scene.spec import Expectation
 # What every run measures anyway, without a diagnostic of that name.
 SUMMARY_QUANTITIES = {
     "relative_energy_error_max": "largest change of the total energy, relative to that at the start; friction and drives count",
+    "total_energy_initial": "kinetic and potential energy at the start [energy]: a force of a wrong strength has another",
     "conserved_energy_error_max": "the same, of those phases of a timeline in which every force has a potential",
     "momentum_error_max": "largest change of the total momentum, relative to Σ of the sizes of m v",
     "angular_momentum_error_max": "largest change of the total angular momentum, relative to Σ of the sizes of r × m v",
