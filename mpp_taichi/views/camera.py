@@ -1,6 +1,7 @@
 """Orbit camera: where the picture is taken from, and how a mouse moves it. NumPy only, float64."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -56,13 +57,13 @@ class Camera:
     @property
     def right(self) -> np.ndarray:
         """Unit vector to the right of the picture."""
-        right = np.cross(self.axis, self.backward)
+        right = _cross(self.axis, self.backward)
         return right / np.linalg.norm(right)
 
     @property
     def up(self) -> np.ndarray:
         """Unit vector to the top of the picture."""
-        return np.cross(self.backward, self.right)
+        return _cross(self.backward, self.right)
 
     @property
     def visible_height(self) -> float:
@@ -96,7 +97,7 @@ class Camera:
         self.backward = np.array(backward, dtype=float) / np.linalg.norm(backward)
         for candidate in (axis, (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)):
             length = np.linalg.norm(candidate)
-            if length > 0.0 and np.linalg.norm(np.cross(candidate, self.backward)) > 1.0e-3 * length:
+            if length > 0.0 and np.linalg.norm(_cross(candidate, self.backward)) > 1.0e-3 * length:
                 self.axis = np.array(candidate, dtype=float) / length
                 return
 
@@ -105,7 +106,7 @@ class Camera:
         azimuth = -math.pi * right
         cosine, sine = math.cos(azimuth), math.sin(azimuth)
         along = self.axis * (self.axis @ self.backward)
-        backward = along + cosine * (self.backward - along) + sine * np.cross(self.axis, self.backward)
+        backward = along + cosine * (self.backward - along) + sine * _cross(self.axis, self.backward)
         level = backward - along
         level /= np.linalg.norm(level)
         elevation = math.asin(float(np.clip(self.axis @ backward, -1.0, 1.0))) - math.pi * up
@@ -214,3 +215,9 @@ def _flat(vectors: np.ndarray) -> np.ndarray:
     vectors = np.asarray(vectors)[np.isfinite(vectors).all(axis=1)]
     extent = np.ptp(vectors, axis=0) if len(vectors) else np.zeros(3)
     return np.asarray(extent <= FLAT * extent.max())
+
+
+def _cross(a: Sequence[float] | np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a × b of two vectors, without the forty microseconds that NumPy's takes for any shape."""
+    (a0, a1, a2), (b0, b1, b2) = map(float, a), b.tolist()
+    return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
