@@ -11,8 +11,8 @@ from mpp_taichi.scene.tree_checks import VISITS_OF_A_TREE, tree_of
 
 PLANS = ("serial", "parallel", "replicas")
 # Work per step above which the parallel plan is faster on a CPU, in units of one pair interaction of the serial plan
-# (about 3 ns); from tools/benchmark_plans.py on two cores. Fixed, not timed at run time, so that the same scene always takes
-# the same plan and gives the same bits.
+# (3 ns, or 0.9 in explicit vectors); from tools/benchmark_plans.py on two cores. Fixed, not timed at run time, so that the
+# same scene always takes the same plan and gives the same bits.
 CROSSOVER_WORK = 130_000
 WORK_PER_PARTICLE = 4
 WORK_PER_HALF_SPRING = 4

@@ -96,6 +96,17 @@ def seen_share(casters: Template, caster_count, point, to_light, distance, light
 
 
 @ti.func
+def surface_at(table: Template, p, x, y, depth, orthographic):
+    """Where the ray through (x, y) meets sphere p at a depth: the ray, the point, and the normal there."""
+    ray = ti.Vector([x, y, single(1.0)])
+    point = ray * depth
+    if orthographic == 1:
+        ray = ti.Vector([single(0.0), single(0.0), single(1.0)])
+        point = ti.Vector([x, y, depth])
+    return ray, point, (point - ti.Vector([table[p, 5], table[p, 6], table[p, 7]])) / table[p, 8]
+
+
+@ti.func
 def shade_surface(
     table: Template,
     material: Template,
@@ -116,12 +127,7 @@ def shade_surface(
 ):
     """Light that reaches the eye from sphere p: by the bodies that shine, or by `light` from afar where none does."""
     color = ti.Vector([table[p, 9], table[p, 10], table[p, 11]])
-    ray = ti.Vector([x, y, single(1.0)])
-    point = ray * depth
-    if orthographic == 1:
-        ray = ti.Vector([single(0.0), single(0.0), single(1.0)])
-        point = ti.Vector([x, y, depth])
-    normal = (point - ti.Vector([table[p, 5], table[p, 6], table[p, 7]])) / table[p, 8]
+    ray, point, normal = surface_at(table, p, x, y, depth, orthographic)
     m = ti.cast(table[p, 12], ti.i32)
     shines, specular = single(0.0), single(SPECULAR)
     if m >= 0:

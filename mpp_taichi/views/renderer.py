@@ -17,7 +17,17 @@ from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
 from mpp_taichi.views._coverage import Coverage
 from mpp_taichi.views._primitives import TILE, Primitives, Screen, at_least_one, bin_into_tiles, lines, spheres
 from mpp_taichi.views._sample_hits import SAMPLES, line_hit, sphere_hit
-from mpp_taichi.views._surface_shading import AMBIENT, DIFFUSE, SPECULAR, displayed, glow, highlight, shade_surface, single
+from mpp_taichi.views._surface_shading import (
+    AMBIENT,
+    DIFFUSE,
+    SPECULAR,
+    displayed,
+    glow,
+    highlight,
+    shade_surface,
+    single,
+    surface_at,
+)
 from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
@@ -162,12 +172,7 @@ def _shade(table: Template, p, sphere_count, x, y, depth, orthographic, light):
     color = ti.Vector([table[p, 13], table[p, 14], table[p, 15]])
     if p < sphere_count:
         albedo = ti.Vector([table[p, 9], table[p, 10], table[p, 11]])
-        ray = ti.Vector([x, y, single(1.0)])
-        point = ray * depth
-        if orthographic == 1:
-            ray = ti.Vector([single(0.0), single(0.0), single(1.0)])
-            point = ti.Vector([x, y, depth])
-        normal = (point - ti.Vector([table[p, 5], table[p, 6], table[p, 7]])) / table[p, 8]
+        ray, _, normal = surface_at(table, p, x, y, depth, orthographic)
         diffuse = ti.max(normal.dot(light), single(0.0))
         color = albedo * (single(AMBIENT) + single(DIFFUSE) * diffuse) + single(SPECULAR) * highlight(normal, ray, light)
     return color
