@@ -11,6 +11,7 @@ import taichi as ti
 from conftest import ROOT
 from pair_sums import Charges, Gravity, Launcher, Screened, State, bodies_of, launcher_of, reference, rounding, started
 
+from mpp_taichi.neighbors import lane_arithmetic
 from mpp_taichi.neighbors.all_pairs import AllPairs
 from mpp_taichi.neighbors.explicit_vectors import is_elementwise
 from mpp_taichi.scene.load import load_scene
@@ -81,7 +82,8 @@ def test_internal_forces_sum_to_zero(precision):
         assert (np.abs(total) <= 2 * rounding(100, precision) * (mass @ scale)).all(), shape
 
 
-def test_own_launch_gives_the_bits_of_the_inlined_loop(precision):
+def test_own_launch_gives_the_bits_of_the_inlined_loop(precision, monkeypatch):
+    monkeypatch.setattr(lane_arithmetic, "in_hardware", lambda *_, **__: False)  # which only the launch would use
     launcher = launcher_of((Gravity(0.0), Charges(0.25)), bodies_of(101, 3, precision), precision)
     np.testing.assert_array_equal(launcher.run("launch"), launcher.run("lanes"))
 
@@ -129,7 +131,8 @@ def test_potential_energy_is_float64_in_any_precision(precision):
     np.testing.assert_allclose(launcher.energies.to_numpy(), expected, rtol=rounding(70, ti.f64))
 
 
-def test_any_shape_of_force_runs_in_lanes(precision):
+def test_any_shape_of_force_runs_in_lanes(precision, monkeypatch):
+    monkeypatch.setattr(lane_arithmetic, "in_hardware", lambda *_, **__: False)
     assert is_elementwise(Gravity.shape)
     assert not is_elementwise(Screened.shape)
     launcher = launcher_of((Screened(0.0),), bodies_of(50, 3, precision), precision)

@@ -6,8 +6,7 @@ from mpp_taichi.availability import availability
 from mpp_taichi.backends import Device
 from mpp_taichi.compare.peaks import ADDEND, CHAINS, COPY_BYTES, COPY_THREADS, FACTOR, ROUNDS, SUM_THREADS, fastest
 from mpp_taichi.neighbors.explicit_vectors import explicit_vectors
-
-VECTOR_BYTES = 64  # of a processor's widest registers
+from mpp_taichi.neighbors.lane_arithmetic import VECTOR_BYTES, multiply_add
 
 
 def taichi_peaks(device: Device) -> dict[str, float]:
@@ -42,7 +41,7 @@ def _taichi_flops(device: Device, on_gpu: bool) -> float:
             sums = [ti.Vector([factor for lane in ti.static(range(lanes))]) for k in ti.static(range(CHAINS))]
             for _ in range(ROUNDS):
                 for k in ti.static(range(CHAINS)):
-                    sums[k] = sums[k] * factors + addends
+                    sums[k] = multiply_add(sums[k], factors, addends)
             total = sums[0]
             for k in ti.static(range(1, CHAINS)):
                 total = total + sums[k]

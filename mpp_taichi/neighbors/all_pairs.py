@@ -16,10 +16,10 @@ import taichi as ti
 from mpp_taichi.low_parts import added, separation, wide_position
 from mpp_taichi.neighbors._pair_groups import grouped
 from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, require_components_apart
+from mpp_taichi.neighbors.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
 from mpp_taichi.neighbors.symmetric_pairs import SymmetricPairs, in_parallel
 from mpp_taichi.types import Template
 
-VECTOR_BYTES = 64  # one AVX-512 register; two are 4–9 % faster in f32 and equal in f64, for twice the compile time
 SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 GATHERED = 256  # bodies that a GPU's thread sums up before it adds to the whole
 BLOCK_PAIRS = 16  # that are summed up before their sum is added with its low part: a sum of thousands loses three bits
@@ -256,7 +256,7 @@ class AllPairs:
         lost = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
         others = ti.static(self.particle_count - self.lane_count)
 
-        # Bodies outside the tile, two at a time: 1/r and 1/s are s/(r s) and r/(r s), one division for both.
+        # Bodies outside the tile, two at a time for the sake of their inverse roots.
         pairs = ti.static(others // 2)
         block_pairs = ti.static(BLOCK_PAIRS if state.forces_see_low else max(pairs, 1))
         for block in range(-(-pairs // block_pairs)):
@@ -270,17 +270,15 @@ class AllPairs:
                 weight_j = ti.Vector.zero(float, self.lane_count)
                 weight_k = ti.Vector.zero(float, self.lane_count)
                 for group in ti.static(self.groups):
-                    distance_j = ti.sqrt(squared_j + group.softening_squared)
-                    distance_k = ti.sqrt(squared_k + group.softening_squared)
-                    inverse_product = 1.0 / (distance_j * distance_k)
-                    inverse_j = inverse_product * distance_k
-                    inverse_k = inverse_product * distance_j
+                    inverse_j, inverse_k = inverse_roots(
+                        squared_j + group.softening_squared, squared_k + group.softening_squared, state.forces_see_low
+                    )
                     for member in ti.static(group.members):
                         weight_j = self._add_weight(weight_j, state, member, response, j, inverse_j)
                         weight_k = self._add_weight(weight_k, state, member, response, k, inverse_k)
                 for axis in ti.static(range(self.dimensions)):
-                    total[axis] = total[axis] + weight_j * to_j[axis]
-                    total[axis] = total[axis] + weight_k * to_k[axis]
+                    total[axis] = multiply_add(weight_j, to_j[axis], total[axis])
+                    total[axis] = multiply_add(weight_k, to_k[axis], total[axis])
             self._put_by(state, total, whole, lost)
 
         lane_number = ti.Vector([ti.cast(lane, float) for lane in ti.static(range(self.lane_count))])
@@ -299,7 +297,7 @@ class AllPairs:
                 for member in ti.static(group.members):
                     weight = self._add_weight(weight, state, member, response, j, inverse)
             for axis in ti.static(range(self.dimensions)):
-                total[axis] = total[axis] + weight * to_j[axis]
+                total[axis] = multiply_add(weight, to_j[axis], total[axis])
         self._put_by(state, total, whole, lost)
         if ti.static(state.forces_see_low):
             for axis in ti.static(range(self.dimensions)):
@@ -348,7 +346,7 @@ class AllPairs:
         """Of the lengths of a tile's separations, given by components."""
         squared = separation[0] * separation[0]
         for axis in ti.static(range(1, self.dimensions)):
-            squared = squared + separation[axis] * separation[axis]
+            squared = multiply_add(separation[axis], separation[axis], squared)
         return squared
 
     @ti.func

@@ -15,6 +15,7 @@ import taichi as ti
 from mpp_taichi.inverse_distance import change_of_inverse_distance, second_change_of_inverse_distance
 from mpp_taichi.neighbors.all_pairs import SMALLEST_BLOCK, AllPairs
 from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, is_elementwise, require_components_apart
+from mpp_taichi.neighbors.lane_arithmetic import multiply_add
 from mpp_taichi.types import Template
 
 
@@ -223,16 +224,17 @@ class PairDerivatives:
                     weight, rate, curve = weight + factor * shape, rate + factor * slope * change, curve + factor * bend
         twice = 2.0 * rate
         for axis in ti.static(range(self.dimensions)):
-            total[axis] = total[axis] + weight * d[axis]
-            jerk[axis] = jerk[axis] + (weight * w[axis] + rate * d[axis])
+            total[axis] = multiply_add(weight, d[axis], total[axis])
+            jerk[axis] = multiply_add(weight, w[axis], multiply_add(rate, d[axis], jerk[axis]))
             if ti.static(self.derivatives > 1):
-                snap[axis] = snap[axis] + (weight * q[axis] + twice * w[axis] + curve * d[axis])
+                pulled = multiply_add(twice, w[axis], multiply_add(curve, d[axis], snap[axis]))
+                snap[axis] = multiply_add(weight, q[axis], pulled)
 
     @ti.func
     def _dot(self, one: Template, other: Template):
         result = one[0] * other[0]
         for axis in ti.static(range(1, self.dimensions)):
-            result = result + one[axis] * other[axis]
+            result = multiply_add(one[axis], other[axis], result)
         return result
 
     @ti.func

@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.neighbors.lane_arithmetic import inverse_roots, multiply_add
 from mpp_taichi.types import Template
 
 BLOCK = 128  # bodies whose reactions stay in the first cache of a core; a multiple of every number of lanes
@@ -147,7 +148,7 @@ class SymmetricPairs:
         total = [self._load(self.sums, self._sum_at(chunk, axis, tile)) for axis in ti.static(range(self.dimensions))]
         first = ti.max(begin, own + self.lanes)
 
-        # Two at a time: 1/r and 1/s are s/(r s) and r/(r s), one division for both.
+        # Two at a time, for the sake of their inverse roots.
         for pair in range(ti.max(end - first, 0) // 2):
             j = first + 2 * pair
             to_j = self._ways(state, position, j)
@@ -156,16 +157,16 @@ class SymmetricPairs:
             pull_j, push_j = ti.Vector.zero(float, self.lanes), ti.Vector.zero(float, self.lanes)
             pull_k, push_k = ti.Vector.zero(float, self.lanes), ti.Vector.zero(float, self.lanes)
             for group in ti.static(self.pairs.groups):
-                distance_j = ti.sqrt(square_j + group.softening_squared)
-                distance_k = ti.sqrt(square_k + group.softening_squared)
-                both = 1.0 / (distance_j * distance_k)
+                inverse_j, inverse_k = inverse_roots(
+                    square_j + group.softening_squared, square_k + group.softening_squared, False
+                )
                 for member in ti.static(group.members):
-                    pull_j, push_j = self._weigh(state, member, response, source, j, both * distance_k, pull_j, push_j)
-                    pull_k, push_k = self._weigh(state, member, response, source, j + 1, both * distance_j, pull_k, push_k)
+                    pull_j, push_j = self._weigh(state, member, response, source, j, inverse_j, pull_j, push_j)
+                    pull_k, push_k = self._weigh(state, member, response, source, j + 1, inverse_k, pull_k, push_k)
             for axis in ti.static(range(self.dimensions)):
-                total[axis] = total[axis] + (pull_j * to_j[axis] + pull_k * to_k[axis])
-                self._react(chunk, j - begin, axis, push_j * to_j[axis])
-                self._react(chunk, j + 1 - begin, axis, push_k * to_k[axis])
+                total[axis] = multiply_add(pull_j, to_j[axis], multiply_add(pull_k, to_k[axis], total[axis]))
+                self._react(chunk, j - begin, axis, push_j, to_j[axis])
+                self._react(chunk, j + 1 - begin, axis, push_k, to_k[axis])
         # The tile among itself, from both sides: a body's own lane gets a distance of one, and pulls by zero. And an odd one.
         lane_number = ti.Vector([ti.cast(lane, float) for lane in ti.static(range(self.lanes))])
         for step in range(0 if own >= begin else self.lanes, self.lanes + ti.max(end - first, 0) % 2):
@@ -179,9 +180,9 @@ class SymmetricPairs:
                 for member in ti.static(group.members):
                     pull_j, push_j = self._weigh(state, member, response, source, j, inverse, pull_j, push_j)
             for axis in ti.static(range(self.dimensions)):
-                total[axis] = total[axis] + pull_j * to_j[axis]
+                total[axis] = multiply_add(pull_j, to_j[axis], total[axis])
                 if step == self.lanes:
-                    self._react(chunk, j - begin, axis, push_j * to_j[axis])
+                    self._react(chunk, j - begin, axis, push_j, to_j[axis])
         for axis in ti.static(range(self.dimensions)):
             self._store(self.sums, self._sum_at(chunk, axis, tile), total[axis])
 
@@ -205,9 +206,9 @@ class SymmetricPairs:
         return on_own, on_j
 
     @ti.func
-    def _react(self, chunk, k, axis: Template, values):
+    def _react(self, chunk, k, axis: Template, push, way):
         place = self._reaction_at(chunk, k, axis)
-        self._store(self.reactions, place, self._load(self.reactions, place) + values)
+        self._store(self.reactions, place, multiply_add(push, way, self._load(self.reactions, place)))
 
     # The whole -------------------------------------------------------------------------------------------------------
 

@@ -13,13 +13,13 @@ from typing import Any
 import taichi as ti
 
 from mpp_taichi.neighbors.explicit_vectors import explicit_vectors
+from mpp_taichi.neighbors.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
 from mpp_taichi.neighbors.tree_estimate import GROUP, TreeEstimate
 from mpp_taichi.neighbors.tree_nodes import LEAF
 from mpp_taichi.types import Template
 
 SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 CHUNKS_PER_THREAD = 16  # pieces of the work, taken as threads get free
-VECTOR_BYTES = 64  # as in all_pairs
 LIST = 256  # even; entries of a list, worked off when it is full; those of nodes take 23 KiB of the cache
 
 
@@ -152,9 +152,9 @@ class TreeWalk:
 
     @ti.func
     def _square(self, way: Template, softening_squared):
-        result = softening_squared + way[0] * way[0]
+        result = way[0] * way[0] + softening_squared
         for axis in ti.static(range(1, self.dimensions)):
-            result = result + way[axis] * way[axis]
+            result = multiply_add(way[axis], way[axis], result)
         return result
 
     @ti.func
@@ -175,7 +175,7 @@ class TreeWalk:
                 well = well + pull * (1.0 - own)
             pull = pull * (inverse * inverse)
             for axis in ti.static(range(d)):
-                total[axis] = total[axis] + pull * way[axis]
+                total[axis] = multiply_add(pull, way[axis], total[axis])
         for lane in ti.static(range(self.lane_count)):
             for axis in ti.static(range(d)):
                 self.total[axis * self.padded_count + slot + lane] = total[axis][lane]
@@ -184,7 +184,7 @@ class TreeWalk:
 
     @ti.func
     def _sum_lists(self, slot, entry, cells, runs, softening_squared, potential: Template):
-        """Add what is on the lists to the sums of a tile, two at a time: 1/r and 1/s are s/(r s) and r/(r s)."""
+        """Add what is on the lists to the sums of a tile, two at a time for the sake of their inverse roots."""
         d = ti.static(self.dimensions)
         position = [self._lanes(slot, axis) for axis in ti.static(range(d))]
         total = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(d))]
@@ -194,11 +194,11 @@ class TreeWalk:
             b = a + self.nodes.moment_width
             to_a = [self.cells[a + axis] - position[axis] for axis in ti.static(range(d))]
             to_b = [self.cells[b + axis] - position[axis] for axis in ti.static(range(d))]
-            distance_a = ti.sqrt(self._square(to_a, softening_squared))
-            distance_b = ti.sqrt(self._square(to_b, softening_squared))
-            both = 1.0 / (distance_a * distance_b)
-            along_a, across_a, turned_a, depth_a = self.nodes.pull(self.cells, a, to_a, both * distance_b)
-            along_b, across_b, turned_b, depth_b = self.nodes.pull(self.cells, b, to_b, both * distance_a)
+            inverse_a, inverse_b = inverse_roots(
+                self._square(to_a, softening_squared), self._square(to_b, softening_squared), False
+            )
+            along_a, across_a, turned_a, depth_a = self.nodes.pull(self.cells, a, to_a, inverse_a)
+            along_b, across_b, turned_b, depth_b = self.nodes.pull(self.cells, b, to_b, inverse_b)
             for axis in ti.static(range(d)):
                 total[axis] = total[axis] + (along_a * to_a[axis] - across_a * turned_a[axis])
                 total[axis] = total[axis] + (along_b * to_b[axis] - across_b * turned_b[axis])
@@ -211,16 +211,14 @@ class TreeWalk:
                 j = first + 2 * pair
                 to_j = self._way(j, position)
                 to_k = self._way(j + 1, position)
-                distance_j = ti.sqrt(self._square(to_j, softening_squared))
-                distance_k = ti.sqrt(self._square(to_k, softening_squared))
-                both = 1.0 / (distance_j * distance_k)
-                inverse_j = both * distance_k
-                inverse_k = both * distance_j
+                inverse_j, inverse_k = inverse_roots(
+                    self._square(to_j, softening_squared), self._square(to_k, softening_squared), False
+                )
                 pull_j = self.order.mass[j] * (inverse_j * inverse_j * inverse_j)
                 pull_k = self.order.mass[j + 1] * (inverse_k * inverse_k * inverse_k)
                 for axis in ti.static(range(d)):
-                    total[axis] = total[axis] + pull_j * to_j[axis]
-                    total[axis] = total[axis] + pull_k * to_k[axis]
+                    total[axis] = multiply_add(pull_j, to_j[axis], total[axis])
+                    total[axis] = multiply_add(pull_k, to_k[axis], total[axis])
                 if ti.static(potential):
                     well = well + self.order.mass[j] * inverse_j + self.order.mass[j + 1] * inverse_k
         for lane in ti.static(range(self.lane_count)):

@@ -1,0 +1,80 @@
+"""Arithmetic of whole vector registers: what a CPU does in one instruction, and Taichi has no word for.
+
+Taichi never joins a product and a sum, though the CPU does, and has no fast inverse root. Both are Taichi functions here,
+which in explicit vectors (explicit_vectors.py) of a whole register call a few lines of LLVM (lane_arithmetic.ll), put into the
+kernel and optimised with it: a quarter off the pair sum in f32, a sixth in f64. Anywhere else, and in other vectors, they are
+written out. The bits of sums in lanes thus depend on the kind of processor, never on threads.
+"""
+
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import taichi as ti
+
+VECTOR_BYTES = 64  # one AVX-512 register; two are 4–9 % faster in f32 and equal in f64, for twice the compile time
+FOLDER = Path(__file__).parent
+
+
+@cache
+def _bitcode() -> str:
+    """Path of the assembled functions; Taichi's cache knows them by this name, so it has a digest of the source in it."""
+    return str(next(FOLDER.glob("lane_arithmetic_*.bc")))
+
+
+def in_hardware(lanes: int, lossy: bool = False) -> bool:
+    """Whether the kernel that is compiled now calls LLVM for vectors of so many lanes; for what is `lossy` in f32 alone."""
+    config = ti.lang.impl.current_cfg()
+    if config.real_matrix_scalarize or config.arch != ti.x64 or sys.platform != "linux":
+        return False
+    return lanes * (4 if config.default_fp == ti.f32 else 8) == VECTOR_BYTES and not (lossy and config.default_fp != ti.f32)
+
+
+def _call(name: str, *variables: Any) -> None:
+    """Have the kernel that is compiled call a function with pointers to local vectors of it; the last one gets the result."""
+    from taichi._lib import core
+    from taichi.lang.expr import make_expr_group
+
+    kind, suffix = (ti.f32, "f32") if ti.lang.impl.current_cfg().default_fp == ti.f32 else (ti.f64, "f64")
+    for variable in variables:  # LLVM would read past the end of anything else
+        if variable.element_type() != kind or variable.get_shape() != (VECTOR_BYTES // (4 if kind == ti.f32 else 8),):
+            raise TypeError(
+                f"{name} takes vectors of a whole register, not {variable.get_shape()} of {variable.element_type()}"
+            )
+    runtime = ti.lang.impl.get_runtime()
+    where = core.DebugInfo(runtime.get_current_src_info())
+    runtime.compiling_callable.ast_builder().insert_external_func_call(
+        0, "", _bitcode(), f"{name}_{suffix}", make_expr_group(variables), make_expr_group([]), where
+    )
+
+
+@ti.func
+def multiply_add(a, b, c):
+    """a b + c for vectors of lanes; rounded once where the processor can."""
+    result = c
+    if ti.static(in_hardware(c.n)):
+        x, y, z = a, b, c
+        ti.static(_call("multiply_add", x, y, z, result))
+    else:
+        result = a * b + c
+    return result
+
+
+@ti.func
+def inverse_roots(a, b, exact: ti.template()):  # type: ignore[valid-type]
+    """1/√a and 1/√b for vectors of lanes, of positive normal numbers; to 2e-7 in f32 unless `exact`, else to round-off.
+
+    Written out it is b'/(a' b') and a'/(a' b') with the roots a' and b': one division for both.
+    """
+    first, second = a, b
+    if ti.static(not exact and in_hardware(a.n, lossy=True)):
+        x, y = a, b
+        ti.static(_call("inverse_sqrt", x, first))
+        ti.static(_call("inverse_sqrt", y, second))
+    else:
+        x, y = ti.sqrt(a), ti.sqrt(b)
+        both = 1.0 / (x * y)
+        first = both * y
+        second = both * x
+    return first, second
