@@ -10,7 +10,7 @@ import taichi as ti
 from mpp_taichi import backends
 from mpp_taichi.assemble import assemble
 from mpp_taichi.cli._terminal import plain
-from mpp_taichi.compare import busy, neighbors, numpy_reference, numpy_steps, scaling, words
+from mpp_taichi.compare import busy, neighbors, numpy_reference, numpy_steps, scaling, tree_forces, words
 from mpp_taichi.compare.certificate import Judge, verdict
 from mpp_taichi.compare.course import COPIES, margin
 from mpp_taichi.compare.evidence import Evidence, follow, gather
@@ -22,6 +22,7 @@ from mpp_taichi.forces.newtonian_gravity import NewtonianGravity
 from mpp_taichi.integrators._splitting import Splitting
 from mpp_taichi.low_parts import drift_particle, kick_particle
 from mpp_taichi.neighbors.all_pairs import AllPairs
+from mpp_taichi.neighbors.tree_nodes import TreeNodes
 from mpp_taichi.scene.load import load_scene
 from scenes import cluster, everything, irregular_network
 
@@ -36,7 +37,7 @@ class Case:
         self.start = assemble(self.spec)
         self.judge = Judge(self.spec, self.start, float(self.spec.integrator.parameters["dt"]))
         self.looks = looks
-        self.course = self.judge.follow(("f64", "f32"), looks)
+        self.course = self.judge.follow(("f64", "f32"), looks) if looks else None
 
     def evidence(self, contender):
         try:
@@ -123,6 +124,14 @@ class WrongSign(NewtonianGravity):
         return -inverse_distance * inverse_distance * inverse_distance
 
 
+class LostQuadrupole(TreeNodes):
+    @ti.func
+    def pull(self, rows: ti.template(), row, way: ti.template(), inverse):
+        turned = [inverse * 0.0 for axis in ti.static(range(self.dimensions))]
+        along = inverse * inverse * inverse * rows[row + self.dimensions]
+        return along, inverse * 0.0, turned, inverse * rows[row + self.dimensions]
+
+
 class DroppedPair(AllPairs):
     @ti.func
     def _weights(self, state: ti.template(), i, j, distance_squared):
@@ -172,6 +181,32 @@ def test_a_wrong_sign_is_a_bug(monkeypatch, five, precision):
     plant(monkeypatch, NewtonianGravity, "shape", WrongSign)
     found = five.verdict(five.taichi(precision=precision), precision)
     assert found["verdict"] == "bug" and any(each["check"] == "force at the start" for each in broken(found))
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_a_tree_is_judged_by_the_accuracy_that_it_promises(monkeypatch, precision):
+    scene = cluster(2000)
+    scene["forces"][0]["newtonian_gravity"] |= {"solver": "tree", "accuracy": 1e-2}
+    case = Case(scene, looks=[])
+    sound = verdict(case.judge.forces(case.evidence(case.taichi(precision=precision)), precision))
+    assert sound["verdict"] == "rounding" and len(sound["findings"]) == 2
+    # Terms of many nodes that are cut are a good part of what is allowed: nobody is near exact, or it would be no tree.
+    assert sound["decided_by"]["ratio"] > 0.01 and sound["decided_by"]["of"] == "its own gravity"
+    plant(monkeypatch, TreeNodes, "pull", LostQuadrupole)
+    found = verdict(case.judge.forces(case.evidence(case.taichi(precision=precision)), precision))
+    assert found["verdict"] == "bug" and {each["check"] for each in broken(found)} == {
+        "force at the start",
+        "force at the shaken start",
+    }
+
+
+def test_few_particles_of_a_sample_may_be_off_by_chance():
+    assert tree_forces.exceptions(2000, 2000) == 20
+    for sample in (30, 1000):
+        few = tree_forces.exceptions(sample, 10**6)
+        draws = np.random.default_rng(0).random((20_000, sample)) < tree_forces.SHARE
+        assert (draws.sum(axis=1) > few).mean() < 1e-4  # one in a million, of which 20,000 draws see none or one
+        assert few < sample / 5
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])

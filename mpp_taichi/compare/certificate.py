@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.compare import numpy_reference, numpy_steps
+from mpp_taichi.compare import numpy_reference, numpy_steps, tree_forces
 from mpp_taichi.compare.course import AMPLITUDE, CHANCE, COPIES, ROUNDING, Course, Finding, ratios
 from mpp_taichi.compare.evidence import Evidence, shaken
 from mpp_taichi.compare.numpy_reference import (
@@ -31,6 +31,7 @@ from mpp_taichi.compare.numpy_reference import (
 )
 from mpp_taichi.compare.numpy_steps import Noise, NumpySteps, roundings_per_step
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.tree_checks import DEFAULT_ACCURACY, tree_of
 from mpp_taichi.snapshot import Snapshot
 
 SMALLEST = {"f32": 2.0**-126, "f64": 2.0**-1022}  # normal numbers
@@ -52,6 +53,8 @@ class Judge:
         self.free[:, spec.dimensions :] = 0.0
         self.size = size_of(start.position)
         self.course: Course | None = None
+        tree = tree_of(spec)
+        self.tree_accuracy = None if tree is None else float(tree.parameters["accuracy"] or DEFAULT_ACCURACY)
 
     def states(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Where forces are asked for; see STATES."""
@@ -65,7 +68,7 @@ class Judge:
     # --- forces -------------------------------------------------------------------------------------------------------------
 
     def forces(self, evidence: Evidence, precision: str) -> list[Finding]:
-        """Accelerations, particle by particle and axis by axis."""
+        """Accelerations, particle by particle and axis by axis; of a tree those of all but a few particles, as a whole."""
         reference = self.reference(precision)
         count = self.start.particle_count
         rows = sample(count, MOST_TERMS)
@@ -76,6 +79,12 @@ class Judge:
             exact = reference.acceleration(place, speed, rows)[0]
             allowed, _ = self._allowed(reference, place, speed, rows, precision)
             off = np.abs(evidence.acceleration[k][rows] - exact)
+            if self.tree_accuracy is not None:
+                pull = np.where(self.free[rows] > 0.0, reference.of_pairs(place, rows)[0, rows], 0.0)
+                findings.append(
+                    tree_forces.finding(f"force at the {name}", off, allowed, pull, self.tree_accuracy, rows, count)
+                )
+                continue
             ratio = ratios(off, allowed)
             row, axis = np.unravel_index(np.argmax(ratio), ratio.shape)
             largest = float(norm(exact).max()) or 1.0

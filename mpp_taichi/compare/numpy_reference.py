@@ -19,7 +19,7 @@ from mpp_taichi.snapshot import Snapshot
 BLOCK = 40_000  # separations at a time: a few arrays of them fit into a core's cache
 DIRECT = "direct"  # the solver of a force that sums over all pairs
 KNOWN_FORCES = {  # with the parameters that are known of them
-    "newtonian_gravity": ("strength", "softening"),
+    "newtonian_gravity": ("strength", "softening", "solver", "accuracy"),
     "coulomb": ("coulomb_constant", "softening"),
     "uniform_gravity": ("acceleration",),
     "linear_drag": ("coefficient",),
@@ -127,15 +127,20 @@ class Reference:
     def steady(self, position: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
         """Of the forces that do not depend on velocity, (copies, N, 3); only `rows` are right where they are given."""
         given = self.bodies
-        result = np.zeros_like(position) + self.field
-        for source, response, softening in self._pair_forces():
-            result += pair_sum(position, source, response, softening, rows, threads=self.threads)
+        result = self.of_pairs(position, rows) + self.field
         if self.has_springs:
             away, length = self._lengths(position)
             with np.errstate(divide="ignore", invalid="ignore"):
                 along = np.where(length > 0.0, given.stiffness * (length - given.rest_length) / length, 0.0)
             result += self._over_mass(self._both_ends(along[..., None] * away))
         return np.where(given.free > 0.0, result * given.gain[..., None], 0.0)
+
+    def of_pairs(self, position: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+        """Of the forces between all pairs, along all axes."""
+        result = np.zeros_like(position)
+        for source, response, softening in self._pair_forces():
+            result += pair_sum(position, source, response, softening, rows, threads=self.threads)
+        return result
 
     def friction(self, position: np.ndarray, velocity: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
         """Of drag and of the dampers of springs, (copies, N, 3)."""
