@@ -87,18 +87,26 @@ class FilmRecorder:
             reach = min(simulation.dt, simulation.time_to_next_phase)
             if not exact and (offset >= reach - simulation.dt * SAME_TIME or self._is_last()):
                 return
-            moved = snapshot if exact else simulation.snapshot_ahead(offset)
-            self._draw(replace(self._frame(moved), time=self._due_time()))
+            self._show(snapshot if exact else self._between(simulation, offset))
 
     def finish(self, simulation: "Simulation") -> None:
         """Draw the last frame, which rounding of the time may have put a hair past the end."""
         if self.drawn_count == self.frame_count - 1 and self.drawn_count > 0:
             with self.stopwatch("capture"):
                 snapshot = simulation.snapshot()
-            self._draw(replace(self._frame(snapshot), time=self._due_time()))
+            self._show(snapshot)
+
+    def _between(self, simulation: "Simulation", offset: float) -> Snapshot:
+        """The particles an `offset` after the last step."""
+        return simulation.snapshot_ahead(offset)
+
+    def _show(self, snapshot: Snapshot) -> None:
+        """Draw what is due."""
+        self._draw(self._frame(snapshot))
 
     def _frame(self, snapshot: Snapshot) -> Frame:
-        return Frame.of(snapshot, title=self.title, extra=self.caption(), walls=self._walls)
+        frame = Frame.of(snapshot, title=self.title, extra=self.caption(), walls=self._walls)
+        return replace(frame, time=self._due_time())
 
     def _due_time(self) -> float:
         assert self._start is not None

@@ -1,0 +1,306 @@
+"""Two settings of one scene in one film: the same times, the same camera, and the distance between the same particles."""
+
+import csv
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+from test_video import decode
+
+import mpp_taichi as mpp
+from mpp_taichi.beside.settings import beside
+from mpp_taichi.beside.view import shortened
+from mpp_taichi.beside.wire import receive, send
+from mpp_taichi.cli.main import main
+from mpp_taichi.scene.load import load_scene
+from scenes import kepler
+
+ROOT = Path(__file__).parents[1]
+DT, DURATION, FRAMES, SIZE = 0.03, 2.0, 8, (128, 96)
+FILM = ["--size", f"{SIZE[0]}x{SIZE[1]}", "--fps", "4", "--duration", "2", "--quiet"]
+VIEW = {"camera": {"position": [0, 0, 3], "look_at": [0, 0, 0], "up": [0, 1, 0]}, "caption": False, "radius_scale": 10}
+
+
+@pytest.fixture
+def scene(tmp_path, monkeypatch):
+    """A planet on an ellipse, in an empty working directory; changes are made to the scene."""
+    monkeypatch.chdir(tmp_path)
+
+    def write(**changes):
+        content = {**kepler(dt=DT), "run": {"duration": DURATION}, "view": VIEW, **changes}
+        Path("kepler.yaml").write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+        return "kepler.yaml"
+
+    return write
+
+
+def table(path):
+    """The columns of a CSV file."""
+    with open(path, encoding="utf-8", newline="") as stream:
+        header, *rows = csv.reader(stream)
+    return {name: np.array([float(row[number]) for row in rows]) for number, name in enumerate(header)}
+
+
+def places(until, **changes):
+    """Positions at the end of a plain run until a time, (particle_count, 3)."""
+    content = {**kepler(dt=DT), **changes}
+    with mpp.Simulation(content, backend="cpu", precision="f64") as simulation:
+        if until > 0.0:
+            simulation.run(until=until)
+        return simulation.snapshot().position
+
+
+# --- what is filmed ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_film_of_two_methods_and_their_distance_is_that_of_two_plain_runs(scene, capsys):
+    words = ["record", scene(), "--beside", "integrator=rk4", "--beside", "dt=0.05", "--backend", "cpu", *FILM]
+    files = ["--video", "film.mp4", "--inspect", "d.csv", "--inspect", "d.png", "--snapshot", "end.npz", "--json"]
+    assert main([*words, *files]) == 0
+    found = json.loads(capsys.readouterr().out)
+    right = found["beside"]
+    assert (right["integrator"], right["dt"], right["steps"]) == ("rk4", 0.05, 40)
+    distance = table("d.csv")
+    assert list(distance) == ["time", "rms_distance"]
+    times = distance["time"]
+    np.testing.assert_allclose(times, DURATION * np.arange(FRAMES) / (FRAMES - 1), rtol=1e-15)
+    other = {"integrator": {"rk4": {"dt": 0.05}}}
+    expected = [np.sqrt(np.sum((places(t) - places(t, **other)) ** 2) / 2) for t in times]
+    # The last, shorter step to a time is as long up to the rounding of the time, which moves a planet by some 1e-16.
+    np.testing.assert_allclose(distance["rms_distance"], expected, atol=1e-14)
+    assert expected[0] == 0.0 and expected[-1] > 1e-4, "they do go apart"
+    assert right["rms_distance"] == distance["rms_distance"][-1]
+    assert np.array_equal(mpp.Snapshot.load("end.npz").position, places(DURATION)), "the film changes no bit of a run"
+
+    frames = decode(Path("film.mp4"), SIZE).astype(int)
+    assert len(frames) == FRAMES and Image.open("d.png").size == (960, 480)
+    rows = 40  # of the halves alone
+    left, right_half = frames[:, :rows, : SIZE[0] // 2 - 1], frames[:, :rows, SIZE[0] // 2 + 1 :]
+    assert left[0].max() > 100 and np.abs(left - right_half).max() < 40, (
+        "the same camera at the same times: no pixel's difference"
+    )
+    assert np.abs(left[-1] - left[0]).max() > 100, "and they move"
+    changed = (np.abs(frames[-1] - frames[1]).max(axis=2) > 60)[64:]
+    assert changed.sum() > 20, "the curve grows below"
+
+
+def test_the_right_half_shows_the_other_setting_and_each_has_its_caption(scene):
+    name = scene(run={"duration": 0.5})
+    words = ["record", name, "--beside", "forces=[]", "--still", "two.png", "--frames", "film", "--backend", "cpu", *FILM]
+    assert main([*words, "--size", "640x360"]) == 0
+    picture = np.asarray(Image.open("two.png")).astype(int)
+    assert np.array_equal(picture, np.asarray(Image.open(f"film/frame_{FRAMES - 1:06d}.png")))
+    # The camera is 3 above the plane with a field of 45°; the height of the halves is what the panel and a caption leave.
+    letters, panel = 10, round(0.35 * 360)
+    rows = 360 - panel - round(letters * 2.0)
+    factor = max(1.0, (640 / 360) / (319 / rows))  # the camera takes in what it would in the whole picture
+    pixel = 2 * 3 * factor * np.tan(np.radians(22.5)) / rows
+    start, straight = places(0.0), places(0.5, forces=[])
+    np.testing.assert_allclose(straight[1] - start[1], [0, 0.5 * (1.3 / 0.7) ** 0.5 / 1.001, 0], rtol=1e-12)
+    for left, end in ((0, places(0.5)), (321, straight)):
+        half = picture[:rows, left : left + 319].max(axis=2)
+        middle = np.array([319 / 2 + end[1][0] / pixel, rows / 2 - end[1][1] / pixel])
+        beside = half[round(middle[1]) - 3 : round(middle[1]) + 3, round(middle[0]) - 3 : round(middle[0]) + 3]
+        assert beside.max() > 100, "the planet is where its own run is"
+        caption = picture[rows : rows + 20, left : left + 319].min(axis=2) > 150
+        columns = np.nonzero(caption.any(axis=0))[0]
+        assert caption.sum() > 30 and abs(columns.mean() - 159) < 20, "written in the middle below the half"
+
+
+def test_moments_of_springs_merging_spheres_and_a_box_that_repeats_go_through_the_pipe(tmp_path, monkeypatch):
+    """What changes along a run, colours of springs and spheres that are gone, and what never does."""
+    monkeypatch.chdir(tmp_path)
+    content = {
+        "particles": [
+            {"body": {"mass": 1, "position": [x, 0, 0], "velocity": [v, 0, 0], "radius": 0.2}}
+            for x, v in ((1.0, 1.0), (2.0, 0.0), (9.0, 0.5))
+        ],
+        "contacts": {"hard_spheres": {"solver": "merging"}},
+        "integrator": {"leapfrog": {"dt": 0.05}},
+        "run": {"duration": 4},
+    }
+    Path("three.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    assert main(["record", "three.yaml", "--beside", "dt=0.1", "--still", "a.png", "--inspect", "a.csv", *FILM]) == 0
+    # Straight lines and a merger with the same momentum whenever it is found: what is left is at the same place but for how
+    # late it is found, by less than a step; the one that is gone is not compared.
+    assert table("a.csv")["rms_distance"].max() < 0.1 * 1.0
+
+
+@pytest.mark.parametrize("setting", ["precision=f32", "backend=vulkan"])
+def test_another_device_is_another_process_that_says_what_it_is(scene, capsys, setting, request):
+    if setting == "backend=vulkan":
+        request.getfixturevalue("software_vulkan")
+    words = [
+        "record",
+        scene(),
+        "--beside",
+        setting,
+        "--still",
+        "a.png",
+        "--inspect",
+        "a.csv",
+        "--json",
+        "--backend",
+        "cpu",
+        *FILM,
+    ]
+    assert main(words) == 0
+    right = json.loads(capsys.readouterr().out)["beside"]
+    assert (right["backend"], right["precision"]) == (("vulkan" if "vulkan" in setting else "cpu"), "f32")
+    distance = table("a.csv")["rms_distance"]
+    # Rounding to 24 bits, at each of 67 steps on an orbit of size 1: not nothing, and no more than steps × ε × a growth of 100.
+    assert 1e-9 < distance[-1] < 67 * 2.0**-24 * 100
+
+
+def test_halves_of_one_motion_have_no_distance_and_a_panel_without_a_curve(scene):
+    words = ["record", scene(), "--beside", "threads=1", "--still", "a.png", "--inspect", "a.csv", "--backend", "cpu", *FILM]
+    assert main(words) == 0
+    assert not table("a.csv")["rms_distance"].any(), "bit for bit the same, also between two steps"
+
+
+def test_halves_of_different_particles_have_no_panel_and_no_table(scene, capsys):
+    words = ["record", scene(), "--beside", "particles=[{body: {mass: 1, position: [0, 0, 0]}}]", "--beside", "forces=[]"]
+    assert main([*words, "--still", "a.png", "--size", "128x96", "--fps", "4", "--duration", "1"]) == 0
+    assert "note: 2 particles on the left and 1 on the right have no distance to be plotted" in capsys.readouterr().err
+    assert main([*words, "--still", "a.png", "--inspect", "a.csv", *FILM]) == 2
+    assert capsys.readouterr().err == "--inspect a.csv: 2 particles on the left and 1 on the right have no distance to write\n"
+
+
+# --- captions ---------------------------------------------------------------------------------------------------------------
+
+
+def test_captions_say_what_either_half_has(scene):
+    left = load_scene(scene(forces=[{"newtonian_gravity": {}}, {"linear_drag": {"coefficient": 0.1}}], constants={"k": 2}))
+    said = ["integrator=rk4", "dt=0.1", "forces.linear_drag.coefficient=0.2", "constants.k=3", "backend=vulkan"]
+    right = beside(left, said, "kepler.yaml", [])
+    assert right.device == {"backend": "vulkan"} and right.scene.integrator.parameters["dt"] == 0.1
+    assert right.captions(left, {"backend": "cpu"}, {"backend": "vulkan"}) == (
+        ["leapfrog, dt 0.03", "forces.linear_drag.coefficient 0.1", "constants.k 2", "backend cpu"],
+        ["rk4, dt 0.1", "forces.linear_drag.coefficient 0.2", "constants.k 3", "backend vulkan"],
+    )
+    right = beside(left, ["forces=[]", "+springs=[{link: {between: [0, 1], stiffness: 1}}]"], "kepler.yaml", [])
+    lines = right.captions(left, {}, {})
+    assert lines == (["forces newtonian_gravity, linear_drag", "springs none"], ["forces none", "springs link"])
+    assert shortened("springs none", lambda text: len(text) <= 8) == "springs…"
+
+
+# --- errors -----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("setting", "code", "message"),
+    [
+        ("integrator=rk5", 2, "--beside integrator=rk5: integrator.rk5: unknown integrator 'rk5', did you mean 'rk4'?"),
+        ("dt=fast", 2, "--beside dt=fast: integrator.leapfrog.dt: unknown name 'fast'"),
+        ("speed", 2, "--beside speed: must be path=value, as in integrator=rk4"),
+        ("view.trails=3", 2, "--beside view.trails=3: both halves have the same view: set it with --set"),
+        ("backend=opencl", 2, "--beside backend=opencl: 'opencl' is none of auto, cpu, cuda, vulkan, metal"),
+        ("threads=0", 2, "--beside threads=0: must be a whole number from 1 on"),
+        ("backend=metal", 3, "the right half (backend=metal): backend metal does not start here"),
+    ],
+)
+def test_what_the_right_half_cannot_be_is_one_line(scene, capsys, setting, code, message):
+    if setting == "backend=metal" and sys.platform == "darwin":
+        pytest.skip("it starts there")
+    assert main(["record", scene(), "--beside", setting, "--still", "a.png", *FILM]) == code
+    said = capsys.readouterr().err
+    assert said.startswith(message) and said.count("\n") == 1 and not Path("a.png").exists()
+
+
+def test_a_page_of_two_runs_is_refused(scene, capsys):
+    assert main(["record", scene(), "--beside", "dt=0.01", "--html", "a.html", *FILM]) == 2
+    assert "--html a.html holds one run" in capsys.readouterr().err
+
+
+def test_a_right_half_that_blows_up_leaves_the_film_until_then_and_one_line(tmp_path, monkeypatch, capsys):
+    """ω dt = 4: each step of leapfrog multiplies the displacement by 14, and f32 ends at 3e38, after 34 steps."""
+    monkeypatch.chdir(tmp_path)
+    content = {
+        "particles": [
+            {"body": {"mass": 1, "position": [0, 0, 0], "free": False}},
+            {"body": {"mass": 1, "position": [1, 0, 0], "displacement": [0.1, 0, 0]}},
+        ],
+        "springs": [{"link": {"between": [0, 1], "stiffness": 4}}],
+        "integrator": {"leapfrog": {"dt": 0.02}},
+        "run": {"duration": 140},
+    }
+    Path("spring.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    words = ["record", "spring.yaml", "--beside", "dt=2", "--beside", "precision=f32", "--force", "--video", "a.mp4"]
+    assert main([*words, "--inspect", "a.csv", "--backend", "cpu", *FILM]) == 4
+    said = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("warning: ")]
+    assert len(said) == 1 and said[0].startswith("error: the right half (dt=2, precision=f32): "), said
+    count = len(table("a.csv")["time"])
+    assert 2 <= count <= FRAMES // 2 + 1, "34 of 70 steps"
+    assert len(decode(Path("a.mp4"), SIZE)) == count
+
+
+def children(process):
+    """Numbers of a process's own children."""
+    return [int(number) for number in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()]
+
+
+def is_right_half(number):
+    """Whether a process is the worker of a film of two."""
+    try:
+        return "mpp_taichi.beside.worker" in Path(f"/proc/{number}/cmdline").read_text()
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="children are looked up in /proc")
+@pytest.mark.parametrize("end", ["interrupt", "death of the right half"])
+def test_both_halves_end_together(scene, end):
+    name = scene(run={"duration": 1e5})
+    command = [
+        sys.executable,
+        "-m",
+        "mpp_taichi",
+        "record",
+        name,
+        "--beside",
+        "dt=0.02",
+        "--frames",
+        "film",
+        "--backend",
+        "cpu",
+    ]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(
+        [*command, "--size", "64x48", "--duration", "1000"], stderr=subprocess.PIPE, text=True, env=environment
+    )
+    deadline = time.monotonic() + 60
+    while not list(Path("film").glob("*.png")) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    (right,) = [number for number in children(process) if is_right_half(number)]
+    os.kill(*((process.pid, signal.SIGINT) if end == "interrupt" else (right, signal.SIGKILL)))
+    _, said = process.communicate(timeout=60)
+    assert "Traceback" not in said
+    if end == "interrupt":
+        assert process.returncode == 130 and Path("out/kepler.interrupted.npz").exists()
+    else:
+        assert process.returncode == 1
+        assert "error: the right half (dt=0.02): its process ended with status -9" in said
+    assert not is_right_half(right)
+    Image.open("film/frame_000000.png").load()
+
+
+def test_what_is_cut_off_in_a_pipe_is_no_message():
+    stream = io.BytesIO()
+    given = {"a": np.arange(6.0).reshape(2, 3), "none": np.zeros((0, 3)), "flags": np.array([True, False])}
+    send(stream, {"kind": "moment", "time": 0.1}, given)
+    whole = stream.getvalue()
+    words, arrays = receive(io.BytesIO(whole))
+    assert words == {"kind": "moment", "time": 0.1} and arrays.keys() == given.keys()
+    assert all(np.array_equal(arrays[name], given[name]) and arrays[name].dtype == given[name].dtype for name in given)
+    for length in (0, 5, len(whole) - 1):
+        assert receive(io.BytesIO(whole[:length])) is None
+    assert receive(io.BytesIO(b"Taichi says hello\n")) is None
