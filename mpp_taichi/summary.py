@@ -307,11 +307,9 @@ def _beside(found: Mapping[str, Any]) -> str:
     right = found.get("beside")
     if right is None:
         return ""
-    method = (
-        f"{', '.join(right['settings'])}: {right['integrator']}, dt {right['dt']:.6g}, {right['backend']} {right['precision']}"
-    )
+    method = f"{right['integrator']}, dt {right['dt']:.6g}, {right['backend']} {right['precision']}"
     apart = "" if right["rms_distance"] is None else f"; at the end {right['rms_distance']:.3g} apart (rms)"
-    return method + apart
+    return f"{', '.join(right['settings'])}: {method}{apart}"
 
 
 def _times(found: Mapping[str, Any]) -> str:

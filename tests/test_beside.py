@@ -25,7 +25,7 @@ from mpp_taichi.scene.load import load_scene
 from scenes import kepler
 
 ROOT = Path(__file__).parents[1]
-DT, DURATION, FRAMES, SIZE = 0.03, 2.0, 8, (128, 96)
+DT, DURATION, FRAMES, SIZE = 0.03, 2.0, 8, (130, 96)
 FILM = ["--size", f"{SIZE[0]}x{SIZE[1]}", "--fps", "4", "--duration", "2", "--quiet"]
 VIEW = {"camera": {"position": [0, 0, 3], "look_at": [0, 0, 0], "up": [0, 1, 0]}, "caption": False, "radius_scale": 10}
 
@@ -50,13 +50,14 @@ def table(path):
     return {name: np.array([float(row[number]) for row in rows]) for number, name in enumerate(header)}
 
 
-def places(until, **changes):
-    """Positions at the end of a plain run until a time, (particle_count, 3)."""
-    content = {**kepler(dt=DT), **changes}
-    with mpp.Simulation(content, backend="cpu", precision="f64") as simulation:
-        if until > 0.0:
-            simulation.run(until=until)
-        return simulation.snapshot().position
+def places(*times, **changes):
+    """Positions at the ends of plain runs until these times, each from the start, (times, particle_count, 3)."""
+    found = []
+    with mpp.Simulation({**kepler(dt=DT), **changes}, backend="cpu", precision="f64") as simulation:
+        for until in times:
+            simulation.restart()
+            found.append(simulation.run(until=until).snapshot().position)
+    return np.array(found)
 
 
 # --- what is filmed ---------------------------------------------------------------------------------------------------------
@@ -73,24 +74,22 @@ def test_a_film_of_two_methods_and_their_distance_is_that_of_two_plain_runs(scen
     assert list(distance) == ["time", "rms_distance"]
     times = distance["time"]
     np.testing.assert_allclose(times, DURATION * np.arange(FRAMES) / (FRAMES - 1), rtol=1e-15)
-    other = {"integrator": {"rk4": {"dt": 0.05}}}
-    expected = [np.sqrt(np.sum((places(t) - places(t, **other)) ** 2) / 2) for t in times]
+    plain = places(*times)
+    apart = plain - places(*times, integrator={"rk4": {"dt": 0.05}})
+    expected = np.sqrt(np.sum(apart**2, axis=(1, 2)) / 2)
     # The last, shorter step to a time is as long up to the rounding of the time, which moves a planet by some 1e-16.
     np.testing.assert_allclose(distance["rms_distance"], expected, atol=1e-14)
     assert expected[0] == 0.0 and expected[-1] > 1e-4, "they do go apart"
     assert right["rms_distance"] == distance["rms_distance"][-1]
-    assert np.array_equal(mpp.Snapshot.load("end.npz").position, places(DURATION)), "the film changes no bit of a run"
+    assert np.array_equal(mpp.Snapshot.load("end.npz").position, plain[-1]), "the film changes no bit of a run"
 
     frames = decode(Path("film.mp4"), SIZE).astype(int)
     assert len(frames) == FRAMES and Image.open("d.png").size == (960, 480)
     rows = 40  # of the halves alone
     left, right_half = frames[:, :rows, : SIZE[0] // 2 - 1], frames[:, :rows, SIZE[0] // 2 + 1 :]
-    assert left[0].max() > 100 and np.abs(left - right_half).max() < 40, (
-        "the same camera at the same times: no pixel's difference"
-    )
+    # H.264 keeps colours of four pixels together, and both halves begin at an even column: what is left is its quantisation.
+    assert left[0].max() > 200 and np.abs(left - right_half).max() < 80, "the same camera at the same times"
     assert np.abs(left[-1] - left[0]).max() > 100, "and they move"
-    changed = (np.abs(frames[-1] - frames[1]).max(axis=2) > 60)[64:]
-    assert changed.sum() > 20, "the curve grows below"
 
 
 def test_the_right_half_shows_the_other_setting_and_each_has_its_caption(scene):
@@ -99,16 +98,19 @@ def test_the_right_half_shows_the_other_setting_and_each_has_its_caption(scene):
     assert main([*words, "--size", "640x360"]) == 0
     picture = np.asarray(Image.open("two.png")).astype(int)
     assert np.array_equal(picture, np.asarray(Image.open(f"film/frame_{FRAMES - 1:06d}.png")))
+    earlier = np.asarray(Image.open("film/frame_000002.png")).astype(int)
+    assert (np.abs(picture - earlier).max(axis=2) > 60)[240:].sum() > 100, "the curve grows below"
     # The camera is 3 above the plane with a field of 45°; the height of the halves is what the panel and a caption leave.
     letters, panel = 10, round(0.35 * 360)
     rows = 360 - panel - round(letters * 2.0)
     factor = max(1.0, (640 / 360) / (319 / rows))  # the camera takes in what it would in the whole picture
     pixel = 2 * 3 * factor * np.tan(np.radians(22.5)) / rows
-    start, straight = places(0.0), places(0.5, forces=[])
+    start, end = places(0.0, 0.5)
+    straight = places(0.5, forces=[])[0]
     np.testing.assert_allclose(straight[1] - start[1], [0, 0.5 * (1.3 / 0.7) ** 0.5 / 1.001, 0], rtol=1e-12)
-    for left, end in ((0, places(0.5)), (321, straight)):
+    for left, place in ((0, end), (321, straight)):
         half = picture[:rows, left : left + 319].max(axis=2)
-        middle = np.array([319 / 2 + end[1][0] / pixel, rows / 2 - end[1][1] / pixel])
+        middle = np.array([319 / 2 + place[1][0] / pixel, rows / 2 - place[1][1] / pixel])
         beside = half[round(middle[1]) - 3 : round(middle[1]) + 3, round(middle[0]) - 3 : round(middle[0]) + 3]
         assert beside.max() > 100, "the planet is where its own run is"
         caption = picture[rows : rows + 20, left : left + 319].min(axis=2) > 150
@@ -139,21 +141,8 @@ def test_moments_of_springs_merging_spheres_and_a_box_that_repeats_go_through_th
 def test_another_device_is_another_process_that_says_what_it_is(scene, capsys, setting, request):
     if setting == "backend=vulkan":
         request.getfixturevalue("software_vulkan")
-    words = [
-        "record",
-        scene(),
-        "--beside",
-        setting,
-        "--still",
-        "a.png",
-        "--inspect",
-        "a.csv",
-        "--json",
-        "--backend",
-        "cpu",
-        *FILM,
-    ]
-    assert main(words) == 0
+    words = ["record", scene(), "--beside", setting, "--still", "a.png", "--inspect", "a.csv", "--backend", "cpu"]
+    assert main([*words, "--json", *FILM]) == 0
     right = json.loads(capsys.readouterr().out)["beside"]
     assert (right["backend"], right["precision"]) == (("vulkan" if "vulkan" in setting else "cpu"), "f32")
     distance = table("a.csv")["rms_distance"]
@@ -260,19 +249,7 @@ def is_right_half(number):
 @pytest.mark.parametrize("end", ["interrupt", "death of the right half"])
 def test_both_halves_end_together(scene, end):
     name = scene(run={"duration": 1e5})
-    command = [
-        sys.executable,
-        "-m",
-        "mpp_taichi",
-        "record",
-        name,
-        "--beside",
-        "dt=0.02",
-        "--frames",
-        "film",
-        "--backend",
-        "cpu",
-    ]
+    command = [sys.executable, "-m", "mpp_taichi", "record", name, "--beside", "dt=0.02", "--frames", "film"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     process = subprocess.Popen(
         [*command, "--size", "64x48", "--duration", "1000"], stderr=subprocess.PIPE, text=True, env=environment

@@ -38,11 +38,9 @@ class Other(Protocol):
 class BesideFilm(ExactFilm):
     """The film of one run with another beside it, which is at the same times."""
 
-    def __init__(
-        self, view: "TwoHalves | None", *arguments: Any, other: Other, difference: Difference | None, **more: Any
-    ) -> None:
+    def __init__(self, view: "TwoHalves | None", *given: Any, other: Other, difference: Difference | None, **more: Any) -> None:
         """As a film; `difference` is told of every pair of moments."""
-        super().__init__(view, *arguments, **more)
+        super().__init__(view, *given, **more)
         self._halves, self._other, self._difference = view, other, difference
 
     def _show(self, snapshot: Snapshot) -> None:

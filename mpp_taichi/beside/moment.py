@@ -4,7 +4,7 @@ Most arrays of a frame (masses, colours, springs) never change; only what differ
 """
 
 from dataclasses import dataclass, fields
-from typing import BinaryIO
+from typing import IO, Any
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class Moment:
 class MomentSender:
     """Writes moments into a stream."""
 
-    def __init__(self, stream: BinaryIO) -> None:
+    def __init__(self, stream: IO[bytes]) -> None:
         """Nothing was sent yet."""
         self._stream = stream
         self._sent: dict[str, np.ndarray] = {}
@@ -44,13 +44,8 @@ class MomentSender:
         arrays |= {PLACE: snapshot.position, PRESENT: snapshot.present}
         changed = {name: array for name, array in arrays.items() if not _equal(self._sent.get(name), array)}
         self._sent |= changed
-        words = {
-            "kind": "moment",
-            "time": frame.time,
-            "center": frame.center,
-            "gone": sorted(self._sent.keys() - arrays.keys()),
-        }
-        send(self._stream, words, changed)
+        gone = sorted(self._sent.keys() - arrays.keys())
+        send(self._stream, {"kind": "moment", "time": frame.time, "center": frame.center, "gone": gone}, changed)
 
 
 class MomentReceiver:
@@ -63,7 +58,9 @@ class MomentReceiver:
     def moment(self, words: dict, arrays: dict[str, np.ndarray]) -> Moment:
         """The moment of a message."""
         self._known |= arrays
-        given = {name: array for name, array in self._known.items() if name in _ARRAYS and name not in words["gone"]}
+        given: dict[str, Any] = {
+            name: array for name, array in self._known.items() if name in _ARRAYS and name not in words["gone"]
+        }
         center = words["center"]
         frame = Frame(**given, time=words["time"], center=None if center is None else tuple(center))
         return Moment(frame, self._known[PLACE], self._known[PRESENT])

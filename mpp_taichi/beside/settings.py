@@ -26,6 +26,7 @@ DEVICE_SETTINGS: dict[str, tuple[str, ...]] = {
 }
 SHARED = ("title", "dimensions", "units", "run", "view", "record", "inspect", "expect", "modes", "sliders", "accuracy")
 """Keys of a scene that both halves have in common: how long, how seen, how measured."""
+Captions = tuple[list[str], list[str]]
 LONGEST_VALUE = 60  # letters in a caption
 _WORD = re.compile(r"[a-z]\w*", re.ASCII)
 
@@ -49,14 +50,12 @@ class Beside:
     scene: SceneSpec
     device: dict[str, Any]
 
-    def captions(
-        self, left: SceneSpec, left_device: dict[str, Any], right_device: dict[str, Any]
-    ) -> tuple[list[str], list[str]]:
+    def captions(self, left: SceneSpec, left_device: dict[str, Any], right_device: dict[str, Any]) -> Captions:
         """The lines below either half: each value that was set, as it is there.
 
         A device is told by its `backend`, `precision`, `plan` and `threads`, as they really are.
         """
-        lines: tuple[list[str], list[str]] = ([], [])
+        lines: Captions = ([], [])
         for text in self.said:
             key, _, value = text.partition("=")
             key = key.strip().removeprefix("+")

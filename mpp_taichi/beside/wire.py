@@ -5,14 +5,14 @@ A message is a line of JSON, which lists the arrays, and then their bytes.
 
 import json
 from collections.abc import Mapping
-from typing import Any, BinaryIO
+from typing import IO, Any
 
 import numpy as np
 
 Message = tuple[dict[str, Any], dict[str, np.ndarray]]
 
 
-def send(stream: BinaryIO, words: Mapping[str, Any], arrays: Mapping[str, np.ndarray] | None = None) -> None:
+def send(stream: IO[bytes], words: Mapping[str, Any], arrays: Mapping[str, np.ndarray] | None = None) -> None:
     """Write a message; `words` are what JSON knows."""
     given = {name: np.ascontiguousarray(array) for name, array in (arrays or {}).items()}
     heads = [[name, array.dtype.str, array.shape] for name, array in given.items()]
@@ -22,7 +22,7 @@ def send(stream: BinaryIO, words: Mapping[str, Any], arrays: Mapping[str, np.nda
     stream.flush()
 
 
-def receive(stream: BinaryIO) -> Message | None:
+def receive(stream: IO[bytes]) -> Message | None:
     """Read a message; None where the other end is closed, be it in the middle of one, or says something else."""
     try:
         head = json.loads(stream.readline())

@@ -1,7 +1,8 @@
 """Worker: the run of the right half; its moments go to standard output.
 
 Run as `python -m mpp_taichi.beside.worker`, with an order in JSON on standard input: `scene`, `source`, `folder`, `options`,
-`span` and `count`. It answers with `ready`, `count` times `moment`, and `end`, or with `failed`; `warning` may come at any time.
+`span` and `count`. It answers with `ready`, `count` times `moment`, and `end`, or with `failed`; a `warning` may come at any
+time.
 """
 
 import json
@@ -10,7 +11,7 @@ import os
 import sys
 from contextlib import nullcontext
 from dataclasses import replace
-from typing import Any, BinaryIO
+from typing import IO, Any
 
 from mpp_taichi.backends import import_taichi
 from mpp_taichi.beside.film import ExactFilm
@@ -40,7 +41,7 @@ class SentFilm(ExactFilm):
 class WarningSender(logging.Handler):
     """The program's warnings, for the parent to say."""
 
-    def __init__(self, stream: BinaryIO) -> None:
+    def __init__(self, stream: IO[bytes]) -> None:
         """From now on."""
         super().__init__(logging.WARNING)
         self._stream = stream
@@ -50,7 +51,7 @@ class WarningSender(logging.Handler):
         send(self._stream, {"kind": "warning", "text": record.getMessage()})
 
 
-def follow(order: dict[str, Any], stream: BinaryIO) -> None:
+def follow(order: dict[str, Any], stream: IO[bytes]) -> None:
     """Run as ordered."""
     import_taichi()  # quietly, before anything else imports it
     from mpp_taichi.simulation import Simulation
