@@ -173,12 +173,12 @@ def test_captions_say_what_either_half_has(scene):
     right = beside(left, said, "kepler.yaml", [])
     assert right.device == {"backend": "vulkan"} and right.scene.integrator.parameters["dt"] == 0.1
     assert right.captions(left, {"backend": "cpu"}, {"backend": "vulkan"}) == (
-        ["leapfrog, dt 0.03", "forces.linear_drag.coefficient 0.1", "constants.k 2", "backend cpu"],
-        ["rk4, dt 0.1", "forces.linear_drag.coefficient 0.2", "constants.k 3", "backend vulkan"],
+        ["leapfrog, dt 0.03", "forces.linear_drag.coefficient: 0.1", "constants.k: 2", "backend: cpu"],
+        ["rk4, dt 0.1", "forces.linear_drag.coefficient: 0.2", "constants.k: 3", "backend: vulkan"],
     )
     right = beside(left, ["forces=[]", "+springs=[{link: {between: [0, 1], stiffness: 1}}]"], "kepler.yaml", [])
     lines = right.captions(left, {}, {})
-    assert lines == (["forces newtonian_gravity, linear_drag", "springs none"], ["forces none", "springs link"])
+    assert lines == (["forces: newtonian_gravity, linear_drag", "springs: none"], ["forces: none", "springs: link"])
     assert shortened("springs none", lambda text: len(text) <= 8) == "springs…"
 
 

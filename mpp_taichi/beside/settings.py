@@ -60,7 +60,7 @@ class Beside:
             key, _, value = text.partition("=")
             key = key.strip().removeprefix("+")
             for found, spec, device in zip(lines, (left, self.scene), (left_device, right_device)):
-                line = f"{key} {device[key]}" if key in DEVICE_SETTINGS else _told(key, spec)
+                line = f"{key}: {device[key]}" if key in DEVICE_SETTINGS else _told(key, spec)
                 if line not in found:
                     found.append(line)
         return lines
@@ -126,7 +126,7 @@ def _told(key: str, spec: SceneSpec) -> str:
     value = spec.resolved
     for step in overrides.steps(key):
         value = _entry(value, step)
-    return f"{key} {_short(value)}"
+    return f"{key}: {_short(value)}"
 
 
 def _entry(value: Any, step: Any) -> Any:
