@@ -76,6 +76,11 @@ class Request:
         """Frames of the film."""
         return round((self.fps or spec.record.fps) * (self.film_seconds or spec.record.seconds))
 
+    def for_another_scene(self) -> "Request":
+        """What holds of it for a scene that was opened in its window: how it runs, and no file that it asks for."""
+        kept = ("backend", "precision", "plan", "threads", "quiet", "allow_inaccurate", "energy_balance", "window", "force")
+        return Request(**{name: getattr(self, name) for name in kept})
+
     def check(self) -> None:
         """Refuse what cannot be written, before anything is computed.
 

@@ -14,9 +14,10 @@ from mpp_taichi.cli._desk import save_log
 from mpp_taichi.cli._options import output_stem
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
+from mpp_taichi.cli._start import start, start_another
 from mpp_taichi.cli._step_check import check_steps
 from mpp_taichi.cli._terminal import UsageError, say
-from mpp_taichi.errors import MppError, OutputError, StabilityError, StateError
+from mpp_taichi.errors import MppError, OutputError, StabilityError
 from mpp_taichi.expectations import Verdict, Watcher
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
 from mpp_taichi.recorders._lock import OutputLock
@@ -39,6 +40,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.summary import Stopwatch, Timed, lines, summarize
 
 if TYPE_CHECKING:
+    from mpp_taichi.cli._interactive import Stage
     from mpp_taichi.simulation import Simulation
     from mpp_taichi.views._base import View
 
@@ -52,6 +54,8 @@ class Outcome:
     error: MppError | None = None
     verdicts: list[Verdict] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
+    next: "Stage | None" = None
+    """What another scene, opened in the window, goes on with."""
 
     def as_json(self) -> dict[str, Any]:
         """The one object of `--json`."""
@@ -66,8 +70,10 @@ class Outcome:
         return lines(self.summary, files=self.files, verdicts=self.verdicts)
 
 
-def run_scene(spec: SceneSpec, request: Request) -> Outcome:
+def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -> Outcome:
     """Run a checked scene as asked; ends in an Outcome, also when a limit was broken or a signal came.
+
+    `stage` is what a scene was left for in the window: the simulation stands already.
 
     Raises:
         MppError: it could not be started.
@@ -86,7 +92,7 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
         right = None
         if request.beside is not None:
             right = stack.enter_context(RightHalf(request.beside, spec, request, goal, interruption.raise_if_any))
-        simulation = stack.enter_context(_start(spec, request))
+        simulation = stack.enter_context(start(spec, request) if stage is None else stage.simulation)
         if right is not None:
             right.begin(simulation)
         rewound = request.rewind.choose_step(simulation) if request.rewind is not None else ""
@@ -94,7 +100,9 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
             goal = request.rewind.goal(goal, simulation)
         steps = check_steps(simulation, goal, force=request.force)
         total = goal.step_count(spec) if request.rewind is None else steps
-        return _Run(spec, request, goal, simulation, stopwatch, total, rewound, right).go(interruption, sinks, trajectory)
+        run = _Run(spec, request, goal, simulation, stopwatch, total, rewound, right)
+        run.glass = None if stage is None else stage.glass
+        return run.go(interruption, sinks, trajectory)
 
 
 def _lock_outputs(request: Request, stack: ExitStack) -> None:
@@ -125,19 +133,6 @@ def _open_sinks(spec: SceneSpec, request: Request, stack: ExitStack) -> list[Any
     if request.html is not None:
         sinks.append(stack.enter_context(HtmlRecorder(request.html, size, fps)))
     return sinks
-
-
-def _start(spec: SceneSpec, request: Request) -> "Simulation":
-    from mpp_taichi.simulation import Simulation  # the first import of Taichi: the scene is known to be sound
-
-    options = {name: getattr(request, name) for name in ("backend", "precision", "plan", "threads", "force")}
-    options["event_log"] = request.events is not None
-    if request.rewind is None:
-        return Simulation(spec, **options)
-    try:
-        return Simulation(spec, **options, start=request.rewind.state)
-    except StateError as error:
-        raise StateError(f"--rewind {request.rewind.file}: it is of another scene: {error}") from None
 
 
 class _Run:
@@ -174,6 +169,8 @@ class _Run:
         self.events = EventLog([wall.label for wall in simulation.surfaces], self.every) if request.events is not None else None
         if request.energy_balance or any(each.quantity in BALANCE_QUANTITIES for each in self.watcher.expectations):
             simulation.keep_energy_balance()
+        self.glass: Any = None
+        self.next: Stage | None = None
         self.films: list[FilmRecorder] = []
         self.files: list[str] = []
         self.error: MppError | None = None
@@ -226,7 +223,10 @@ class _Run:
         if self.request.window:
             from mpp_taichi.cli._interactive import show
 
-            show(self.simulation, self.spec, self.goal, recorders, interruption, self._caption, self.inspection)
+            looks = (self.simulation, self.spec, self.goal, recorders, interruption, self._caption, self.inspection)
+            self.next = show(
+                *looks, start=partial(start_another, device=self.simulation.device, request=self.request), glass=self.glass
+            )
         elif self.request.quiet:
             self.simulation.run(until=self.goal.until, steps=self.goal.steps, recorders=recorders)
         else:
@@ -356,7 +356,7 @@ class _Run:
         summary["status"] = status
         if self.rewound:
             summary["rewound"] = self.rewound
-        return Outcome(summary, code, self.error, verdicts, self.files)
+        return Outcome(summary, code, self.error, verdicts, self.files, self.next)
 
     def _reached_the_end(self) -> bool:
         """Whether the run came to the end that the scene's expectations speak of."""
