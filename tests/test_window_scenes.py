@@ -1,12 +1,16 @@
 """Another scene in the same window: chosen from a list by keys or a click; one that cannot be run leaves the old one going."""
 
+import json
 import re
+from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 from test_window import CORNER, WINDOW, Session, changed, display
 
+from mpp_taichi import backends
+from mpp_taichi.cli._request import Request
+from mpp_taichi.cli.main import VERBS, main
 from mpp_taichi.views.scene_list import HEAD, LINE, MESSAGE_LINES, ROW, SceneList
 
 __all__ = ["display"]  # a fixture
@@ -146,11 +150,49 @@ def test_another_scene_opens_in_the_same_window_and_a_faulty_one_does_not(displa
         session.close()
 
 
+class LeavingWindow:
+    """Stands for a window that is left for another scene, two.yaml, and closed there."""
+
+    def __init__(self, spec, *, title="", dimensions=3, panels=None, desk=None, glass=None):
+        self.title, self.desk, self.glass, self.handed_on = title, desk, glass or object(), False
+        self.windows.append(self)
+
+    def run(self, simulation, *, steps_per_frame=1, paused=False):
+        simulation.advance(3)
+        if self.title == "One":
+            assert list(self.desk.scenes()) == ["a_faulty.yaml", "one.yaml", "two.yaml"] and self.desk.present == "one.yaml"
+            message = self.desk.open("a_faulty.yaml")
+            assert message.startswith("a_faulty.yaml:") and "unknown key 'radus'" in message
+            assert simulation.frame().time == 0.03, "it goes on"
+            assert self.desk.open("two.yaml") == ""
+            self.handed_on = True
+
+
+def test_each_scene_of_a_window_is_told_and_none_writes_into_the_files_of_another(tmp_path, monkeypatch, capsys):
+    backends.import_taichi()
+    from mpp_taichi.views import window
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(window, "Window", LeavingWindow)
+    monkeypatch.setattr(LeavingWindow, "windows", [], raising=False)
+    monkeypatch.setattr(VERBS["run"], "no_window", lambda: "")
+    faulty = scene("Faulty", RED)
+    faulty["particles"][0]["body"]["radus"] = 1
+    for name, content in {"a_faulty": faulty, "one": scene("One", GREEN), "two": scene("Two", RED)}.items():
+        Path(f"{name}.yaml").write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    Path("notes.txt").write_text("no scene", encoding="utf-8")
+    assert main(["run", "one.yaml", "--backend", "cpu", "--until", "50", "--snapshot", "one.npz", "--json"]) == 0
+    captured = capsys.readouterr()
+    found = json.loads(captured.out)
+    (before,) = found["scenes_before"]
+    assert (before["title"], before["steps"], before["files"]) == ("One", 3, ["one.npz"])
+    assert (found["title"], found["steps"], found["files"]) == ("Two", 3, [])
+    first, second = LeavingWindow.windows
+    assert second.glass is first.glass and not second.handed_on
+    assert captured.err.count("unknown key 'radus'") == 1, "the terminal is told as well"
+    assert not backends.is_alive(second.desk.open.__self__.simulation.device), "both have given their memory back"
+
+
 def test_what_is_asked_of_one_scene_is_not_asked_of_the_next():
-    from pathlib import Path
-
-    from mpp_taichi.cli._request import Request
-
     asked = Request(backend="cpu", window=True, until=3.0, log=Path("a.yaml"), diagnostics=Path("a.csv"), quiet=True)
     assert asked.for_another_scene() == Request(backend="cpu", window=True, quiet=True)
-    assert np.isfinite(asked.until)

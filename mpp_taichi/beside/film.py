@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from mpp_taichi.beside.difference import Difference
 from mpp_taichi.beside.moment import Moment
 from mpp_taichi.recorders.film import FilmRecorder
+from mpp_taichi.scene import timeline
 from mpp_taichi.snapshot import Snapshot
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ class ExactFilm(FilmRecorder):
     Positions x + v δ are near enough to be looked at, but are off by ½ a δ², beside which the difference of two methods would
     not be seen. The run goes on from its last whole step, and keeps every bit.
     """
+
+    same_time = timeline.SAME_TIME
 
     def _between(self, simulation: "Simulation", offset: float) -> Snapshot:
         before = simulation.bookmark()

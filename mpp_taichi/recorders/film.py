@@ -40,6 +40,8 @@ class FilmRecorder:
     The first frame is the start and the last one the end of the run, both exact. A single frame shows the start.
     """
 
+    same_time = SAME_TIME
+
     def __init__(
         self,
         view: View | None,
@@ -71,11 +73,11 @@ class FilmRecorder:
         if self.drawn_count >= self.frame_count:
             return 2**31
         ahead = (self._due_time() - simulation.time) / simulation.dt
-        if ahead <= SAME_TIME:
+        if ahead <= self.same_time:
             return 0
         if self._is_last():
-            return max(1, int(ahead + SAME_TIME))
-        return int(ahead + SAME_TIME)
+            return max(1, int(ahead + self.same_time))
+        return int(ahead + self.same_time)
 
     def record(self, simulation: "Simulation") -> None:
         """Draw every frame that lies before the next step."""
@@ -83,9 +85,9 @@ class FilmRecorder:
             snapshot = simulation.snapshot()
         while self.drawn_count < self.frame_count:
             offset = self._due_time() - simulation.time
-            exact = abs(offset) <= SAME_TIME * simulation.dt
+            exact = abs(offset) <= self.same_time * simulation.dt
             reach = min(simulation.dt, simulation.time_to_next_phase)
-            if not exact and (offset >= reach - simulation.dt * SAME_TIME or self._is_last()):
+            if not exact and (offset >= reach - simulation.dt * self.same_time or self._is_last()):
                 return
             self._show(snapshot if exact else self._between(simulation, offset))
 
