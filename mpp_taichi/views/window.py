@@ -173,6 +173,8 @@ class Window:
         for key in keys:
             if not self._scenes.press(key):
                 controls.press(key, shift=shift, camera=camera, frame=frame, aspect=self._aspect())
+            if controls.take("scenes"):  # at once: the next keys of the same frame are for the list
+                self._scenes.toggle()
         size = self._window.get_window_shape()
         sliders = [self._sliders.box(size, self._caption_bottom())] if self._sliders.shown else []
         controls.occupied = [*sliders, *([self._scenes.box(size)] if self._scenes.shown else [])]
@@ -201,8 +203,6 @@ class Window:
         if controls.take("print_camera"):
             sys.stderr.write(camera.as_yaml())
             self._say("camera printed")
-        if controls.take("scenes"):
-            self._scenes.toggle()
         status = "finished" if finished else "running" if controls.running else "paused"
         self._write(
             [*caption_lines(frame), f"{status}, {rate}   H: help", self._current_message()],
