@@ -211,6 +211,7 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         ("errors", _errors(found)),
         ("balance", _balance(found)),
         ("damping", _damping(found)),
+        ("beside", _beside(found)),
         ("time", _times(found)),
         *network_lines(found),
         *mode_lines(found),
@@ -301,9 +302,19 @@ def _damping(found: Mapping[str, Any]) -> str:
     return f"{told}, {each:.3g} or {share:.3g} of it per oscillation, {damping['oscillations']:.4g} of them"
 
 
+def _beside(found: Mapping[str, Any]) -> str:
+    """The right half of a film of two: its settings, and how far apart the two have come."""
+    right = found.get("beside")
+    if right is None:
+        return ""
+    method = f"{right['integrator']}, dt {right['dt']:.6g}, {right['backend']} {right['precision']}"
+    apart = "" if right["rms_distance"] is None else f"; at the end {right['rms_distance']:.3g} apart (rms)"
+    return f"{', '.join(right['settings'])}: {method}{apart}"
+
+
 def _times(found: Mapping[str, Any]) -> str:
     total = found["wall_seconds"]
-    names = ("setup", "compile", "step", "diagnostics", "capture", "encode")
+    names = ("setup", "compile", "step", "diagnostics", "beside", "capture", "encode")
     parts = [(name, found.get(f"{name}_seconds", 0.0)) for name in names]
     parts.append(("other", total - sum(seconds for _, seconds in parts)))
     told = ", ".join(f"{name} {seconds:.2f}" for name, seconds in parts if seconds >= 0.005)

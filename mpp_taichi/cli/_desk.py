@@ -1,10 +1,11 @@
 """The desk of a window on a run: its sliders, the way back, its checkpoints and its log."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli._options import output_stem
+from mpp_taichi.cli._terminal import explain_error
 from mpp_taichi.errors import MppError, OutputError
 from mpp_taichi.history import History
 from mpp_taichi.recorders.inspection import InspectionRecorder
@@ -21,19 +22,31 @@ if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
 
 
+SCENE_FILES = (".yaml", ".yml")
+
+
 class SessionDesk:
     """Acts on the simulation of a session, and tells the recorders that look on."""
 
-    def __init__(self, simulation: "Simulation", goal: "Goal", recorders: Sequence[Any]) -> None:
-        """Begin to keep the way back."""
+    def __init__(
+        self,
+        simulation: "Simulation",
+        goal: "Goal",
+        recorders: Sequence[Any],
+        start: "Callable[[Path], Simulation] | None" = None,
+    ) -> None:
+        """Begin to keep the way back; `start` makes the simulation of another scene, on the same device."""
         self.simulation, self.goal, self.recorders = simulation, goal, recorders
+        self._start = start
+        self._file = Path(simulation.scene.source)
+        self.opened: Simulation | None = None
         self.history = History(simulation)
         self._stem = output_stem(simulation.scene.source)
 
     def desk(self) -> Desk:
         """What the window is given."""
         knobs = [self._knob(slider) for slider in self.simulation.scene.sliders]
-        return Desk(knobs, self.move, self.back, self.save, self.log)
+        return Desk(knobs, self.move, self.back, self.save, self.log, self.scenes, self.open, self._file.name)
 
     def _knob(self, slider: SliderSpec) -> Knob:
         def read() -> float:
@@ -81,6 +94,22 @@ class SessionDesk:
         except OutputError as error:
             return str(error)
         return f"saved {path}"
+
+    def scenes(self) -> list[str]:
+        """The scene files beside the present one."""
+        if self._start is None or not self._file.is_file():
+            return []
+        return sorted(path.name for path in self._file.parent.iterdir() if path.suffix.lower() in SCENE_FILES)
+
+    def open(self, name: str) -> str:
+        """Make the scene of another file ready; where that fails the line says why, here and on the terminal."""
+        assert self._start is not None  # nothing was listed
+        try:
+            self.opened = self._start(self._file.with_name(name))
+        except MppError as error:
+            explain_error(error)
+            return str(error).splitlines()[0]
+        return ""
 
 
 def save_log(path: Path, simulation: "Simulation", goal: "Goal") -> None:

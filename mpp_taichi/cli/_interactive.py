@@ -1,6 +1,7 @@
 """A window on a run: how the simulation of a session is steered frame by frame."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,14 @@ STEPS_PER_FRAME_WITHOUT_END = 10
 EXPORTED = (".csv", ".svg")
 
 
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """What a scene hands on to the next one: a simulation of it, and GGUI's window."""
+
+    simulation: "Simulation"
+    glass: Any
+
+
 def show(
     simulation: "Simulation",
     spec: SceneSpec,
@@ -32,21 +41,28 @@ def show(
     interruption: "Interruption",
     caption: Callable[[], str],
     inspection: "InspectionRecorder | None" = None,
-) -> None:
-    """Open a window and run in it until it is closed; the scene's duration takes as long as its film would."""
+    *,
+    start: "Callable[[Path], Simulation] | None" = None,
+    glass: Any = None,
+) -> "Stage | None":
+    """Open a window, or take over that of another scene, and run in it until it is closed, or another scene is opened.
+
+    The scene's duration takes as long as its film would. `start` makes the simulation of another scene.
+    """
     from mpp_taichi.views.window import Window
     from mpp_taichi.views.window_panels import WindowPanels
 
     panels = None
     if inspection is not None:
         panels = WindowPanels(inspection.inspector.plots, spec.record, lambda: exported(inspection, output_stem(spec.source)))
-    desk = SessionDesk(simulation, goal, recorders)
-    window = Window(spec.view, title=spec.title, dimensions=spec.dimensions, panels=panels, desk=desk.desk())
+    desk = SessionDesk(simulation, goal, recorders, start)
+    window = Window(spec.view, title=spec.title, dimensions=spec.dimensions, panels=panels, desk=desk.desk(), glass=glass)
     total = goal.step_count(spec)
     frames = max(1, round(spec.record.seconds * WINDOW_FRAMES_PER_SECOND))
     steps = max(1, round(total / frames)) if total else STEPS_PER_FRAME_WITHOUT_END
     steered = _Steered(simulation, spec, goal, recorders, interruption, caption, inspection, desk.history)
     window.run(steered, steps_per_frame=steps)
+    return Stage(desk.opened, window.glass) if window.handed_on and desk.opened is not None else None
 
 
 def exported(inspection: "InspectionRecorder", stem: str) -> str:

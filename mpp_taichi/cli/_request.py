@@ -25,6 +25,7 @@ from mpp_taichi.scene.estimate import MOST_STEPS
 from mpp_taichi.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
+    from mpp_taichi.beside.settings import Beside
     from mpp_taichi.cli._rewind import Rewind
     from mpp_taichi.simulation import Simulation
 
@@ -64,11 +65,21 @@ class Request:
     window: bool = False
     force: bool = False
     rewind: "Rewind | None" = None
+    beside: "Beside | None" = None
 
     @property
     def films(self) -> bool:
         """Whether pictures are recorded."""
         return any(path is not None for path in (self.video, self.frames, self.still, self.html))
+
+    def frame_count(self, spec: SceneSpec) -> int:
+        """Frames of the film."""
+        return round((self.fps or spec.record.fps) * (self.film_seconds or spec.record.seconds))
+
+    def for_another_scene(self) -> "Request":
+        """What holds of it for a scene that was opened in its window: how it runs, and no file that it asks for."""
+        kept = ("backend", "precision", "plan", "threads", "quiet", "allow_inaccurate", "energy_balance", "window", "force")
+        return Request(**{name: getattr(self, name) for name in kept})
 
     def check(self) -> None:
         """Refuse what cannot be written, before anything is computed.

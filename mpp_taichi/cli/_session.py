@@ -8,13 +8,16 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mpp_taichi.beside.settings import BesideError
+from mpp_taichi.cli._beside import RightHalf
 from mpp_taichi.cli._desk import save_log
 from mpp_taichi.cli._options import output_stem
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
+from mpp_taichi.cli._start import start, start_another
 from mpp_taichi.cli._step_check import check_steps
 from mpp_taichi.cli._terminal import UsageError, say
-from mpp_taichi.errors import MppError, OutputError, StabilityError, StateError
+from mpp_taichi.errors import MppError, OutputError, StabilityError
 from mpp_taichi.expectations import Verdict, Watcher
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
 from mpp_taichi.recorders._lock import OutputLock
@@ -37,6 +40,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.summary import Stopwatch, Timed, lines, summarize
 
 if TYPE_CHECKING:
+    from mpp_taichi.cli._interactive import Stage
     from mpp_taichi.simulation import Simulation
     from mpp_taichi.views._base import View
 
@@ -50,6 +54,8 @@ class Outcome:
     error: MppError | None = None
     verdicts: list[Verdict] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
+    next: "Stage | None" = None
+    """What another scene, opened in the window, goes on with."""
 
     def as_json(self) -> dict[str, Any]:
         """The one object of `--json`."""
@@ -64,15 +70,17 @@ class Outcome:
         return lines(self.summary, files=self.files, verdicts=self.verdicts)
 
 
-def run_scene(spec: SceneSpec, request: Request) -> Outcome:
+def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -> Outcome:
     """Run a checked scene as asked; ends in an Outcome, also when a limit was broken or a signal came.
+
+    `stage` is what a scene was left for in the window: the simulation stands already.
 
     Raises:
         MppError: it could not be started.
     """
     stopwatch = Stopwatch()
     request.check()
-    if request.inspect and not spec.inspect:
+    if request.inspect and not spec.inspect and request.beside is None:
         raise UsageError(f"--inspect {request.inspect[0]}: {spec.source} has no inspect:, so there are no panels to write")
     goal = Goal.of(spec, request)
     goal.check(spec, may_be_endless=request.window)
@@ -81,13 +89,20 @@ def run_scene(spec: SceneSpec, request: Request) -> Outcome:
         _lock_outputs(request, stack)
         sinks = _open_sinks(spec, request, stack)
         trajectory = stack.enter_context(TrajectoryRecorder(request.trajectory)) if request.trajectory else None
-        simulation = stack.enter_context(_start(spec, request))
+        right = None
+        if request.beside is not None:
+            right = stack.enter_context(RightHalf(request.beside, spec, request, goal, interruption.raise_if_any))
+        simulation = stack.enter_context(start(spec, request) if stage is None else stage.simulation)
+        if right is not None:
+            right.begin(simulation)
         rewound = request.rewind.choose_step(simulation) if request.rewind is not None else ""
         if request.rewind is not None:
             goal = request.rewind.goal(goal, simulation)
         steps = check_steps(simulation, goal, force=request.force)
         total = goal.step_count(spec) if request.rewind is None else steps
-        return _Run(spec, request, goal, simulation, stopwatch, total, rewound).go(interruption, sinks, trajectory)
+        run = _Run(spec, request, goal, simulation, stopwatch, total, rewound, right)
+        run.glass = None if stage is None else stage.glass
+        return run.go(interruption, sinks, trajectory)
 
 
 def _lock_outputs(request: Request, stack: ExitStack) -> None:
@@ -120,19 +135,6 @@ def _open_sinks(spec: SceneSpec, request: Request, stack: ExitStack) -> list[Any
     return sinks
 
 
-def _start(spec: SceneSpec, request: Request) -> "Simulation":
-    from mpp_taichi.simulation import Simulation  # the first import of Taichi: the scene is known to be sound
-
-    options = {name: getattr(request, name) for name in ("backend", "precision", "plan", "threads", "force")}
-    options["event_log"] = request.events is not None
-    if request.rewind is None:
-        return Simulation(spec, **options)
-    try:
-        return Simulation(spec, **options, start=request.rewind.state)
-    except StateError as error:
-        raise StateError(f"--rewind {request.rewind.file}: it is of another scene: {error}") from None
-
-
 class _Run:
     """The middle part of a session, when everything stands: step, look, and close in good order."""
 
@@ -145,8 +147,10 @@ class _Run:
         stopwatch: Stopwatch,
         total_steps: int | None,
         rewound: str,
+        right: RightHalf | None = None,
     ) -> None:
         self.spec, self.request, self.goal, self.simulation, self.stopwatch = spec, request, goal, simulation, stopwatch
+        self.right = right
         self.total_steps, self.rewound = total_steps, rewound
         sparse = simulation.total_force.has_pairs and simulation.plan == "parallel"
         self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps, sparse=sparse)
@@ -165,6 +169,8 @@ class _Run:
         self.events = EventLog([wall.label for wall in simulation.surfaces], self.every) if request.events is not None else None
         if request.energy_balance or any(each.quantity in BALANCE_QUANTITIES for each in self.watcher.expectations):
             simulation.keep_energy_balance()
+        self.glass: Any = None
+        self.next: Stage | None = None
         self.films: list[FilmRecorder] = []
         self.files: list[str] = []
         self.error: MppError | None = None
@@ -198,13 +204,15 @@ class _Run:
         try:
             self._advance(recorders, progress, interruption)
             self._finish([*looks, *self.films])
+            if self.right is not None:
+                self.right.end()
         except Interrupted as signal:
             self.interrupted = signal
             self._finish([self.table, self.watchdog, *measured, *([trajectory] if trajectory else [])])
         except StabilityError as error:
             self.error = self.blow_up.explain(error, self.simulation)
             say(f"error: {self.error}")
-        except OutputError as error:
+        except (BesideError, OutputError) as error:
             self.error = error
             say(f"error: {error}")
         with self.stopwatch("encode"):
@@ -215,7 +223,10 @@ class _Run:
         if self.request.window:
             from mpp_taichi.cli._interactive import show
 
-            show(self.simulation, self.spec, self.goal, recorders, interruption, self._caption, self.inspection)
+            looks = (self.simulation, self.spec, self.goal, recorders, interruption, self._caption, self.inspection)
+            self.next = show(
+                *looks, start=partial(start_another, device=self.simulation.device, request=self.request), glass=self.glass
+            )
         elif self.request.quiet:
             self.simulation.run(until=self.goal.until, steps=self.goal.steps, recorders=recorders)
         else:
@@ -227,7 +238,7 @@ class _Run:
         spec, request, simulation = self.spec, self.request, self.simulation
         drawn = any(path is not None for path in (request.video, request.frames, request.still))
         shown = request.window or (drawn and spec.record.panels != "none")
-        if not spec.inspect or not (request.inspect or shown):
+        if not spec.inspect or self.right is not None or not (request.inspect or shown):
             return None
         from mpp_taichi.inspector import Inspector
 
@@ -250,25 +261,17 @@ class _Run:
 
     def _film(self, sinks: Sequence[Any]) -> FilmRecorder:
         request, record = self.request, self.spec.record
-        size, fps, seconds = request.size or record.size, request.fps or record.fps, request.film_seconds or record.seconds
+        size, count, span = request.size or record.size, request.frame_count(self.spec), self.goal.span(self.spec)
         pages = [sink for sink in sinks if isinstance(sink, HtmlRecorder)]
         pictures = [sink for sink in sinks if sink not in pages]
-        view = self._view(size) if pictures else None
-        count, span = round(fps * seconds), self.goal.span(self.spec)
         if count > 1 and self.goal.steps is None:
             self.simulation.look_at_multiples_of(span / (count - 1))
         for page in pages:
             page.begin(self.spec, self.simulation.start.name, self.table.rows, count)
-        return FilmRecorder(
-            view,
-            pictures,
-            count,
-            span,
-            pages=pages,
-            title=self.spec.title,
-            caption=self._caption,
-            stopwatch=self.stopwatch,
-        )
+        more: dict[str, Any] = {"title": self.spec.title, "caption": self._caption, "stopwatch": self.stopwatch}
+        if self.right is not None:
+            return self.right.film(size, pictures, count, **more)
+        return FilmRecorder(self._view(size) if pictures else None, pictures, count, span, pages=pages, **more)
 
     def _energy_error(self) -> float | None:
         rows = self.table.rows
@@ -301,6 +304,8 @@ class _Run:
             jobs.append((request.diagnostics, lambda: self.table.save(request.diagnostics)))
         if self.inspection is not None and self.inspection.inspector.samples.count:
             jobs += [(path, partial(self.inspection.save, path)) for path in request.inspect]
+        if self.right is not None and self.right.difference is not None and self.right.difference.last is not None:
+            jobs += [(path, partial(self.right.save, path)) for path in request.inspect]
         if self.modes is not None and request.modes is not None and self.modes.times:
             jobs.append((request.modes, lambda: self.modes.save(request.modes)))
         if self.speeds is not None and request.speeds is not None:
@@ -331,7 +336,7 @@ class _Run:
 
     def _outcome(self) -> Outcome:
         summary = summarize(self.simulation, self.table, self.stopwatch, plan_asked=self.request.plan)
-        summary |= self.network | (self.modes.summary() if self.modes else {})
+        summary |= self.network | (self.modes.summary() if self.modes else {}) | (self.right.summary() if self.right else {})
         verdicts: list[Verdict] = []
         if self._reached_the_end():
             verdicts = self.watcher.verdicts(summary, self.simulation.device.precision)
@@ -351,7 +356,7 @@ class _Run:
         summary["status"] = status
         if self.rewound:
             summary["rewound"] = self.rewound
-        return Outcome(summary, code, self.error, verdicts, self.files)
+        return Outcome(summary, code, self.error, verdicts, self.files, self.next)
 
     def _reached_the_end(self) -> bool:
         """Whether the run came to the end that the scene's expectations speak of."""

@@ -6,9 +6,14 @@ k / (frames - 1) of the run. Between two steps the positions shown are x + v d, 
 """
 
 import argparse
+from typing import TYPE_CHECKING
 
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._terminal import UsageError, output_reserved, put_json, say
+
+if TYPE_CHECKING:
+    from mpp_taichi.beside.settings import Beside
+    from mpp_taichi.scene.spec import SceneSpec
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,6 +29,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fps", type=_options.positive_number, metavar="N", help="frames a second; the scene's when absent")
     parser.add_argument(
         "--duration", type=_options.positive_number, metavar="T", help="length of the film in seconds; the scene's when absent"
+    )
+    parser.add_argument(
+        "--beside",
+        action="append",
+        default=[],
+        metavar="PATH=VALUE",
+        help="two halves: the scene, and on the right with this changed, as --set changes it; also integrator=NAME, dt=, "
+        "backend=, precision=, plan=, threads=; below, their distance; repeatable",
     )
     _options.add_length(parser)
     _options.add_device(parser)
@@ -66,11 +79,22 @@ def execute(arguments: argparse.Namespace) -> int:
     more = ("diagnostics", "inspect", "modes", "speeds", "events", "every", "quiet", "allow_inaccurate", "force")
     with output_reserved(arguments.json):
         spec, arguments.precision, choice = settled(spec, arguments)
+        beside = _right_half(spec, arguments, chosen=bool(choice)) if arguments.beside else None
         given = {name: getattr(arguments, name) for name in (*names, *more)}
-        outcome = run_scene(spec, Request(**given, film_seconds=arguments.duration))
+        outcome = run_scene(spec, Request(**given, film_seconds=arguments.duration, beside=beside))
         outcome.summary |= choice
     if not arguments.quiet:
         say("\n".join(outcome.lines()))
     if arguments.json:
         put_json(outcome.as_json())
     return outcome.exit_code
+
+
+def _right_half(spec: "SceneSpec", arguments: argparse.Namespace, *, chosen: bool) -> "Beside":
+    """The right half; where the scene's method was chosen, it begins with that one as well."""
+    from mpp_taichi.beside.settings import beside
+
+    if arguments.html is not None:
+        raise UsageError(f"record --beside: --html {arguments.html} holds one run; --video, --still and --frames show two")
+    source, overrides = (spec, []) if chosen else (arguments.scene, arguments.overrides)
+    return beside(spec, arguments.beside, source, overrides)

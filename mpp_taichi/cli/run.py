@@ -15,6 +15,7 @@ from mpp_taichi.cli._terminal import UsageError, output_reserved, put_json, say
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._request import Request
+    from mpp_taichi.cli._session import Outcome
     from mpp_taichi.scene.spec import SceneSpec
 
 
@@ -67,11 +68,18 @@ def execute(arguments: argparse.Namespace) -> int:
         request = request_of(arguments, spec)
         outcome = run_scene(spec, request)
         outcome.summary |= choice
+        earlier: list[Outcome] = []
+        while outcome.next is not None:  # another scene was opened in the window
+            earlier.append(outcome)
+            if not arguments.quiet:
+                say("\n".join(outcome.lines()))
+            outcome = run_scene(outcome.next.simulation.scene, request.for_another_scene(), outcome.next)
     if not arguments.quiet:
         say("\n".join(outcome.lines()))
     if arguments.json:
-        put_json(outcome.as_json())
-    return outcome.exit_code
+        before = {"scenes_before": [each.as_json() for each in earlier]} if earlier else {}
+        put_json(outcome.as_json() | before)
+    return next((each.exit_code for each in (*earlier, outcome) if each.exit_code), 0)
 
 
 def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":

@@ -40,6 +40,8 @@ class FilmRecorder:
     The first frame is the start and the last one the end of the run, both exact. A single frame shows the start.
     """
 
+    same_time = SAME_TIME
+
     def __init__(
         self,
         view: View | None,
@@ -71,11 +73,11 @@ class FilmRecorder:
         if self.drawn_count >= self.frame_count:
             return 2**31
         ahead = (self._due_time() - simulation.time) / simulation.dt
-        if ahead <= SAME_TIME:
+        if ahead <= self.same_time:
             return 0
         if self._is_last():
-            return max(1, int(ahead + SAME_TIME))
-        return int(ahead + SAME_TIME)
+            return max(1, int(ahead + self.same_time))
+        return int(ahead + self.same_time)
 
     def record(self, simulation: "Simulation") -> None:
         """Draw every frame that lies before the next step."""
@@ -83,22 +85,30 @@ class FilmRecorder:
             snapshot = simulation.snapshot()
         while self.drawn_count < self.frame_count:
             offset = self._due_time() - simulation.time
-            exact = abs(offset) <= SAME_TIME * simulation.dt
+            exact = abs(offset) <= self.same_time * simulation.dt
             reach = min(simulation.dt, simulation.time_to_next_phase)
-            if not exact and (offset >= reach - simulation.dt * SAME_TIME or self._is_last()):
+            if not exact and (offset >= reach - simulation.dt * self.same_time or self._is_last()):
                 return
-            moved = snapshot if exact else simulation.snapshot_ahead(offset)
-            self._draw(replace(self._frame(moved), time=self._due_time()))
+            self._show(snapshot if exact else self._between(simulation, offset))
 
     def finish(self, simulation: "Simulation") -> None:
         """Draw the last frame, which rounding of the time may have put a hair past the end."""
         if self.drawn_count == self.frame_count - 1 and self.drawn_count > 0:
             with self.stopwatch("capture"):
                 snapshot = simulation.snapshot()
-            self._draw(replace(self._frame(snapshot), time=self._due_time()))
+            self._show(snapshot)
+
+    def _between(self, simulation: "Simulation", offset: float) -> Snapshot:
+        """The particles an `offset` after the last step."""
+        return simulation.snapshot_ahead(offset)
+
+    def _show(self, snapshot: Snapshot) -> None:
+        """Draw what is due."""
+        self._draw(self._frame(snapshot))
 
     def _frame(self, snapshot: Snapshot) -> Frame:
-        return Frame.of(snapshot, title=self.title, extra=self.caption(), walls=self._walls)
+        frame = Frame.of(snapshot, title=self.title, extra=self.caption(), walls=self._walls)
+        return replace(frame, time=self._due_time())
 
     def _due_time(self) -> float:
         assert self._start is not None

@@ -1,6 +1,7 @@
 """Inspection: the quantities of a scene's panels along a run, and the files they are written to."""
 
 import csv
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -9,7 +10,7 @@ from PIL import Image
 
 from mpp_taichi.errors import OutputError
 from mpp_taichi.inspector import Inspector
-from mpp_taichi.plots import Histogram
+from mpp_taichi.plots import Histogram, Plot
 from mpp_taichi.plots.sheet import Sheet
 from mpp_taichi.plots.svg import draw_svg
 from mpp_taichi.plots.theme import LIGHT
@@ -71,24 +72,8 @@ class InspectionRecorder:
         self.record(simulation)
 
     def save(self, path: Path) -> None:
-        """Write the samples as the suffix says, by way of a temporary file.
-
-        Raises:
-            OutputError: the suffix is none of `FORMATS`, or the file cannot be written.
-        """
-        suffix = path.suffix.lower()
-        if suffix not in FORMATS:
-            raise OutputError(f"{path}: the format {suffix!r} of the panels is none of {', '.join(FORMATS)}")
-        plots = self.inspector.plots
-        with whole_file(path, "the panels") as temporary:
-            if suffix == ".csv":
-                with open(temporary, "w", encoding="utf-8", newline="") as stream:
-                    csv.writer(stream).writerows(self._lines())
-            elif suffix == ".svg":
-                temporary.write_text(draw_svg(plots, PANEL, LETTERS), encoding="utf-8")
-            else:
-                sheet = Sheet(plots, (PANEL[0], PANEL[1] * len(plots)), LETTERS, LIGHT, columns=1)
-                Image.fromarray(sheet.picture()).save(temporary, format="PNG")
+        """Write the samples as the suffix says; OutputError where that fails."""
+        save_panels(path, self.inspector.plots, self.columns())
 
     def columns(self) -> dict[str, np.ndarray]:
         """Every sampled quantity, (sample_count,) each; then of each histogram, as it is now, its bins and its theory there."""
@@ -103,9 +88,29 @@ class InspectionRecorder:
                 found[f"{word}theory"] = np.interp(middle, plot.curve, plot.theory)
         return found
 
-    def _lines(self) -> list[list[str]]:
-        """Header and rows, numbers in their shortest exact spelling; shorter columns end in empty places."""
-        found = self.columns()
-        rows = max((len(values) for values in found.values()), default=0)
-        texts = [[repr(float(value)) for value in values] for values in found.values()]
-        return [list(found), *([text[row] if row < len(text) else "" for text in texts] for row in range(rows))]
+
+def save_panels(path: Path, plots: Sequence[Plot], columns: Mapping[str, np.ndarray]) -> None:
+    """Write columns as a table, or the plots as a drawing, as the suffix says; by way of a temporary file.
+
+    Raises:
+        OutputError: the suffix is none of `FORMATS`, or the file cannot be written.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        raise OutputError(f"{path}: the format {suffix!r} of the panels is none of {', '.join(FORMATS)}")
+    with whole_file(path, "the panels") as temporary:
+        if suffix == ".csv":
+            with open(temporary, "w", encoding="utf-8", newline="") as stream:
+                csv.writer(stream).writerows(_lines(columns))
+        elif suffix == ".svg":
+            temporary.write_text(draw_svg(plots, PANEL, LETTERS), encoding="utf-8")
+        else:
+            sheet = Sheet(plots, (PANEL[0], PANEL[1] * len(plots)), LETTERS, LIGHT, columns=1)
+            Image.fromarray(sheet.picture()).save(temporary, format="PNG")
+
+
+def _lines(columns: Mapping[str, np.ndarray]) -> list[list[str]]:
+    """Header and rows, numbers in their shortest exact spelling; shorter columns end in empty places."""
+    rows = max((len(values) for values in columns.values()), default=0)
+    texts = [[repr(float(value)) for value in values] for values in columns.values()]
+    return [list(columns), *([text[row] if row < len(text) else "" for text in texts] for row in range(rows))]

@@ -25,6 +25,7 @@ HELP = (
     ("T", "trails on, off"),
     ("P", "panels on, off"),
     ("E", "panels to CSV and SVG"),
+    ("N", "another scene of the folder"),
     ("C", "picture to a file"),
     ("S", "state to a file"),
     ("L", "log to a file"),
@@ -43,7 +44,7 @@ Box = tuple[float, float, float, float]
 BUTTONS = {"LMB", "MMB", "RMB"}
 REQUESTS = {
     **{"c": "screenshot", "p": "panels", "e": "export", "k": "print_camera"},
-    **{"v": "sliders", "s": "save", "l": "log", "Tab": "follow"},
+    **{"v": "sliders", "s": "save", "l": "log", "Tab": "follow", "n": "scenes"},
 }
 
 
@@ -69,6 +70,7 @@ class Controls:
     save: bool = False
     log: bool = False
     follow: bool = False
+    scenes: bool = False
     single_steps: int = 0
     steps_back: int = 0
     faster: int = 0

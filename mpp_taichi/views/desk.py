@@ -14,6 +14,14 @@ def _nothing_saved() -> str:
     return "there is nothing to save"
 
 
+def _no_scenes() -> Sequence[str]:
+    return ()
+
+
+def _nothing_opened(name: str) -> str:
+    return "no other scene can be opened from here"
+
+
 def _nothing_moved(moved: Mapping[str, float]) -> str:
     return ""
 
@@ -26,6 +34,8 @@ class Desk:
     back   go back by a frame; False where there is none to go back to
     save   write the state to a file
     log    write what was done to a file
+    scenes the scenes that can be opened instead of this one, by name; `present` is this one
+    open   make another scene ready, for the window to be handed on to; the line says why it cannot be, if it cannot
     """
 
     knobs: Sequence[Knob] = ()
@@ -33,3 +43,6 @@ class Desk:
     back: Callable[[], bool] = _no_way_back
     save: Callable[[], str] = _nothing_saved
     log: Callable[[], str] = _nothing_saved
+    scenes: Callable[[], Sequence[str]] = _no_scenes
+    open: Callable[[str], str] = _nothing_opened
+    present: str = ""

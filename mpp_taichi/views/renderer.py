@@ -80,6 +80,10 @@ class Renderer(View):
         draw_legend(picture, self._appearance.legend(), self.spec.background)
         return picture
 
+    def see(self, frame: Frame) -> None:
+        """Let ranges of colours that the scene does not give take in a frame that is drawn later."""
+        self._appearance.dress(frame)
+
     def close(self) -> None:
         """Nothing is held on the device."""
 

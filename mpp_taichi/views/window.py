@@ -27,6 +27,7 @@ from mpp_taichi.views.legend import draw_legend, legend_lines
 from mpp_taichi.views.pace import Pace, Rate
 from mpp_taichi.views.picking import discs, pick
 from mpp_taichi.views.picture import save_picture
+from mpp_taichi.views.scene_list import SceneList
 from mpp_taichi.views.slider_panel import SliderPanel
 from mpp_taichi.views.window_mark import WindowMark
 from mpp_taichi.views.window_panels import WindowPanels
@@ -69,7 +70,10 @@ def _keep_folder_clean() -> None:
 
 
 class Window:
-    """Shows a simulation until the user closes it."""
+    """Shows a simulation until the user closes it, or opens another scene.
+
+    Then `handed_on` is true, and `glass`, GGUI's own window, stays open for the Window of that scene.
+    """
 
     def __init__(
         self,
@@ -80,23 +84,30 @@ class Window:
         dimensions: int = 3,
         panels: WindowPanels | None = None,
         desk: Desk | None = None,
+        glass: "ti.ui.Window | None" = None,
     ) -> None:
         """Open the window, with panels beside the scene and sliders where there are some; `ti.init` has been called.
+
+        With the `glass` of another Window it stays where and as large as that is, and under its name.
 
         Raises:
             BackendError: there is no display, or GGUI does not work on it.
         """
-        problem = probe(shown=True)
+        problem = "" if glass is not None else probe(shown=True)
         if problem:
             raise BackendError(f"cannot open a window: {problem}")
         self.spec, self.dimensions, self.title = spec, dimensions, title
         self._panels = panels or WindowPanels((), RecordSpec(), str)
-        _keep_folder_clean()
-        self._window = ti.ui.Window(title or "mpp_taichi", size, vsync=False, fps_limit=FRAMES_PER_SECOND)
+        if glass is None:
+            _keep_folder_clean()
+            glass = ti.ui.Window(title or "mpp_taichi", size, vsync=False, fps_limit=FRAMES_PER_SECOND)
+        self.glass = self._window = glass
+        self.handed_on = False
         self._scene = GguiScene(self._window, spec, dimensions=dimensions)
         self._trails = Trails(spec.trails or DEFAULT_TRAIL)
         self._desk = desk or Desk()
         self._sliders = SliderPanel(self._desk.knobs)
+        self._scenes = SceneList(self._desk.scenes, self._desk.present)
         self._picked = WindowMark()
         self._follower = Follower()
         self._message, self._message_end = "", 0.0
@@ -131,7 +142,8 @@ class Window:
                 self._follower.update(camera, frame)
                 self._show(frame, camera, controls, simulation.finished, f"{rate.count(steps):,.0f} steps/s{pace.text}")
         finally:
-            self._window.destroy()
+            if not self.handed_on:
+                self._window.destroy()
 
     def _go_back(self, simulation: Steerable, times: int) -> Frame:
         """Back by so many frames, or as many as are kept."""
@@ -159,9 +171,13 @@ class Window:
         held |= BUTTONS & set(keys)  # a click may come and go between two frames
         shift = "Shift" in held or "Shift" in keys  # a key may come and go between two frames
         for key in keys:
-            controls.press(key, shift=shift, camera=camera, frame=frame, aspect=self._aspect())
+            if not self._scenes.press(key):
+                controls.press(key, shift=shift, camera=camera, frame=frame, aspect=self._aspect())
+            if controls.take("scenes"):  # at once: the next keys of the same frame are for the list
+                self._scenes.toggle()
         size = self._window.get_window_shape()
-        controls.occupied = [self._sliders.box(size, self._caption_bottom())] if self._sliders.shown else []
+        sliders = [self._sliders.box(size, self._caption_bottom())] if self._sliders.shown else []
+        controls.occupied = [*sliders, *([self._scenes.box(size)] if self._scenes.shown else [])]
         with self._panels.aside(camera, self.spec.camera, size) as away:
             controls.move(self._window.get_cursor_pos(), held, camera=camera, seconds=seconds, aspect=size[0] / size[1])
             if (cursor := controls.take_click()) is not None:
@@ -188,11 +204,16 @@ class Window:
             sys.stderr.write(camera.as_yaml())
             self._say("camera printed")
         status = "finished" if finished else "running" if controls.running else "paused"
-        self._write([*caption_lines(frame), f"{status}, {rate}   H: help", self._current_message()], controls.help)
+        self._write(
+            [*caption_lines(frame), f"{status}, {rate}   H: help", self._current_message()],
+            controls.help and not self._scenes.shown,
+        )
         legend = legend_lines(self._scene.appearance.legend())
         self._picked.write(self._window, self._bare, 7 * LEGEND_COLUMNS + 40 if legend else 8)
         if self._sliders.shown:
             self._move_sliders()
+        if self._scenes.shown:
+            self._list_scenes(controls)
         self._window.show()
 
     def _draw(self, frame: Frame, camera: Camera, with_trails: bool) -> None:
@@ -253,6 +274,16 @@ class Window:
             moved = self._sliders.draw(panel)
         if moved and (message := self._desk.move(moved)):
             self._say(message)
+
+    def _list_scenes(self, controls: Controls) -> None:
+        """Draw the list of scenes, and leave for the one that was chosen, if it can be opened."""
+        size = self._window.get_window_shape()
+        rows = self._scenes.rows(size[1])  # part of what GGUI knows the panel by, as it never resizes one
+        with self._window.get_gui().sub_window(f"scenes###{rows}", *self._scenes.box(size)) as panel:
+            self._scenes.draw(panel, size[1])
+        if (name := self._scenes.take()) is not None:
+            self._scenes.message = self._desk.open(name)
+            self.handed_on = controls.quit = not self._scenes.message
 
     def _say(self, message: str) -> None:
         self._message, self._message_end = message, time.perf_counter() + MESSAGE_SECONDS

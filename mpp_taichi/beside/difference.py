@@ -1,0 +1,58 @@
+"""Difference: how far two runs of the same particles are apart, along the runs."""
+
+from pathlib import Path
+
+import numpy as np
+
+from mpp_taichi.plots import Curves, Samples
+from mpp_taichi.quantities._base import Setting
+from mpp_taichi.recorders.inspection import save_panels
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.snapshot import Snapshot
+
+LENGTH, TIME = (1, 0, 0), (0, 1, 0)
+COLUMNS = ("time", "rms_distance")
+
+
+def rms_distance(one: np.ndarray, other: np.ndarray) -> float:
+    """√(1/N Σ |xᵢ − yᵢ|²) of positions (N, 3) [length]; 0 where there are none."""
+    return float(np.sqrt(np.sum((one - other) ** 2) / max(1, len(one))))
+
+
+class Difference:
+    """The rms distance between the same particles of two runs, at every picture of their film.
+
+    What has merged into another in one of the runs is left out.
+    """
+
+    def __init__(self, spec: SceneSpec, start: Snapshot, span: tuple[float, float]) -> None:
+        """Nothing was compared yet; `span` are begin and end of the runs."""
+        self._setting = Setting(spec, start)
+        self._samples = Samples()
+        self._samples.open(len(COLUMNS))
+        self.plot = Curves(
+            title="Distance between the same particles",
+            x_label="time",
+            x_unit=self._setting.unit(TIME),
+            names=("root mean square of all",),
+            y_unit=self._setting.unit(LENGTH),
+            samples=self._samples,
+            x_column=0,
+            y_columns=(1,),
+            span=span,
+            logarithmic=True,
+        )
+
+    @property
+    def last(self) -> float | None:
+        """The latest value [length]."""
+        return float(self.plot.y(0)[-1]) if self._samples.count else None
+
+    def add(self, time: float, one: Snapshot, place: np.ndarray, present: np.ndarray) -> None:
+        """Compare with the places of the other run at the same time."""
+        both = one.present & present
+        self._samples.add(np.array([time, rms_distance(one.position[both], place[both])]))
+
+    def save(self, path: Path) -> None:
+        """Write the curve as the suffix says: `.csv`, `.svg` or `.png`; OutputError where that fails."""
+        save_panels(path, [self.plot], {name: self._samples.column(number) for number, name in enumerate(COLUMNS)})

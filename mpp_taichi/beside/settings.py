@@ -1,0 +1,156 @@
+"""Settings: what is different in the right half of a film, as `--beside` says it, and how either half is captioned.
+
+`--beside` takes what `--set` takes, and besides `integrator=rk4`, the method with the step of the left half, `dt=0.01`, and
+`backend=`, `precision=`, `plan=` and `threads=`, which are options on the left.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+from mpp_taichi import precision
+from mpp_taichi.availability import BACKENDS
+from mpp_taichi.errors import MppError, SceneError
+from mpp_taichi.scene import overrides
+from mpp_taichi.scene.load import load_scene
+from mpp_taichi.scene.spec import SceneSpec
+
+DEVICE_SETTINGS: dict[str, tuple[str, ...]] = {
+    "backend": ("auto", *BACKENDS),
+    "precision": precision.PRECISIONS,
+    "plan": ("auto", "serial", "parallel"),
+    "threads": (),
+}
+SHARED = ("title", "dimensions", "units", "run", "view", "record", "inspect", "expect", "modes", "sliders", "accuracy")
+"""Keys of a scene that both halves have in common: how long, how seen, how measured."""
+Captions = tuple[list[str], list[str]]
+LONGEST_VALUE = 60  # letters in a caption
+_WORD = re.compile(r"[a-z]\w*", re.ASCII)
+
+
+class BesideError(MppError):
+    """What `--beside` says makes no sense, or the right half of a film failed; `exit_code` is that of its own error."""
+
+    exit_code = 2
+
+    def __init__(self, text: str, exit_code: int = 2) -> None:
+        """Say so."""
+        super().__init__(text)
+        self.exit_code = exit_code
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """The right half: what was said of it, its scene, and the options of its device that differ from the left's."""
+
+    said: tuple[str, ...]
+    scene: SceneSpec
+    device: dict[str, Any]
+
+    def captions(self, left: SceneSpec, left_device: dict[str, Any], right_device: dict[str, Any]) -> Captions:
+        """The lines below either half: each value that was set, as it is there.
+
+        A device is told by its `backend`, `precision`, `plan` and `threads`, as they really are.
+        """
+        lines: Captions = ([], [])
+        for text in self.said:
+            key, _, value = text.partition("=")
+            key = key.strip().removeprefix("+")
+            for found, spec, device in zip(lines, (left, self.scene), (left_device, right_device)):
+                line = f"{key}: {device[key]}" if key in DEVICE_SETTINGS else _told(key, spec)
+                if line not in found:
+                    found.append(line)
+        return lines
+
+
+def beside(left: SceneSpec, said: Sequence[str], source: Any, given: Sequence[str]) -> Beside:
+    """The right half that `--beside` texts ask for; `source` with the overrides `given` is what the left was read from.
+
+    Raises:
+        SceneError, BesideError: it cannot be.
+    """
+    device: dict[str, Any] = {}
+    own: dict[str, str] = {}  # override → what was said
+    name = left.integrator.name
+    for text in said:
+        key, equals, value = (part.strip() for part in text.partition("="))
+        first = (overrides.steps(key.removeprefix("+")) or ("",))[0]
+        if not equals:
+            raise BesideError(f"--beside {text}: must be path=value, as in integrator=rk4")
+        if first in SHARED:
+            raise BesideError(f"--beside {text}: both halves have the same {first}: set it with --set")
+        if key in DEVICE_SETTINGS:
+            device[key] = _device_setting(text, key, value)
+            continue
+        if key == "integrator" and _WORD.fullmatch(value):
+            name = value
+            text_of_scene = f"integrator={{{name}: {{dt: {left.integrator.parameters['dt']!r}}}}}"
+        elif key == "dt":
+            text_of_scene = f"integrator.{name}.dt={value}"
+        else:
+            text_of_scene = text
+        own[text_of_scene] = text
+    try:
+        scene = load_scene(source, overrides=[*given, *own])
+    except SceneError as error:
+        raise SceneError(*(_as_said(fault, own) for fault in error.faults), excerpts=error.excerpts) from None
+    return Beside(tuple(said), scene, device)
+
+
+def _as_said(fault: str, own: dict[str, str]) -> str:
+    """A fault, placed at the option that it comes from."""
+    for override, text in own.items():
+        if fault.startswith(place := f"--set {override}:"):
+            return f"--beside {text}:{fault.removeprefix(place)}"
+    return fault
+
+
+def _device_setting(text: str, key: str, value: str) -> Any:
+    if key == "threads":
+        if not (value.isascii() and value.isdigit() and int(value) > 0):
+            raise BesideError(f"--beside {text}: must be a whole number from 1 on")
+        return int(value)
+    if value not in DEVICE_SETTINGS[key]:
+        raise BesideError(f"--beside {text}: {value!r} is none of {', '.join(DEVICE_SETTINGS[key])}")
+    return value
+
+
+def _told(key: str, spec: SceneSpec) -> str:
+    """What a scene has at a path, in a few words."""
+    if key == "dt" or key.partition(".")[0] == "integrator":
+        parameters = {name: value for name, value in spec.integrator.parameters.items() if value is not None}
+        return ", ".join([spec.integrator.name, *(f"{name} {_short(value)}" for name, value in parameters.items())])
+    value = spec.resolved
+    for step in overrides.steps(key):
+        value = _entry(value, step)
+    return f"{key}: {_short(value)}"
+
+
+def _entry(value: Any, step: Any) -> Any:
+    """What is below a key, an index, or the name of the one entry of a list that has it; None where nothing is."""
+    if isinstance(value, dict):
+        return value.get(str(step))
+    if not isinstance(value, list):
+        return None
+    if str(step).isdigit():
+        return value[int(step)] if int(step) < len(value) else None
+    named = [entry[step] for entry in value if isinstance(entry, dict) and step in entry]
+    return named[0] if named else None
+
+
+def _short(value: Any) -> str:
+    """A value as a caption has it: `none` where there is nothing."""
+    if value is None or value in ([], {}, ""):
+        return "none"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list) and all(isinstance(entry, dict) and len(entry) == 1 for entry in value):
+        text = ", ".join(next(iter(entry)) for entry in value)
+    elif isinstance(value, (dict, list)):
+        text = yaml.safe_dump(value, default_flow_style=True, width=10**6, sort_keys=False).strip()
+    else:
+        text = str(value)
+    return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 1] + "…"

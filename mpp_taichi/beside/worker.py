@@ -1,0 +1,91 @@
+"""Worker: the run of the right half; its moments go to standard output.
+
+Run as `python -m mpp_taichi.beside.worker`, with an order in JSON on standard input: `scene`, `source`, `folder`, `options`,
+`span` and `count`. It answers with `ready`, `count` times `moment`, and `end`, or with `failed`; a `warning` may come at any
+time.
+"""
+
+import json
+import logging
+import os
+import sys
+from contextlib import nullcontext
+from dataclasses import replace
+from typing import IO, Any
+
+from mpp_taichi.backends import import_taichi
+from mpp_taichi.beside.film import ExactFilm
+from mpp_taichi.beside.moment import MomentSender
+from mpp_taichi.beside.wire import send
+from mpp_taichi.errors import MppError
+from mpp_taichi.scene.load import load_scene
+from mpp_taichi.snapshot import Snapshot
+
+INTERNAL_ERROR_CODE = 1
+LONGEST_WORDS = 300
+
+
+class SentFilm(ExactFilm):
+    """A film whose moments are sent away instead of being drawn."""
+
+    def __init__(self, sender: MomentSender, frame_count: int, span: float) -> None:
+        """Nothing is drawn here."""
+        super().__init__(None, (), frame_count, span, stopwatch=lambda _: nullcontext())
+        self._sender = sender
+
+    def _show(self, snapshot: Snapshot) -> None:
+        self._sender.send(snapshot, self._frame(snapshot))
+        self.drawn_count += 1
+
+
+class WarningSender(logging.Handler):
+    """The program's warnings, for the parent to say."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        """From now on."""
+        super().__init__(logging.WARNING)
+        self._stream = stream
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Send one."""
+        send(self._stream, {"kind": "warning", "text": record.getMessage()})
+
+
+def follow(order: dict[str, Any], stream: IO[bytes]) -> None:
+    """Run as ordered."""
+    import_taichi()  # quietly, before anything else imports it
+    from mpp_taichi.simulation import Simulation
+
+    os.chdir(order["folder"])  # where files that the scene names are
+    spec, span, count = replace(load_scene(order["scene"]), source=order["source"]), order["span"], order["count"]
+    with Simulation(spec, **order["options"]) as simulation:
+        if count > 1:
+            simulation.look_at_multiples_of(span / (count - 1))
+        device = simulation.device
+        facts = {"backend": device.backend, "device": device.name, "precision": device.precision, "threads": device.threads}
+        facts |= {"plan": simulation.plan, "integrator": simulation.spec.integrator.name, "dt": simulation.dt}
+        send(stream, {"kind": "ready", **facts, "particle_count": simulation.start.particle_count})
+        film = SentFilm(MomentSender(stream), count, span)
+        simulation.run(until=span, recorders=[film])
+        film.finish(simulation)
+        send(stream, {"kind": "end", "steps": simulation.step_count})
+
+
+def main() -> None:
+    """Follow the order; what goes wrong is the last word."""
+    with os.fdopen(os.dup(1), "wb") as stream:
+        os.dup2(2, 1)  # what libraries print goes to standard error
+        logging.getLogger("mpp_taichi").addHandler(WarningSender(stream))
+        try:
+            follow(json.load(sys.stdin), stream)
+        except BrokenPipeError:
+            os._exit(0)  # nobody listens any more
+        except MppError as error:
+            send(stream, {"kind": "failed", "text": " ".join(str(error).split()), "exit_code": error.exit_code})
+        except Exception as error:  # Taichi and drivers raise whatever they like
+            text = f"{type(error).__name__}: {' '.join(str(error).split())[:LONGEST_WORDS]}"
+            send(stream, {"kind": "failed", "text": text, "exit_code": INTERNAL_ERROR_CODE})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,92 @@
+"""The right half of a film with `--beside`, as the session of the left half sees it."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi.beside.companion import Companion
+from mpp_taichi.beside.difference import Difference
+from mpp_taichi.beside.film import BesideFilm
+from mpp_taichi.beside.settings import Beside
+from mpp_taichi.cli._terminal import UsageError, say
+from mpp_taichi.scene.spec import SceneSpec
+
+if TYPE_CHECKING:
+    from mpp_taichi.cli._request import Goal, Request
+    from mpp_taichi.simulation import Simulation
+
+OPTIONS = ("backend", "precision", "plan", "threads", "force")
+
+
+class RightHalf:
+    """Another run of the scene in a process of its own, and what it differs by; a context manager."""
+
+    def __init__(self, beside: Beside, spec: SceneSpec, request: "Request", goal: "Goal", look: Callable[[], None]) -> None:
+        """Start it, while the left half starts as well; `look` raises when a signal has come."""
+        self.beside, self._spec, self._request = beside, spec, request
+        options = {name: getattr(request, name) for name in OPTIONS} | beside.device
+        self._span = goal.span(spec)
+        self._companion = Companion(beside, options, self._span, request.frame_count(spec), look)
+        self._facts: dict[str, Any] = {}
+        self._captions: tuple[Sequence[str], Sequence[str]] = ((), ())
+        self.difference: Difference | None = None
+
+    def __enter__(self) -> "RightHalf":
+        """The half itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """End it."""
+        self._companion.__exit__(kind, error, trace)
+
+    def begin(self, left: "Simulation") -> None:
+        """Wait until it stands, and see how it compares with the left half.
+
+        Raises:
+            BesideError: it could not be started.
+            UsageError: a file of the difference is asked for, and there is none.
+        """
+        self._facts = self._companion.begin()
+        device = left.device
+        there = {"backend": device.backend, "precision": device.precision, "plan": left.plan, "threads": device.threads}
+        self._captions = self.beside.captions(self._spec, there, self._facts)
+        one, other = left.start.particle_count, self._facts["particle_count"]
+        if one == other:
+            self.difference = Difference(self._spec, left.start, (left.time, left.time + self._span))
+            return
+        problem = f"{one:,} particles on the left and {other:,} on the right have no distance"
+        if self._request.inspect:
+            raise UsageError(f"--inspect {self._request.inspect[0]}: {problem} to write")
+        if not self._request.quiet:
+            say(f"note: {problem} to be plotted")
+
+    def film(self, size: tuple[int, int], sinks: Sequence[Any], count: int, **more: Any) -> BesideFilm:
+        """The film of both halves; what it takes is what a film takes."""
+        from mpp_taichi.beside.view import TwoHalves
+
+        record = self._spec.record
+        plots = [self.difference.plot] if self.difference is not None and record.panels != "none" else []
+        view = TwoHalves(
+            self._spec.view, size, self._captions, plots, share=record.panel_share, dimensions=self._spec.dimensions
+        )
+        return BesideFilm(view, sinks, count, self._span, other=self._companion, difference=self.difference, **more)
+
+    def end(self) -> None:
+        """See that it has come to its end as well.
+
+        Raises:
+            BesideError: it broke off.
+        """
+        self._facts |= self._companion.end()
+
+    def save(self, path: Path) -> None:
+        """Write the curve of the difference; OutputError where that fails."""
+        assert self.difference is not None
+        self.difference.save(path)
+
+    def summary(self) -> dict[str, Any]:
+        """What the summary of the left half tells of it."""
+        facts = {key: value for key, value in self._facts.items() if key not in ("kind", "particle_count")}
+        last = None if self.difference is None else self.difference.last
+        return {"beside": {"settings": list(self.beside.said), **facts, "rms_distance": last}}

@@ -1,0 +1,86 @@
+"""A list of scenes in a window: as buttons and by arrow keys, with room for what is wrong with the one that was chosen."""
+
+import textwrap
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+COLUMNS = 54  # letters of a line
+ROW, LINE, HEAD = 23, 17, 32  # pixels: of a button, of a line of text, and of the panel's title with its rim
+MESSAGE_LINES = 5
+HINT = "arrows and Enter, or a click; N or Esc: close"
+Box = tuple[float, float, float, float]
+
+
+class Gui(Protocol):
+    """What is asked of GGUI's window in the window."""
+
+    def button(self, text: str) -> bool:
+        """Draw a button, and say whether it was clicked."""
+
+    def text(self, text: str) -> None:
+        """Write a line."""
+
+
+class SceneList:
+    """The names of `names()`, of which `present` is the one that runs; `shown` is toggled by the user.
+
+    Where not all of them fit, those about the marked one are shown.
+    """
+
+    def __init__(self, names: Callable[[], Sequence[str]], present: str) -> None:
+        """Nothing is shown yet."""
+        self._find, self.present = names, present
+        self.names: Sequence[str] = ()
+        self.shown, self.marked, self.message = False, 0, ""
+        self._chosen: str | None = None
+
+    def toggle(self) -> None:
+        """Show what there is now, or nothing."""
+        self.shown = not self.shown
+        if self.shown:
+            self.names, self.message = tuple(self._find()), ""
+            self.marked = self.names.index(self.present) if self.present in self.names else 0
+
+    def press(self, key: str) -> bool:
+        """A key went down; whether it was for the list."""
+        if not self.shown or key not in ("Up", "Down", "Return", "Escape"):
+            return False
+        if key == "Escape":
+            self.shown = False
+        elif key == "Return":
+            self._chosen = self.names[self.marked] if self.names else None
+        elif self.names:
+            self.marked = (self.marked + (1 if key == "Down" else -1)) % len(self.names)
+        return True
+
+    def take(self) -> str | None:
+        """The name that was chosen since the last call."""
+        chosen, self._chosen = self._chosen, None
+        return chosen
+
+    def rows(self, height: int) -> int:
+        """How many names fit into a window so many pixels high."""
+        room = height - 16 - HEAD - LINE * (MESSAGE_LINES + 1)
+        return max(1, min(len(self.names), room // ROW))
+
+    def box(self, size: tuple[int, int]) -> Box:
+        """Left, top, width and height of the panel as shares of the window, at its right rim."""
+        width = min(7 * COLUMNS + 24, size[0] - 16)
+        height = ROW * self.rows(size[1]) + LINE * (MESSAGE_LINES + 1) + HEAD
+        return 1.0 - (width + 8) / size[0], 8 / size[1], width / size[0], height / size[1]
+
+    def visible(self, height: int) -> Sequence[str]:
+        """The names that are shown."""
+        rows = self.rows(height)
+        first = min(max(0, self.marked - rows // 2), max(0, len(self.names) - rows))
+        return self.names[first : first + rows]
+
+    def draw(self, gui: Gui, height: int) -> None:
+        """Put the list into a window of GGUI."""
+        for name in self.visible(height):
+            mark = ">" if name == self.names[self.marked] else " "
+            if gui.button(f"{mark} {name}{'  (runs)' if name == self.present else ''}"):
+                self.marked, self._chosen = self.names.index(name), name
+        gui.text(HINT if self.names else "there is no scene in a file here")
+        for line in textwrap.wrap(self.message, COLUMNS)[:MESSAGE_LINES]:
+            gui.text(line)
