@@ -108,3 +108,28 @@ def test_a_distance_is_watched_until_the_time_that_is_asked_for():
         found[when] = diagnostic.result()
     assert found == {"end": 1.5, "largest": pytest.approx(1.5, rel=1e-15)}
     assert looks["end"] == 2 and looks["largest"] < 10
+
+
+def test_a_position_at_a_time_lies_on_the_cubic_between_the_looks_around_it():
+    omega = 3.0
+    for at in (0.0, 0.5, 0.50037, 1.2):
+        # Looks are one step apart there, and the cubic errs by (ω h)⁴/384 = 2e-13; a straight line, by (ω h)²/8 = 1e-6.
+        found, looks = watched("position", swing(omega, 0.4), 2.0, at=at)
+        assert found == pytest.approx(0.4 + math.cos(omega * at), abs=1e-12)
+        assert looks <= 5, "the start, the last step before the time, the next, the end"
+
+
+def test_a_position_at_a_time_that_the_run_does_not_see_is_none():
+    with pytest.raises(NoResultError, match=r"at times 0 and 2, not at 2\.001"):
+        watched("position", swing(1.0), 2.0, at=2.001)
+    late = component.build("diagnostics", "position", {"of": 0, "axis": "x", "at": 0.5})
+    with pytest.raises(NoResultError, match="never"):
+        late.result()
+    late.observe(1.0, snapshot_of([[0.0, 0.0, 0.0]]))
+    with pytest.raises(NoResultError, match=r"at times 1 and 1, not at 0\.5"):
+        late.result()
+    # Steps of 0.1 do not add up to 1 in the last bit: the end of a run is reached all the same.
+    end = component.build("diagnostics", "position", {"of": 0, "axis": "x", "at": 1.0})
+    for step in range(11):
+        end.observe(min(step * 0.1, math.nextafter(1.0, 0.0)), snapshot_of([[float(step), 0.0, 0.0]]))
+    assert end.result() == 10.0

@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from compiled import random_snapshot, snapshot_of
 from reference import truss
 from scipy.optimize import brentq
 
-from mpp_taichi import Simulation
+from mpp_taichi import Simulation, component
+from mpp_taichi.diagnostics._base import NoResultError
 
 SCENES = Path(__file__).parents[1] / "scenes"
 
@@ -89,3 +91,35 @@ def test_a_chain_of_fifty_links_hangs_as_the_truss_and_nearly_as_the_elastic_cat
     curve = np.stack([curve[:, 0] + 0.8, curve[:, 1] - curve[0, 1]], axis=1)
     assert np.abs(end.position[:, [0, 2]] - curve).max() < 0.04**2
     assert end.position[count // 2, 2] < -0.5
+
+
+def pull(snapshot, of, axis):
+    """What `spring_force` measures of the last look."""
+    diagnostic = component.build("diagnostics", "spring_force", {"of": of, "axis": axis})
+    diagnostic.observe(0.0, snapshot)
+    return diagnostic.result()
+
+
+def test_springs_pull_against_the_gradient_of_their_energy_and_within_a_group_not_at_all():
+    snapshot = random_snapshot(7)
+    s = snapshot.springs
+    gradient, _ = truss.derivatives(snapshot.position, s.between, s.stiffness, s.rest_length)
+    for of in ((0, 1), (3, 1), (1, 3), (0, 6), (0, 7)):
+        for column, axis in enumerate("xyz"):
+            expected = -gradient[of[0] : of[0] + of[1], column].sum()
+            assert pull(snapshot, of, axis) == pytest.approx(expected, abs=1e-13)
+    assert abs(pull(snapshot, (0, 6), "x")) > 0.1  # springs that cross are there
+
+
+def test_particles_without_springs_have_no_spring_force():
+    with pytest.raises(NoResultError, match="no springs"):
+        pull(snapshot_of([[0.0, 0.0, 0.0]]), (0, 1), "x")
+
+
+def test_hooks_bear_the_weight_of_a_hanging_chain():
+    """49 links' masses of 1/50 between two hooks that share it; at rest to e^{−28}, as above."""
+    _, end, _ = settled(hanging_chain(), 1.0, 5.0 / 50.0, 18.0)
+    first, last = (pull(end, (hook, 1), "z") for hook in (0, 50))
+    assert -(first + last) == pytest.approx(49 / 50, rel=1e-10) and first == pytest.approx(last, rel=1e-10)
+    # The row of the left half, hook and all: what the right hook bears is not pulled at by it.
+    assert pull(end, (0, 26), "z") == pytest.approx(25 / 50 - 49 / 100, rel=1e-8)

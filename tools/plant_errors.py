@@ -1,6 +1,6 @@
 """Does each scene notice a force that is one per cent too strong? Every force and all springs of a scene are so in turn.
 
-    python tools/plant_errors.py [SCENE …] [--by 1.01] [--json FILE]
+    python tools/plant_errors.py [SCENE …] [--by 1.01] [--backend cpu] [--precision f32] [--json FILE]
 
 An error is caught where an expectation fails that held before. Scenes of hard spheres alone have no force to plant one in.
 """
@@ -58,9 +58,9 @@ def scaled(value, by):
     return f"{by} * ({value})"
 
 
-def run(scene, settings):
+def run(scene, settings, device):
     """The exit code of a run, and the expectations that failed."""
-    words = [sys.executable, "-m", "mpp_taichi", "run", str(scene), "--headless", "--backend", "cpu", "--json", "--quiet"]
+    words = [sys.executable, "-m", "mpp_taichi", "run", str(scene), "--headless", "--json", "--quiet", *device]
     for setting in settings:
         words += ["--set", setting]
     done = subprocess.run(words, capture_output=True, text=True, cwd=ROOT, check=False)
@@ -75,12 +75,15 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", type=Path, default=sorted((ROOT / "scenes").glob("*.yaml")))
     parser.add_argument("--by", type=float, default=1.01)
+    parser.add_argument("--backend", default="cpu")
+    parser.add_argument("--precision", help="absent: that of the scene")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
+    device = ["--backend", arguments.backend, *(["--precision", arguments.precision] if arguments.precision else [])]
     rows, verdicts = [], []
     for scene in arguments.scenes:
         for effect, settings in errors_of(scene, arguments.by):
-            code, failed = run(scene, settings)
+            code, failed = run(scene, settings, device)
             rows.append({"scene": scene.stem, "effect": effect, "code": code, "failed": failed})
             caught = code == 4 and bool(failed)
             verdicts.append(
