@@ -29,6 +29,8 @@ class DeviceSweep(Sweep):
     flag      JOINS: somebody wishes to be joined; JOINED: all are; STOPPED: the device ended loops of a thread
     """
 
+    keeps_slots = False
+
     def __init__(self, setup: ContactSetup, state: Any, *, event_limit: int) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
         Sweep.__init__(self, setup, state, event_limit=event_limit, all_pairs=False)
@@ -52,8 +54,9 @@ class DeviceSweep(Sweep):
 
     def _look_around(self, piece: Piece) -> None:
         """Sort the spheres, and take positions and velocities over into the slots."""
+        self.flight.set_reaches(piece)
         self.grid.build(self.state.position, self.flight.reach, piece.bounds)
-        self._take_over()
+        self._take_over(piece.common, piece.time, piece.rounding, False)
 
     # Looking for first contacts ----------------------------------------------------------------------------------------
 

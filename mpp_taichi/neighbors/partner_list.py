@@ -187,3 +187,22 @@ class PartnerList:
             if k >= split:
                 place = earlier + k - split
             task(slot, self.partner[place], first, second)
+
+    @ti.func
+    def count_of(self, slot):
+        """Number of candidate partners."""
+        return self.middle[slot] - self.begin[slot] + self.earlier[slot + 1] - self.earlier[slot]
+
+    @ti.func
+    def partner_of(self, slot, k):
+        """The k-th of them."""
+        split = self.middle[slot] - self.begin[slot]
+        place = self.begin[slot] + k
+        if k >= split:
+            place = self.earlier[slot] + k - split
+        return self.partner[place]
+
+    @ti.func
+    def first_of(self, slot):
+        """The first later and the first earlier partner together, if any: read ahead, it brings both lists close."""
+        return self.partner[self.begin[slot]] + self.partner[self.earlier[slot]]
