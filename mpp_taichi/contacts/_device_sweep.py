@@ -186,7 +186,7 @@ class DeviceSweep(Sweep):
 
     # Playing islands ---------------------------------------------------------------------------------------------------
 
-    def _play_islands(self, time: float, h: float, listed: bool) -> tuple[int, int]:
+    def _play_islands(self, time: float, h: float, listed: bool, is_first: int) -> tuple[int, int]:
         """Returns whether islands are to be joined, and whether a sphere left its margin."""
         self._form()
         self._play_pending(time, h)

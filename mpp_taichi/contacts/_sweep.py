@@ -103,10 +103,10 @@ class Sweep(IslandPlay):
 
     def _play_until_nothing_joins(self, time: float, h: float) -> int:
         """Number of spheres that left the margin within which their partners were looked for."""
-        while True:
-            joins, violations = self._play_islands(time, h, self.is_listed)
-            if joins == 0 or violations > 0:
-                return violations
+        joins, violations = self._play_islands(time, h, self.is_listed, 1)
+        while joins > 0 and violations == 0:
+            joins, violations = self._play_islands(time, h, self.is_listed, 0)
+        return violations
 
     @ti.kernel
     def _give_up(self):
@@ -165,7 +165,7 @@ class Sweep(IslandPlay):
     # Playing islands ---------------------------------------------------------------------------------------------------
 
     @ti.kernel
-    def _play_islands(self, time: float, h: float, listed: Template) -> ti.types.vector(2, ti.i32):
+    def _play_islands(self, time: float, h: float, listed: Template, is_first: ti.i32) -> ti.types.vector(2, ti.i32):
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.islands.form()
@@ -184,7 +184,10 @@ class Sweep(IslandPlay):
                         self._play(self.islands.pending[k], time, h)
         for k in range(self.islands.count[self.islands.INVOLVED]):
             i = self.islands.involved[k]
-            if self.near[i] == 1:
+            looks = self.near[i] == 1
+            if is_first == 0:  # between islands that were not played again nothing has changed
+                looks = self.islands.changed[self.islands.island[i]] == 1
+            if looks:
                 self.visit(i, self._see_other_island, h, h)
         return ti.Vector([self.islands.count[self.islands.LINKS], self.violations[0]])
 
@@ -219,7 +222,8 @@ class Sweep(IslandPlay):
     @ti.func
     def _see_other_island(self, k, other, h, _):
         """Join two islands where spheres may have met: neither left a ball around its start, and the balls meet."""
-        if self.islands.island[other] >= 0 and self.islands.island[other] != self.islands.island[k]:
+        is_in_another = self.islands.island[other] >= 0 and self.islands.island[other] != self.islands.island[k]
+        if is_in_another and (self.near[k] == 1 or self.near[other] == 1):
             separation = self.bounce.separation(self.start_position[k], self.start_position[other])
             reach = self.radius_of(k) + self.radius_of(other) + self.excursion[k] + self.excursion[other]
             if separation.dot(separation) <= reach * reach:
