@@ -56,6 +56,7 @@ class DeviceSweep(Sweep):
         """Sort the spheres, and take positions and velocities over into the slots."""
         self.flight.set_reaches(piece)
         self.grid.build(self.state.position, self.flight.reach, piece.bounds)
+        self._take_radii()
         self._take_over(piece.common, piece.time, piece.rounding, False)
 
     # Looking for first contacts ----------------------------------------------------------------------------------------

@@ -105,6 +105,7 @@ class Slots:
             else:
                 self.flight.set_reaches(piece)
                 self.grid.build(self.state.position, self.flight.reach, piece.bounds, skin)
+                self._take_radii()
                 self._take_over(*margins, False)
             self.is_listed = skin > 0.0 and self.partners.write()
 
@@ -131,16 +132,22 @@ class Slots:
             self.grid.order[k] = self.stamp[k]
 
     @ti.kernel
+    def _take_radii(self):
+        """To be called when the grid has sorted the spheres of the state."""
+        for k in range(self.particle_count):
+            self.start_radius[k] = self.bounce.radius[self.grid.order[k]]
+
+    @ti.kernel
     def _take_over(self, common: float, time: float, rounding: float, is_there: Template) -> ti.i32:
         """Returns whether the grid may miss a pair: whether there is a sphere whose reach now leads out of that then."""
         self.stale[0] = 0
-        for k in range(self.particle_count):
-            i = self.grid.order[k]
-            if ti.static(not is_there):
+        if ti.static(not is_there):  # by itself: the less there is beside, the more of them are fetched at a time
+            for k in range(self.particle_count):
+                i = self.grid.order[k]
                 self.start_position[k] = self.state.position[i]
                 self.start_velocity[k] = self.state.velocity[i]
-                self.start_radius[k] = self.bounce.radius[i]
-            x = self.start_position[k]
+        for k in range(self.particle_count):
+            x, i = self.start_position[k], self.grid.order[k]
             reach = self.start_radius[k] + self.flight.margin(i, self.start_velocity[k], common, time, rounding)
             self.start_reach[k] = reach
             skin = self.grid.sorted_reach[k] - reach
