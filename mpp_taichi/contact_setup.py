@@ -21,6 +21,7 @@ class ContactSetup:
     restitution    (m, m), symmetric: e of a contact between two materials, 0 … 1
     contact_time   t_c of the TC model [time]: a contact within it after the last one of either sphere is elastic; 0: off.
                    Source: Luding & McNamara, Granular Matter 1 (1998) 113.
+    force_free     whether nothing but the solver changes positions and velocities, or it is told (`ContactSolver.prepare`)
     names          what the scene calls the spheres, "" where it does not
     gravity        uniform acceleration (3,) that a free flight has [length / time²]; solvers that step ignore it
     """
@@ -33,6 +34,7 @@ class ContactSetup:
     contact_time: float = 0.0
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     enclosure: Enclosure = field(default_factory=Enclosure)
+    force_free: bool = False
     names: tuple[str, ...] = ()
 
     def label(self, i: int) -> str:
@@ -47,7 +49,7 @@ class ContactSetup:
         return len(self.radius)
 
 
-def contact_setup(spec: SceneSpec, particles: Snapshot) -> ContactSetup:
+def contact_setup(spec: SceneSpec, particles: Snapshot, *, force_free: bool = False) -> ContactSetup:
     """What the contact solver of a scene is given; SceneError, located, for walls that cannot be."""
     assert spec.contacts is not None
     material, restitution = _materials(particles.particle_count, spec.contacts)
@@ -63,6 +65,7 @@ def contact_setup(spec: SceneSpec, particles: Snapshot) -> ContactSetup:
         contact_time=spec.contacts.solver.parameters.get("contact_time", 0.0),
         gravity=gravity,
         enclosure=enclosure_of(spec),
+        force_free=force_free,
         names=particles.name,
     )
 

@@ -187,7 +187,7 @@ class CompiledPhase:
         if any(target.kind == "springs" for slider in spec.sliders for target in slider.targets):
             self.state.write_springs(start)  # so that what copies them is compiled before they move
         if solver is not None:
-            solver.bind(contact_setup(spec, start), self.state)
+            solver.bind(contact_setup(spec, start, force_free=not self.total_force.forces), self.state)
         self.contacts = solver
         self.stepper = Stepper(
             self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=device.on_cpu, contacts=self.contacts

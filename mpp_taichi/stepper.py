@@ -111,6 +111,8 @@ class Stepper:
         elif self.contacts is not None:
             for s in range(first, last):
                 self._step_with_contacts(self.contacts, time + s * dt, dt)
+            with self.contact_loops:
+                self.contacts.write_back()
         elif self.integrator.adaptive:
             with self._vectors():
                 self._advance_adaptive(time + last * dt)

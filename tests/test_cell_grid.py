@@ -130,6 +130,33 @@ def test_partners_that_are_written_down_are_those_within_the_skins(ratio):
     assert finder.twice(finder.partners) == sorted(expected + [(j, i) for i, j in expected])
 
 
+@pytest.mark.parametrize(
+    ("period", "is_plain"),
+    [
+        ((0.0, 0.0, 0.0), True),
+        ((9.0, 8.0, 0.0), True),
+        ((9.0, 9.0, 6.1), True),
+        ((9.0, 9.0, 3.9), False),
+        ((9.0, 7.0), True),
+        ((0.0, 9.0), True),
+    ],
+    ids=["open", "open above", "three cells", "one cell", "plane", "strip"],
+)
+def test_partners_on_every_edge_of_a_grid_of_one_level_are_written_down(period, is_plain):
+    """Spheres fill the box and lie on its faces; in a box one cell high partners come by the way that suits all grids."""
+    backends.start("cpu", "f64", threads=2)
+    random = np.random.default_rng(11)
+    count = 200 if len(period) == 3 else 60
+    position = random.uniform(0.0, np.where(np.array(period) > 0.0, period, 8.0), (count, len(period)))
+    position[:30] = np.where(random.random((30, len(period))) < 0.5, 0.0, position[:30])
+    reach = random.uniform(0.6, 0.9, count)
+    finder = Finder(position, reach, skin=0.1, period=(*period, 0.0)[:3])
+    expected = brute_force(position, reach + 0.1, period)
+    assert finder.partners.write() and finder.partners.is_plain == is_plain
+    assert finder.once(finder.partners) == expected
+    assert finder.twice(finder.partners) == sorted(expected + [(j, i) for i, j in expected])
+
+
 def test_where_there_is_no_room_for_the_partners_that_is_told():
     backends.start("cpu", "f64", threads=2)
     enough = Finder(np.zeros((PARTNERS_PER_SPHERE, 3)), np.ones(PARTNERS_PER_SPHERE))
@@ -190,7 +217,7 @@ def test_threads_of_a_device_build_the_same_grid(factors):
         reach.from_numpy(reaches)
         grid = kind(3000, 2, (1.0, 0.0, 0.0))
         grid.build(position, reach, skin=1e-3)
-        assert int(grid.level_count[0]) == len(grid._table) and (len(grid._table) > 1) == (len(factors) > 1)
+        assert int(grid.level_count[0]) == len(grid.table) and (len(grid.table) > 1) == (len(factors) > 1)
         kept = (grid.order, grid.sorted_position, grid.sorted_reach)
         found.append([field.to_numpy().tobytes() for field in kept])
     assert found[0] == found[1]

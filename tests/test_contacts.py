@@ -281,6 +281,36 @@ def test_what_takes_one_thread_is_refused_by_name_on_a_gpu(solver, count, reason
             assert run.device.on_cpu
 
 
+@pytest.mark.parametrize("force", [None, {"uniform_gravity": {"acceleration": [0.0, 0.0, -1.0]}}], ids=["free", "gravity"])
+def test_a_state_is_up_to_date_whenever_it_is_looked_at(force):
+    """Steps one at a time, each looked at, one of them taken back and done again, end where a run without looks does."""
+    random = np.random.default_rng(5)
+    corners = np.stack(np.meshgrid(*[np.arange(7) * 2.2] * 3, indexing="ij"), -1).reshape(-1, 3)
+    bodies = [
+        {"mass": 1.0, "radius": 1.0, "position": place.tolist(), "velocity": random.normal(size=3).tolist()}
+        for place in corners
+    ]
+    walls = [{"periodic_box": {"lower": [-1.1] * 3, "upper": [14.3] * 3}}]
+    scene = spheres(bodies, solver="swept", walls=walls, forces=[force] if force else (), duration=0.2)
+    with Simulation(scene, backend="cpu", precision="f64") as run:
+        assert run.contacts.setup.force_free == (force is None)
+        at_once = run.run().snapshot()
+        contacts = run.contact_report.pair_count
+    with Simulation(scene, backend="cpu", precision="f64") as run:
+        places = [run.snapshot().position]
+        for step in range(20):
+            if step == 9:
+                mark = run.mark()
+                assert run.try_steps(1)
+                run.return_to(mark)
+                assert (run.snapshot().position == places[-1]).all()
+            run.run(steps=1)
+            places.append(run.snapshot().position)
+        assert all((before != after).any(axis=1).all() for before, after in zip(places, places[1:]))
+        assert (run.snapshot().position == at_once.position).all() and (run.snapshot().velocity == at_once.velocity).all()
+    assert contacts > 100
+
+
 def test_event_driven_contacts_know_no_other_force_than_gravity():
     scene = spheres([BALL | {"position": [0, 0, 0]}], solver="event_driven", forces=[{"linear_drag": {"coefficient": 1.0}}])
     with pytest.raises(SceneError, match="knows no force but uniform_gravity"):

@@ -55,7 +55,7 @@ class Ours:
 
         position, velocity, edge = scene
         n = len(position)
-        self.h, self.sync = h, ti.sync
+        self.h, self.sync, self.sweep = h, ti.sync, Sweep
         state = SimpleNamespace(
             position=ti.Vector.field(3, float, shape=n), velocity=ti.Vector.field(3, float, shape=n), wide=ti.f64
         )
@@ -69,6 +69,7 @@ class Ours:
             material=np.zeros(n, np.int32),
             restitution=np.ones((1, 1)),
             enclosure=Enclosure(period=(edge,) * 3),
+            force_free=True,
         )
         if kind == "swept":
             self.solver = Sweep(setup, state, event_limit=1_000_000, all_pairs=all_pairs)
@@ -80,7 +81,9 @@ class Ours:
         self.solver.drift(0.0, self.h)
 
     def finish(self):
-        """Wait until all is done."""
+        """Bring the state up to date, and wait until all is done."""
+        if isinstance(self.solver, self.sweep):
+            self.solver.write_back()
         self.sync()
 
     def report(self):

@@ -50,6 +50,9 @@ class ContactSolver:
         """Move every sphere by h along its velocity from `time` on, contacts resolved in the order of time."""
         raise NotImplementedError
 
+    def write_back(self) -> None:
+        """Bring the state up to date: a solver of a `force_free` setup may be behind with it between drifts."""
+
     def advance(self, time: float, span: float) -> None:
         """Go on from `time` to time + span."""
         raise NotImplementedError

@@ -30,6 +30,8 @@ class Bounce:
         self.period = tuple(float(edge) for edge in setup.enclosure.period)
         self.contact_time = float(setup.contact_time)
         inverse_mass = np.asarray(setup.inverse_mass)[:, : self.dimensions]
+        self.has_common_mass = bool((inverse_mass == inverse_mass[:1]).all())
+        self.has_one_material = setup.restitution.shape == (1, 1)
         self.has_held = bool((inverse_mass.max(axis=1) == 0.0).any())
         restitutions = [*np.unique(setup.restitution), *(surface.restitution for surface in self.surfaces)]
         self.is_elastic = all(e == 1.0 for e in restitutions)
@@ -92,20 +94,31 @@ class Bounce:
         return result
 
     @ti.func
+    def inverse_mass_of(self, i):
+        """Along each axis; where all spheres have the same, it is read at one place, which stays in the cache."""
+        k = i
+        if ti.static(self.has_common_mass):
+            k = 0
+        return self.inverse_mass[k]
+
+    @ti.func
     def restitution_of(self, i, j):
         """E of a contact of two spheres, by their materials."""
-        return self.restitution[self.material[i], self.material[j]]
+        one, other = 0, 0
+        if ti.static(not self.has_one_material):
+            one, other = self.material[i], self.material[j]
+        return self.restitution[one, other]
 
     @ti.func
     def pair_impulse(self, i, j, n, u, e):
         """Impulse along n and the kinetic energy that it takes, with u = v_j − v_i; none where nothing can move."""
-        yielding = (n * n).dot(self.inverse_mass[i] + self.inverse_mass[j])
+        yielding = (n * n).dot(self.inverse_mass_of(i) + self.inverse_mass_of(j))
         return self._impulse(yielding, n.dot(u), e)
 
     @ti.func
     def wall_impulse(self, i, n, u, e):
         """The same off a surface with the normal n, with u the velocity of i relative to it."""
-        return self._impulse((n * n).dot(self.inverse_mass[i]), n.dot(u), e)
+        return self._impulse((n * n).dot(self.inverse_mass_of(i)), n.dot(u), e)
 
     @ti.func
     def _impulse(self, yielding, separating, e):

@@ -29,6 +29,8 @@ class DeviceSweep(Sweep):
     flag      JOINS: somebody wishes to be joined; JOINED: all are; STOPPED: the device ended loops of a thread
     """
 
+    keeps_slots = False
+
     def __init__(self, setup: ContactSetup, state: Any, *, event_limit: int) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
         Sweep.__init__(self, setup, state, event_limit=event_limit, all_pairs=False)
@@ -52,8 +54,10 @@ class DeviceSweep(Sweep):
 
     def _look_around(self, piece: Piece) -> None:
         """Sort the spheres, and take positions and velocities over into the slots."""
+        self.flight.set_reaches(piece)
         self.grid.build(self.state.position, self.flight.reach, piece.bounds)
-        self._take_over()
+        self._take_radii()
+        self._take_over(piece.common, piece.time, piece.rounding, False)
 
     # Looking for first contacts ----------------------------------------------------------------------------------------
 
@@ -183,7 +187,7 @@ class DeviceSweep(Sweep):
 
     # Playing islands ---------------------------------------------------------------------------------------------------
 
-    def _play_islands(self, time: float, h: float, listed: bool) -> tuple[int, int]:
+    def _play_islands(self, time: float, h: float, listed: bool, is_first: int) -> tuple[int, int]:
         """Returns whether islands are to be joined, and whether a sphere left its margin."""
         self._form()
         self._play_pending(time, h)

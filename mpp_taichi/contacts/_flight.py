@@ -10,6 +10,7 @@ import taichi as ti
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts._tally import CHUNKS
 from mpp_taichi.serial_loops import loop_grain, on_cpu
+from mpp_taichi.types import Template
 
 SLACK = 1.25  # margin over the way that a sphere of the same speed makes: contacts make some faster
 TRAVEL_PER_GAP = 0.5  # root mean square way in a piece, at most, over the mean gap between spheres
@@ -32,6 +33,8 @@ class Piece:
     common   margin that every sphere has at least [length]
     largest  that some sphere may have
     lower, upper  bounding box of all positions
+    time     in which each sphere's own margin is flown through, with its slack [time]
+    rounding part of every margin, for what rounding may make of a pair [length]
     skin     by which the cell grid is to reach farther, to be good for some drifts; 0: not worth it [length]
     bounds   what the cell grid wants to know: the box, least and largest reach
     """
@@ -46,6 +49,8 @@ class Piece:
     speed: float
     rms: float
     reference: float
+    time: float = 0.0
+    rounding: float = 0.0
     skin: float = 0.0
     tries: int = 0
 
@@ -93,9 +98,8 @@ class Flight:
         for field in (self.radius, self.reach, self.remembered):
             builder.dense(ti.i, self.particle_count).place(field)
         builder.dense(ti.i, self.chunks).place(self.measured)
-        self.farthest, self.rounding = ti.field(float), ti.field(float)
-        for field in (self.farthest, self.rounding):
-            builder.dense(ti.i, 1).place(field)
+        self.farthest = ti.field(float)
+        builder.dense(ti.i, 1).place(self.farthest)
         self._tree = builder.finalize()
         self.radius.from_numpy(radius.astype(self.radius.to_numpy().dtype))
 
@@ -103,14 +107,11 @@ class Flight:
         """Give the memory back."""
         self._tree.destroy()
 
-    def plan(self, rest: float) -> Piece:
-        """The next piece of a drift of which `rest` is left; margins are set."""
-        self._measure()
-        found = self.measured.to_numpy().astype(float)
+    def plan(self, rest: float, position: Any, velocity: Any) -> Piece:
+        """The next piece of a drift of which `rest` is left, of spheres that are there, in whatever order."""
+        lower, upper, total, speed, farthest = self._measured(position, velocity)
         d = self.dimensions
-        lower, upper = found[:, :d].min(0), found[:, d : 2 * d].max(0)
-        mean_square, speed = found[:, 2 * d].sum() / self.particle_count, found[:, 2 * d + 1].max()
-        rms = math.sqrt(mean_square)
+        rms = math.sqrt(total / self.particle_count)
         extent = np.where(np.array(self.period) > 0.0, self.period, np.maximum(upper - lower, 2.0 * self.mean_radius))
         spacing = float(np.prod(extent) / self.particle_count) ** (1.0 / d)
         travel = max(TRAVEL_PER_GAP * (spacing - 2.0 * self.mean_radius), TRAVEL_PER_RADIUS * self.mean_radius)
@@ -122,13 +123,24 @@ class Flight:
         reference = speed if is_ordinary else min(speed, OUTLIER * rms)
         size = max(np.abs(lower).max(), np.abs(upper).max())
         piece = Piece(h, 0.0, 0.0, lower, upper, self.least_radius, self.largest_radius, speed, rms, reference)
-        return self._with_margins(piece, ROUNDINGS * self.epsilon * size)
+        return self._with_margins(piece, ROUNDINGS * self.epsilon * size, farthest)
 
-    def _with_margins(self, piece: Piece, rounding: float) -> Piece:
+    def _measured(self, position: Any, velocity: Any) -> tuple[np.ndarray, np.ndarray, float, float, float]:
+        """Bounding box, sum of squared speeds, largest speed, and the largest margin that is remembered."""
+        d = self.dimensions
+        if self.on_cpu:
+            whole = self._measure_at_once(position, velocity)
+            return np.array(whole[:d]), np.array(whole[3 : 3 + d]), whole[6], whole[7], whole[8]
+        self._measure(position, velocity)
+        found = self.measured.to_numpy().astype(float)
+        total, speed = float(found[:, 2 * d].sum()), float(found[:, 2 * d + 1].max())
+        return found[:, :d].min(0), found[:, d : 2 * d].max(0), total, speed, float(self.farthest[0])
+
+    def _with_margins(self, piece: Piece, rounding: float, farthest: float) -> Piece:
         common = SLACK * piece.reference * piece.h + rounding
-        largest = max(SLACK * piece.speed * piece.h + rounding, self.farthest[0])
-        self._set_margins(common, SLACK * piece.h, rounding)
-        return replace(piece, common=common, largest=largest, skin=self._skin(piece, largest))
+        largest = max(SLACK * piece.speed * piece.h + rounding, farthest)
+        piece = replace(piece, common=common, largest=largest, time=SLACK * piece.h, rounding=rounding)
+        return replace(piece, skin=self._skin(piece, largest))
 
     def _skin(self, piece: Piece, largest: float) -> float:
         """Room for the fastest in some more drifts of this length, as far as that leaves the spheres few partners."""
@@ -141,14 +153,15 @@ class Flight:
         self.remembered.fill(0.0)
         self.farthest.fill(0.0)
         size = max(np.abs(piece.lower).max(), np.abs(piece.upper).max())
-        return self._with_margins(replace(piece, h=piece.h / 2.0, tries=0), ROUNDINGS * self.epsilon * size)
+        return self._with_margins(replace(piece, h=piece.h / 2.0, tries=0), ROUNDINGS * self.epsilon * size, 0.0)
 
     def widen(self, piece: Piece) -> Piece:
         """The same with margins for what is remembered, or half of it where that does not help."""
-        if piece.tries >= 6 or self.farthest[0] > 0.9 * self.room:
+        farthest = float(self.farthest[0])
+        if piece.tries >= 6 or farthest > 0.9 * self.room:
             return self.shorten(piece)
         size = max(np.abs(piece.lower).max(), np.abs(piece.upper).max())
-        return self._with_margins(replace(piece, tries=piece.tries + 1), ROUNDINGS * self.epsilon * size)
+        return self._with_margins(replace(piece, tries=piece.tries + 1), ROUNDINGS * self.epsilon * size, farthest)
 
     def is_crowded(self, piece: Piece, links: int) -> bool:
         """Whether it has so many contacts that two halves cost less."""
@@ -168,15 +181,46 @@ class Flight:
             if self.remembered[i] > self.farthest[0]:
                 ti.atomic_max(self.farthest[0], self.remembered[i])
 
-    @ti.kernel
-    def _set_margins(self, common: float, time: float, rounding: float):
-        self.rounding[0] = rounding
-        for i in range(self.particle_count):
-            own = time * self.state.velocity[i].norm() + rounding
-            self.reach[i] = self.radius[i] + ti.max(common, own, self.remembered[i])
+    def set_reaches(self, piece: Piece) -> None:
+        """Write down how far each sphere reaches, by the velocities of the state."""
+        self._set_reaches(piece.common, piece.time, piece.rounding)
 
     @ti.kernel
-    def _measure(self):
+    def _set_reaches(self, common: float, time: float, rounding: float):
+        for i in range(self.particle_count):
+            self.reach[i] = self.radius[i] + self.margin(i, self.state.velocity[i], common, time, rounding)
+
+    @ti.func
+    def margin(self, i, v, common, time, rounding):
+        """Of sphere i, which flies with v; what is remembered is looked up where there is anything."""
+        result = ti.max(common, time * v.norm() + rounding)
+        if self.farthest[0] > 0.0:
+            result = ti.max(result, self.remembered[i])
+        return result
+
+    @ti.kernel
+    def _measure(self, position: Template, velocity: Template):
+        self._measure_chunks(position, velocity)
+
+    @ti.kernel
+    def _measure_at_once(self, position: Template, velocity: Template) -> ti.types.vector(9, ti.f64):
+        """The same, and what it comes to: lower and upper corner, sum of v², largest speed and margin; one launch."""
+        self._measure_chunks(position, velocity)
+        lower, upper = ti.Vector([ti.math.inf] * 3, ti.f64), ti.Vector([-ti.math.inf] * 3, ti.f64)
+        total, largest = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
+        ti.loop_config(serialize=True)
+        for chunk in range(self.chunks):
+            found = self.measured[chunk]
+            for axis in ti.static(range(self.dimensions)):
+                lower[axis] = ti.min(lower[axis], ti.cast(found[axis], ti.f64))
+                upper[axis] = ti.max(upper[axis], ti.cast(found[self.dimensions + axis], ti.f64))
+            total += ti.cast(found[2 * self.dimensions], ti.f64)
+            largest = ti.max(largest, ti.cast(found[2 * self.dimensions + 1], ti.f64))
+        farthest = ti.cast(self.farthest[0], ti.f64)
+        return ti.Vector([lower[0], lower[1], lower[2], upper[0], upper[1], upper[2], total, largest, farthest])
+
+    @ti.func
+    def _measure_chunks(self, position: Template, velocity: Template):
         grain = ti.static(loop_grain())
         for q in range(self.chunks * grain):
             if q % grain == 0:
@@ -185,7 +229,7 @@ class Flight:
                 upper = -lower
                 total, largest = 0.0, 0.0
                 for i in range(self._begin(chunk), self._begin(chunk + 1)):
-                    x, v = self.state.position[i], self.state.velocity[i]
+                    x, v = position[i], velocity[i]
                     lower = ti.min(lower, x)
                     upper = ti.max(upper, x)
                     total += v.norm_sqr()

@@ -23,6 +23,7 @@ class GroupSweep(Sweep):
     """
 
     plays_in_turn = True
+    keeps_slots = False
 
     def __init__(self, setup: ContactSetup, state: Any, *, event_limit: int, all_pairs: bool | None = None) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""

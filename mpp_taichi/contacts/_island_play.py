@@ -10,13 +10,13 @@ from mpp_taichi.contacts._bounce import Bounce
 from mpp_taichi.contacts._field_trees import FieldTrees
 from mpp_taichi.contacts._flight import Flight
 from mpp_taichi.contacts._islands import Islands
+from mpp_taichi.contacts._slots import Slots
 from mpp_taichi.contacts._tally import Tally
 from mpp_taichi.contacts._threads import LoopWatch
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.device_grid import DeviceGrid
 from mpp_taichi.neighbors.partner_list import PartnerList
 from mpp_taichi.serial_loops import on_cpu
-from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 
 ALL_PAIRS_UP_TO = 300  # spheres; more are faster on the cell grid, see tools/benchmark_contacts.py
@@ -29,17 +29,13 @@ LOOK_AGAIN = -1  # stamp of a prediction that says no more than that there is no
 
 
 @ti.data_oriented
-class IslandPlay:
+class IslandPlay(Slots):
     """The spheres of a state on their way from contact to contact.
 
     Another rule for what happens at a contact overrides `resolve`. Spheres are numbered by slots of the cell grid, which are
     near in memory where they are near in space; `index(k)` is the sphere in slot k. While an island is played it is at
     `local_position[k]` at its own `clock[k]`, with `local_velocity[k]`; times count from the start of the piece.
-
-    is_listed   whether the candidate partners of the grid are written down
     """
-
-    is_listed = False
 
     def __init__(self, setup: ContactSetup, state: Any, *, event_limit: int, all_pairs: bool | None = None) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
@@ -50,16 +46,17 @@ class IslandPlay:
         self.event_limit = event_limit
         few = ALL_PAIRS_UP_TO if on_cpu() else MOST_IN_ONE_THREAD
         self.all_pairs = n <= few if all_pairs is None else all_pairs
+        self.bounce = Bounce(setup)  # filled before any field is left to be placed
+        self.in_slots = self.keeps_slots and setup.force_free and not self.all_pairs
         self.local_position, self.local_velocity = (ti.Vector.field(self.dimensions, float) for _ in range(2))
         self.clock, self.excursion = ti.field(float), ti.field(float)
-        self.best_partner, self.best_stamp, self.stamp, self.near = (ti.field(ti.i32) for _ in range(4))
-        local = (self.local_position, self.local_velocity, self.clock, self.excursion)
+        self.best_partner, self.best_stamp, self.stamp = (ti.field(ti.i32) for _ in range(3))
+        self.tally = Tally(n, len(self.bounce.surfaces), getattr(state, "wide", ti.f64), placed_by_caller=True)
+        local = (self.local_position, self.local_velocity, self.clock, self.excursion, self.tally.summed)
         kind = CellGrid if on_cpu() else DeviceGrid
         self.grid = None if self.all_pairs else kind(n, self.dimensions, setup.enclosure.period, setup.enclosure.origin)
-        indices = (self.best_partner, self.best_stamp, self.stamp, self.near)
+        indices = (self.best_partner, self.best_stamp, self.stamp, self.tally.counted)
         self.islands = Islands(n, local, indices, None if self.grid is None else self.grid.order)
-        self.bounce = Bounce(setup)
-        self.tally = Tally(n, len(self.bounce.surfaces), getattr(state, "wide", ti.f64))
         self.flight = Flight(setup, state)
         self.watch = LoopWatch()
         self.partners = None if self.grid is None else PartnerList(self.grid)
@@ -68,18 +65,15 @@ class IslandPlay:
         self.shortest_period = self.flight.shortest_period
         self.looks_again = self.all_pairs and self.shortest_period < math.inf
         self.local_last_contact, self.last_contact = ti.field(float), ti.field(float)
-        self.touched = ti.field(ti.i32)
+        self.touched, self.near = ti.field(ti.i32), ti.field(ti.i32)
         self.violations = ti.field(ti.i32)
-        self.start_position, self.start_velocity = (ti.Vector.field(self.dimensions, float) for _ in range(2))
-        self.start_radius, self.start_reach = ti.field(float), ti.field(float)
-        self.stale = ti.field(ti.i32)
         self._trees = FieldTrees()
-        self._trees.place(n, integers=[self.touched])
-        sorted_count = 1 if self.all_pairs else n
-        self._trees.place(sorted_count, self.start_position, self.start_velocity, self.start_radius, self.start_reach)
+        self._place_slots(self._trees, self.dimensions)
+        for field in (self.touched, self.near):
+            self._trees.place(n, integers=[field])
         for field in (self.last_contact, self.local_last_contact):
             self._trees.place(n if self.keeps_last_contact else 1, field)
-        self._trees.place(1, integers=[self.violations, self.stale])
+        self._trees.place(1, integers=[self.violations])
         self._trees.finish()
         self.last_contact.fill(LONG_AGO)
 
@@ -92,39 +86,6 @@ class IslandPlay:
     def collect(self) -> ContactReport:
         """What was counted since it was last asked."""
         return self.tally.collect()
-
-    # Slots -------------------------------------------------------------------------------------------------------------
-
-    @ti.func
-    def index(self, k):
-        """Which sphere is in slot k."""
-        result = k
-        if ti.static(not self.all_pairs):
-            result = self.grid.order[k]
-        return result
-
-    @ti.func
-    def visit(self, k, task: Template, first, second):
-        """task(k, other slot, first, second) for each candidate partner; kernels that look are compiled per `is_listed`."""
-        if ti.static(self.is_listed):
-            self.partners.visit(k, task, first, second)
-        else:
-            self.grid.visit(k, task, first, second)
-
-    @ti.func
-    def radius_of(self, k):
-        """Radius of the sphere in slot k; of the following too."""
-        return self.bounce.radius[k] if ti.static(self.all_pairs) else self.start_radius[k]
-
-    @ti.func
-    def start_of(self, k):
-        """Position at the start of the piece."""
-        return self.state.position[k] if ti.static(self.all_pairs) else self.start_position[k]
-
-    @ti.func
-    def start_velocity_of(self, k):
-        """Velocity at the start of the piece."""
-        return self.state.velocity[k] if ti.static(self.all_pairs) else self.start_velocity[k]
 
     @ti.func
     def _time_of_contact(self, i, j, separation, v_i, v_j, horizon):
@@ -259,8 +220,8 @@ class IslandPlay:
         a, b = self.index(i), self.index(j)
         e, elastic = self._restitution(self.bounce.restitution_of(a, b), i, j, t)
         result = self.bounce.pair_impulse(a, b, n, self.local_velocity[j] - self.local_velocity[i], e)
-        self.local_velocity[i] = self.local_velocity[i] - result[0] * (self.bounce.inverse_mass[a] * n)
-        self.local_velocity[j] = self.local_velocity[j] + result[0] * (self.bounce.inverse_mass[b] * n)
+        self.local_velocity[i] = self.local_velocity[i] - result[0] * (self.bounce.inverse_mass_of(a) * n)
+        self.local_velocity[j] = self.local_velocity[j] + result[0] * (self.bounce.inverse_mass_of(b) * n)
         self.tally.add_pair(i, result[0], distance, result[1], elastic)
         if not result[0] > 0.0:
             self.tally.fail(i, 1)
@@ -278,7 +239,7 @@ class IslandPlay:
                 nominal = ti.static(self.bounce.surfaces[s].restitution)
         e, elastic = self._restitution(nominal, i, i, t)
         result = self.bounce.wall_impulse(self.index(i), n, u, e)
-        self.local_velocity[i] = self.local_velocity[i] + result[0] * (self.bounce.inverse_mass[self.index(i)] * n)
+        self.local_velocity[i] = self.local_velocity[i] + result[0] * (self.bounce.inverse_mass_of(self.index(i)) * n)
         self.tally.add_wall(i, surface, result[0], result[1], elastic)
         if not result[0] > 0.0:
             self.tally.fail(i, 1)
@@ -392,8 +353,12 @@ class IslandPlay:
     @ti.func
     def _keep(self, chunk, k, h):
         i = self.index(k)
-        self.state.position[i] = self.local_position[k]
-        self.state.velocity[i] = self.local_velocity[k]
+        if ti.static(self.in_slots):
+            self.start_position[k] = self.local_position[k]
+            self.start_velocity[k] = self.local_velocity[k]
+        else:
+            self.state.position[i] = self.local_position[k]
+            self.state.velocity[i] = self.local_velocity[k]
         self.tally.keep(chunk, k)
         if ti.static(self.keeps_last_contact):
             self.last_contact[i] = self.local_last_contact[k] - h

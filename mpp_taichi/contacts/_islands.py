@@ -7,6 +7,7 @@ import taichi as ti
 
 from mpp_taichi.contacts._field_trees import FieldTrees
 
+LINKS_TOGETHER = 32  # whose spheres are read ahead
 LINKS_PER_SPHERE = 8  # a contact graph of spheres has fewer than 7.5 edges for each: half the mean kissing number, below 14.96
 
 
@@ -33,20 +34,22 @@ class Islands:
         self.particle_count = particle_count
         self.has_order, self.order = order is not None, order
         self.capacity = LINKS_PER_SPHERE * particle_count + 64
-        apart = [ti.field(ti.i32) for _ in range(9)]
-        self.parent, self.island, self.members, self.begin, self.size = apart[:5]
-        self.filled, self.changed, self.pending, self.involved = apart[5:]
+        self.parent, self.island, self.members, self.begin, self.size = (ti.field(ti.i32) for _ in range(5))
+        self.filled, self.changed, self.pending, self.involved = (ti.field(ti.i32) for _ in range(4))
         self.tree = ti.field(ti.i32)
         self.place, self.first_partner = ti.field(ti.i32), ti.field(ti.i32)
-        self.first_time, self.best_time, self.link_time = (ti.field(float) for _ in range(3))
+        self.filler = ti.field(ti.i32)  # in f64 and space what is of one sphere now fills two lines of memory
+        self.first_time, self.best_time, self.link_time, self.read = (ti.field(float) for _ in range(4))
         self.links = ti.Vector.field(2, ti.i32)
         self.count = ti.field(ti.i32)
         self._trees = FieldTrees()
-        together = (*indices, self.place, self.first_partner)
-        self._trees.place(particle_count, *beside, self.first_time, self.best_time, integers=together)
-        for field in (*apart, self.tree):
+        self._trees.place(particle_count, *beside, self.best_time, integers=(*indices, self.place, self.filler))
+        of_roots = (self.begin, self.size, self.filled, self.changed)
+        self._trees.place(particle_count, self.first_time, integers=(*of_roots, self.first_partner))
+        for field in (self.parent, self.island, self.members, self.pending, self.involved, self.tree):
             self._trees.place(particle_count, integers=[field])
         self._trees.place(self.capacity, self.link_time)
+        self._trees.place(1, self.read)
         self._trees.place(self.capacity, integers=[self.links])
         self._trees.place(3, integers=[self.count])
         self._trees.finish()
@@ -76,6 +79,8 @@ class Islands:
             self.changed[self.pending[k]] = 0
         link_count = ti.min(self.count[self.LINKS], self.capacity)
         for k in range(link_count):
+            if k % LINKS_TOGETHER == 0:
+                self.read[0] = self._read_ahead(k, ti.min(k + LINKS_TOGETHER, link_count))
             i, j = self.links[k][0], self.links[k][1]
             self._enter(i)
             self.offer(i, j, self.link_time[k])
@@ -90,6 +95,15 @@ class Islands:
         self._gather()
 
     @ti.func
+    def _read_ahead(self, first, end):
+        """Read what is of linked spheres, together, as memory is slow to answer; the result keeps it from being left out."""
+        found = ti.cast(0.0, float)
+        for k in range(first, end):
+            i, j = self.links[k][0], ti.max(self.links[k][1], 0)
+            found += self.first_time[i] + self.first_time[j] + ti.cast(self.parent[i] + self.parent[j], float)
+        return found
+
+    @ti.func
     def _enter(self, i):
         if self.parent[i] < 0:
             self.parent[i] = i
@@ -98,6 +112,12 @@ class Islands:
             self.size[i] = 0
             self.filled[i] = 0
             self.changed[i] = 0
+
+    @ti.func
+    def leave(self, i):
+        """Sphere i is in no island."""
+        self.parent[i] = -1
+        self.island[i] = -1
 
     @ti.func
     def offer(self, i, j, time):

@@ -15,6 +15,8 @@ from mpp_taichi.quick_compilation import quick_compilation
 from mpp_taichi.serial_loops import loop_grain
 from mpp_taichi.types import Template
 
+TOGETHER = 8  # islands whose memory is asked for at once
+BLOCK = 16  # slots whose partners are
 TRIES = 64  # with wider margins, then with shorter pieces
 
 
@@ -22,14 +24,8 @@ TRIES = 64  # with wider margins, then with shorter pieces
 class Sweep(IslandPlay):
     """The spheres of a state, moved along their velocities from contact to contact; `resolve` may be overridden.
 
-    plays_in_turn   islands one after the other, for a `resolve` that has memory for one only
+    `plays_in_turn` is for a `resolve` that has memory for one island only.
     """
-
-    plays_in_turn = False
-
-    def forget(self) -> None:
-        """Forget the partners that were written down: a report is summed in their order, though no motion depends on it."""
-        self.is_listed = False
 
     # A drift -----------------------------------------------------------------------------------------------------------
 
@@ -82,7 +78,10 @@ class Sweep(IslandPlay):
 
     def _drift_piece(self, time: float, rest: float) -> float:
         """A piece of a drift of many spheres; returns how long it was."""
-        piece = self.flight.plan(rest)
+        if self._leads:
+            piece = self.flight.plan(rest, self.start_position, self.start_velocity)
+        else:
+            piece = self.flight.plan(rest, self.state.position, self.state.velocity)
         for _ in range(TRIES):
             self._look_around(piece)
             links = self._search(time, piece.h, self.is_listed)
@@ -95,6 +94,7 @@ class Sweep(IslandPlay):
         else:
             self._give_up()
         self._commit(piece.h)
+        self._holds = self._leads = self.in_slots
         return piece.h
 
     def _again(self, piece: Piece) -> Piece:
@@ -103,10 +103,10 @@ class Sweep(IslandPlay):
 
     def _play_until_nothing_joins(self, time: float, h: float) -> int:
         """Number of spheres that left the margin within which their partners were looked for."""
-        while True:
-            joins, violations = self._play_islands(time, h, self.is_listed)
-            if joins == 0 or violations > 0:
-                return violations
+        joins, violations = self._play_islands(time, h, self.is_listed, 1)
+        while joins > 0 and violations == 0:
+            joins, violations = self._play_islands(time, h, self.is_listed, 0)
+        return violations
 
     @ti.kernel
     def _give_up(self):
@@ -114,48 +114,45 @@ class Sweep(IslandPlay):
 
     # Looking for first contacts ----------------------------------------------------------------------------------------
 
-    def _look_around(self, piece: Piece) -> None:
-        """Take positions and velocities over into the slots, and sort the spheres anew if some went beyond the skin."""
-        if not self.is_listed or self._take_over() > 0:
-            skin = 0.0 if self.plays_in_turn else piece.skin
-            self.grid.build(self.state.position, self.flight.reach, piece.bounds, skin)
-            self.is_listed = skin > 0.0 and self.partners.write()
-            self._take_over()
-
-    @ti.kernel
-    def _take_over(self) -> ti.i32:
-        """Returns whether the grid may miss a pair: whether there is a sphere whose reach now leads out of that then."""
-        self.stale[0] = 0
-        for k in range(self.particle_count):
-            i = self.grid.order[k]
-            x, reach = self.state.position[i], self.flight.reach[i]
-            self.start_position[k] = x
-            self.start_velocity[k] = self.state.velocity[i]
-            self.start_radius[k] = self.bounce.radius[i]
-            self.start_reach[k] = reach
-            self.islands.parent[k] = -1
-            self.islands.island[k] = -1
-            skin = self.grid.sorted_reach[k] - reach
-            if not (skin > 0.0 and self.bounce.separation(self.grid.sorted_position[k], x).norm_sqr() <= skin * skin):
-                self.stale[0] = 1
-        return self.stale[0]
-
     @ti.kernel
     def _search(self, time: float, h: float, listed: Template) -> ti.i32:
+        for k in range(self.islands.count[self.islands.INVOLVED]):
+            self.islands.leave(self.islands.involved[k])
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.islands.count[self.islands.LINKS] = 0
+            self.islands.count[self.islands.INVOLVED] = 0
             self.islands.count[self.islands.PENDING] = 0
             self.violations[0] = 0
-        for k in range(self.particle_count):
-            if ti.static(listed):
-                self.partners.visit_later(k, self._see_pair, time, h)
-            else:
+        if ti.static(listed):
+            grain = ti.static(loop_grain())
+            for q in range(CHUNKS * grain):
+                if q % grain == 0:
+                    begin, end = self.tally.begin_of(q // grain), self.tally.begin_of(q // grain + 1)
+                    for k in range(begin, end):
+                        if (k - begin) % BLOCK == 0:
+                            self.read[k] = self._read_partners(k, ti.min(k + BLOCK, end))
+                        self.partners.visit_later(k, self._see_pair, time, h)
+                        self._see_walls(k, time, h)
+        else:
+            for k in range(self.particle_count):
                 self.grid.visit_later(k, self._see_pair, time, h)
-            wall = self._first_wall(k, time, h)
-            if wall[0] <= h:
-                self.islands.link(k, ti.cast(wall[1], ti.i32), wall[0])
+                self._see_walls(k, time, h)
         return self.islands.count[self.islands.LINKS]
+
+    @ti.func
+    def _see_walls(self, k, time, h):
+        wall = self._first_wall(k, time, h)
+        if wall[0] <= h:
+            self.islands.link(k, ti.cast(wall[1], ti.i32), wall[0])
+
+    @ti.func
+    def _read_partners(self, first, end):
+        """Read where the later partners of some slots are, so that the memory is not waited for one by one (`_read_ahead`)."""
+        found = ti.cast(0.0, float)
+        for p in range(self.partners.begin[first], self.partners.middle[end - 1]):
+            found += self.start_position[self.partners.partner[p]][0]
+        return found
 
     @ti.func
     def _see_pair(self, k, other, time, h):
@@ -168,23 +165,65 @@ class Sweep(IslandPlay):
     # Playing islands ---------------------------------------------------------------------------------------------------
 
     @ti.kernel
-    def _play_islands(self, time: float, h: float, listed: Template) -> ti.types.vector(2, ti.i32):
+    def _play_islands(self, time: float, h: float, listed: Template, is_first: ti.i32) -> ti.types.vector(2, ti.i32):
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.islands.form()
-        ti.loop_config(serialize=self.plays_in_turn)
-        for k in range(self.islands.count[self.islands.PENDING]):
-            self._play(self.islands.pending[k], time, h)
+        if ti.static(self.plays_in_turn or not listed):
+            ti.loop_config(serialize=self.plays_in_turn)
+            for k in range(self.islands.count[self.islands.PENDING]):
+                self._play(self.islands.pending[k], time, h)
+        else:
+            grain = ti.static(loop_grain())
+            for q in range((self.islands.count[self.islands.PENDING] + TOGETHER - 1) // TOGETHER * grain):
+                if q % grain == 0:
+                    first = q // grain * TOGETHER
+                    end = ti.min(first + TOGETHER, self.islands.count[self.islands.PENDING])
+                    self.read[first] = self._read_ahead(first, end)
+                    for k in range(first, end):
+                        self._play(self.islands.pending[k], time, h)
         for k in range(self.islands.count[self.islands.INVOLVED]):
             i = self.islands.involved[k]
-            if self.near[i] == 1:
+            looks = self.near[i] == 1
+            if is_first == 0:  # between islands that were not played again nothing has changed
+                looks = self.islands.changed[self.islands.island[i]] == 1
+            if looks:
                 self.visit(i, self._see_other_island, h, h)
         return ti.Vector([self.islands.count[self.islands.LINKS], self.violations[0]])
 
     @ti.func
+    def _read_ahead(self, first, end):
+        """Read what playing some islands begins with; returns what keeps the compiler from leaving that out.
+
+        Their spheres are far apart in memory, and where each is asked for when it is needed, each is waited for. Here one does
+        not wait for another: first the spheres, then where their partners are written, then those.
+        """
+        found = ti.cast(0.0, float)
+        for q in range(first, end):
+            begin = self.islands.begin[self.islands.pending[q]]
+            for p in range(begin, begin + self.islands.size[self.islands.pending[q]]):
+                k = self.islands.members[p]
+                found += self.start_position[k][0] + self.islands.best_time[k] + self.islands.first_time[k]
+                found += ti.cast(self.partners.begin[k] + self.near[k], float)
+        for q in range(first, end):
+            begin = self.islands.begin[self.islands.pending[q]]
+            for p in range(begin, begin + self.islands.size[self.islands.pending[q]]):
+                k = self.islands.members[p]
+                found += ti.cast(self.partners.first_of(k), float)
+        for q in range(first, end):
+            begin = self.islands.begin[self.islands.pending[q]]
+            for p in range(begin, begin + self.islands.size[self.islands.pending[q]]):
+                k = self.islands.members[p]
+                for r in range(self.partners.count_of(k)):
+                    other = self.partners.partner_of(k, r)
+                    found += self.start_velocity[other][0] + ti.cast(self.islands.island[other], float)
+        return found
+
+    @ti.func
     def _see_other_island(self, k, other, h, _):
         """Join two islands where spheres may have met: neither left a ball around its start, and the balls meet."""
-        if self.islands.island[other] >= 0 and self.islands.island[other] != self.islands.island[k]:
+        is_in_another = self.islands.island[other] >= 0 and self.islands.island[other] != self.islands.island[k]
+        if is_in_another and (self.near[k] == 1 or self.near[other] == 1):
             separation = self.bounce.separation(self.start_position[k], self.start_position[other])
             reach = self.radius_of(k) + self.radius_of(other) + self.excursion[k] + self.excursion[other]
             if separation.dot(separation) <= reach * reach:
@@ -207,6 +246,10 @@ class Sweep(IslandPlay):
     @ti.func
     def _fly_on(self, k, h):
         i = self.index(k)
-        self.state.position[i] = self.start_position[k] + self.start_velocity[k] * h
+        x = self.start_position[k] + self.start_velocity[k] * h
+        if ti.static(self.in_slots):
+            self.start_position[k] = x
+        else:
+            self.state.position[i] = x
         if ti.static(self.keeps_last_contact):
             self.last_contact[i] = self.last_contact[i] - h

@@ -28,6 +28,10 @@ class SweepSolver(ContactSolver):
         """Move all spheres by h [time] along their velocities, with the contacts on the way."""
         self.sweep.drift(time, h)
 
+    def write_back(self) -> None:
+        """Bring positions and velocities of the state up to date."""
+        self.sweep.write_back()
+
     def collect(self) -> ContactReport:
         """What was counted since it was last asked."""
         return self.sweep.collect()

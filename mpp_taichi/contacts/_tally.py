@@ -22,8 +22,13 @@ class Tally:
     that no two threads write to one place, and STRIPES of them are added up before the host asks.
     """
 
-    def __init__(self, particle_count: int, surface_count: int, wide: Any, *, apart: bool | None = None) -> None:
-        """Allocate; `wide` is the type of the sums; `apart` when absent: unless on the CPU."""
+    def __init__(
+        self, particle_count: int, surface_count: int, wide: Any, *, apart: bool | None = None, placed_by_caller: bool = False
+    ) -> None:
+        """Allocate; `wide` is the type of the sums; `apart` when absent: unless on the CPU.
+
+        `placed_by_caller`: `counted` and `summed` are left to be placed beside what else is of a sphere.
+        """
         self.particle_count = particle_count
         self.surface_count = surface_count
         self.wide = wide
@@ -41,9 +46,10 @@ class Tally:
         builder = ti.FieldsBuilder()
         builder.dense(ti.i, self.rows).place(self.total_count)
         builder.dense(ti.i, seen).place(self.unresolved)
-        builder.dense(ti.i, particle_count).place(self.counted)
         real_builder, wide_builder = ti.FieldsBuilder(), ti.FieldsBuilder()  # apart: see State._builder
-        real_builder.dense(ti.i, particle_count).place(self.summed)
+        if not placed_by_caller:
+            builder.dense(ti.i, particle_count).place(self.counted)
+            real_builder.dense(ti.i, particle_count).place(self.summed)
         real_builder.dense(ti.i, particle_count if surface_count else 1).place(self.pushed)
         real_builder.dense(ti.i, seen).place(self.overlap)
         for field in (self.total_sum, self.total_push):

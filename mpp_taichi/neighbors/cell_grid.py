@@ -72,7 +72,7 @@ class CellGrid:
             for field in fields:
                 builder.dense(ti.i, count).place(field)
         self._trees = [numbers.finalize(), integers.finalize()]
-        self._table: list[Level] = []
+        self.table: list[Level] = []
 
     def destroy(self) -> None:
         """Give the memory back."""
@@ -98,7 +98,7 @@ class CellGrid:
             self.level_of_bin.from_numpy(level_of_bin)
         size = max(np.abs(corner).max(), np.abs(corner + extent).max(), np.abs(lower).max(), np.abs(upper).max())
         self._set_levels(reaches, counts, extent, corner, ROUNDINGS * self.epsilon * size)
-        self._sort(position, reach, skin, largest, sum(level.buckets for level in self._table))
+        self._sort(position, reach, skin, largest, sum(level.buckets for level in self.table))
 
     def measure(self, position: Any, reach: Any) -> tuple[np.ndarray, np.ndarray, float, float]:
         """Bounding box, least and largest reach."""
@@ -111,16 +111,16 @@ class CellGrid:
         return found[:, :d].min(0), found[:, d : 2 * d].max(0), float(found[:, 2 * d].min()), float(found[:, 2 * d + 1].max())
 
     def _set_levels(self, reaches: list, counts: list, extent: np.ndarray, corner: np.ndarray, slack: float) -> None:
-        self._table = []
+        self.table = []
         offset = 0
         for reach, count in zip(reaches, counts, strict=True):
             level = Level.fitted(reach + slack, count, extent, self.repeats, BUCKETS_PER_SPHERE, offset)
             offset += level.buckets
-            self._table.append(level)
+            self.table.append(level)
         rows = np.zeros((MAXIMUM_LEVELS, 4 + 2 * self.dimensions + 2))
-        for k, level in enumerate(self._table):
+        for k, level in enumerate(self.table):
             rows[k] = [level.offset, level.mask, level.buckets, level.reach, *level.inverse, *level.cells, *level.strides]
-        self._store_levels(rows, len(self._table), np.asarray(corner, float), slack)
+        self._store_levels(rows, len(self.table), np.asarray(corner, float), slack)
 
     @ti.kernel
     def _store_levels(self, rows: ti.types.ndarray(), levels: ti.i32, corner: ti.types.ndarray(), slack: float):
