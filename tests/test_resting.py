@@ -212,3 +212,46 @@ def test_serial_and_parallel_agree(corner):
     first, second = corner.solver.collect(), other.solver.collect()
     assert (first.pair_count, first.wall_count) == (second.pair_count, second.wall_count) and second.pair_count > 0
     assert first.dissipated_energy == pytest.approx(second.dissipated_energy, rel=1e-6)
+
+
+COMPLIANCE, LONG_STEP = 1e-3, 0.1
+
+
+class Yielding(Corner):
+    """The corner, with contacts that yield: each drift follows the kick it bears."""
+
+    def __init__(self):
+        super().__init__()
+        self.solver = Resting(restitution=E, tolerance=TOLERANCE, compliance=COMPLIANCE)
+        self.solver.bind(self.setup, self.spheres)
+
+    def run(self, steps, *, gravity=(0.0, -GRAVITY)):
+        """Kick, drift."""
+        for k in range(steps):
+            kick(self.spheres.velocity, ti.Vector(gravity) * LONG_STEP)
+            self.solver.drift(self.spheres, k * LONG_STEP, LONG_STEP)
+
+
+@pytest.fixture(scope="module")
+def yielding(taichi):
+    return Yielding()
+
+
+def test_a_column_yields_by_the_weight_that_each_contact_bears(yielding):
+    """The overlap under k spheres is c k m g; they fall, rebound and come to rest there."""
+    height = RADIUS + 1.05 * np.arange(COUNT) + 0.3
+    yielding.place(np.column_stack([np.full(COUNT, 5.0), height]))
+    # The softest way in which ten yield together has ω² = (π/21)²/c: implicit Euler takes it by 1/√(1 + ω² h²) = 0.9 in a step.
+    yielding.run(600)
+    position, velocity = yielding.spheres.read()
+    overlap = COMPLIANCE * GRAVITY * np.arange(COUNT, 0, -1)
+    expected = RADIUS + 2 * RADIUS * np.arange(COUNT) - np.cumsum(overlap)
+    # What each contact may lack adds up over ten, and of the softest way 1/(π/21)² = 45 times that.
+    assert np.abs(position[:, 1] - expected).max() < 45 * COUNT * TOLERANCE * RADIUS
+    assert np.abs(velocity).max() < 45 * COUNT * TOLERANCE * RADIUS / LONG_STEP
+    report = yielding.solver.collect()
+    assert report.unresolved == 0 and report.pair_count > 0
+    yielding.run(10)
+    report = yielding.solver.collect()
+    assert report.wall_impulse[0] == pytest.approx(COUNT * GRAVITY * 10 * LONG_STEP, rel=1e-6)
+    assert report.largest_overlap == pytest.approx(COMPLIANCE * GRAVITY * COUNT / RADIUS, rel=1e-6)
