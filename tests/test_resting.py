@@ -255,3 +255,17 @@ def test_a_column_yields_by_the_weight_that_each_contact_bears(yielding):
     report = yielding.solver.collect()
     assert report.wall_impulse[0] == pytest.approx(COUNT * GRAVITY * 10 * LONG_STEP, rel=1e-6)
     assert report.largest_overlap == pytest.approx(COMPLIANCE * GRAVITY * COUNT / RADIUS, rel=1e-6)
+
+
+def test_an_impact_elsewhere_does_not_disturb_what_has_yielded(yielding):
+    """A drift with impacts finds velocities and ways apart: both must leave the overlaps that bear the weight."""
+    resting = COUNT - 2
+    overlap = COMPLIANCE * GRAVITY * np.arange(resting, 0, -1)
+    column = RADIUS + 2 * RADIUS * np.arange(resting) - np.cumsum(overlap)
+    place = [*((5.0, height) for height in column), (20.0, 50.0), (21.05, 50.0)]
+    yielding.place(place, [*([(0.0, 0.0)] * resting), (1.0, 0.0), (0.0, 0.0)])
+    yielding.run(1)
+    position, velocity = yielding.spheres.read()
+    assert yielding.solver.collect().pair_count == 1
+    assert velocity[resting + 1, 0] == pytest.approx((1 + E) / 2, rel=1e-9)
+    assert np.abs(position[:resting, 1] - column).max() < 45 * COUNT * TOLERANCE * RADIUS
