@@ -3,42 +3,19 @@
 import numpy as np
 import pytest
 
+from mpp_taichi.scene.estimate import estimate
+from mpp_taichi.scene.load import load_scene
 from mpp_taichi.simulation import Simulation
 
-COUNT, RADIUS, SPREAD, WIDTH, COMPLIANCE, STEP, TOLERANCE = 100, 0.5, 0.2, 4.2, 1e-3, 0.1, 1e-10
-# The box leans, for on a level floor, without friction, a sphere that bears nothing but itself would glide for ever.
-GRAVITY = [0.1, 0.06, -1.0]
-SCENE = {
-    "title": "A small pile",
-    "dimensions": 3,
-    "seed": 2,
-    "particles": [
-        {
-            "gas": {
-                "name": "balls",
-                "count": COUNT,
-                "lower": [0, 0, 0],
-                "upper": [WIDTH, WIDTH, 16],
-                "radius": RADIUS,
-                "radius_spread": SPREAD,
-            }
-        }
-    ],
-    "forces": [{"uniform_gravity": {"acceleration": GRAVITY}}, {"linear_drag": {"coefficient": 0.5}}],
-    "contacts": {
-        "hard_spheres": {
-            "solver": "resting",
-            "restitution": 0,
-            "resting_speed": 10,
-            "compliance": COMPLIANCE,
-            "tolerance": TOLERANCE,
-        }
-    },
-    "walls": [{"box": {"lower": [0, 0, 0], "upper": [WIDTH, WIDTH, 40], "restitution": 0}}],
-    "integrator": {"symplectic_euler": {"dt": STEP}},
-    "run": {"duration": 80},
-    "timeline": [{"at": 20, "set": {"forces.linear_drag.coefficient": 0}}],
-}
+COUNT, RADIUS, WIDTH, COMPLIANCE, STEP, TOLERANCE = 100, 0.5, 4.2, 1e-3, 0.1, 1e-10
+GRAVITY = [0.05, 0.03, -1.0]
+SMALLER = [
+    f"constants.count={COUNT}",
+    f"constants.width={WIDTH}",
+    f"constants.compliance={COMPLIANCE}",
+    "constants.drained=20",
+    f"contacts.hard_spheres.tolerance={TOLERANCE}",
+]
 
 
 def contacts(snapshot):
@@ -64,8 +41,11 @@ def energy(snapshot):
     return kinetic + (-np.sum(snapshot.position @ GRAVITY)) + 0.5 * np.sum(overlap**2) / COMPLIANCE
 
 
-def test_a_pile_gains_no_energy_and_comes_to_rest():
-    simulation = Simulation(SCENE, backend="cpu", precision="f64")
+def test_a_pile_gains_no_energy_and_comes_to_rest(request):
+    """The scene of 10,000, with fewer."""
+    path = request.config.root_folder / "scenes" / "large" / "pile_10000.yaml"
+    assert estimate(load_scene(path)).particle_count == 10_000
+    simulation = Simulation(path, backend="cpu", precision="f64", overrides=SMALLER)
     # Implicit Euler on a convex energy; spheres curve away from the tangents that a step takes for them, which gives nothing.
     # What a contact may lack, tolerance × radius, is worth that times the force it bears, of some thousand contacts at most.
     room = 1e3 * TOLERANCE * RADIUS * COUNT
