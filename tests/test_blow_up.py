@@ -115,6 +115,25 @@ def test_round_off_of_single_precision_raises_no_alarm(scene):
         assert watched(simulation, 5, steps=10 if many else min(2000, whole)) is None
 
 
+def test_what_lies_and_yields_may_rise_where_its_burden_is_taken():
+    """Contacts give back ½ c F², which is no part of the energy that is watched, to a sphere that has none to turn over."""
+    scene = {
+        "dimensions": 2,
+        "particles": [{"body": {"mass": 1, "radius": 0.5, "position": [0, 0.5, 0]}}],
+        "forces": [{"uniform_gravity": {"acceleration": [0, -1, 0]}}],
+        "contacts": {"hard_spheres": {"solver": "resting", "restitution": 0, "compliance": 0.01}},
+        "walls": [{"plane": {"point": [0, 0, 0], "normal": [0, 1, 0], "restitution": 0}}],
+        "integrator": {"symplectic_euler": {"dt": 0.1}},
+        "timeline": [{"at": 15, "set": {"forces.uniform_gravity.acceleration": [0, -0.5, 0]}}],
+        "run": {"duration": 30},
+    }
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        simulation.run(until=15)
+        assert simulation.snapshot().position[0, 1] == pytest.approx(0.5 - 0.01, abs=1e-9)
+        assert watched(simulation, 10, until=30) is None
+        assert simulation.snapshot().position[0, 1] == pytest.approx(0.5 - 0.005, abs=1e-9)
+
+
 @pytest.mark.parametrize("integrator", ["leapfrog", "rk4"])
 def test_friction_raises_no_alarm(integrator):
     with Simulation(everything(integrator=integrator, dt=0.01), backend="cpu") as simulation:

@@ -241,6 +241,10 @@ FAULTS = [
     ({"integrator": {"rk4": {"dt": 0.1}}}, "goes with the integrators leapfrog, symplectic_euler, velocity_verlet, not rk4"),
     ({"integrator": {"event_driven": {}}}, "not event_driven"),
     (
+        {"contacts": {"hard_spheres": {"solver": "resting", "compliance": 1e-3}}, "integrator": {"leapfrog": {"dt": 0.1}}},
+        "contacts.hard_spheres.compliance: contacts that yield go with the integrator symplectic_euler",
+    ),
+    (
         {"contacts": {"hard_spheres": {"solver": "swept", "pairs": [{"between": [0, "nobody"], "restitution": 0.5}]}}},
         "contacts.hard_spheres.pairs[0].between[1]: no particle is called 'nobody'",
     ),

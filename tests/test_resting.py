@@ -212,3 +212,60 @@ def test_serial_and_parallel_agree(corner):
     first, second = corner.solver.collect(), other.solver.collect()
     assert (first.pair_count, first.wall_count) == (second.pair_count, second.wall_count) and second.pair_count > 0
     assert first.dissipated_energy == pytest.approx(second.dissipated_energy, rel=1e-6)
+
+
+COMPLIANCE, LONG_STEP = 1e-3, 0.1
+
+
+class Yielding(Corner):
+    """The corner, with contacts that yield: each drift follows the kick it bears."""
+
+    def __init__(self):
+        super().__init__()
+        self.solver = Resting(restitution=E, tolerance=TOLERANCE, compliance=COMPLIANCE)
+        self.solver.bind(self.setup, self.spheres)
+
+    def run(self, steps, *, gravity=(0.0, -GRAVITY)):
+        """Kick, drift."""
+        for k in range(steps):
+            kick(self.spheres.velocity, ti.Vector(gravity) * LONG_STEP)
+            self.solver.drift(self.spheres, k * LONG_STEP, LONG_STEP)
+
+
+@pytest.fixture(scope="module")
+def yielding(taichi):
+    return Yielding()
+
+
+def test_a_column_yields_by_the_weight_that_each_contact_bears(yielding):
+    """The overlap under k spheres is c k m g; they fall, rebound and come to rest there."""
+    height = RADIUS + 1.05 * np.arange(COUNT) + 0.3
+    yielding.place(np.column_stack([np.full(COUNT, 5.0), height]))
+    # The softest way in which ten yield together has ω² = (π/21)²/c: implicit Euler takes it by 1/√(1 + ω² h²) = 0.9 in a step.
+    yielding.run(600)
+    position, velocity = yielding.spheres.read()
+    overlap = COMPLIANCE * GRAVITY * np.arange(COUNT, 0, -1)
+    expected = RADIUS + 2 * RADIUS * np.arange(COUNT) - np.cumsum(overlap)
+    # What each contact may lack adds up over ten, and of the softest way 1/(π/21)² = 45 times that.
+    assert np.abs(position[:, 1] - expected).max() < 45 * COUNT * TOLERANCE * RADIUS
+    assert np.abs(velocity).max() < 45 * COUNT * TOLERANCE * RADIUS / LONG_STEP
+    report = yielding.solver.collect()
+    assert report.unresolved == 0 and report.pair_count > 0
+    yielding.run(10)
+    report = yielding.solver.collect()
+    assert report.wall_impulse[0] == pytest.approx(COUNT * GRAVITY * 10 * LONG_STEP, rel=1e-6)
+    assert report.largest_overlap == pytest.approx(COMPLIANCE * GRAVITY * COUNT / RADIUS, rel=1e-6)
+
+
+def test_an_impact_elsewhere_does_not_disturb_what_has_yielded(yielding):
+    """A drift with impacts finds velocities and ways apart: both must leave the overlaps that bear the weight."""
+    resting = COUNT - 2
+    overlap = COMPLIANCE * GRAVITY * np.arange(resting, 0, -1)
+    column = RADIUS + 2 * RADIUS * np.arange(resting) - np.cumsum(overlap)
+    place = [*((5.0, height) for height in column), (20.0, 50.0), (21.05, 50.0)]
+    yielding.place(place, [*([(0.0, 0.0)] * resting), (1.0, 0.0), (0.0, 0.0)])
+    yielding.run(1)
+    position, velocity = yielding.spheres.read()
+    assert yielding.solver.collect().pair_count == 1
+    assert velocity[resting + 1, 0] == pytest.approx((1 + E) / 2, rel=1e-9)
+    assert np.abs(position[:resting, 1] - column).max() < 45 * COUNT * TOLERANCE * RADIUS

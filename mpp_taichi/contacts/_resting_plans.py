@@ -69,7 +69,7 @@ class SerialPlan:
                         self.step.begin_rest(state, h, ti.cast(hit, ti.i32))
                     else:
                         self.step.begin_ways(state, h)
-                    self.step.solver.prepare(1 if phase == 0 else 0)
+                    self.step.solver.prepare(1 if phase == 0 else 0, h)
                     outcome = self.step.solver.solve_serial(h)
                     result[1] += outcome[0]
                     result[2] += outcome[1]
@@ -174,7 +174,7 @@ class ParallelPlan:
             self._spread_restitution()
             if not self._totals()[0] > 0.0:
                 break
-        self._prepare_impacts()
+        self._prepare_impacts(h)
         outcome = self.step.solver.solve_parallel(h)
         self._end_impacts()
         return outcome
@@ -234,8 +234,8 @@ class ParallelPlan:
         self.step.begin_impacts(state)
 
     @ti.kernel
-    def _prepare_impacts(self):
-        self.step.solver.prepare(1)
+    def _prepare_impacts(self, h: float):
+        self.step.solver.prepare(1, h)
 
     @ti.kernel
     def _spread_restitution(self):
@@ -248,7 +248,7 @@ class ParallelPlan:
     @ti.kernel
     def _begin_rest(self, state: Template, h: float, after_impacts: int):
         self.step.begin_rest(state, h, after_impacts)
-        self.step.solver.prepare(0)
+        self.step.solver.prepare(0, h)
 
     @ti.kernel
     def _end_rest(self):
@@ -257,7 +257,7 @@ class ParallelPlan:
     @ti.kernel
     def _begin_ways(self, state: Template, h: float):
         self.step.begin_ways(state, h)
-        self.step.solver.prepare(0)
+        self.step.solver.prepare(0, h)
 
     @ti.kernel
     def _move(self, state: Template, h: float):

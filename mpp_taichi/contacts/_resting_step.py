@@ -25,10 +25,10 @@ class RestingStep:
     sums      for each chunk of spheres: impacts of pairs and with surfaces, virial, energy lost, impulse on each surface
     """
 
-    def __init__(self, setup: ContactSetup, tolerance: float, wide: Any):
+    def __init__(self, setup: ContactSetup, tolerance: float, wide: Any, compliance: float = 0.0):
         """Allocate."""
         self.rows = ContactRows(setup)
-        self.solver = Complementarity(self.rows, tolerance, wide)
+        self.solver = Complementarity(self.rows, tolerance, wide, compliance)
         self.particle_count = setup.particle_count
         self.dimensions = setup.dimensions
         self.surfaces = setup.enclosure.surfaces
@@ -164,12 +164,14 @@ class RestingStep:
 
     @ti.func
     def begin_ways(self, state: Template, h):
-        """Mean velocities: the old ones until the first impact of a sphere, then the new ones."""
+        """Mean velocities: the old ones until the first impact of a sphere, then the new ones; what yielded stays so."""
         for i in range(self.particle_count):
             when = ti.cast(0.0, float)
             hit = False
             for c in range(self.rows.start[i], self.rows.start[i + 1]):
                 self.rows.impulse[c] = 0.0
+                if ti.static(self.solver.compliance > 0.0):
+                    self.solver.offset[c] = self.solver.offset[c] + self.solver.softness[0] * self.rows.resting[c]
                 if self.rows.given[c] > 0.0:
                     when = ti.min(when, self.rows.when[c]) if hit else self.rows.when[c]
                     hit = True

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 ALARM = 1000.0  # times the energy that the run has had to turn over, gained from nowhere: it is not coming back
 ONSET = 0.1  # the same share as that from which a conserved energy is called inaccurate
-STRAIN_SHARE = 1e-3  # of Σ ½ D L², all springs strained by 1: no alarm below a mean strain of 3 %
+STRAIN_SHARE = 1e-3  # of Σ ½ D L², all springs, and spheres that yield, strained by 1: no alarm below a mean strain of 3 %
 ROUNDING = 64.0  # machine epsilons of the energies, by which their difference may be rounded
 LOOKS = 250
 LONGEST = 1000.0  # extents of the system at the start: a longer spring is a blow-up whatever drives it
@@ -28,9 +28,10 @@ class BlowUpWatch:
 
     Where forces conserve or brake, E(t) ≤ E(0): whatever E gains was made by the method. It is measured by what the run had to
     turn over, K₀ + max (U₀ − U), the kinetic energy it began with and the potential energy it has released; springs at rest
-    that nothing moves have neither, so a share of their energy at strain 1 is added. Beyond `ALARM` the run is taken back to
-    the last sound sample and bisected to the first step that gains more than `ONSET`. Where a drive may add energy, only the
-    length of the springs and finite numbers are watched. Costs a copy of the state for each sample.
+    that nothing moves, and spheres that lie and yield, have neither, so a share of their energy at strain 1 is added. Beyond
+    `ALARM` the run is taken back to the last sound sample and bisected to the first step that gains more than `ONSET`. Where a
+    drive may add energy, only the length of the springs and finite numbers are watched. Costs a copy of the state for each
+    sample.
 
     Stands after its table in the list of recorders.
     """
@@ -85,7 +86,7 @@ class BlowUpWatch:
         springs = start.springs
         self._start = row
         self._has_springs = len(springs) > 0
-        self._elastic = float(0.5 * springs.stiffness @ springs.rest_length**2)
+        self._elastic = float(0.5 * springs.stiffness @ springs.rest_length**2) + _elastic_of_contacts(simulation, start)
         self._extent = float(np.ptp(start.position, axis=0).max() + springs.rest_length.sum())
         self._epsilon = 2.0**-53 if simulation.device.precision == "f64" else 2.0**-24
         self._sound = simulation.mark()
@@ -164,6 +165,12 @@ def _strides(steps: int) -> list[int]:
 def _look(simulation: "Simulation") -> dict[str, Any]:
     with np.errstate(over="ignore", invalid="ignore"):
         return simulation.mechanics()
+
+
+def _elastic_of_contacts(simulation: "Simulation", snapshot: Snapshot) -> float:
+    """Σ ½ (2 r)²/c where contacts yield: what they give back is no gain from nowhere."""
+    compliance = getattr(simulation.contacts, "compliance", 0.0)
+    return float(0.5 * np.sum((2.0 * snapshot.radius) ** 2)) / compliance if compliance > 0.0 else 0.0
 
 
 def _lengths(snapshot: Snapshot) -> np.ndarray:

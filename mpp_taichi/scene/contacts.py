@@ -98,6 +98,10 @@ def check_contacts(spec: SceneSpec, tree: Node, faults: Faults) -> None:
         faults.add(place, key, f"{solver.name} resolves contacts on straight ways between kicks: it {goes}{other}")
     if solver.name == MERGING:
         _check_merging(spec, faults)
+    if solver.parameters.get("compliance") and spec.integrator.name in DRIFTING and spec.integrator.name != "symplectic_euler":
+        rule = "contacts that yield go with the integrator symplectic_euler, where each drift follows the kick it bears"
+        given = tree.value["contacts"].value["hard_spheres"].value["compliance"].place
+        faults.add(given, "contacts.hard_spheres.compliance", f"{rule}, not {spec.integrator.name}")
 
 
 def _check_free_flight(spec: SceneSpec, place: Location, key: str, faults: Faults) -> None:
