@@ -210,7 +210,7 @@ def bob_reference(simulation, drag):
 
     spring_arrays = (springs.stiffness, springs.damping, springs.rest_length)
     y = np.concatenate([start.position[2], start.velocity[2]])
-    return solve_ivp(slopes, (0.0, simulation.time), y, method="DOP853", rtol=1e-13, atol=1e-15).y[:3, -1]
+    return solve_ivp(slopes, (0.0, simulation.time), y, method="DOP853", rtol=1e-13, atol=1e-15, max_step=0.02).y[:3, -1]
 
 
 @pytest.mark.parametrize("name", MORE_TABLES)
