@@ -182,6 +182,14 @@ def _shade(table: Template, p, sphere_count, x, y, depth, orthographic, light):
     return color
 
 
+@ti.func
+def _sees_nothing(tile_hit: Template, slot, first_sample):
+    most = -1
+    for s in ti.static(range(4)):
+        most = ti.max(most, tile_hit[slot, first_sample + s])
+    return most < 0
+
+
 @ti.kernel
 def _draw_pixels(
     width: ti.i32,
@@ -219,7 +227,13 @@ def _draw_pixels(
         tile = tiles[slot]
         across = (width + TILE - 1) // TILE
         row, column = tile // across * TILE + inside // TILE, tile % across * TILE + inside % TILE
+        shows = 0
         if row < height and column < width:
+            shows = 1
+            if ti.static(covered):
+                if glow_count == 0 and _sees_nothing(tile_hit, slot, 4 * inside):
+                    shows = 0  # as most pixels of a tile do
+        if shows == 1:
             color = packed[row, column]  # what lies behind all
             k, end = start[tile], start[tile + 1]
             behind = background
@@ -260,30 +274,44 @@ def _draw_pixels(
                 total = ti.Vector([single(0), single(0), single(0)])
                 if ti.static(surfaces):
                     for s in range(4):  # not unrolled: the compiler would take four times as long
-                        light_seen = behind
-                        if hit[s] >= sphere_count:
-                            light_seen = ti.Vector([table[hit[s], 13], table[hit[s], 14], table[hit[s], 15]])
-                        elif hit[s] >= 0:
-                            light_seen = shade_surface(
-                                table,
-                                material,
-                                place,
-                                texels,
-                                levels,
-                                lights,
-                                casters,
-                                light_count,
-                                caster_count,
-                                ambient,
-                                hit[s],
-                                rx[s],
-                                ry[s],
-                                depth[s],
-                                orthographic,
-                                light,
-                            )
-                        light_seen += glow(lights, glow_count, rx[s], ry[s], depth[s], orthographic)
-                        total += ti.min(light_seen, ti.Vector([single(1)] * 3))
+                        # Once for all samples of one primitive, in their middle, which a sphere and a line cover too.
+                        shared, first = 0, 1
+                        x, y = single(0), single(0)
+                        for other in ti.static(range(4)):
+                            if hit[other] == hit[s]:
+                                shared += 1
+                                x, y = x + rx[other], y + ry[other]
+                                if other < s:
+                                    first = 0
+                        if first == 1:
+                            x, y = x / shared, y / shared
+                            light_seen, seen = behind, depth[s]
+                            if hit[s] >= sphere_count:
+                                light_seen = ti.Vector([table[hit[s], 13], table[hit[s], 14], table[hit[s], 15]])
+                            elif hit[s] >= 0:
+                                middle = sphere_hit(table, hit[s], x, y, orthographic)
+                                if middle > 0:  # not so where rounding takes it off the rim
+                                    seen = middle
+                                light_seen = shade_surface(
+                                    table,
+                                    material,
+                                    place,
+                                    texels,
+                                    levels,
+                                    lights,
+                                    casters,
+                                    light_count,
+                                    caster_count,
+                                    ambient,
+                                    hit[s],
+                                    x,
+                                    y,
+                                    seen,
+                                    orthographic,
+                                    light,
+                                )
+                            light_seen += glow(lights, glow_count, x, y, seen, orthographic)
+                            total += shared * ti.min(light_seen, ti.Vector([single(1)] * 3))
                 else:
                     for s in ti.static(range(4)):
                         light_seen = behind
