@@ -11,6 +11,7 @@ from mpp_taichi.backends import Device
 from mpp_taichi.contact_setup import contact_setup
 from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.errors import BackendError, CapacityError, PrecisionError, SceneError, UnsupportedError
+from mpp_taichi.large_pages import MANY_PARTICLES, use_large_pages
 from mpp_taichi.precision import carries_low_parts, forces_see_low_parts
 from mpp_taichi.scene import sliders
 from mpp_taichi.scene.estimate import LARGEST_COUNT, available_bytes
@@ -194,6 +195,8 @@ class CompiledPhase:
         )
         self.energy_meter = EnergyMeter(self.state, self.total_force)
         self.launch_limit = self._steps_per_launch(device)
+        if device.on_cpu and start.particle_count >= MANY_PARTICLES:
+            use_large_pages()
 
     def adopt(self, phase: Phase) -> None:
         """Take on the numbers of a phase that these kernels serve."""

@@ -62,6 +62,7 @@ class Ours:
 
         from mpp_taichi.contacts._base import ContactSetup
         from mpp_taichi.contacts.event_driven import EventDriven
+        from mpp_taichi.large_pages import MANY_PARTICLES, use_large_pages
         from mpp_taichi.walls._base import Enclosure
 
         n, d = x.shape
@@ -74,6 +75,8 @@ class Ours:
         self.state.velocity.from_numpy(v)
         self.solver = EventDriven()
         self.solver.bind(setup, self.state)
+        if n >= MANY_PARTICLES:
+            use_large_pages()
         self.solver.prepare(0.0)
         self.time, self.overlap = 0.0, 0.0
 
