@@ -3,7 +3,8 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import backends, component, plans
 from mpp_taichi.assemble import assemble, springs_of
@@ -18,6 +19,9 @@ from mpp_taichi.scene.spec import Event, SceneSpec, SliderSpec
 from mpp_taichi.scene.timeline import MOVES_ALLOWED
 from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from mpp_taichi.acceleration import AccelerationMeter
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,6 +198,13 @@ class CompiledPhase:
         )
         self.energy_meter = EnergyMeter(self.state, self.total_force)
         self.launch_limit = self._steps_per_launch(device)
+
+    @cached_property
+    def acceleration_meter(self) -> "AccelerationMeter":
+        """Of these forces; its kernels are compiled at its first look."""
+        from mpp_taichi.acceleration import AccelerationMeter  # only for those who ask
+
+        return AccelerationMeter(self.stepper)
 
     def adopt(self, phase: Phase) -> None:
         """Take on the numbers of a phase that these kernels serve."""

@@ -172,7 +172,7 @@ class Kept(ExactFilm):
         super().__init__(None, (), count, span, stopwatch=lambda _: nullcontext())
         self.kept = []
 
-    def _show(self, snapshot):
+    def _show(self, simulation, snapshot):
         self.kept.append(snapshot)
         self.drawn_count += 1
 

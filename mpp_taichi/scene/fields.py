@@ -314,6 +314,23 @@ class FileBeside(Field):
         return {"type": "string"}
 
 
+class OneOrMore:
+    """Of a list: its only entry may stand for it."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Make the list before it is checked."""
+        return core_schema.no_info_before_validator_function(_as_list, handler(source))
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
+        """One, or many."""
+        many = handler(core)
+        return {"anyOf": [many["items"], many]}
+
+
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
 @dataclass(frozen=True)
 class PerParticle(Field):
     """A Formula: a number or an expression over constants and the names a generator offers."""
