@@ -72,6 +72,13 @@ def test_all_forces_of_a_scene_are_in_it_and_friction_too(integrator, precision,
         assert change > 1e-2 if takes_friction(integrator) else (change <= bound.max()), "friction is a part of it"
 
 
+@pytest.mark.parametrize("plan", ["serial", "parallel"])
+def test_a_graphics_device_gives_the_same(software_vulkan, plan):
+    with Simulation(everything(), backend="vulkan", precision="f32", plan=plan) as simulation:
+        found, (exact, bound) = simulation.accelerations(), expected(simulation, simulation.snapshot())
+    assert (np.abs(found - exact) <= bound).all()
+
+
 def test_a_force_that_swings_is_that_of_the_time_shown():
     scene = {
         "particles": [{"body": {"mass": 2, "position": [0, 0, 0]}}],
