@@ -264,14 +264,20 @@ class Counts(Field):
 class Settings(Field):
     """A mapping of paths to values; what they may be is known only to the scene that they are set in (timeline.py)."""
 
-    def check(self, value: Any, context: Context) -> dict[str, Any]:
-        """Refuse what is no mapping, and one that changes nothing."""
+    optional: bool = False  # whether nothing will do
+
+    def check(self, value: Any, context: Context) -> dict[str, Any] | None:
+        """Refuse what is no mapping, and one that changes nothing unless nothing will do."""
+        if self.optional and value in (None, {}):
+            return None
         if not isinstance(value, dict) or not value:
             raise Wrong(f"must be a mapping of paths to values, not {shown(value) if value else 'nothing'}")
         return value
 
     def schema(self) -> dict[str, Any]:
         """Any mapping."""
+        if self.optional:
+            return {"anyOf": [{"type": "object"}, {"type": "null"}]}
         return {"type": "object", "minProperties": 1}
 
 
