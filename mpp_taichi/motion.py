@@ -48,6 +48,7 @@ class Motion:
         self.total_force, self.plan, self.step_work = compiled.total_force, compiled.plan, compiled.work
         self.state, self.stepper, self.energy_meter = compiled.state, compiled.stepper, compiled.energy_meter
         self.contacts, self.launch_limit = compiled.contacts, compiled.launch_limit
+        self._compiled_phase = compiled
         self._launch_steps = 1
 
     def _write(self, position: np.ndarray, velocity: np.ndarray) -> None:
@@ -237,6 +238,14 @@ class Motion:
         now = self.snapshot()
         place = now.position + now.velocity * offset
         return now.moved(position=place, velocity=now.velocity, time=self.time + offset, step=now.step)
+
+    def accelerations(self, snapshot: Snapshot | None = None) -> np.ndarray:
+        """Accelerations [length / time²] by the forces now, or where a snapshot of this phase is, (particle_count, 3).
+
+        Friction is included, and 0 stands along an axis that is held; contacts and walls, which act in an instant, are not.
+        """
+        self._require_life()
+        return self._compiled_phase.acceleration_meter.measure(self.snapshot() if snapshot is None else snapshot)
 
     def mechanics(self) -> dict[str, Any]:
         """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`."""

@@ -31,7 +31,8 @@ def picture(simulation: "Simulation", size: tuple[int, int] = SIZE, *, earlier: 
     view = Renderer(spec.view, size, dimensions=spec.dimensions)
     for snapshot in earlier:
         view.trails.add(Frame.of(snapshot, walls=walls))
-    return view.draw(Frame.of(simulation.snapshot(), title=spec.title, walls=walls))
+    acceleration = simulation.accelerations() if spec.view.wants_acceleration else None
+    return view.draw(Frame.of(simulation.snapshot(), title=spec.title, walls=walls, acceleration=acceleration))
 
 
 def png(simulation: "Simulation", *, earlier: Sequence[Snapshot] = ()) -> bytes | None:

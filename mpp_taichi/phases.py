@@ -3,7 +3,8 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import backends, component, plans
 from mpp_taichi.assemble import assemble, springs_of
@@ -19,6 +20,9 @@ from mpp_taichi.scene.spec import Event, SceneSpec, SliderSpec
 from mpp_taichi.scene.timeline import MOVES_ALLOWED
 from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from mpp_taichi.acceleration import AccelerationMeter
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,6 +201,13 @@ class CompiledPhase:
         self.launch_limit = self._steps_per_launch(device)
         if device.on_cpu and start.particle_count >= MANY_PARTICLES:
             use_large_pages()
+
+    @cached_property
+    def acceleration_meter(self) -> "AccelerationMeter":
+        """Of these forces; its kernels are compiled at its first look."""
+        from mpp_taichi.acceleration import AccelerationMeter  # only for those who ask
+
+        return AccelerationMeter(self.stepper)
 
     def adopt(self, phase: Phase) -> None:
         """Take on the numbers of a phase that these kernels serve."""

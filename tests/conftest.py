@@ -20,6 +20,22 @@ def fresh_runtime():
         backends.stop()
 
 
+@pytest.fixture
+def compilations(monkeypatch):
+    """Every kernel that Taichi compiles, by its name."""
+    from taichi.lang.kernel_impl import Kernel
+
+    found, plain = [], Kernel.materialize
+
+    def materialize(self, key=None, args=None, arg_features=None):
+        if key not in self.compiled_kernels:
+            found.append(self.func.__name__)
+        return plain(self, key, args, arg_features)
+
+    monkeypatch.setattr(Kernel, "materialize", materialize)
+    return found
+
+
 @pytest.fixture(scope="session")
 def software_vulkan():
     """Skip where no Vulkan device starts, and say why."""

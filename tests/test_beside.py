@@ -27,6 +27,7 @@ from mpp_taichi.beside.view import shortened
 from mpp_taichi.beside.wire import receive, send
 from mpp_taichi.cli.main import main
 from mpp_taichi.scene.load import load_scene
+from mpp_taichi.scene.right_half import as_texts
 from mpp_taichi.views._base import Frame
 from scenes import kepler
 
@@ -172,7 +173,7 @@ class Kept(ExactFilm):
         super().__init__(None, (), count, span, stopwatch=lambda _: nullcontext())
         self.kept = []
 
-    def _show(self, snapshot):
+    def _show(self, simulation, snapshot):
         self.kept.append(snapshot)
         self.drawn_count += 1
 
@@ -258,6 +259,76 @@ def test_captions_say_what_either_half_has(scene):
     lines = right.captions(left, {}, {})
     assert lines == (["forces: newtonian_gravity, linear_drag", "springs: none"], ["forces: none", "springs: link"])
     assert shortened("springs none", lambda text: len(text) <= 8) == "springs…"
+
+
+# --- the scene's own right half ---------------------------------------------------------------------------------------------
+
+OTHER = {"record": {"beside": {"dt": 0.05, "integrator": "rk4"}}}
+
+
+def test_a_scene_says_itself_what_is_beside_it(scene, capsys):
+    words = ["--inspect", "d.csv", "--still", "a.png", "--backend", "cpu", "--json", *FILM]
+    assert main(["record", scene(**OTHER), *words]) == 0
+    own, first = json.loads(capsys.readouterr().out)["beside"], table("d.csv")["rms_distance"]
+    assert main(["record", scene(), *words, "--beside", "integrator=rk4", "--beside", "dt=0.05"]) == 0
+    flagged = json.loads(capsys.readouterr().out)["beside"]
+    assert np.array_equal(first, table("d.csv")["rms_distance"]) and first[-1] > 1e-4
+    assert own == flagged and own["settings"] == ["integrator=rk4", "dt=0.05"], "the method goes before its step"
+    assert main(["record", scene(**OTHER), *words, "--beside", "integrator=euler"]) == 0
+    won = json.loads(capsys.readouterr().out)["beside"]
+    assert (won["settings"], won["integrator"], won["dt"]) == (["integrator=euler"], "euler", DT), "the option alone holds"
+    assert main(["record", scene(**OTHER), "--still", "a.png", "--set", "record.beside=", "--backend", "cpu", *FILM]) == 0
+    assert main(["record", scene(**OTHER), *words, "--set", "record.beside={}"]) == 2
+    assert "has no inspect:, so there are no panels to write" in capsys.readouterr().err, "one picture, as without it"
+
+
+def test_what_is_beside_takes_devices_lists_and_what_set_takes(scene):
+    beside_it = {
+        "forces": [],
+        "threads": 1,
+        "precision": "f32",
+        "+springs": [{"link": {"between": [0, 1], "stiffness": "2 * 3"}}],
+    }
+    left = load_scene(scene(record={"beside": beside_it}))
+    right = beside(left, as_texts(left.record.beside), "kepler.yaml", [])
+    assert right.device == {"threads": 1, "precision": "f32"} and right.scene.forces == ()
+    assert right.scene.springs[0].parameters["stiffness"] == 6.0 and right.scene.record.beside is None
+    assert load_scene(right.scene.resolved).record.beside is None, "as the other process reads it"
+
+
+def test_a_page_holds_one_run_whatever_is_beside_it(scene, capsys):
+    assert (
+        main(["record", scene(**OTHER), "--html", "a.html", *[word for word in FILM if word != "--quiet"], "--steps", "5"]) == 0
+    )
+    assert "note: --html a.html holds one run: record.beside is left out" in capsys.readouterr().err
+    assert Path("a.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("said", "fault"),
+    [
+        ("{integrator: rk5}", "2:24: integrator.rk5: unknown integrator 'rk5', did you mean 'rk4'? "),
+        ("{dt: fast}", "2:16: integrator.leapfrog.dt: unknown name 'fast'"),
+        (
+            "{integrator: rk4, dt: -1}",
+            "2:33: integrator.rk4.dt: -1 is not allowed, must be above 0 (in the right half, record.beside)",
+        ),
+        ("{dt: 0.05, threads: 0}", "2:31: record.beside.threads: must be a whole number from 1 on"),
+        ("{backend: opencl}", "2:21: record.beside.backend: 'opencl' is none of auto, cpu, cuda, vulkan, metal"),
+        ("{view.trails: 3}", "2:25: record.beside.view.trails: both halves have the same view"),
+        ("{forces.coulomb.softening: 3}", "2:38: forces has no entry 'coulomb'"),
+        ("{a b..c: 3}", "2:12: record.beside.a b..c: 'a b..c' is no path"),
+        ("rk4", "2:11: record.beside: must be a mapping of paths to values, not 'rk4'"),
+    ],
+)
+def test_what_the_scenes_right_half_cannot_be_is_told_at_its_place(scene, capsys, said, fault):
+    name = scene()
+    text = Path(name).read_text(encoding="utf-8")
+    Path(name).write_text(f"record:\n  beside: {said}\n{text}", encoding="utf-8")
+    for command in (["record", name, "--still", "a.png", *FILM], ["run", name, "--headless", "--dry-run"]):
+        assert main(command) == 2
+        first = capsys.readouterr().err.splitlines()[0]
+        assert first.removeprefix("error: ").startswith(f"{name}:{fault}"), first
 
 
 # --- errors -----------------------------------------------------------------------------------------------------------------

@@ -116,7 +116,7 @@ def test_names_of_a_view_become_indices(tmp_path) -> None:
     found = load_scene(tmp_path / "scene.yaml").view
     assert found.bodies == {(1, 1): BodyViewSpec(around=0, distance_scale=2.0)}
     assert found.color_by is not None and found.color_by.group == GroupColorsSpec(of=(("sun", 0, 1), ("moon", 1, 1)))
-    assert found.arrows is not None and found.arrows.of == ((1, 1),)
+    assert [arrows.of for arrows in found.arrows] == [((1, 1),)]
 
 
 # Colours
@@ -373,7 +373,7 @@ def test_a_picture_of_the_sky_surrounds_the_scene(cpu, tmp_path) -> None:
 
 def test_an_arrow_ends_where_its_particle_would_be(cpu) -> None:
     frame = frame_of([[-1, 0, 0], [1, 1, 0]], 1e-3, velocity=np.array([[0.5, 0, 0], [0, 0, 0]]))
-    arrows = ArrowsSpec(time=2.0, color=(0, 1, 0), of=((0, 1),))
+    arrows = (ArrowsSpec(time=2.0, color=(0, 1, 0), of=((0, 1),)),)
     picture = draw(frame, view_spec(PARALLEL, arrows=arrows, minimum_pixels=0.0, legend=False), SIZE)
     rows, columns = np.nonzero(picture[:, :, 1] > 60)
     # From x = −1 to 0 at 40 pixels a length; half a line's width and a pixel.
@@ -406,7 +406,7 @@ def test_a_legend_is_written_into_the_lower_left_corner(cpu) -> None:
 
 def test_writing_is_dark_on_a_light_background(cpu) -> None:
     frame = frame_of([0, 0, 0], 0.01, title="Title", velocity=np.ones((1, 3)))
-    spec = view_spec(PARALLEL, caption=True, arrows=ArrowsSpec(time=1.0))
+    spec = view_spec(PARALLEL, caption=True, arrows=(ArrowsSpec(time=1.0),))
     for background, dark in (((1.0, 1.0, 1.0), True), (BLACK, False)):
         picture = draw(frame, replace(spec, background=background), (320, 180)).astype(int)
         for corner in (picture[:30, :40], picture[150:, :40]):
@@ -428,7 +428,9 @@ def test_only_what_a_view_asks_for_is_compiled(monkeypatch: pytest.MonkeyPatch) 
         monkeypatch.setattr(renderer, name, not_here)
     backends.start("cpu", "f32")
     try:
-        asked = view_spec(color_by=ColorBySpec(index=ColorScaleSpec()), arrows=ArrowsSpec(), axes=AxesSpec(), grid=GridSpec())
+        asked = view_spec(
+            color_by=ColorBySpec(index=ColorScaleSpec()), arrows=(ArrowsSpec(),), axes=AxesSpec(), grid=GridSpec()
+        )
         assert draw(frame_of([0, 0, 0], 1.0, velocity=np.ones((1, 3))), asked, SIZE).max() > 0
         with pytest.raises(Exception, match="compiled"):
             draw(frame_of([0, 0, 0], 1.0), view_spec(bodies={(0, 1): BodyViewSpec(light=True)}), SIZE)

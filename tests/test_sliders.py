@@ -150,22 +150,6 @@ MOVES = {
 }
 
 
-@pytest.fixture
-def compilations(monkeypatch):
-    """Every kernel that Taichi compiles, by its name."""
-    from taichi.lang.kernel_impl import Kernel
-
-    found, plain = [], Kernel.materialize
-
-    def materialize(self, key=None, args=None, arg_features=None):
-        if key not in self.compiled_kernels:
-            found.append(self.func.__name__)
-        return plain(self, key, args, arg_features)
-
-    monkeypatch.setattr(Kernel, "materialize", materialize)
-    return found
-
-
 @pytest.mark.parametrize(("system", "precision"), [(GRAVITY, "f64"), (GRAVITY, "f32"), (SPRINGS, "f64"), (SPRINGS, "f32")])
 def test_moves_compile_nothing_and_their_log_repeats_every_bit(system, precision, tmp_path, compilations):
     scene = tmp_path / "scene.yaml"

@@ -385,7 +385,7 @@ def test_every_particle_is_at_its_pixel_in_both_renderers(ggui_works, camera: Ca
 def test_ggui_draws_what_is_added_to_a_scene(ggui_works) -> None:
     moving = frame_of([[-1, 0, 0], [2, 1, 0]], 0.2, velocity=np.array([[1.0, 0.5, 0], [0, -1, 0]]), time=1.0)
     outline = np.array([[[-3, -1.5, 0], [3, -1.5, 0]], [[3, -1.5, 0], [3, 1.5, 0]]], dtype=float)
-    asked = {"arrows": ArrowsSpec(time=1.5), "axes": AxesSpec(length=1.0), "grid": GridSpec(spacing=1.0, lines=2)}
+    asked = {"arrows": (ArrowsSpec(time=1.5),), "axes": AxesSpec(length=1.0), "grid": GridSpec(spacing=1.0, lines=2)}
     spec = view_spec(FRONT, trails=5, spring_width=20.0, legend=False, **asked)
     pictures = []
     for renderer in ("kernel", "ggui"):

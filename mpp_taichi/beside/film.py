@@ -46,11 +46,11 @@ class BesideFilm(ExactFilm):
         super().__init__(view, *given, **more)
         self._halves, self._other, self._difference = view, other, difference
 
-    def _show(self, snapshot: Snapshot) -> None:
+    def _show(self, simulation: "Simulation", snapshot: Snapshot) -> None:
         with self.stopwatch("beside"):
             moment = self._other.moment()
         if self._difference is not None:
             self._difference.add(self._due_time(), snapshot, moment.place, moment.present)
         if self._halves is not None:
             self._halves.other = moment.frame
-        super()._show(snapshot)
+        super()._show(simulation, snapshot)

@@ -1,34 +1,19 @@
-"""Settings: what is different in the right half of a film, as `--beside` says it, and how either half is captioned.
+"""Settings: what is different in the right half of a film, as `--beside` says it, and how either half is captioned."""
 
-`--beside` takes what `--set` takes, and besides `integrator=rk4`, the method with the step of the left half, `dt=0.01`, and
-`backend=`, `precision=`, `plan=` and `threads=`, which are options on the left.
-"""
-
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import yaml
 
-from mpp_taichi import precision
-from mpp_taichi.availability import BACKENDS
 from mpp_taichi.errors import MppError, SceneError
-from mpp_taichi.scene import overrides
+from mpp_taichi.scene import overrides, right_half
 from mpp_taichi.scene.load import load_scene
+from mpp_taichi.scene.right_half import DEVICE_SETTINGS
 from mpp_taichi.scene.spec import SceneSpec
 
-DEVICE_SETTINGS: dict[str, tuple[str, ...]] = {
-    "backend": ("auto", *BACKENDS),
-    "precision": precision.PRECISIONS,
-    "plan": ("auto", "serial", "parallel"),
-    "threads": (),
-}
-SHARED = ("title", "dimensions", "units", "run", "view", "record", "inspect", "expect", "modes", "sliders", "accuracy")
-"""Keys of a scene that both halves have in common: how long, how seen, how measured."""
 Captions = tuple[list[str], list[str]]
 LONGEST_VALUE = 60  # letters in a caption
-_WORD = re.compile(r"[a-z]\w*", re.ASCII)
 
 
 class BesideError(MppError):
@@ -77,24 +62,19 @@ def beside(left: SceneSpec, said: Sequence[str], source: Any, given: Sequence[st
     name = left.integrator.name
     for text in said:
         key, equals, value = (part.strip() for part in text.partition("="))
-        first = (overrides.steps(key.removeprefix("+")) or ("",))[0]
         if not equals:
             raise BesideError(f"--beside {text}: must be path=value, as in integrator=rk4")
-        if first in SHARED:
-            raise BesideError(f"--beside {text}: both halves have the same {first}: set it with --set")
+        if problem := right_half.refusal(key, value):
+            where = "" if key in DEVICE_SETTINGS else ": set it with --set"
+            raise BesideError(f"--beside {text}: {problem}{where}")
         if key in DEVICE_SETTINGS:
-            device[key] = _device_setting(text, key, value)
+            device[key] = int(value) if key == "threads" else value
             continue
-        if key == "integrator" and _WORD.fullmatch(value):
-            name = value
-            text_of_scene = f"integrator={{{name}: {{dt: {left.integrator.parameters['dt']!r}}}}}"
-        elif key == "dt":
-            text_of_scene = f"integrator.{name}.dt={value}"
-        else:
-            text_of_scene = text
-        own[text_of_scene] = text
+        path, written, name = right_half.in_scene(key, value, name, left.integrator.parameters["dt"])
+        own[text if (path, written) == (key, value) else f"{path}={written}"] = text
+    without = ["record.beside="] if left.record.beside else []
     try:
-        scene = load_scene(source, overrides=[*given, *own])
+        scene = load_scene(source, overrides=[*given, *without, *own])
     except SceneError as error:
         raise SceneError(*(_as_said(fault, own) for fault in error.faults), excerpts=error.excerpts) from None
     return Beside(tuple(said), scene, device)
@@ -106,16 +86,6 @@ def _as_said(fault: str, own: dict[str, str]) -> str:
         if fault.startswith(place := f"--set {override}:"):
             return f"--beside {text}:{fault.removeprefix(place)}"
     return fault
-
-
-def _device_setting(text: str, key: str, value: str) -> Any:
-    if key == "threads":
-        if not (value.isascii() and value.isdigit() and int(value) > 0):
-            raise BesideError(f"--beside {text}: must be a whole number from 1 on")
-        return int(value)
-    if value not in DEVICE_SETTINGS[key]:
-        raise BesideError(f"--beside {text}: {value!r} is none of {', '.join(DEVICE_SETTINGS[key])}")
-    return value
 
 
 def _told(key: str, spec: SceneSpec) -> str:

@@ -11,7 +11,7 @@ import os
 import sys
 from contextlib import nullcontext
 from dataclasses import replace
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from mpp_taichi.backends import import_taichi
 from mpp_taichi.beside.film import ExactFilm
@@ -20,6 +20,9 @@ from mpp_taichi.beside.wire import send
 from mpp_taichi.errors import MppError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation import Simulation
 
 INTERNAL_ERROR_CODE = 1
 LONGEST_WORDS = 300
@@ -33,8 +36,8 @@ class SentFilm(ExactFilm):
         super().__init__(None, (), frame_count, span, stopwatch=lambda _: nullcontext())
         self._sender = sender
 
-    def _show(self, snapshot: Snapshot) -> None:
-        self._sender.send(snapshot, self._frame(snapshot))
+    def _show(self, simulation: "Simulation", snapshot: Snapshot) -> None:
+        self._sender.send(snapshot, self._frame(simulation, snapshot))
         self.drawn_count += 1
 
 

@@ -128,7 +128,9 @@ class _Steered:
         """The particles now; the panels see them as well."""
         if self.inspection is not None:
             self.inspection.inspector.look(self.simulation)
-        return Frame.of(self.simulation.snapshot(), title=self.spec.title, extra=self.caption(), walls=self._walls)
+        acceleration = self.simulation.accelerations() if self.spec.view.wants_acceleration else None
+        snapshot, words = self.simulation.snapshot(), {"title": self.spec.title, "extra": self.caption()}
+        return Frame.of(snapshot, **words, walls=self._walls, acceleration=acceleration)
 
     def restart(self) -> None:
         """Back to the start; sliders stay where they are."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._terminal import UsageError, output_reserved, put_json, say
+from mpp_taichi.scene.right_half import as_texts
 
 if TYPE_CHECKING:
     from mpp_taichi.beside.settings import Beside
@@ -79,7 +80,7 @@ def execute(arguments: argparse.Namespace) -> int:
     more = ("diagnostics", "inspect", "modes", "speeds", "events", "every", "quiet", "allow_inaccurate", "force")
     with output_reserved(arguments.json):
         spec, arguments.precision, choice = settled(spec, arguments)
-        beside = _right_half(spec, arguments, chosen=bool(choice)) if arguments.beside else None
+        beside = _right_half(spec, arguments, chosen=bool(choice))
         given = {name: getattr(arguments, name) for name in (*names, *more)}
         outcome = run_scene(spec, Request(**given, film_seconds=arguments.duration, beside=beside))
         outcome.summary |= choice
@@ -90,11 +91,16 @@ def execute(arguments: argparse.Namespace) -> int:
     return outcome.exit_code
 
 
-def _right_half(spec: "SceneSpec", arguments: argparse.Namespace, *, chosen: bool) -> "Beside":
-    """The right half; where the scene's method was chosen, it begins with that one as well."""
+def _right_half(spec: "SceneSpec", arguments: argparse.Namespace, *, chosen: bool) -> "Beside | None":
+    """The right half that is asked for, or else the scene's; where its method was chosen, it begins with that one as well."""
+    said = arguments.beside or as_texts(spec.record.beside)
+    if arguments.html is not None and arguments.beside:
+        raise UsageError(f"record --beside: --html {arguments.html} holds one run; --video, --still and --frames show two")
+    if arguments.html is not None and said and not arguments.quiet:
+        say(f"note: --html {arguments.html} holds one run: record.beside is left out")
+    if arguments.html is not None or not said:
+        return None
     from mpp_taichi.beside.settings import beside
 
-    if arguments.html is not None:
-        raise UsageError(f"record --beside: --html {arguments.html} holds one run; --video, --still and --frames show two")
     source, overrides = (spec, []) if chosen else (arguments.scene, arguments.overrides)
-    return beside(spec, arguments.beside, source, overrides)
+    return beside(spec, said, source, overrides)

@@ -89,25 +89,30 @@ class FilmRecorder:
             reach = min(simulation.dt, simulation.time_to_next_phase)
             if not exact and (offset >= reach - simulation.dt * self.same_time or self._is_last()):
                 return
-            self._show(snapshot if exact else self._between(simulation, offset))
+            self._show(simulation, snapshot if exact else self._between(simulation, offset))
 
     def finish(self, simulation: "Simulation") -> None:
         """Draw the last frame, which rounding of the time may have put a hair past the end."""
         if self.drawn_count == self.frame_count - 1 and self.drawn_count > 0:
             with self.stopwatch("capture"):
                 snapshot = simulation.snapshot()
-            self._show(snapshot)
+            self._show(simulation, snapshot)
 
     def _between(self, simulation: "Simulation", offset: float) -> Snapshot:
         """The particles an `offset` after the last step."""
         return simulation.snapshot_ahead(offset)
 
-    def _show(self, snapshot: Snapshot) -> None:
+    def _show(self, simulation: "Simulation", snapshot: Snapshot) -> None:
         """Draw what is due."""
-        self._draw(self._frame(snapshot))
+        self._draw(self._frame(simulation, snapshot, drawn=self.view is not None))
 
-    def _frame(self, snapshot: Snapshot) -> Frame:
-        frame = Frame.of(snapshot, title=self.title, extra=self.caption(), walls=self._walls)
+    def _frame(self, simulation: "Simulation", snapshot: Snapshot, *, drawn: bool = True) -> Frame:
+        """What a snapshot looks like; the forces are asked for where they are `drawn`."""
+        acceleration = None
+        if drawn and simulation.spec.view.wants_acceleration:
+            with self.stopwatch("capture"):
+                acceleration = simulation.accelerations(snapshot)
+        frame = Frame.of(snapshot, title=self.title, extra=self.caption(), walls=self._walls, acceleration=acceleration)
         return replace(frame, time=self._due_time())
 
     def _due_time(self) -> float:

@@ -264,14 +264,20 @@ class Counts(Field):
 class Settings(Field):
     """A mapping of paths to values; what they may be is known only to the scene that they are set in (timeline.py)."""
 
-    def check(self, value: Any, context: Context) -> dict[str, Any]:
-        """Refuse what is no mapping, and one that changes nothing."""
+    optional: bool = False  # whether nothing will do
+
+    def check(self, value: Any, context: Context) -> dict[str, Any] | None:
+        """Refuse what is no mapping, and one that changes nothing unless nothing will do."""
+        if self.optional and value in (None, {}):
+            return None
         if not isinstance(value, dict) or not value:
             raise Wrong(f"must be a mapping of paths to values, not {shown(value) if value else 'nothing'}")
         return value
 
     def schema(self) -> dict[str, Any]:
         """Any mapping."""
+        if self.optional:
+            return {"anyOf": [{"type": "object"}, {"type": "null"}]}
         return {"type": "object", "minProperties": 1}
 
 
@@ -312,6 +318,23 @@ class FileBeside(Field):
     def schema(self) -> dict[str, Any]:
         """A string."""
         return {"type": "string"}
+
+
+class OneOrMore:
+    """Of a list: its only entry may stand for it."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Make the list before it is checked."""
+        return core_schema.no_info_before_validator_function(_as_list, handler(source))
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
+        """One, or many."""
+        many = handler(core)
+        return {"anyOf": [many["items"], many]}
+
+
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
 
 
 @dataclass(frozen=True)

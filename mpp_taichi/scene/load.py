@@ -15,6 +15,7 @@ from mpp_taichi.scene import (
     inspection,
     messages,
     references,
+    right_half,
     sliders,
     spring_types,
     timeline,
@@ -43,6 +44,13 @@ def load_scene(source: str | Path | Mapping[str, Any] | SceneSpec, *, overrides:
     faults = Faults()
     tree, name, folder = _read(source, faults)
     tree = _override(tree, overrides, faults)
+    spec = _whole(tree, name, folder, faults)
+    right_half.check(spec, tree, faults, lambda changed: _whole(changed, name, folder, Faults(faults.sources)))
+    return spec
+
+
+def _whole(tree: Node, name: str, folder: Path, faults: Faults) -> SceneSpec:
+    """The scene that a tree holds, with its phases."""
     spec, times = _check(tree, name, folder, faults)
     sliders.check_ends(spec, timeline.without_timeline(tree), lambda changed: _check(changed, name, folder, Faults())[0])
     return timeline.with_phases(spec, times, tree, faults, lambda changed: _check(changed, name, folder, faults)[0])

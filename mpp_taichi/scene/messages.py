@@ -147,14 +147,14 @@ def _help(model: Any, path: tuple[Any, ...]) -> str:
 def _descend(annotation: Any, path: tuple[Any, ...]) -> Any:
     """The model or dataclass that pydantic's location `path` leads to, from a type."""
     options = [annotation]
-    while len(options) == 1 and typing.get_origin(options[0]) not in (None, list, dict):
+    while len(options) == 1 and typing.get_origin(options[0]) not in (None, list, tuple, dict):
         origin, arguments = typing.get_origin(options[0]), typing.get_args(options[0])
         options = [arguments[0]] if origin is typing.Annotated else [each for each in arguments if each is not type(None)]
     target = options[0]
     if not path or len(options) > 1:
         return None if len(options) > 1 else target
     step, rest = path[0], path[1:]
-    if typing.get_origin(target) is list:
+    if typing.get_origin(target) in (list, tuple):
         return _descend(typing.get_args(target)[0], rest)
     if typing.get_origin(target) is dict:
         return _descend(typing.get_args(target)[1], rest)

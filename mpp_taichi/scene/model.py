@@ -11,14 +11,14 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, create_model
 from pydantic import Field as Describe
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic_core import PydanticCustomError
 
 from mpp_taichi import component
 from mpp_taichi.precision import PRECISIONS
 from mpp_taichi.scene import fields, inspection, units
 from mpp_taichi.scene.contacts import contacts_model
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
-from mpp_taichi.scene.fields import Context, Field, Number, Text, Whole, Wrong
+from mpp_taichi.scene.fields import Context, Field, Number, OneOrMore, Text, Whole, Wrong
 from mpp_taichi.scene.parameters import STRICT, parameter_fields
 from mpp_taichi.scene.slider_model import slider_model
 from mpp_taichi.scene.spec import EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec, ViewSpec
@@ -212,25 +212,8 @@ def _expect_model(names: Iterable[str]) -> Any:
     return create_model("Expect", __config__=STRICT, **quantities)
 
 
-class _OneOrMore:
-    """Of a list: its only entry may stand for it."""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        """Make the list before it is checked."""
-        return core_schema.no_info_before_validator_function(_as_list, handler(source))
-
-    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
-        """One, or many."""
-        many = handler(core)
-        return {"anyOf": [many["items"], many]}
-
-
-def _as_list(value: Any) -> Any:
-    return value if isinstance(value, list) else [value]
-
-
 def _one_or_more(body: Any) -> Any:
-    return Annotated[_list_of(body), _OneOrMore()]
+    return Annotated[_list_of(body), OneOrMore()]
 
 
 def _list_of(item: Any) -> Any:

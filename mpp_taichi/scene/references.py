@@ -133,7 +133,21 @@ class _Finder:
     def fault(self, path: tuple[Any, ...], message: str) -> None:
         """Note what is wrong at a path of the scene."""
         walked = list(self.tree.along(path))
-        self.faults.add(walked[-1][1].location if walked else self.tree.location, key_text(path), message)
+        self.faults.add(walked[-1][1].location if walked else self.tree.location, key_text(_as_written(path, walked)), message)
+
+
+def _as_written(path: tuple[Any, ...], walked: list[tuple[Any, Node]]) -> list[Any]:
+    """A path without the numbers of lists whose only entry the scene has written without a list."""
+    there = iter([*(key for key, _ in walked), None])
+    ahead = next(there)
+    found = []
+    for step in path:
+        if step == ahead:
+            ahead = next(there)
+        elif isinstance(step, int):
+            continue
+        found.append(step)
+    return found
 
 
 def _check_names(spec: SceneSpec, tree: Node, faults: Faults) -> None:

@@ -44,6 +44,14 @@ class RecordSpec:
     panel_share: Annotated[
         float, Number(minimum=0.1, maximum=0.9), Field(description="of the picture's width or height that panels take")
     ] = 0.35
+    beside: Annotated[
+        dict[str, Any] | None,
+        Settings(optional=True),
+        Field(
+            description="path: value, what is different in a right half beside the scene, as record --beside takes it: "
+            "integrator: rk4, dt: 0.05 say; absent: one picture"
+        ),
+    ] = None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults, allowed
 from mpp_taichi.scene.layout import ParticleLayout
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.scene.view_spec import BodyViewSpec, GroupColorsSpec, ViewSpec
+from mpp_taichi.scene.view_spec import ArrowsSpec, BodyViewSpec, GroupColorsSpec, ViewSpec
 
 MOST_PIXELS = 150_000_000  # of a picture that is wrapped around a body, or around all
 
@@ -44,10 +44,21 @@ def resolve_view(view: ViewSpec, layout: ParticleLayout, finder: Finder) -> View
     if view.color_by is not None and view.color_by.group is not None:
         groups = _groups(view.color_by.group, layout, finder)
         changed["color_by"] = replace(view.color_by, group=replace(view.color_by.group, of=groups))
-    if view.arrows is not None and view.arrows.of is not None:
-        found = [finder.group(each, ("view", "arrows", "of", number)) for number, each in enumerate(view.arrows.of)]
-        changed["arrows"] = replace(view.arrows, of=tuple(each for each in found if each is not None))
+    changed["arrows"] = tuple(
+        _arrows_of(arrows, ("view", "arrows", number), finder) for number, arrows in enumerate(view.arrows)
+    )
     return replace(view, **changed)
+
+
+def _arrows_of(arrows: ArrowsSpec, path: tuple[Any, ...], finder: Finder) -> ArrowsSpec:
+    """The arrows with every name an index."""
+    key, other = ("scale", "time") if arrows.quantity == "velocity" else ("time", "scale")
+    if getattr(arrows, key) is not None:
+        finder.fault((*path, key), f"is not for arrows of {arrows.quantity}: their length is said by {other}")
+    if arrows.of is None:
+        return arrows
+    found = [finder.group(each, (*path, "of", number)) for number, each in enumerate(arrows.of)]
+    return replace(arrows, of=tuple(each for each in found if each is not None))
 
 
 def _check_body(body: BodyViewSpec, path: tuple[Any, ...], finder: Finder) -> None:

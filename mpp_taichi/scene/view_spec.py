@@ -5,9 +5,10 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
-from mpp_taichi.scene.fields import FileBeside, Flag, ListOf, Number, Reference, Text, Whole
+from mpp_taichi.scene.fields import FileBeside, Flag, ListOf, Number, OneOrMore, Reference, Text, Whole
 
 COLOR_MAPS = ("viridis", "cividis", "diverging")
+ARROW_QUANTITIES = ("velocity", "acceleration", "force")
 PATTERNS = ("banded", "continents", "cratered", "checker")
 _CLOSED = ConfigDict(extra="forbid")
 _COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
@@ -168,21 +169,41 @@ class SpringColorBySpec:
 
 @dataclass(frozen=True)
 class ArrowsSpec:
-    """Arrows of velocities: each ends where its particle would be after `time` if it went straight on."""
+    """Arrows of a vector that each particle has, from its place on, as long as a scale times the vector.
+
+    Those of a velocity end where the particle would be after `time` if it went straight on.
+    """
 
     __pydantic_config__ = _CLOSED
+    quantity: Annotated[
+        str, Text(ARROW_QUANTITIES), Field(description="velocity, acceleration, or force: the mass times the acceleration")
+    ] = "velocity"
     time: Annotated[
         float | None,
         Number(above=0.0),
-        Field(description="that an arrow stands for; absent: so that they fit the first picture"),
+        Field(description="that an arrow of a velocity stands for; absent: so that they fit the first picture"),
+    ] = None
+    scale: Annotated[
+        float | None,
+        Number(above=0.0),
+        Field(description="length of an arrow over acceleration or force; absent: so that they fit the first picture"),
     ] = None
     of: Annotated[
         Any,
         ListOf(Reference(), tuple(range(1, _MOST_GROUPS + 1)), "particles and groups"),
         Field(description="bodies and groups; absent: all"),
     ] = None
-    color: Annotated[tuple[float, float, float], _COLOR, Field(description="red, green, blue in 0…1")] = (0.95, 0.95, 0.95)
+    color: Annotated[
+        tuple[float, float, float] | None,
+        _COLOR,
+        Field(description="red, green, blue in 0…1; absent: white, orange for accelerations, red for forces"),
+    ] = None
     width: Annotated[float, Number(above=0.0, maximum=100.0), Field(description="pixels of a picture of 720 rows")] = 2.0
+
+    @property
+    def length_per_quantity(self) -> float | None:
+        """What the vector is multiplied by, where the scene says it."""
+        return self.time if self.quantity == "velocity" else self.scale
 
 
 @dataclass(frozen=True)
@@ -237,9 +258,19 @@ class ViewSpec:
         SpringColorBySpec | None, Field(description="colour of the springs by a quantity: {strain: {}} say")
     ] = None
     legend: Annotated[bool, Flag(), Field(description="what colours, arrows and grid mean, in numbers")] = True
-    arrows: Annotated[ArrowsSpec | None, _ASKED, Field(description="velocities as arrows")] = None
+    arrows: Annotated[
+        tuple[ArrowsSpec, ...],
+        OneOrMore(),
+        _ASKED,
+        Field(description="velocities as arrows, or accelerations, or forces; several of these as a list"),
+    ] = ()
     axes: Annotated[AxesSpec | None, _ASKED, Field(description="axes with their letters")] = None
     grid: Annotated[GridSpec | None, _ASKED, Field(description="a grid in a plane")] = None
+
+    @property
+    def wants_acceleration(self) -> bool:
+        """Whether something is drawn that takes the forces of the moment."""
+        return any(arrows.quantity != "velocity" for arrows in self.arrows)
 
 
 VIEW_SPECS: dict[str, type] = {

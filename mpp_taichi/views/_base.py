@@ -23,7 +23,8 @@ class Frame:
     between      particle indices of the two ends of each spring, shape (spring_count, 2)
     spring_color as `color`, shape (spring_count, 3)
     center       what a camera without a target looks at [length]; the middle of the bounding box when None
-    velocity     [length / time], shape (particle_count, 3); only tells a camera without a position in which plane things move
+    velocity     [length / time], shape (particle_count, 3); tells a camera without a position in which plane things move
+    acceleration [length / time²], shape (particle_count, 3); None where no view asks for it
     extra        one more line of caption, such as the energy error
     outline      segments of walls [length], shape (count, 2, 3)
     mass, charge, name   of the particles, shape (particle_count,); None, or no names, where nobody knows them
@@ -40,6 +41,7 @@ class Frame:
     extra: str = ""
     center: tuple[float, float, float] | None = None
     velocity: np.ndarray | None = None
+    acceleration: np.ndarray | None = None
     outline: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 3)))
     mass: np.ndarray | None = None
     charge: np.ndarray | None = None
@@ -48,7 +50,14 @@ class Frame:
     name: tuple[str, ...] = ()
 
     @staticmethod
-    def of(snapshot: Snapshot, *, title: str = "", extra: str = "", walls: Outline | None = None) -> "Frame":
+    def of(
+        snapshot: Snapshot,
+        *,
+        title: str = "",
+        extra: str = "",
+        walls: Outline | None = None,
+        acceleration: np.ndarray | None = None,
+    ) -> "Frame":
         """The frame of a snapshot; its center is the center of mass, which orbits stay around."""
         mass = np.maximum(snapshot.mass, 0.0)
         center = None
@@ -70,6 +79,7 @@ class Frame:
             extra=extra,
             center=center,
             velocity=snapshot.velocity,
+            acceleration=acceleration,
             outline=np.zeros((0, 2, 3)) if walls is None else walls.at(snapshot.time),
             mass=snapshot.mass,
             charge=snapshot.charge,

@@ -69,7 +69,8 @@ class Appearance:
         """What is to be written beside the picture; empty where the scene wants no legend."""
         if not self.spec.legend:
             return Legend((), ())
-        return Legend(tuple(self._coloring.legend()), tuple(self._marks.lines()))
+        key = self._marks.arrow_key()
+        return Legend((*self._coloring.legend(), *([key] if key is not None else [])), tuple(self._marks.lines()))
 
 
 def _primaries_first(bodies: dict[tuple[int, int], BodyViewSpec]) -> list[tuple[tuple[int, int], BodyViewSpec]]:

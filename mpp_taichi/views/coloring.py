@@ -25,10 +25,11 @@ class ColorBar:
 
 @dataclass(frozen=True, eq=False)
 class GroupKey:
-    """One legend of groups: names and their colours, shape (count, 3)."""
+    """One legend of groups, or of kinds of arrows: names and their colours, shape (count, 3)."""
 
     names: tuple[str, ...]
     colors: np.ndarray
+    label: str = "groups"
 
 
 def _speed(frame: Frame) -> _Values:

@@ -26,7 +26,7 @@ def legend_lines(legend: Legend) -> list[str]:
         if isinstance(entry, ColorBar):
             lines.append(f"{entry.label}: {entry.low:.3g} ... {entry.high:.3g} ({entry.map})")
         else:
-            lines.append("groups: " + ", ".join(entry.names[:MOST_NAMES]))
+            lines.append(f"{entry.label}: " + ", ".join(entry.names[:MOST_NAMES]))
     return [*lines, *legend.lines]
 
 

@@ -1,4 +1,4 @@
-"""Marks: arrows of velocities, axes and a grid, as lines and letters in the scene. NumPy only."""
+"""Marks: arrows of velocities, accelerations and forces, axes and a grid, as lines and letters in the scene. NumPy only."""
 
 import math
 from dataclasses import dataclass
@@ -9,10 +9,13 @@ from mpp_taichi.scene.view_spec import ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import is_light
+from mpp_taichi.views.coloring import GroupKey
 
 ARROW_SHARE = 0.14  # of the picture's height: the longest arrow of the first picture
 HEAD_SHARE, HEAD_LIMIT = 0.3, 0.02  # of the arrow, and at most of the picture's height
+ARROW_COLORS = {"velocity": (0.95, 0.95, 0.95), "acceleration": (1.0, 0.62, 0.2), "force": (1.0, 0.35, 0.3)}
 HEAD_SLOPE = 0.45  # half the width of a head over its length
+ARROWS = "arrows"
 GRID_SHARE = 0.125  # of the picture's height: the spacing of a grid, before it is rounded
 AXIS_SHARE = 0.3
 AXIS_WIDTH, GRID_WIDTH = 2.0, 1.0  # pixels of a picture of 720 rows
@@ -52,7 +55,7 @@ class Marks:
         """Nothing is chosen yet."""
         self.spec, self.dimensions = spec, dimensions
         self.labels: list[Label] = []
-        self._arrow_time = spec.arrows.time if spec.arrows is not None else None
+        self._scales = [arrows.length_per_quantity for arrows in spec.arrows]
         self._spacing = spec.grid.spacing if spec.grid is not None else None
         self._axis = spec.axes.length if spec.axes is not None else None
         self._middle: np.ndarray | None = None
@@ -65,36 +68,49 @@ class Marks:
             parts.append(self._grid(camera))
         if self.spec.axes is not None:
             parts.append(self._axes(camera))
-        if self.spec.arrows is not None and frame.velocity is not None:
-            parts.append(self._arrows(frame, camera))
+        for number, arrows in enumerate(self.spec.arrows):
+            if (vectors := _vectors(arrows.quantity, frame)) is not None:
+                parts.append(self._arrows(number, frame, vectors, camera))
         return Segments.joined(parts)
 
     def lines(self) -> list[str]:
         """What the legend says of lengths."""
-        told = []
-        if self.spec.arrows is not None and self._arrow_time is not None:
-            told.append(f"arrows: velocity × {self._arrow_time:g}")
+        told = [f"arrows: {text}" for text, _ in self._told_arrows()] if len(self.spec.arrows) == 1 else []
         if self.spec.grid is not None and self._spacing is not None:
             told.append(f"grid: {self._spacing:g}")
         return told
 
-    def _arrows(self, frame: Frame, camera: Camera) -> Segments:
-        spec, velocity = self.spec.arrows, np.asarray(frame.velocity, dtype=float)
-        assert spec is not None
-        chosen = np.zeros(len(velocity), dtype=bool)
-        for first, count in spec.of if spec.of is not None else ((0, len(velocity)),):
+    def arrow_key(self) -> GroupKey | None:
+        """The colours that tell several kinds of arrows apart, once their scales are known; None where there is but one."""
+        told = self._told_arrows()
+        if len(self.spec.arrows) < 2 or not told:
+            return None
+        return GroupKey(tuple(text for text, _ in told), np.array([color for _, color in told]), ARROWS)
+
+    def _told_arrows(self) -> list[tuple[str, tuple[float, float, float]]]:
+        """What each kind of arrows is of, with its colour."""
+        return [
+            (f"{arrows.quantity} × {scale:g}", arrows.color or ARROW_COLORS[arrows.quantity])
+            for arrows, scale in zip(self.spec.arrows, self._scales, strict=True)
+            if scale is not None
+        ]
+
+    def _arrows(self, number: int, frame: Frame, vectors: np.ndarray, camera: Camera) -> Segments:
+        spec = self.spec.arrows[number]
+        chosen = np.zeros(len(vectors), dtype=bool)
+        for first, count in spec.of if spec.of is not None else ((0, len(vectors)),):
             chosen[first : first + count] = True
-        chosen &= np.isfinite(velocity).all(axis=1) & np.isfinite(frame.position).all(axis=1)
-        start, velocity = frame.position[chosen], velocity[chosen]
-        speed = np.linalg.norm(velocity, axis=1)
-        if self._arrow_time is None:
-            fastest = float(speed.max()) if len(speed) else 0.0
-            if fastest == 0.0:
+        chosen &= np.isfinite(vectors).all(axis=1) & np.isfinite(frame.position).all(axis=1)
+        start, vectors = frame.position[chosen], vectors[chosen]
+        size = np.linalg.norm(vectors, axis=1)
+        scale = self._scales[number]
+        if scale is None:
+            largest = float(size.max()) if len(size) else 0.0
+            if largest == 0.0:
                 return Segments.joined([])
-            self._arrow_time = round_number(ARROW_SHARE * camera.visible_height / fastest)
-        way = self._arrow_time * velocity
-        moving = speed > 0.0
-        start, way, length = start[moving], way[moving], self._arrow_time * speed[moving]
+            scale = self._scales[number] = round_number(ARROW_SHARE * camera.visible_height / largest)
+        there = size > 0.0
+        start, way, length = start[there], scale * vectors[there], scale * size[there]
         along = way / length[:, None]
         head = np.minimum(HEAD_SHARE * length, HEAD_LIMIT * camera.visible_height)[:, None]
         aside = np.cross(along, camera.backward)
@@ -102,7 +118,7 @@ class Marks:
         tip = start + way
         barbs = [tip - head * (along + side * HEAD_SLOPE * aside) for side in (-1.0, 1.0)]
         ends = np.stack([np.stack([start, tip], axis=1), *(np.stack([tip, barb], axis=1) for barb in barbs)])
-        return Segments.of(ends.reshape(-1, 2, 3), spec.color, spec.width)
+        return Segments.of(ends.reshape(-1, 2, 3), spec.color or ARROW_COLORS[spec.quantity], spec.width)
 
     def _axes(self, camera: Camera) -> Segments:
         spec = self.spec.axes
@@ -134,6 +150,15 @@ class Marks:
             lines[:, :, along] += self._spacing * spec.lines * np.array([-1.0, 1.0])
         background, goal = np.array(self.spec.background), 0.0 if is_light(self.spec.background) else 1.0
         return Segments.of(ends.reshape(-1, 2, 3), background + GRID_LIGHTNESS * (goal - background), GRID_WIDTH)
+
+
+def _vectors(quantity: str, frame: Frame) -> np.ndarray | None:
+    """What the arrows are of, (particle_count, 3); None where the frame has not got it."""
+    found = frame.velocity if quantity == "velocity" else frame.acceleration
+    if found is None or (quantity == "force" and frame.mass is None):
+        return None
+    found = np.asarray(found, dtype=float)
+    return np.asarray(frame.mass)[:, None] * found if quantity == "force" else found
 
 
 def round_number(value: float) -> float:
