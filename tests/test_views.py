@@ -257,6 +257,17 @@ def test_trail_follows_and_fades(cpu) -> None:
     assert row[tail + 6] < row[(head + tail) // 2] < row[head - 4]
 
 
+@pytest.mark.parametrize("camera", [FRONT, PARALLEL], ids=lambda camera: camera.projection)
+def test_where_a_path_is_gone_again_its_newest_part_is_seen(cpu, camera) -> None:
+    view = open_offscreen(view_spec(camera, trails=40), SIZE)
+    for index, place in enumerate([*np.linspace(-3, 3, 25), *np.linspace(3, 0, 12)[1:]]):
+        picture = view.draw(frame_of([place, 0, 0], 0.01, time=float(index)))
+    scale = FOCAL / 10 if camera is FRONT else SIZE[1] / 8
+    row = picture[SIZE[1] // 2 - 2 : SIZE[1] // 2 + 2].max(axis=(0, 2)).astype(int)
+    twice = row[SIZE[0] // 2 + 12 : int(SIZE[0] / 2 + 2.8 * scale)]  # the newest part fades to the right, the older one to the left
+    assert twice.min() > 0 and np.diff(twice).max() <= 0 and np.ptp(twice) > 10
+
+
 def test_trails_wait_and_start_afresh() -> None:
     trails = Trails(4)
     for time in (0.0, 1.0, 1.0, 1.0, 2.0):

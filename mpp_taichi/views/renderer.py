@@ -41,6 +41,7 @@ logger = logging.getLogger(__name__)
 
 LIGHT = np.array([-0.45, 0.6, -0.66]) / math.sqrt(0.45**2 + 0.6**2 + 0.66**2)  # from where: upper left, before the scene
 TRAIL_WIDTH = 1.5  # pixels
+TRAIL_DEPTH = 1.0e-3  # of its distance, that the oldest part of a trail is drawn behind its place
 GAMMA_ENTRIES = 4096
 LOOP_LIMIT = 65_000  # software Vulkan ends a thread's loop silently at 65,535 iterations
 
@@ -102,7 +103,13 @@ class Renderer(View):
         ends, colors, age = self.trails.segments(np.asarray(frame.color), np.array(spec.background))
         springs = center[np.asarray(frame.between, dtype=np.int64)].reshape(-1, 2, 3)
         walls, added = camera.view(frame.outline), self._appearance.segments(frame, camera)
-        all_ends = np.concatenate([springs, camera.view(ends), walls, camera.view(added.ends)]) / scale
+        # Older parts lie a little farther away: where a path is gone again, its newest part is seen.
+        trails, push = camera.view(ends), (1.0 + TRAIL_DEPTH * age)[:, None]
+        if camera.orthographic:
+            trails[:, :, 2] *= push
+        else:
+            trails *= push[:, :, None]
+        all_ends = np.concatenate([springs, trails, walls, camera.view(added.ends)]) / scale
         color = linear_from_srgb(
             np.concatenate([frame.spring_color, colors.mean(axis=1), np.tile(WALL_COLOR, (len(walls), 1)), added.color])
         )
