@@ -1,4 +1,9 @@
-"""Shared by all tests: the tests' own modules on the path, and a clean Taichi runtime for each test."""
+"""Shared by all tests: the tests' own modules on the path, a clean Taichi runtime for each test, and which tests run.
+
+Most of the time goes into compiling kernels. A test marked `sampled(n)` runs one of n of its cases, which take all values of
+each parameter in turn; one marked `thorough`, which shows in another way what others show too, does not run. `--thorough`
+runs all.
+"""
 
 import gc
 import sys
@@ -63,6 +68,26 @@ def pytest_collection_finish(session):
     """What was imported and collected stays to the end: the garbage collector need not look through it again and again."""
     gc.collect()
     gc.freeze()
+
+
+def pytest_addoption(parser):
+    """Run all, or what is enough for a change."""
+    parser.addoption("--thorough", action="store_true", help="every case of every test: about twice as long")
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave out what a plain run need not do, the same in every process."""
+    if config.getoption("--thorough"):
+        return
+    seen, kept, left = {}, [], []
+    for item in items:
+        mark = item.get_closest_marker("sampled")
+        case = seen[item.parent, item.originalname] = seen.get((item.parent, item.originalname), -1) + 1
+        # Along a diagonal: of two parameters that vary together neither stands still.
+        skipped = item.get_closest_marker("thorough") or (mark and (case + case // mark.args[0]) % mark.args[0])
+        (left if skipped else kept).append(item)
+    config.hook.pytest_deselected(items=left)
+    items[:] = kept
 
 
 def pytest_configure(config):

@@ -77,6 +77,7 @@ def test_swept_contacts_are_exact_at_any_step_and_pairwise_ones_are_not():
     assert found["pairwise"][0] > found["pairwise"][1] > 1e-3
 
 
+@pytest.mark.thorough
 def test_what_touches_at_one_instant_makes_no_reference(tmp_path):
     """One on two: which of the two is hit first, round-off decides; a shift to either side shows it."""
     half = np.sqrt(0.75)
@@ -92,6 +93,7 @@ def test_what_touches_at_one_instant_makes_no_reference(tmp_path):
     assert study.quantity == "energy" and study.problem.span == study.whole  # two collisions are too few to look at a part
 
 
+@pytest.mark.thorough
 def test_a_gas_is_looked_at_while_positions_mean_something(tmp_path):
     study = study_of(gas(run={"duration": 60.0}), tmp_path, ("swept",), asks=1500)
     assert study.reference.trusted and study.reference.bar < 1e-4

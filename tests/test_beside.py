@@ -188,6 +188,7 @@ BOUNCING = {
 TIMELINE = [{"at": 0.77, "set": {"integrator.leapfrog.dt": 0.02, "forces.newtonian_gravity.strength": 1.1}}]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     "content",
     [
@@ -394,6 +395,7 @@ def is_right_half(number):
         return False
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="children are looked up in /proc")
 @pytest.mark.parametrize("end", ["interrupt", "death of the right half"])
 def test_both_halves_end_together(scene, end):

@@ -106,6 +106,7 @@ def test_springs_that_are_pulled_a_hundredfold_are_let_go():
 ROUNDED = ("ring", "figure_eight", "membrane", "cloth", "pile", "piston")  # scenes whose round-off in f32 differs in kind
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("scene", ROUNDED)
 def test_round_off_of_single_precision_raises_no_alarm(scene):
     """In f64 every bundled scene runs under this watch in tests/test_bundled_scenes.py."""

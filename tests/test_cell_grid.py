@@ -88,6 +88,7 @@ def cluster_far_from_one(random, n, d, ratio):
     return position, np.full(n, 0.2) * ratio ** random.uniform(-0.2, 0.0, n)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("dimensions", [2, 3])
 @pytest.mark.parametrize("scene", [uniform, few_huge, cluster_far_from_one])
 def test_pairs_are_those_of_brute_force(scene, dimensions):
@@ -100,6 +101,7 @@ def test_pairs_are_those_of_brute_force(scene, dimensions):
     assert finder.twice() == sorted(expected + [(j, i) for i, j in expected])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("ratio", [1.0, 30.0, 1e4])
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_pairs_of_a_box_that_repeats(dimensions, ratio):
@@ -130,6 +132,7 @@ def test_partners_that_are_written_down_are_those_within_the_skins(ratio):
     assert finder.twice(finder.partners) == sorted(expected + [(j, i) for i, j in expected])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("period", "is_plain"),
     [

@@ -107,6 +107,7 @@ def test_pairwise_spheres_leave_a_contact_as_the_formula_says_for_where_it_is_no
     assert np.abs(after.velocity - expected).max() < tolerance * max(1.0, np.abs(expected).max())
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_restitution_is_that_of_the_pair(solver):
     bodies = [
@@ -124,6 +125,7 @@ def test_restitution_is_that_of_the_pair(solver):
         assert not run.conserves_energy and run.gains_no_energy and run.conserves_momentum
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_held_sphere_is_a_wall_and_a_held_axis_does_not_move(solver):
     bodies = [
@@ -140,6 +142,7 @@ def test_a_held_sphere_is_a_wall_and_a_held_axis_does_not_move(solver):
         assert energy == pytest.approx(1.0, abs=1e-14)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("solver", EXACT)
 @pytest.mark.parametrize("speed", [0.7, 1e3, 123_456.789])
 def test_nothing_leaves_a_box_at_any_speed(solver, speed):

@@ -76,6 +76,7 @@ def largest_errors(simulation, duration):
     return max(residuals), max(ways)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("name", "damping"), [*((name, "axial") for name in TAKE_FRICTION), ("leapfrog", "full"), ("rk4", "full")]
 )
@@ -247,6 +248,7 @@ def measured(scene, duration, settle=0.0):
 
 
 # Little damping, and much; two states in one, and derivatives. Of every method test_integrators knows the matrix to be right.
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["rk4", "implicit_euler", "bdf2", "hermite4"])
 def test_measured_numerical_damping_is_that_of_the_amplification_matrix(name):
     method = component.build("integrators", name, {"dt": 1.0})

@@ -193,6 +193,7 @@ def test_an_elastic_gas_runs_backwards_and_its_bits_do_not_depend_on_who_looks()
     assert np.abs(run.velocity.sum(0) - v.sum(0)).max() < report.pair_count * 4 * ULP
 
 
+@pytest.mark.thorough
 def test_looking_ahead_changes_no_bit(monkeypatch):
     """What is read early for large numbers of spheres is only read: a few spheres move the same with and without."""
     rng = np.random.default_rng(7)

@@ -45,6 +45,7 @@ IMPLICIT = [name for name in KINDS_OF_STEP if component.declaration("integrators
 COUNTED = ("leapfrog", "symplectic_euler", "velocity_verlet", "kahan_li6", "rk4", "hermite4", "chin4a", "janus", *IMPLICIT)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("scene", "integrator"), [*((everything, name) for name in COUNTED), (cluster, "leapfrog"), (cluster, "hermite4")]
 )
@@ -54,6 +55,7 @@ def test_parallel_loops_are_those_that_the_profiler_counts(integrator, scene, pr
         assert told is None if simulation.integrator.implicit else told == profiled_loops(simulation)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("count", "loops"), [(600, 0), (1100, 1), (4200, 3)])
 def test_what_one_thread_does_before_another_is_awake_starts_no_parallel_loop(count, loops, profiler):
     with Simulation(cluster(count), backend="cpu", plan="parallel") as simulation:
@@ -65,6 +67,7 @@ def test_a_serial_step_starts_no_parallel_loop(profiler):
         assert simulation.stepper.launches_per_step() == profiled_loops(simulation) == 0
 
 
+@pytest.mark.thorough
 def test_pair_forces_take_most_of_a_step_of_many_bodies():
     with Simulation(load_scene(cluster(count=300)), backend="cpu", plan="serial") as simulation:
         step, shares, absent = measure(simulation)

@@ -32,6 +32,7 @@ def gas(count, packing, dimensions, solver="event_driven"):
     return scene, volume
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("dimensions", "packing"), [(2, 0.2), (2, 0.4), (2, 0.6), (3, 0.1), (3, 0.3), (3, 0.45)])
 def test_pressure_and_collision_rate_are_those_of_theory(dimensions, packing):
     count = 500

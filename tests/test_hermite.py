@@ -75,6 +75,7 @@ def summed(scene, precision, shape):
 
 # One force in tiles of lanes from ten bodies on, several or few bodies pair by pair; lanes and gather with either. Single
 # precision is the same text with another type, but for the number of lanes.
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("kind", "shape", "precision"),
     [
@@ -108,6 +109,7 @@ def test_jerk_and_snap_are_the_derivatives_of_the_acceleration(kind, shape, prec
         assert all(got[0, 2] == 0.0 for got in found)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("corrections", [1, 3])
 @pytest.mark.parametrize("name", DERIVATIVES)
 def test_order_beside_every_force(name, corrections):

@@ -68,6 +68,7 @@ def sheet(integrator, dt, count=8, solver="auto", damping=0.1):
 # --- the double pendulum --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", IMPLICIT)
 def test_a_stiff_pendulum_converges_at_the_order_to_the_rigid_one(name):
     """D from 5e3 to 1e9 at dt = 1e-2 and below, where explicit methods end at 0.028, …, 6e-5."""
@@ -91,6 +92,7 @@ def test_a_stiff_pendulum_converges_at_the_order_to_the_rigid_one(name):
         assert errors[5e3, 800] > 50 * errors[1e6, 800] - 50 * errors[1e9, 800]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", IMPLICIT)
 def test_a_stiff_pendulum_stays_bounded_for_a_long_time(name):
     # f32 is the same text with another type: a method of one equation, one of two states, one whose force is a mean of a step.
@@ -121,6 +123,7 @@ def energies(simulation, dt, steps=60):
     return np.array(found)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("make", hard_networks.SMOOTH + hard_networks.WITH_JUMPS, ids=lambda make: make.__name__)
 def test_the_energy_momentum_method_keeps_every_energy_and_gains_none_where_there_is_damping(make):
     with Simulation(make("energy_momentum", 0.02, 0.05), backend="cpu", precision="f64") as simulation:
@@ -137,6 +140,7 @@ def test_the_energy_momentum_method_keeps_every_energy_and_gains_none_where_ther
                     assert np.abs(found - found[0]).max() <= room
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["implicit_euler", "bdf2"])
 @pytest.mark.parametrize("make", hard_networks.SMOOTH + hard_networks.WITH_JUMPS, ids=lambda make: make.__name__)
 def test_damped_methods_survive_every_network_and_gain_no_energy(make, name):
@@ -151,6 +155,7 @@ def test_damped_methods_survive_every_network_and_gain_no_energy(make, name):
                 assert simulation.solver_report.gaining_pieces == 0
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["implicit_midpoint", "newmark", "imex_midpoint"])
 def test_conservative_methods_keep_the_energy_of_hard_networks_to_their_order(name):
     for make in (hard_networks.random_cloth, hard_networks.inverted_chain):
@@ -165,6 +170,7 @@ def test_conservative_methods_keep_the_energy_of_hard_networks_to_their_order(na
 # --- solvers ----------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["implicit_midpoint", "bdf2"])
 def test_both_linear_solvers_and_all_plans_give_the_same_step(name):
     """At ω dt = 1; with much longer steps the equations have several solutions, and which is found is nobody's promise."""

@@ -88,6 +88,7 @@ def test_order_of_convergence_on_an_eccentric_orbit(name):
     assert slope(dts, errors) == pytest.approx(declared(name, "order"), abs=SLOPE_TOLERANCE)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", [name for name in KINDS_OF_STEP if takes_friction(name)])
 def test_order_is_kept_by_forces_that_depend_on_velocity(name):
     finest = {1: 4096, 2: 512, 4: 160}[declared(name, "order")]
@@ -120,6 +121,7 @@ def test_palindromic_tables_are_exactly_those_called_reversible():
     assert reversible & set(TABLES) == splittings | {"yoshida6", "yoshida8", "kahan_li6", "kahan_li8"}
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", KINDS_OF_STEP)
 def test_energy_is_bounded_for_symplectic_integrators_and_drifts_for_others(name):
     """Over 200 orbits: the largest error of the last fifty stays that of the first ten, or it leaves the first behind."""
@@ -139,6 +141,7 @@ def test_energy_is_bounded_for_symplectic_integrators_and_drifts_for_others(name
         assert errors[-1] > 2.0 * max(errors[:4])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "name", dict.fromkeys(ONE_OF_EACH_FAMILY + ALONE)
 )  # forces are what keeps momentum; a method only has to add them up
@@ -242,6 +245,7 @@ def test_stability_limits_are_those_of_the_textbooks(name, limit):
     assert largest_stable_step(component.build("integrators", name, {"dt": 1.0})) == pytest.approx(limit, abs=2e-3)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", KINDS_OF_STEP)
 def test_the_amplification_matrix_is_what_a_step_does(name):
     """Masses on springs of length 0 along x: D = ω², c = γ, one without damping; a method of two steps has two states."""

@@ -38,6 +38,7 @@ def test_an_ordinary_leapfrog_does_not_come_back():
 
 
 # Orders are tables of one code; a lattice in single precision is another.
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("order", "plan", "precision"),
     [
@@ -52,6 +53,7 @@ def test_a_run_forward_and_backward_returns_to_the_very_bits(order, plan, precis
     assert np.abs(turn.position - start.position).max() > (0.1 if plan == "serial" else 0.01)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("order", TABLES)
 def test_orders_and_energy_errors_are_those_of_the_tables(order):
     """Positions against Kepler's equation, and the errors of energy against those of the splitting itself."""
@@ -118,6 +120,7 @@ def flight(**parameters):
     }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 def test_the_end_of_the_lattice_ends_the_run_and_says_where(plan):
     with Simulation(flight(), backend="cpu", precision="f64", plan=plan) as simulation:

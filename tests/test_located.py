@@ -116,6 +116,7 @@ def test_two_spheres_that_fall_onto_each_other_meet_when_kepler_says():
         assert abs(momentum) < 10.0 * math.sqrt(steps) * EPSILON  # speeds of 12 at contact
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("integrator, tolerances", [("adaptive_dop853", (1e-5, 1e-9, 1e-13)), (CHEAP, (1e-4, 1e-5, 1e-6))])
 def test_the_error_of_many_contacts_goes_with_the_tolerance(integrator, tolerances):
     """On a spring above a floor: y = A cos φ down to a = A/3, and up again, for ever; φ = ω t, folded at φ* = arccos (a/A)."""
@@ -202,6 +203,7 @@ def test_what_touches_at_the_start_bounces_at_once_or_flies_on():
             assert abs(found.position[1, 0] - found.position[0, 0]) == pytest.approx(1.0 + 2.0 * after, abs=64.0 * EPSILON)
 
 
+@pytest.mark.thorough
 def test_a_ball_that_comes_to_rest_wants_a_contact_time_and_never_hangs():
     """With e = 1/2 all bounces are over after (1 + e) / (1 − e) of the first fall."""
     ball = [{"radius": 0.1, "position": [0, 1.1]}]
@@ -254,6 +256,7 @@ def test_no_contact_is_missed_where_many_things_attract_each_other():
         assert report.largest_overlap * radius.min() < 100.0 * EPSILON * 20.0
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("integrator", CUT_AT_CONTACTS)
 def test_looks_change_no_bit_and_lie_on_the_path_that_is_searched(integrator):
     """A contact that comes after a look is left for later, and what is remembered of it comes back with a marked state."""

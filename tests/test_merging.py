@@ -89,6 +89,7 @@ def mass_order(there, i, j):
     return (there[i][0], -i) > (there[j][0], -j)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", UNIT)
 @pytest.mark.parametrize("dimensions", [2, 3])
 def test_two_become_one_with_mass_momentum_volume_and_centre_of_mass_of_both(dimensions, precision):
@@ -115,6 +116,7 @@ def test_two_become_one_with_mass_momentum_volume_and_centre_of_mass_of_both(dim
         assert not after.velocity[g].any() and not after.free[g].any()
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("integrator", ["leapfrog", "symplectic_euler", "velocity_verlet"])
 def test_nothing_tunnels_and_a_miss_is_none(integrator):
     """Two drift through each other's place by 10⁵ radii in a step; a pair that misses by 10⁻⁹ of a radius stays two."""
@@ -149,6 +151,7 @@ def test_a_chain_within_one_drift_goes_by_the_order_of_time(tmp_path):
     assert after.position[0, 0] == pytest.approx((8 + 2.2 + 2 * 5) / 4, abs=1e-14)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("dimensions", "span"), [(2, 0.4), (3, 1.5)])
 def test_a_cloud_merges_as_it_does_event_by_event(dimensions, span, monkeypatch):
     """Against NumPy, which moves everything from event to event; on the grid and on more threads to the same bits."""
@@ -227,6 +230,7 @@ def test_a_held_sphere_stays_and_a_held_axis_too():
         assert again.position[0].tolist() == [0.5, 0.2, 0.0] and not run.conserves_momentum
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 def test_gravity_after_a_merger_is_that_of_the_merged_body_alone(plan):
     """And what is gone is felt by nobody, even by a body at its very place: there 0 · 1/0 would be no number.
@@ -277,6 +281,7 @@ def collapse(count=30, *, dt=0.01, **others):
     )
 
 
+@pytest.mark.thorough
 def test_a_saved_run_goes_on_bit_for_bit_and_a_restart_repeats(tmp_path):
     def bits(snapshot):
         return [getattr(snapshot, key).tobytes() for key in ("position", "velocity", "mass", "radius", "free", "merged_into")]
@@ -299,6 +304,7 @@ def test_a_saved_run_goes_on_bit_for_bit_and_a_restart_repeats(tmp_path):
         assert run.contact_report.merge_count == merged - half
 
 
+@pytest.mark.thorough
 def test_energy_balances_to_first_order_of_the_step():
     """K + U + what merging took − what it changed of U stays, but for what U changes on the way of a merger within a step."""
     residuals = []

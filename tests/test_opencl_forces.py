@@ -8,6 +8,7 @@ PRECISIONS = ["f32", "f64"]
 VARIANTS = [None, "naive", "tiled", "vectors", "third_law"]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_each_variant_of_the_direct_sum_is_exact(opencl, variant, precision):
@@ -23,6 +24,7 @@ def test_roots_seeded_in_f32_are_exact_in_f64(opencl, variant):
     assert gravity_error(opencl, 300, precision="f64", softening=0.05, variant=f"{variant} seeded") < FORCE_LIMITS["f64"]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("full", [False, True], ids=["axial", "full"])
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_all_forces_together_are_exact(opencl, precision, full):
@@ -43,6 +45,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_in_the_direct_sum_is_seen(opencl, fault, monkeypatch):
     variant, text, instead = FAULTS[fault]
@@ -58,6 +61,7 @@ SPRING_FAULTS = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("fault", SPRING_FAULTS)
 def test_a_fault_in_the_other_forces_is_seen(opencl, fault, monkeypatch):
     change_kernel(monkeypatch, *SPRING_FAULTS[fault])

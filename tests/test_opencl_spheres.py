@@ -47,6 +47,7 @@ def ways(opencl, spec, start, steps, precision):
     return *found, variant
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", CASES)
 def test_spheres_bounce_as_the_programs_own_do(opencl, name):
     """The bound is what rounding a step's numbers, of at most 8, makes, times what the run made of a nudge."""
@@ -112,6 +113,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_in_a_contact_is_seen(opencl, fault, monkeypatch):
     name, text, instead = FAULTS[fault]

@@ -35,6 +35,7 @@ CASES = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("case", CASES)
 def test_every_shape_gives_the_sum_over_all_pairs(case, precision):
     dimensions, make, sizes = CASES[case]
@@ -168,6 +169,7 @@ def _digest(threads):
     return digest.hexdigest()
 
 
+@pytest.mark.thorough
 def test_bits_do_not_depend_on_the_number_of_threads():
     program = "import sys; from test_pair_sum import _digest; print('digest', _digest(int(sys.argv[1])))"
     folder = os.path.dirname(__file__)

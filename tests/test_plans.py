@@ -44,6 +44,7 @@ def end_and_growth(scene, steps, precision):
 
 
 # Single precision is the same text with another type: two methods stand for the others (test_springs asks more of them).
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("name", "precision"), [*((name, "f64") for name in KINDS_OF_STEP), ("leapfrog", "f32"), ("hermite4", "f32")]
 )
@@ -69,6 +70,7 @@ def test_vulkan_agrees_with_the_cpu_to_round_off(software_vulkan, precision, pla
 
 
 # kahan_li6 stands for those of many stages, and for damped kicks with so many slopes that the parallel plan looks them up.
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("integrator", "damping"),
     [*((name, c) for name in SPLITTINGS if name != "yoshida4" for c in (0.0, 0.3)), ("kahan_li6", 0.3)],
@@ -121,6 +123,7 @@ def test_the_same_run_twice_gives_the_same_bits(plan, dimensions):
     assert all(np.array_equal(runs[0].velocity, run.velocity) for run in runs[1:])
 
 
+@pytest.mark.thorough
 def test_any_number_of_threads_gives_the_same_bits():
     code = (
         "import sys, hashlib; sys.path.insert(0, 'tests'); import scenes; from mpp_taichi import Simulation\n"
@@ -145,6 +148,7 @@ def test_two_dimensions_give_what_three_give_in_the_plane():
     assert difference(flat, spatial) <= growth
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["leapfrog", "rk4", "velocity_verlet"])
 @pytest.mark.parametrize("backend", ["cpu", "vulkan"])
 def test_a_thousand_replicas_each_equal_their_single_run(name, backend, request):

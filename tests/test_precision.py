@@ -187,6 +187,7 @@ def test_energy_floor_is_a_thousand_times_lower_with_low_parts():
         assert floor[precision] < floor["f32"] / 1000
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("integrator", ["yoshida4", "rk4"])
 def test_springs_friction_and_runge_kutta_methods_carry_low_parts(integrator):
     """Places agree with f64 to the rounding of the forces; f32 loses u/2 of x in every step besides.

@@ -68,6 +68,7 @@ def rounding(precision, count):
 
 
 # The order of every method beside friction is asked in test_integrators; here are regimes, and single precision.
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", [*ALSO_IN_F32, "implicit_euler", "energy_momentum"])
 def test_an_oscillator_of_each_regime_follows_the_closed_form_to_the_order(name):
     order = order_of(name)
@@ -177,6 +178,7 @@ def test_a_spring_of_stiffness_zero_leaves_its_ends_alone_or_only_brakes_them():
 # --- hard networks ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("make", hard_networks.SMOOTH, ids=lambda make: make.__name__)
 @pytest.mark.parametrize("name", ["leapfrog", "rk4"])
 def test_a_smooth_network_keeps_its_energy_to_the_order_of_the_method(make, name):

@@ -139,6 +139,7 @@ def condition(position, velocity, radius, mass, time, **where):
     return one, max(np.abs(one[0] - two[0]).max(), np.abs(one[1] - two[1]).max()) / 1e-9
 
 
+@pytest.mark.sampled(2)
 @BOTH
 @pytest.mark.parametrize("steps", [1, 40])
 def test_a_gas_follows_the_reference_through_some_ten_contacts_each(all_pairs, steps):
@@ -198,6 +199,7 @@ def test_what_a_bullet_throws_out_is_followed_beyond_its_margin():
     assert max(np.abs(x - x_grid).max(), np.abs(v - v_grid).max()) < 1e-9
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("h", "steps"), [(0.1, 5), (0.02, 12)], ids=["partners anew", "partners kept"])
 def test_the_bits_do_not_depend_on_the_threads_nor_on_chance(h, steps):
     position, velocity, edges = gas(10, 0.3)
@@ -331,6 +333,7 @@ def test_a_dense_gas_does_not_overlap(precision, limit):
     assert abs((state.read()[1] ** 2).sum() / energy - 1.0) < 4 * np.sqrt(report.pair_count) * unit
 
 
+@pytest.mark.sampled(2)
 @BOTH
 def test_inelastic_contacts_take_the_energy_that_is_reported(all_pairs):
     """Kinetic energy lost is the report's sum, the impulse on the walls is 2 m v each where e = 1."""

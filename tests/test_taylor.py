@@ -66,6 +66,7 @@ def test_the_coefficients_are_those_of_keplers_orbit():
     assert np.all(np.linalg.norm(found - expected, axis=1) < 4 * ULP * np.arange(1, ORDER + 2) * size)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("count, dimensions", [(4, 2), (11, 3)])
 def test_the_series_obeys_newtons_law(count, dimensions):
     """Its second derivative is the acceleration where it leads to: in one block of pairs, and in many.
@@ -105,6 +106,7 @@ def test_the_series_obeys_newtons_law(count, dimensions):
         assert np.abs(bent - expected).max() < 64 * ULP * np.abs(pull).sum(1).max()
 
 
+@pytest.mark.thorough
 def test_orbits_end_where_they_began():
     """A hundred orbits at e = 0.6, 0.9 and 0.99, copies of one scene. Energy: round-off, a sum of some 10⁴ steps.
 
@@ -221,6 +223,7 @@ def test_going_back_gives_the_same_bits_again_and_so_do_replicas():
         assert not np.array_equal(run.snapshot(0).position, alone.position)
 
 
+@pytest.mark.thorough
 def test_the_energy_error_grows_like_round_off():
     """Brouwer's law: the rms over an ensemble grows with the root of the number of steps; a bias would make it grow with it."""
     scene, period = planet(0.3, 1, 4000)

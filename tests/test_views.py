@@ -264,7 +264,9 @@ def test_where_a_path_is_gone_again_its_newest_part_is_seen(cpu, camera) -> None
         picture = view.draw(frame_of([place, 0, 0], 0.01, time=float(index)))
     scale = FOCAL / 10 if camera is FRONT else SIZE[1] / 8
     row = picture[SIZE[1] // 2 - 2 : SIZE[1] // 2 + 2].max(axis=(0, 2)).astype(int)
-    twice = row[SIZE[0] // 2 + 12 : int(SIZE[0] / 2 + 2.8 * scale)]  # the newest part fades to the right, the older one to the left
+    twice = row[
+        SIZE[0] // 2 + 12 : int(SIZE[0] / 2 + 2.8 * scale)
+    ]  # the newest part fades to the right, the older one to the left
     assert twice.min() > 0 and np.diff(twice).max() <= 0 and np.ptp(twice) > 10
 
 

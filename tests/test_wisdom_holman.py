@@ -197,6 +197,7 @@ def by_rebound(run, until, dt=None):
     return np.array([p.xyz for p in other.particles])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("corrector", "power", "ratios"), [(0, 1, (1e-4, 1e-5)), (17, 2, (1e-3, 1e-4))])
 def test_the_error_is_of_second_order_in_the_step_and_of_the_masses_or_their_square(corrector, power, ratios):
     span, errors = 64.0, {}
@@ -234,6 +235,7 @@ def test_steps_are_those_of_whfast():
         assert np.abs(run.snapshot().position - expected).max() > 1e-6, "WHFast at another step is told apart"
 
 
+@pytest.mark.thorough
 def test_looks_change_no_bit_and_lie_on_the_motion():
     ends = []
     with Simulation(OUTER, backend="cpu", precision="f64") as run:
@@ -299,6 +301,7 @@ def scattered(order):
     }
 
 
+@pytest.mark.thorough
 def test_any_order_of_the_bodies_and_massless_ones_give_the_same_motion():
     ends = []
     for order in ((0, 1, 2, 3, 4, 5), (5, 3, 1, 4, 0, 2)):
