@@ -48,3 +48,26 @@ def test_a_mistake_in_a_kernel_is_told_at_its_place():
         ):
             wrong(1.0)
     assert getsourcelines.cache_info().hits > 0
+
+
+def test_a_field_knows_where_it_was_declared(monkeypatch):
+    ti = import_taichi()
+    from taichi.lang import impl, snode, util
+
+    told = []
+
+    def compared(stacklevel=1):
+        stack = util.get_traceback(stacklevel + 1).splitlines()
+        told.append((quick(stacklevel + 1).strip(), [line.strip() for line in stack if line.startswith("  File ")][-1]))
+        return told[-1][0]
+
+    quick = impl.get_traceback
+    assert quick is snode.get_traceback and quick is not util.get_traceback
+    for module in (impl, snode):
+        monkeypatch.setattr(module, "get_traceback", compared)
+    ti.init(arch=ti.cpu, log_level=ti.ERROR)
+    builder, field = ti.FieldsBuilder(), ti.field(ti.f32)
+    builder.dense(ti.i, 3).place(field)
+    builder.finalize()
+    assert len(told) >= 3 and all(found == plain for found, plain in told)
+    assert "test_front_end.py" in told[1][0]
