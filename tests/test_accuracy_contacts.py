@@ -123,6 +123,7 @@ def test_another_solver_keeps_what_solvers_have_in_common():
     assert back.contacts.solver.parameters["restitution"] == 0.7
 
 
+@pytest.mark.thorough
 def test_a_solver_that_comes_to_a_standstill_is_a_row_with_the_reason():
     scene = gas(
         particles=[{"body": {"mass": 1, "position": [5, 1], "radius": 0.5}}],

@@ -156,6 +156,7 @@ def test_the_energy_of_a_run_by_a_tree_is_summed_pair_by_pair(runs):
     assert coarse > fine
 
 
+@pytest.mark.thorough
 def test_a_study_tells_the_tree_from_the_direct_sum(tmp_path):
     import_taichi()
     problem, names = pose(load_scene(stars(800, accuracy=0.1))), ("leapfrog", "leapfrog+tree-1e-1")

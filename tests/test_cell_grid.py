@@ -177,6 +177,7 @@ def test_a_place_that_is_no_number_has_no_partners_and_leaves_the_others_theirs(
     assert finder.once() == expected and len(expected) > 100
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "position",
     [np.zeros((5, 3)), np.array([[1.0, 2.0, 3.0]]), np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.5, 0.0, 0.0]])],

@@ -111,6 +111,7 @@ def test_the_table_names_every_pass_and_fail(folder, capsys):
     assert "it expects nothing" in out and out.endswith("1 of 2 scenes pass\n")
 
 
+@pytest.mark.thorough
 def test_a_scene_that_cannot_run_here_neither_passes_nor_fails(folder, capsys):
     """In f32c no solver of contacts carries low parts; other scenes run."""
     folder("s/a.yaml", {"steps": {"above": 0}})

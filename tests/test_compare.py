@@ -82,6 +82,7 @@ def agrees(found):
 # --- sound kernels ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_sound_kernels_of_the_cpu_differ_by_rounding(mixture, network, precision):
     assert agrees(mixture.verdict(mixture.taichi(precision=precision), precision))

@@ -123,6 +123,7 @@ def ladder(tmp_path_factory, opencl):
     return json.loads((folder / "out" / "compare.json").read_text(encoding="utf-8"))["rows"]
 
 
+@pytest.mark.thorough
 def test_each_rung_of_the_ladder_is_a_row_that_is_judged_and_timed(ladder):
     rungs = {row["label"]: row["plan"] for row in ladder}
     assert list(rungs)[:3] == ["cpu", "cpu serial", "cpu parallel"] and rungs["cpu serial"] == "serial"

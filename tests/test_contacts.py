@@ -168,6 +168,7 @@ def test_nothing_leaves_a_box_at_any_speed(solver, speed):
         assert np.linalg.norm(after.velocity) == pytest.approx(speed, rel=1e-12)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("solver", ELASTIC)
 def test_energy_of_a_gas_is_kept_and_the_summary_tells_of_its_contacts(solver, tmp_path, capsys):
     import json
@@ -288,6 +289,7 @@ def test_what_takes_one_thread_is_refused_by_name_on_a_gpu(solver, count, reason
             assert run.device.on_cpu
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("force", [None, {"uniform_gravity": {"acceleration": [0.0, 0.0, -1.0]}}], ids=["free", "gravity"])
 def test_a_state_is_up_to_date_whenever_it_is_looked_at(force):
     """Steps one at a time, each looked at, one of them taken back and done again, end where a run without looks does."""

@@ -43,6 +43,7 @@ DEVICE_KINDS = {
 }
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("solver", DEVICE_KINDS)
 def test_software_vulkan_finds_the_contacts_of_the_cpu(solver, software_vulkan):
     """Every contact, and places to what rounding makes of them.

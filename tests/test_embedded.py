@@ -59,6 +59,7 @@ def test_the_error_follows_the_tolerance_at_the_cost_of_scipys(name, order, tole
     assert np.mean(work) == pytest.approx(np.mean(other_work), rel=0.2)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("name", "tolerance", "limit"), [
     ("adaptive_dop853", 1e-10, 1e-10), ("adaptive_bogacki_shampine", 1e-9, 1e-9),
 ])  # fmt: skip

@@ -94,6 +94,7 @@ def test_head_on_at_a_thousand_radii_per_step_and_far_from_where_the_cells_were_
     assert np.allclose(run.velocity[2:4, 0], [3.0 - 1e-6, 3.0], rtol=0, atol=4 * ULP * 3)
 
 
+@pytest.mark.thorough
 def test_contacts_at_one_time_come_in_the_order_of_the_scene():
     """Wherever the spheres are, and so whatever cells they are in: five head-on pairs, and a ball between two at once."""
     for way in (1, -1):
@@ -209,6 +210,7 @@ def test_looking_ahead_changes_no_bit(monkeypatch):
     assert all(np.array_equal(a, b) for a, b in zip(*found))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision, limit", [("f64", 1e-9), ("f32", 1e-5)])
 def test_dense_packing_does_not_overlap(precision, limit):
     """Packing 0.49 in space: after twenty contacts of each sphere no two overlap, as seen from outside."""
@@ -228,6 +230,7 @@ def test_dense_packing_does_not_overlap(precision, limit):
     assert abs(run.energy / energy - 1) < contacts * (ULP if precision == "f64" else 2.0**-23)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision, limit", [("f64", 1e-9), ("f32", 1e-5)])
 def test_dense_disks_do_not_overlap(precision, limit):
     """Packing 0.80 in the plane, from a triangular lattice."""
@@ -249,6 +252,7 @@ def test_dense_disks_do_not_overlap(precision, limit):
     assert contacts > 15 * len(x)
 
 
+@pytest.mark.thorough
 def test_a_large_sphere_among_many_small_ones_meets_all_of_them():
     """Radii 1 : 25 in a periodic box, cells made for the small ones: a contact that is missed would show as an overlap."""
     side, large = 12.0, 1.0
@@ -309,6 +313,7 @@ def test_a_thousand_cooling_balls_lose_what_is_dissipated():
     assert report.largest_overlap < 1e-9
 
 
+@pytest.mark.thorough
 def test_gravity_floor_and_held_spheres():
     """Balls on a floor and on a held ball bounce as the closed form says, and keep their energy over a thousand bounces."""
     g, r = 9.81, 0.25
@@ -336,6 +341,7 @@ def test_gravity_floor_and_held_spheres():
     assert report.largest_overlap < 1e-9
 
 
+@pytest.mark.thorough
 def test_a_ball_in_a_round_cavity_follows_its_polygon():
     """Inside a sphere each chord is as long as the first, and a ball that grazes the wall goes round it."""
     from mpp_taichi.walls._base import Surface

@@ -45,7 +45,7 @@ IMPLICIT = [name for name in KINDS_OF_STEP if component.declaration("integrators
 COUNTED = ("leapfrog", "symplectic_euler", "velocity_verlet", "kahan_li6", "rk4", "hermite4", "chin4a", "janus", *IMPLICIT)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize(
     ("scene", "integrator"), [*((everything, name) for name in COUNTED), (cluster, "leapfrog"), (cluster, "hermite4")]
 )
@@ -96,6 +96,7 @@ def measured_once(costs, monkeypatch):
     monkeypatch.setattr("mpp_taichi.cli._costs.measure", asked)
 
 
+@pytest.mark.thorough
 def test_explain_tells_fields_and_effects(tmp_path, capsys, measured_once):
     path = tmp_path / "everything.yaml"
     path.write_text(yaml.safe_dump(everything()), encoding="utf-8")

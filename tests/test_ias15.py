@@ -163,6 +163,7 @@ def test_replicas_go_on_alone_and_give_the_bits_of_one():
         assert not np.array_equal(run.snapshot(0).position, alone.position)
 
 
+@pytest.mark.thorough
 def test_going_back_gives_the_same_bits_again():
     scene, period = planet(0.6, 5, 4)
     with Simulation(scene, backend="cpu", precision="f64") as run:

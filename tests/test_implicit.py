@@ -187,6 +187,7 @@ def test_both_linear_solvers_and_all_plans_give_the_same_step(name):
         np.testing.assert_allclose(end, ends["direct", "serial"], rtol=0, atol=100 * 10 * TOLERANCE)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("count", [3, 5])
 def test_software_vulkan_solves_the_same_equations(count, software_vulkan):
     """An odd number of 4-byte numbers before 8-byte ones is where a device may read the latter in the wrong place."""

@@ -96,6 +96,7 @@ def test_order_is_kept_by_forces_that_depend_on_velocity(name):
     assert slope(dts, errors) == pytest.approx(declared(name, "order"), abs=SLOPE_TOLERANCE)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", KINDS_OF_STEP)
 def test_time_reversible_integrators_return_to_round_off_and_others_do_not(name):
     steps = 1000
@@ -182,6 +183,7 @@ def test_a_free_particle_flies_straight(name):
 
 
 # An axis is held where a family adds to a place; that a method holds it at all is part of its order beside every force, above.
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", dict.fromkeys(ONE_OF_EACH_FAMILY + ALONE))
 def test_fixed_axes_do_not_move_a_bit(name):
     scene = everything(integrator=name)

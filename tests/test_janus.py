@@ -135,6 +135,7 @@ def test_the_end_of_the_lattice_ends_the_run_and_says_where(plan):
         assert simulation.run(steps=4000).snapshot().position[1, 0] == 1001.0
 
 
+@pytest.mark.thorough
 def test_a_velocity_may_leave_the_lattice_too():
     """Two bodies at rest that meet without softening: the force at 1e-9 is beyond any velocity of the lattice."""
     scene = kepler(0.3, integrator="janus")

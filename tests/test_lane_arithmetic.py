@@ -97,6 +97,7 @@ def test_other_vectors_are_written_out(share, explicit, real):
     np.testing.assert_array_equal(once, twice)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("formula", [rough_roots, exact_roots])
 def test_inverse_roots_of_all_magnitudes(formula, real):
     precision, kind = real

@@ -93,6 +93,7 @@ def test_the_floor_may_move():
         assert not run.conserves_energy and not run.gains_no_energy
 
 
+@pytest.mark.thorough
 def test_two_spheres_that_fall_onto_each_other_meet_when_kepler_says():
     """Radial fall from rest at d to R: t = √(d³/2GM) (arccos √x + √(x (1 − x))), x = R/d; then back, as often as one likes."""
     d, masses, reach = 2.0, (1.0, 0.5), 0.02
@@ -145,6 +146,7 @@ def test_the_error_of_many_contacts_goes_with_the_tolerance(integrator, toleranc
         assert np.polyfit(np.log(tolerances), np.log(errors), 1)[0] == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.thorough
 def test_a_bent_path_grazes_where_geometry_says_so():
     """Kepler's ellipses with a pericentre of R (1 ± 1e-9)."""
     reach = 0.3
@@ -234,6 +236,7 @@ def test_a_ball_that_comes_to_rest_wants_a_contact_time_and_never_hangs():
         assert 0.1 <= run.snapshot().position[0, 1] < 0.1 + contact_time**2
 
 
+@pytest.mark.thorough
 def test_no_contact_is_missed_where_many_things_attract_each_other():
     """Looked at from outside four hundred times: nothing is in anything else, whatever the solver says."""
     random = np.random.default_rng(5)

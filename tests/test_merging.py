@@ -132,6 +132,7 @@ def test_nothing_tunnels_and_a_miss_is_none(integrator):
     assert after.position[2] == pytest.approx([500.0, 10.0, 0.0], abs=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_chain_within_one_drift_goes_by_the_order_of_time(tmp_path):
     """A takes up B and then, slower, C; D crosses A's old way where A would have been, and the merged sphere comes too late."""
     names = [(1.0, 0.1, [0, 0, 0], [8, 0, 0]), (1.0, 0.1, [2.2, 0, 0], [0, 0, 0]), (2.0, 0.1, [5, 0, 0], [0, 0, 0])]
@@ -179,6 +180,7 @@ def test_a_cloud_merges_as_it_does_event_by_event(dimensions, span, monkeypatch)
     assert len(set(bits)) == 1
 
 
+@pytest.mark.thorough
 def test_a_list_without_room_cuts_the_drift_and_changes_nothing(monkeypatch):
     mass, radius, position, velocity = cloud(60, 2)
     scene = spheres(
@@ -417,6 +419,7 @@ def test_what_is_gone_is_neither_drawn_nor_written_nor_counted(tmp_path, capsys)
         assert np.allclose(way["mass"].sum(axis=1), 1.0, rtol=0, atol=1e-14) and (way["merged_into"] == end.merged_into).all()
 
 
+@pytest.mark.thorough
 def test_more_at_once_than_there_is_room_for_ends_the_run(monkeypatch):
     """Ten in one heap, 45 pairs where 5 have room: no piece of the drift is short enough, and none is left out in silence."""
     monkeypatch.setattr(_merging_drift, "EVENTS_PER_SPHERE", 0)

@@ -106,6 +106,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_in_a_step_is_seen(opencl, fault, monkeypatch):
     """Against the same kernels as they should be; twenty steps of a hundredth show what one fault does."""

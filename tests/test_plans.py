@@ -57,6 +57,7 @@ def test_serial_and_parallel_agree_to_round_off(name, precision):
     assert difference(serial, parallel) <= growth
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_vulkan_agrees_with_the_cpu_to_round_off(software_vulkan, precision, plan):
@@ -91,6 +92,7 @@ def test_steps_of_one_launch_that_share_a_loop_give_the_bits_of_single_ones(inte
         assert difference(simulation.start, together) > 0
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("integrator", ["leapfrog", "yoshida4", "velocity_verlet"])
 def test_steps_of_many_bodies_that_share_a_loop_give_the_bits_of_single_ones(integrator):
     """And, but for rounding, those of the serial plan: sums by lanes overwrite what was there, the last tile is not full."""
@@ -114,6 +116,7 @@ def test_stages_looked_up_by_the_parallel_plan_are_those_of_the_serial_one():
     assert difference(*ends) <= 20 * 9 * 10 * 2 * PRECISIONS["f64"]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("dimensions", [2, 3])
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 def test_the_same_run_twice_gives_the_same_bits(plan, dimensions):
@@ -177,6 +180,7 @@ def test_a_thousand_replicas_each_equal_their_single_run(name, backend, request)
         assert difference(ensemble.snapshot(replica=0), ensemble.snapshot(replica=1)) > 1e-3
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("name", "precision"), [("velocity_verlet", "f64"), ("rk4", "f32"), ("chin4a", "f64")])
 def test_a_step_in_explicit_vectors_has_the_bits_of_one_without(name, precision, monkeypatch):
     monkeypatch.setattr(lane_arithmetic, "in_hardware", lambda *_, **__: False)  # products and sums rounded twice, as without

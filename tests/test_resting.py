@@ -198,6 +198,7 @@ def test_what_cannot_be_solved_is_counted(corner):
     assert np.isfinite(position).all()
 
 
+@pytest.mark.thorough
 def test_serial_and_parallel_agree(corner):
     random = np.random.default_rng(7)
     place = np.array([(4 + 1.1 * a + 0.5 * b, 0.6 + b * 1.02) for b in range(3) for a in range(3)])

@@ -178,6 +178,7 @@ def test_moves_compile_nothing_and_their_log_repeats_every_bit(system, precision
         assert len(again._compiled) == 1, "all phases by the same kernels"
 
 
+@pytest.mark.thorough
 def test_a_number_that_is_loaded_gives_the_bits_of_one_that_is_compiled(tmp_path):
     events = "".join(f"  - {{at: {at}, set: {{{STRENGTH}: {value}}}}}\n" for at, value in ((0.5, 1.7), (0.9, 0.3), (1.3, 4)))
     text = f"run: {{duration: 2}}\n{BODIES}{GRAVITY}timeline:\n{events}"

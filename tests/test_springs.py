@@ -139,6 +139,7 @@ def test_a_radial_orbit_passes_through_the_place_of_the_other_end():
         np.testing.assert_allclose(simulation.snapshot().position[1], [-0.8, 0, 0], atol=1e-8)
 
 
+@pytest.mark.thorough
 def test_springs_between_the_same_particles_add():
     single = hard_networks.chain_of([1.0], [3.0], damping=0.5)
     double = hard_networks.chain_of([1.0], [1.0], damping=0.2)
@@ -211,6 +212,7 @@ def test_a_hundredfold_stretch_keeps_its_energy_within_the_bound():
             assert abs(simulation.diagnostics()["total_energy"] / energy - 1.0) <= bound
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("make", [hard_networks.random_cloth, hard_networks.mass_ratio, hard_networks.inverted_chain])
 def test_damped_networks_never_gain_energy(make):
     """From one look to the next the energy falls, but for the wobble (ω dt)²/4 of the method; ω dt is below 0.15 in each."""

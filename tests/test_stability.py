@@ -27,6 +27,7 @@ def weak(scene, precision):
     return scene
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 @pytest.mark.parametrize(("backend", "plan"), BACKENDS)
 def test_a_zero_distance_is_named_with_its_step_and_pair(backend, plan, precision, request):
@@ -92,6 +93,7 @@ def test_bisection_finds_the_first_bad_step(broken_at):
     assert now[0] == broken_at - 1
 
 
+@pytest.mark.thorough
 def test_software_vulkan_is_not_trusted_with_more_loop_iterations_than_it_makes(software_vulkan):
     with Simulation(cluster(40), backend="vulkan", precision="f32", plan="serial") as simulation:
         limit = simulation.device.probes.loop_limit

@@ -104,6 +104,7 @@ def test_nothing_tunnels_at_a_thousand_radii_a_step(all_pairs):
     assert np.abs(x - [[-2.0, 0.0, 0.0], [2.5, 0.0, 0.0], [0.0, 50.0, 0.0]]).max() < 4 * 1000 * EPSILON
 
 
+@pytest.mark.sampled(2)
 @BOTH
 def test_walls_fold_the_way_at_any_speed(all_pairs):
     """Between walls a coordinate is a triangle wave. Each of up to some 7000 bounces rounds by a few ulps of the edge."""
@@ -122,6 +123,7 @@ def test_walls_fold_the_way_at_any_speed(all_pairs):
     assert (v == velocity * np.where(cells % 2 == 0, 1, -1)).all()
 
 
+@pytest.mark.sampled(2)
 @BOTH
 def test_a_ball_into_a_corner_comes_straight_back(all_pairs):
     backends.start("cpu", "f64", threads=2)
@@ -160,6 +162,7 @@ def test_a_gas_follows_the_reference_through_some_ten_contacts_each(all_pairs, s
     assert max(np.abs(x_found - x).max(), np.abs(v_found - v).max()) < tolerance
 
 
+@pytest.mark.sampled(2)
 @BOTH
 def test_fast_balls_of_a_box_that_repeats_meet_every_image(all_pairs):
     """Speeds of several periods a drift, so that the nearest image changes on the way."""
@@ -183,6 +186,7 @@ def test_fast_balls_of_a_box_that_repeats_meet_every_image(all_pairs):
     assert np.abs(shift).max() * max(period) < tolerance
 
 
+@pytest.mark.thorough
 def test_what_a_bullet_throws_out_is_followed_beyond_its_margin():
     """A heavy fast sphere among light ones at rest, which leave at twice its speed: farther than partners were looked for."""
     backends.start("cpu", "f64", threads=2)
@@ -248,6 +252,7 @@ def test_partners_that_are_kept_change_no_bit_of_the_motion():
     assert 2 <= builds[0] <= 16 < 32 <= builds[1]
 
 
+@pytest.mark.thorough
 def test_spheres_that_stay_in_their_slots_move_bit_for_bit_as_those_taken_from_the_state():
     """Nothing else moves them: looked at now and then, kicked once with a word to the solver; one drift is of pieces."""
     backends.start("cpu", "f64", threads=2)
@@ -279,6 +284,7 @@ def test_spheres_that_stay_in_their_slots_move_bit_for_bit_as_those_taken_from_t
     assert builds[0] == builds[1] < 40
 
 
+@pytest.mark.thorough
 def test_contacts_at_one_time_come_by_number_wherever_the_spheres_are():
     """A sphere is hit from both sides at once; with unlike masses the order matters, and 0 comes before 2."""
     backends.start("cpu", "f64", threads=2)
@@ -291,6 +297,7 @@ def test_contacts_at_one_time_come_by_number_wherever_the_spheres_are():
     assert -ways[0] == pytest.approx(mirrored, abs=8 * EPSILON)
 
 
+@pytest.mark.thorough
 def test_spheres_that_are_put_elsewhere_between_drifts_are_noticed():
     """All change places, without a word to the solver."""
     backends.start("cpu", "f64", threads=2)
@@ -368,6 +375,7 @@ def test_too_many_contacts_are_counted_and_a_contact_time_resolves_them():
         assert v.sum() == pytest.approx(0.0, abs=8 * EPSILON)
 
 
+@pytest.mark.sampled(2)
 @BOTH
 def test_held_spheres_are_infinitely_heavy(all_pairs):
     """A ball comes back from a held one, and two held ones that move pass through each other."""

@@ -122,6 +122,7 @@ def test_every_further_table_has_its_ladder():
     assert list(LADDERS) == MORE_TABLES
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", MORE_TABLES)
 def test_order_reversibility_and_energy_on_an_orbit(name):
     eccentricity, counts, _ = LADDERS[name]

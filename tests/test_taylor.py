@@ -204,6 +204,7 @@ def test_looks_between_steps_are_as_good_as_steps_and_change_nothing():
     assert ends[0] == ends[1]
 
 
+@pytest.mark.thorough
 def test_going_back_gives_the_same_bits_again_and_so_do_replicas():
     scene, period = planet(0.6, 5, 4)
     with Simulation(taylor(scene), backend="cpu", precision="f64") as run:

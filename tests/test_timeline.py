@@ -121,6 +121,7 @@ def test_an_event_changes_the_motion_at_exactly_its_time():
         assert simulation.time == 2.0 and simulation.step_count == timeline.step_count(spec, 2.0)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 def test_phases_are_separate_runs_joined_by_a_snapshot(plan):
     """Bit for bit, with nearly everything changed at once: forces, springs, masses, held axes, integrator and step.

@@ -129,6 +129,7 @@ def test_a_parabola_is_barkers_and_a_comet_may_fall_straight_in(solver):
     assert found[:, 0] == pytest.approx((4.5 * (since + times) ** 2) ** (1 / 3), rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_solution_that_is_not_found_ends_the_run_with_its_name(monkeypatch):
     monkeypatch.setattr(_kepler, "MOST", 1)
     scene = kepler(0.9, dt=1.0, integrator="wisdom_holman")
