@@ -60,6 +60,7 @@ def machine_of(scene, name):
     return Machine(pose(load_scene(scene)), name, backend="cpu", precision="f64")
 
 
+@pytest.mark.thorough
 def test_swept_contacts_are_exact_at_any_step_and_pairwise_ones_are_not():
     """Between contacts a gas flies straight, so that nothing depends on the step; pairwise finds them up to a step late."""
     flight = machine_of(gas(), "event_driven")

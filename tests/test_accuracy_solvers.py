@@ -136,6 +136,7 @@ def runs():
     return found
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("accuracy", [1e-1, 1e-2])
 def test_positions_are_as_far_off_as_the_accuracy_of_the_forces_says(runs, accuracy):
     exact = runs["leapfrog"][0].end

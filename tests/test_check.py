@@ -127,6 +127,7 @@ def test_a_scene_that_cannot_run_here_neither_passes_nor_fails(folder, capsys):
     assert check(capsys, refused, "--precision", "f32c")[0] == 3  # where nothing ran, nothing passed
 
 
+@pytest.mark.thorough
 def test_precision_chooses_the_bound(folder, capsys):
     name = folder("a.yaml", {"momentum_error_max": {"below": {"f64": 1e-13, "f32": 1e-4}}})
     for precision in ("f64", "f32"):

@@ -76,7 +76,7 @@ def largest_errors(simulation, duration):
     return max(residuals), max(ways)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize(
     ("name", "damping"), [*((name, "axial") for name in TAKE_FRICTION), ("leapfrog", "full"), ("rk4", "full")]
 )

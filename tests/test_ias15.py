@@ -54,7 +54,7 @@ def test_the_nodes_are_those_of_radau_and_the_two_bases_are_inverse():
     assert powers @ s ** np.arange(1, size + 1) == pytest.approx(products, rel=1e-12)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.thorough
 @pytest.mark.parametrize("eccentricity", [0.9, 0.99, 0.999])
 def test_a_hundred_orbits_end_where_they_began(eccentricity):
     scene, period = planet(eccentricity, 3, 100)

@@ -53,7 +53,7 @@ def test_a_run_forward_and_backward_returns_to_the_very_bits(order, plan, precis
     assert np.abs(turn.position - start.position).max() > (0.1 if plan == "serial" else 0.01)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.thorough
 @pytest.mark.parametrize("order", TABLES)
 def test_orders_and_energy_errors_are_those_of_the_tables(order):
     """Positions against Kepler's equation, and the errors of energy against those of the splitting itself."""
@@ -91,6 +91,7 @@ def test_positions_are_those_of_rebound():
     assert np.abs(end.position - [p.xyz for p in other.particles]).max() < 1e-10
 
 
+@pytest.mark.thorough
 def test_replicas_have_the_bits_of_one_and_going_back_to_a_mark_too():
     scene = chaos(order=4)
     with Simulation(scene, backend="cpu", precision="f64", plan="serial") as simulation:

@@ -259,7 +259,7 @@ def test_no_contact_is_missed_where_many_things_attract_each_other():
         assert report.largest_overlap * radius.min() < 100.0 * EPSILON * 20.0
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", CUT_AT_CONTACTS)
 def test_looks_change_no_bit_and_lie_on_the_path_that_is_searched(integrator):
     """A contact that comes after a look is left for later, and what is remembered of it comes back with a marked state."""

@@ -116,7 +116,7 @@ def test_two_become_one_with_mass_momentum_volume_and_centre_of_mass_of_both(dim
         assert not after.velocity[g].any() and not after.free[g].any()
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator", ["leapfrog", "symplectic_euler", "velocity_verlet"])
 def test_nothing_tunnels_and_a_miss_is_none(integrator):
     """Two drift through each other's place by 10⁵ radii in a step; a pair that misses by 10⁻⁹ of a radius stays two."""
@@ -152,7 +152,7 @@ def test_a_chain_within_one_drift_goes_by_the_order_of_time(tmp_path):
     assert after.position[0, 0] == pytest.approx((8 + 2.2 + 2 * 5) / 4, abs=1e-14)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.thorough
 @pytest.mark.parametrize(("dimensions", "span"), [(2, 0.4), (3, 1.5)])
 def test_a_cloud_merges_as_it_does_event_by_event(dimensions, span, monkeypatch):
     """Against NumPy, which moves everything from event to event; on the grid and on more threads to the same bits."""
@@ -232,7 +232,7 @@ def test_a_held_sphere_stays_and_a_held_axis_too():
         assert again.position[0].tolist() == [0.5, 0.2, 0.0] and not run.conserves_momentum
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.thorough
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 def test_gravity_after_a_merger_is_that_of_the_merged_body_alone(plan):
     """And what is gone is felt by nobody, even by a body at its very place: there 0 · 1/0 would be no number.

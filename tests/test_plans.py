@@ -44,7 +44,7 @@ def end_and_growth(scene, steps, precision):
 
 
 # Single precision is the same text with another type: two methods stand for the others (test_springs asks more of them).
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize(
     ("name", "precision"), [*((name, "f64") for name in KINDS_OF_STEP), ("leapfrog", "f32"), ("hermite4", "f32")]
 )

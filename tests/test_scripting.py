@@ -53,6 +53,7 @@ def test_setting_is_what_a_timeline_does(stone):
         assert by_timeline.phase_work == stone.phase_work and stone.phase_number == 1
 
 
+@pytest.mark.thorough
 def test_what_was_set_is_kept_and_can_be_run_again(stone, tmp_path):
     stone.run(steps=3)
     stone.set("forces.uniform_gravity.acceleration", [0, 0, 0])

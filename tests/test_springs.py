@@ -68,7 +68,7 @@ def rounding(precision, count):
 
 
 # The order of every method beside friction is asked in test_integrators; here are regimes, and single precision.
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", [*ALSO_IN_F32, "implicit_euler", "energy_momentum"])
 def test_an_oscillator_of_each_regime_follows_the_closed_form_to_the_order(name):
     order = order_of(name)

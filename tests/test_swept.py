@@ -224,6 +224,7 @@ def count_builds(sweep, built):
     sweep.grid.build = lambda *given: (built.append(1), build(*given))
 
 
+@pytest.mark.thorough
 def test_partners_that_are_kept_change_no_bit_of_the_motion():
     """On a lattice with velocities along x at first, where spheres are hit from both sides at one time; then all are kicked."""
     backends.start("cpu", "f64", threads=2)
