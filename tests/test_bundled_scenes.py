@@ -10,6 +10,7 @@ from mpp_taichi.cli.main import main
 SCENES = sorted((Path(__file__).parents[1] / "scenes").glob("*.yaml"))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_a_bundled_scene_is_what_it_says(path, capsys):
     code = main(["check", str(path), "--backend", "cpu", "--json", "-q"])

@@ -184,6 +184,7 @@ def test_a_wrong_sign_is_a_bug(monkeypatch, five, precision):
     assert found["verdict"] == "bug" and any(each["check"] == "force at the start" for each in broken(found))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_a_tree_is_judged_by_the_accuracy_that_it_promises(monkeypatch, precision):
     scene = cluster(2000)

@@ -65,6 +65,7 @@ def oblique_pair(seed):
     return bodies, e, np.array(after), np.array([0.3 * after[0], radii.sum() * normal + 0.3 * after[1]])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", UNIT)
 @pytest.mark.parametrize("solver", [*EXACT, "resting"])  # a lone impact `resting` takes at its exact moment, too
 def test_two_spheres_leave_an_oblique_contact_as_the_formula_says(solver, precision):
@@ -107,7 +108,7 @@ def test_pairwise_spheres_leave_a_contact_as_the_formula_says_for_where_it_is_no
     assert np.abs(after.velocity - expected).max() < tolerance * max(1.0, np.abs(expected).max())
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_restitution_is_that_of_the_pair(solver):
     bodies = [
@@ -125,7 +126,7 @@ def test_restitution_is_that_of_the_pair(solver):
         assert not run.conserves_energy and run.gains_no_energy and run.conserves_momentum
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_held_sphere_is_a_wall_and_a_held_axis_does_not_move(solver):
     bodies = [
@@ -142,7 +143,7 @@ def test_a_held_sphere_is_a_wall_and_a_held_axis_does_not_move(solver):
         assert energy == pytest.approx(1.0, abs=1e-14)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("solver", EXACT)
 @pytest.mark.parametrize("speed", [0.7, 1e3, 123_456.789])
 def test_nothing_leaves_a_box_at_any_speed(solver, speed):

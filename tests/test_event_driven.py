@@ -138,6 +138,7 @@ def test_a_ball_in_a_box_follows_the_folding_formula():
         assert report.largest_overlap * r < limit
 
 
+@pytest.mark.thorough
 def test_against_all_pairs_with_unequal_spheres_and_a_piston():
     """Seven spheres, radii 1 : 30, between five walls at rest and one that comes nearer, contact by contact."""
     rng = np.random.default_rng(5)

@@ -75,7 +75,7 @@ def summed(scene, precision, shape):
 
 # One force in tiles of lanes from ten bodies on, several or few bodies pair by pair; lanes and gather with either. Single
 # precision is the same text with another type, but for the number of lanes.
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize(
     ("kind", "shape", "precision"),
     [

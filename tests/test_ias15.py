@@ -132,6 +132,7 @@ def test_a_collision_is_said_and_not_stepped_over():
         assert np.isfinite(run.snapshot().position).all()
 
 
+@pytest.mark.thorough
 def test_drag_and_a_force_in_time_against_closed_forms():
     scene = TWO_BODY | {
         "forces": [{"linear_drag": {"coefficient": 0.7}}, {"uniform_gravity": {"acceleration": [0, -2]}}],

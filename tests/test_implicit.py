@@ -123,7 +123,7 @@ def energies(simulation, dt, steps=60):
     return np.array(found)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("make", hard_networks.SMOOTH + hard_networks.WITH_JUMPS, ids=lambda make: make.__name__)
 def test_the_energy_momentum_method_keeps_every_energy_and_gains_none_where_there_is_damping(make):
     with Simulation(make("energy_momentum", 0.02, 0.05), backend="cpu", precision="f64") as simulation:
@@ -140,7 +140,7 @@ def test_the_energy_momentum_method_keeps_every_energy_and_gains_none_where_ther
                     assert np.abs(found - found[0]).max() <= room
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", ["implicit_euler", "bdf2"])
 @pytest.mark.parametrize("make", hard_networks.SMOOTH + hard_networks.WITH_JUMPS, ids=lambda make: make.__name__)
 def test_damped_methods_survive_every_network_and_gain_no_energy(make, name):

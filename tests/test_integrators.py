@@ -88,7 +88,7 @@ def test_order_of_convergence_on_an_eccentric_orbit(name):
     assert slope(dts, errors) == pytest.approx(declared(name, "order"), abs=SLOPE_TOLERANCE)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", [name for name in KINDS_OF_STEP if takes_friction(name)])
 def test_order_is_kept_by_forces_that_depend_on_velocity(name):
     finest = {1: 4096, 2: 512, 4: 160}[declared(name, "order")]
@@ -247,7 +247,7 @@ def test_stability_limits_are_those_of_the_textbooks(name, limit):
     assert largest_stable_step(component.build("integrators", name, {"dt": 1.0})) == pytest.approx(limit, abs=2e-3)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", KINDS_OF_STEP)
 def test_the_amplification_matrix_is_what_a_step_does(name):
     """Masses on springs of length 0 along x: D = ω², c = γ, one without damping; a method of two steps has two states."""

@@ -121,7 +121,7 @@ def flight(**parameters):
     }
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.thorough
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 def test_the_end_of_the_lattice_ends_the_run_and_says_where(plan):
     with Simulation(flight(), backend="cpu", precision="f64", plan=plan) as simulation:

@@ -117,7 +117,7 @@ def test_two_spheres_that_fall_onto_each_other_meet_when_kepler_says():
         assert abs(momentum) < 10.0 * math.sqrt(steps) * EPSILON  # speeds of 12 at contact
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.thorough
 @pytest.mark.parametrize("integrator, tolerances", [("adaptive_dop853", (1e-5, 1e-9, 1e-13)), (CHEAP, (1e-4, 1e-5, 1e-6))])
 def test_the_error_of_many_contacts_goes_with_the_tolerance(integrator, tolerances):
     """On a spring above a floor: y = A cos φ down to a = A/3, and up again, for ever; φ = ω t, folded at φ* = arccos (a/A)."""

@@ -38,7 +38,7 @@ CASES = [(name, integrator) for name in ("all forces", "springs", "damped spring
 CASES += [(name, "leapfrog") for name in ("full damping", "gravity in the plane", "drag")]
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(("name", "integrator"), CASES)
 def test_a_run_is_the_programs_own(opencl, name, integrator):
     """The program's in f64, beside both precisions of OpenCL: the bound of f32 is what f32 alone rounds."""

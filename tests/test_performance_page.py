@@ -90,6 +90,7 @@ def test_every_benchmark_that_is_run_is_there_and_takes_its_arguments(tmp_path):
             assert (ROOT / call[1]).is_file() and "--json" in call
 
 
+@pytest.mark.thorough
 def test_a_short_run_writes_the_page(tmp_path):
     """The whole way once, with the benchmark that is over first."""
     words = ["--short", "--only", "event_driven", "--folder", str(tmp_path), "--page", str(tmp_path / "page.md")]

@@ -238,6 +238,7 @@ def yielding(taichi):
     return Yielding()
 
 
+@pytest.mark.thorough
 def test_a_column_yields_by_the_weight_that_each_contact_bears(yielding):
     """The overlap under k spheres is c k m g; they fall, rebound and come to rest there."""
     height = RADIUS + 1.05 * np.arange(COUNT) + 0.3

@@ -383,6 +383,7 @@ def of_bombs(tmp_path_factory):
     return {name: said.get(str(path), done.stderr[-2000:]) for name, path in paths.items()}
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", BOMBS)
 def test_a_bomb_is_refused_in_seconds_under_a_memory_limit(name, of_bombs):
     assert isinstance(of_bombs[name], list), of_bombs[name]

@@ -150,7 +150,7 @@ MOVES = {
 }
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("system", "precision"), [(GRAVITY, "f64"), (GRAVITY, "f32"), (SPRINGS, "f64"), (SPRINGS, "f32")])
 def test_moves_compile_nothing_and_their_log_repeats_every_bit(system, precision, tmp_path, compilations):
     scene = tmp_path / "scene.yaml"

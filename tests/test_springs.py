@@ -179,7 +179,7 @@ def test_a_spring_of_stiffness_zero_leaves_its_ends_alone_or_only_brakes_them():
 # --- hard networks ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("make", hard_networks.SMOOTH, ids=lambda make: make.__name__)
 @pytest.mark.parametrize("name", ["leapfrog", "rk4"])
 def test_a_smooth_network_keeps_its_energy_to_the_order_of_the_method(make, name):

@@ -141,7 +141,7 @@ def condition(position, velocity, radius, mass, time, **where):
     return one, max(np.abs(one[0] - two[0]).max(), np.abs(one[1] - two[1]).max()) / 1e-9
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @BOTH
 @pytest.mark.parametrize("steps", [1, 40])
 def test_a_gas_follows_the_reference_through_some_ten_contacts_each(all_pairs, steps):
@@ -203,7 +203,7 @@ def test_what_a_bullet_throws_out_is_followed_beyond_its_margin():
     assert max(np.abs(x - x_grid).max(), np.abs(v - v_grid).max()) < 1e-9
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.thorough
 @pytest.mark.parametrize(("h", "steps"), [(0.1, 5), (0.02, 12)], ids=["partners anew", "partners kept"])
 def test_the_bits_do_not_depend_on_the_threads_nor_on_chance(h, steps):
     position, velocity, edges = gas(10, 0.3)

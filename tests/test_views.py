@@ -127,6 +127,7 @@ def test_spring_that_passes_the_camera(cpu) -> None:
     assert draw(behind, view_spec(spring_width=8.0)).max() == 0
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("size", [SIZE, (321, 177), (16, 16), (5, 3), (1, 1)])
 @pytest.mark.parametrize("camera", [FRONT, PARALLEL])
 def test_tiles_change_nothing(cpu, monkeypatch: pytest.MonkeyPatch, size: tuple[int, int], camera: CameraSpec) -> None:

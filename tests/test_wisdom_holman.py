@@ -198,7 +198,7 @@ def by_rebound(run, until, dt=None):
     return np.array([p.xyz for p in other.particles])
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.thorough
 @pytest.mark.parametrize(("corrector", "power", "ratios"), [(0, 1, (1e-4, 1e-5)), (17, 2, (1e-3, 1e-4))])
 def test_the_error_is_of_second_order_in_the_step_and_of_the_masses_or_their_square(corrector, power, ratios):
     span, errors = 64.0, {}
