@@ -43,6 +43,7 @@ def expected(simulation, snapshot):
 # What a look finds
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 @pytest.mark.parametrize("plan", ["serial", "parallel"])
 @pytest.mark.parametrize("dimensions", [2, 3])
@@ -54,6 +55,7 @@ def test_two_bodies_pull_at_each_other_by_the_inverse_square(precision, plan, di
     np.testing.assert_allclose(found, [[4e-3, 0, 0], [-4, 0, 0]], rtol=10 * UNIT[precision], atol=0)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("integrator", "precision", "plan"),
     [
@@ -161,6 +163,7 @@ CASES = [
 ]
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize(("scene", "how"), CASES)
 def test_looks_change_no_bit_of_a_run(scene, how):
     with Simulation(scene, backend="cpu", **{"precision": "f64", **how}) as simulation:

@@ -75,6 +75,7 @@ def met(simulation):
     return report.pair_count + report.wall_count + report.merge_count
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize(("scene", "device", "move"), CASES)
 def test_a_move_while_it_runs_compiles_nothing_and_gives_the_bits_of_kernels_with_those_numbers(
     scene, device, move, compilations, request
