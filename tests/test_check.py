@@ -2,11 +2,16 @@
 
 import json
 import math
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
 import yaml
 
+from mpp_taichi.cli import _at_once
 from mpp_taichi.cli.main import main
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.expectations import bound_text, holds
@@ -147,3 +152,46 @@ def test_run_judges_only_the_scene_s_own_duration(folder, capsys):
 def test_an_empty_folder_is_wrong_usage(tmp_path, capsys):
     assert main(["check", str(tmp_path)]) == 2
     assert "holds no *.yaml" in capsys.readouterr().err
+
+
+# Many at once
+
+
+def test_scenes_at_once_are_judged_as_one_after_the_other(folder, capsys):
+    folder("s/a.yaml", {"steps": {"above": 0}}, duration=2.0)
+    folder("s/b.yaml", integrator={"leapfrg": {"dt": 1}})
+    folder("s/c.yaml", {"steps": {"below": 1}})
+    found = {}
+    for jobs in ("1", "2"):
+        code = main(["check", "s", "--json", "--jobs", jobs])
+        told = capsys.readouterr()
+        assert code == 2 and told.err.count("checking ") == 3 and told.err.count("did you mean 'leapfrog'") == 1
+        found[jobs] = [{k: v for k, v in row.items() if k in ("scene", "status", "faults", "expect", "exit_code", "steps")}
+                       for row in json.loads(told.out)["scenes"]]  # fmt: skip
+    assert found["1"] == found["2"] and [row["exit_code"] for row in found["2"]] == [0, 2, 4]
+
+
+def test_a_process_that_breaks_off_fails_its_own_scene(folder, capsys, monkeypatch):
+    """One that ends without a word, in place of Python itself falling over."""
+    lost = "import sys, os; os._exit(7) if sys.argv[-1] == 'a.yaml' else os.execv(sys.executable, sys.argv[1:])"
+    monkeypatch.setattr(_at_once, "PROGRAM", (sys.executable, "-c", lost, *_at_once.PROGRAM))
+    scenes = [folder(name, {"steps": {"above": 0}}, duration=1.0) for name in ("a.yaml", "b.yaml")]
+    code, (broken, sound) = check(capsys, *scenes, "--jobs", "2")
+    assert code == 7 and "ended with code 7 and without a result" in broken["error"]
+    assert sound["exit_code"] == 0 and sound["expect"][0]["passed"]
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="children are looked up in /proc")
+def test_an_interrupt_ends_all_of_them(folder):
+    scenes = [folder(name, {"steps": {"above": 0}}, duration=1e9) for name in ("a.yaml", "b.yaml", "c.yaml")]
+    command = [sys.executable, "-m", "mpp_taichi", "check", *scenes, "--jobs", "2"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    until = time.monotonic() + 60.0
+    while len(begun := children.read_text().split()) < 2 and time.monotonic() < until:
+        time.sleep(0.05)
+    time.sleep(1.0)  # for them to have begun
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=60.0)
+    assert process.returncode == 128 + signal.SIGTERM and len(begun) == 2
+    assert not any(Path(f"/proc/{child}").exists() for child in begun)

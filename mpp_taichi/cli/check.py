@@ -1,24 +1,34 @@
 """Check scenes: run each one and compare what came out with its own `expect:` block.
 
-Takes files and folders; a folder means every *.yaml in it. Scenes run one after the other in this process, without pictures.
+Takes files and folders; a folder means every *.yaml in it. Scenes run without pictures: a few one after the other in this
+process, many at once in processes of their own.
 A scene that asks for what the backend or the precision has not got neither passes nor fails: it is counted apart, and why.
 """
 
 import argparse
+import os
 from pathlib import Path
 from typing import Any
 
 from mpp_taichi.cli import _options
+from mpp_taichi.cli._at_once import check_at_once
 from mpp_taichi.cli._terminal import UsageError, explain_error, output_reserved, put, put_json, say
 from mpp_taichi.errors import MppError, SceneError, StabilityError, UnsupportedError
 
 NOT_HERE = "not possible here"
 NOT_RUN = "-   "
+FEW = 4  # scenes that are done before processes of their own have started
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("scenes", nargs="+", metavar="SCENE", help="scene files, or folders of them")
+    parser.add_argument(
+        "--jobs",
+        type=_options.positive_integer,
+        metavar="N",
+        help=f"scenes to run at once; absent: as many as there are processors where more than {FEW} are checked",
+    )
     _options.add_device(parser)
     _options.add_report(parser)
 
@@ -29,8 +39,12 @@ def execute(arguments: argparse.Namespace) -> int:
     Where the backend can run none of them, that is what the code says.
     """
     scenes = _scene_files(arguments.scenes)
+    jobs = arguments.jobs or (1 if len(scenes) <= FEW else os.cpu_count() or 1)
     with output_reserved(arguments.json):
-        results = [_check(scene, arguments) for scene in scenes]
+        if jobs == 1 or len(scenes) == 1:
+            results = [_check(scene, arguments) for scene in scenes]
+        else:
+            results = check_at_once(scenes, jobs, arguments)
     run = [result["exit_code"] for result in results if result["status"] != NOT_HERE]
     broken = [code for code in run if code not in (0, StabilityError.exit_code)]
     code = broken[0] if broken else max(run, default=UnsupportedError.exit_code)

@@ -1,0 +1,98 @@
+"""Several scenes checked at once, each by a process of its own: one that breaks off takes no other with it."""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+from mpp_taichi.cli._signals import Interruption
+from mpp_taichi.cli._terminal import say
+
+PROGRAM = (sys.executable, "-m", "mpp_taichi", "check")
+POLL_SECONDS = 0.02
+FAREWELL_SECONDS = 10.0  # for processes to end in good order
+INTERNAL_ERROR_CODE = 1
+
+
+@dataclass(eq=False)
+class _Job:
+    scene: Path
+    process: subprocess.Popen[bytes]
+    answer: IO[bytes]
+    words: IO[bytes]
+
+
+def check_at_once(scenes: Sequence[Path], count: int, arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """What a check finds for each of the scenes, in their order; never more than `count` of them run at a time.
+
+    Raises:
+        Interrupted: a signal came; the processes have been ended.
+    """
+    results: dict[Path, dict[str, Any]] = {}
+    waiting, running = list(dict.fromkeys(scenes)), list[_Job]()
+    with Interruption() as interruption:
+        try:
+            while waiting or running:
+                while waiting and len(running) < count:
+                    running.append(_started(waiting.pop(0), arguments))
+                for job in [job for job in running if job.process.poll() is not None]:
+                    running.remove(job)
+                    results[job.scene] = _result(job)
+                interruption.raise_if_any()
+                time.sleep(POLL_SECONDS)
+        finally:
+            _end(running)
+    return [results[scene] for scene in scenes]
+
+
+def _started(scene: Path, arguments: argparse.Namespace) -> _Job:
+    words = [*PROGRAM, "--jobs", "1", "--json", "--backend", arguments.backend, "--plan", arguments.plan]
+    words += ["--precision", arguments.precision] if arguments.precision else []
+    words += ["--threads", str(arguments.threads)] if arguments.threads else []
+    words += ["--quiet"] if arguments.quiet else []
+    answer, told = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # a pipe would be full before anyone reads it
+    process = subprocess.Popen([*words, "--", str(scene)], stdin=subprocess.DEVNULL, stdout=answer, stderr=told)
+    return _Job(scene, process, answer, told)
+
+
+def _result(job: _Job) -> dict[str, Any]:
+    """What the process found; what it said is said again."""
+    with job.answer, job.words:
+        job.answer.seek(0)
+        job.words.seek(0)
+        answer, words = job.answer.read(), job.words.read().decode("utf-8", "replace").strip()
+    if words:
+        say(words)
+    try:
+        found: dict[str, Any] = json.loads(answer)["scenes"][0]
+    except (ValueError, LookupError):
+        error = f"its process ended with code {job.process.returncode} and without a result"
+        code = job.process.returncode if job.process.returncode > 0 else INTERNAL_ERROR_CODE
+        found = {
+            "scene": str(job.scene),
+            "status": "failed",
+            "error": error,
+            "faults": [error],
+            "expect": [],
+            "exit_code": code,
+        }
+    return found
+
+
+def _end(jobs: Sequence[_Job]) -> None:
+    for job in jobs:
+        job.process.terminate()
+    for job in jobs:
+        try:
+            job.process.wait(FAREWELL_SECONDS)
+        except subprocess.TimeoutExpired:
+            job.process.kill()
+            job.process.wait()
+        job.answer.close()
+        job.words.close()
