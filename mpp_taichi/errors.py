@@ -1,10 +1,13 @@
 """Errors the user is meant to read: one line each, with the exit code of the command line."""
 
+INTERNAL_ERROR_CODE = 1
+"""Exit code where something went wrong that nobody foresaw."""
+
 
 class MppError(Exception):
     """Base of every error this program raises on purpose."""
 
-    exit_code = 1
+    exit_code = INTERNAL_ERROR_CODE
 
 
 class SceneError(MppError):

@@ -20,6 +20,7 @@ from typing import Any
 from mpp_taichi.beside.moment import Moment, MomentReceiver
 from mpp_taichi.beside.settings import Beside, BesideError
 from mpp_taichi.beside.wire import Message, receive
+from mpp_taichi.errors import INTERNAL_ERROR_CODE
 from mpp_taichi.recorders.video import OWN_GROUP
 
 log = logging.getLogger(__name__)
@@ -27,7 +28,6 @@ log = logging.getLogger(__name__)
 QUEUED_MOMENTS = 4
 LOOK_SECONDS = 0.1  # between two looks for an interruption
 END_SECONDS = 20.0  # that it has to end by itself, writing its cache of kernels
-INTERNAL_ERROR_CODE = 1
 LONGEST_WORDS = 300
 
 

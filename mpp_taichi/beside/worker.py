@@ -17,14 +17,13 @@ from mpp_taichi.backends import import_taichi
 from mpp_taichi.beside.film import ExactFilm
 from mpp_taichi.beside.moment import MomentSender
 from mpp_taichi.beside.wire import send
-from mpp_taichi.errors import MppError
+from mpp_taichi.errors import INTERNAL_ERROR_CODE, MppError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
 
-INTERNAL_ERROR_CODE = 1
 LONGEST_WORDS = 300
 
 

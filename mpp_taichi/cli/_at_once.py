@@ -13,11 +13,11 @@ from typing import IO, Any
 
 from mpp_taichi.cli._signals import Interruption
 from mpp_taichi.cli._terminal import say
+from mpp_taichi.errors import INTERNAL_ERROR_CODE
 
 PROGRAM = (sys.executable, "-m", "mpp_taichi", "check")
 POLL_SECONDS = 0.02
 FAREWELL_SECONDS = 10.0  # for processes to end in good order
-INTERNAL_ERROR_CODE = 1
 
 
 @dataclass(eq=False)

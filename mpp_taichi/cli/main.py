@@ -27,7 +27,7 @@ from mpp_taichi.cli._terminal import (
     say,
     warnings_shown,
 )
-from mpp_taichi.errors import MppError, OutputError, SceneError
+from mpp_taichi.errors import INTERNAL_ERROR_CODE, MppError, OutputError, SceneError
 
 VERBS: dict[str, ModuleType] = {
     "run": run,
@@ -41,7 +41,6 @@ VERBS: dict[str, ModuleType] = {
     "schema": schema,
 }
 LATER_VERBS = ("sweep",)
-INTERNAL_ERROR_CODE = 1
 LONGEST_MESSAGE = 300
 DEBUG_VARIABLE = "MPP_TAICHI_DEBUG"
 EPILOG = __doc__.partition("\n\n")[2]
