@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mpp_taichi import worker_threads
 from mpp_taichi.availability import BACKENDS, availability, cpu_name, present, remembered
 from mpp_taichi.errors import BackendError
 from mpp_taichi.precision import PRECISIONS, carries_low_parts, number_type
@@ -140,6 +141,8 @@ def initialise(ti: Any, backend: str, precision: str, threads: int | None = None
     running = ti.lang.impl.current_cfg().arch
     if backend != "cpu" and running != getattr(ti, backend):
         raise BackendError(f"asked for backend {backend}, but Taichi started {running}")
+    if backend == "cpu":
+        worker_threads.hire()
 
 
 def widest_float(device: Device) -> Any:

@@ -1,6 +1,5 @@
 """Products and sums rounded once, and inverse roots, of whole vector registers."""
 
-import hashlib
 import sys
 from fractions import Fraction
 from pathlib import Path
@@ -12,7 +11,7 @@ from pair_sums import started
 
 from mpp_taichi.neighbors import lane_arithmetic
 from mpp_taichi.neighbors.explicit_vectors import explicit_vectors
-from mpp_taichi.neighbors.lane_arithmetic import FOLDER, inverse_roots, multiply_add
+from mpp_taichi.neighbors.lane_arithmetic import inverse_roots, multiply_add
 
 CPU = Path("/proc/cpuinfo")
 FUSES = sys.platform == "linux" and CPU.exists() and " fma " in CPU.read_text(encoding="utf-8")
@@ -67,11 +66,6 @@ def rough_roots(values):
 @ti.func
 def exact_roots(values):
     return inverse_roots(values[0], values[1], True)
-
-
-def test_the_bitcode_is_that_of_the_source_beside_it():
-    source = (FOLDER / "lane_arithmetic.ll").read_bytes()
-    assert [path.name for path in FOLDER.glob("*.bc")] == [f"lane_arithmetic_{hashlib.sha256(source).hexdigest()[:8]}.bc"]
 
 
 @pytest.mark.skipif(not FUSES, reason="this processor, or this system, joins no product and sum")

@@ -1,5 +1,5 @@
-; What the vector units of a CPU have and Taichi cannot say (lane_arithmetic.py calls it, tools/assemble_lane_arithmetic.py
-; makes the .bc beside this file, which is what Taichi reads).
+; What the vector units of a CPU have and Taichi cannot say (lane_arithmetic.py calls it, tools/assemble_bitcode.py makes the
+; .bc beside this file, which is what Taichi reads).
 ;
 ; `fmuladd` joins a product and a sum with one rounding, `arcp afn` let LLVM begin at the processor's approximate inverse root and
 ; improve it by a step of Newton's: each where the machine that runs has it. Nothing here names a processor.

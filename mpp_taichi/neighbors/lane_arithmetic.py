@@ -6,47 +6,34 @@ kernel and optimised with it: a quarter off the pair sum in f32, a sixth in f64.
 written out. The bits of sums in lanes thus depend on the kind of processor, never on threads.
 """
 
-import sys
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import taichi as ti
 
+from mpp_taichi import bitcode
+
 VECTOR_BYTES = 64  # one AVX-512 register; two are 4–9 % faster in f32 and equal in f64, for twice the compile time
-FOLDER = Path(__file__).parent
-
-
-@cache
-def _bitcode() -> str:
-    """Path of the assembled functions; Taichi's cache knows them by this name, so it has a digest of the source in it."""
-    return str(next(FOLDER.glob("lane_arithmetic_*.bc")))
+SOURCE = Path(__file__).with_suffix(".ll")
 
 
 def in_hardware(lanes: int, lossy: bool = False) -> bool:
     """Whether the kernel that is compiled now calls LLVM for vectors of so many lanes; for what is `lossy` in f32 alone."""
     config = ti.lang.impl.current_cfg()
-    if config.real_matrix_scalarize or config.arch != ti.x64 or sys.platform != "linux":
+    if config.real_matrix_scalarize or not bitcode.on_linux_x64():
         return False
     return lanes * (4 if config.default_fp == ti.f32 else 8) == VECTOR_BYTES and not (lossy and config.default_fp != ti.f32)
 
 
 def _call(name: str, *variables: Any) -> None:
     """Have the kernel that is compiled call a function with pointers to local vectors of it; the last one gets the result."""
-    from taichi._lib import core
-    from taichi.lang.expr import make_expr_group
-
     kind, suffix = (ti.f32, "f32") if ti.lang.impl.current_cfg().default_fp == ti.f32 else (ti.f64, "f64")
     for variable in variables:  # LLVM would read past the end of anything else
         if variable.element_type() != kind or variable.get_shape() != (VECTOR_BYTES // (4 if kind == ti.f32 else 8),):
             raise TypeError(
                 f"{name} takes vectors of a whole register, not {variable.get_shape()} of {variable.element_type()}"
             )
-    runtime = ti.lang.impl.get_runtime()
-    where = core.DebugInfo(runtime.get_current_src_info())
-    runtime.compiling_callable.ast_builder().insert_external_func_call(
-        0, "", _bitcode(), f"{name}_{suffix}", make_expr_group(variables), make_expr_group([]), where
-    )
+    bitcode.call(SOURCE, f"{name}_{suffix}", *variables)
 
 
 @ti.func
