@@ -37,7 +37,7 @@ static u64 ticket;
 static struct {
   Task *task;
   char *context;
-  int blocks, threads;
+  int blocks;
 } loop;
 static u64 thread_of[MOST];
 static int workers, process;
@@ -76,7 +76,6 @@ static void share(int thread) {
     Task *task = __atomic_load_n(&loop.task, __ATOMIC_RELAXED);
     char *context = __atomic_load_n(&loop.context, __ATOMIC_RELAXED);
     u32 blocks = __atomic_load_n(&loop.blocks, __ATOMIC_RELAXED);
-    if (thread >= __atomic_load_n(&loop.threads, __ATOMIC_RELAXED)) return;
     if (!__atomic_compare_exchange_n(&ticket, &seen, seen - 1, 0, __ATOMIC_ACQ_REL, __ATOMIC_ACQUIRE)) continue;
     task(context, thread, (int)(blocks - (u32)seen));
     if (__atomic_add_fetch(&done, 1, __ATOMIC_SEQ_CST) == blocks && __atomic_load_n(&caller_asleep, __ATOMIC_SEQ_CST))
@@ -96,21 +95,21 @@ static void *work(void *argument) {
   return 0;
 }
 
-/* What kernels call for each parallel loop. */
+/* What kernels call for each parallel loop. `threads` is what they were compiled for, no more than the processors: of more that
+   were hired one that sleeps is as good as another, so all take part. */
 static void parallel_for(char *pool, int blocks, int threads, char *context, Task *task) {
-  (void)pool;
-  if (blocks <= 1 || threads <= 1 || workers == 0 || __atomic_exchange_n(&busy, 1, __ATOMIC_ACQUIRE)) {
+  (void)pool, (void)threads;
+  if (blocks <= 1 || workers == 0 || __atomic_exchange_n(&busy, 1, __ATOMIC_ACQUIRE)) {
     for (int k = 0; k < blocks; k++) task(context, 0, k); /* also where two threads of Python launch at once */
     return;
   }
   __atomic_store_n(&loop.task, task, __ATOMIC_RELAXED);
   __atomic_store_n(&loop.context, context, __ATOMIC_RELAXED);
   __atomic_store_n(&loop.blocks, blocks, __ATOMIC_RELAXED);
-  __atomic_store_n(&loop.threads, threads, __ATOMIC_RELAXED);
   __atomic_store_n(&done, 0, __ATOMIC_RELAXED);
   __atomic_store_n(&ticket, (u64)(posted + 1) << 32 | (u32)blocks, __ATOMIC_RELEASE);
   __atomic_add_fetch(&posted, 1, __ATOMIC_SEQ_CST);
-  if (__atomic_load_n(&asleep, __ATOMIC_SEQ_CST)) wake(&posted, (blocks < threads ? blocks : threads) - 1);
+  if (__atomic_load_n(&asleep, __ATOMIC_SEQ_CST)) wake(&posted, blocks - 1);
   share(0);
   u32 finished;
   while ((finished = __atomic_load_n(&done, __ATOMIC_ACQUIRE)) != (u32)blocks) await(&done, finished, &caller_asleep);

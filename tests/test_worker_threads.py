@@ -32,9 +32,29 @@ def alive():
     return len(os.listdir("/proc/self/task"))
 
 
-def ticks(thread):
-    """Processor time of a thread in user mode, in hundredths of a second."""
-    return int(Path(f"/proc/self/task/{thread}/stat").read_text().rpartition(")")[2].split()[11])
+def gone(before, wanted):
+    """Whether so many have gone; the list of them lags a little behind."""
+    until = time.monotonic() + 10.0
+    while before - alive() != wanted and time.monotonic() < until:
+        time.sleep(0.01)
+    return before - alive() == wanted
+
+
+def seconds_of(thread):
+    """Processor time of a thread."""
+    return int(Path(f"/proc/self/task/{thread}/schedstat").read_text().split()[0]) / 1e9
+
+
+def shares(kernel, workers):
+    """Processor time of the latest threads, largest first, over that of the calling one, in loops that find them asleep."""
+    latest = sorted(int(name) for name in os.listdir("/proc/self/task"))[-workers:]
+    caller, began = -seconds_of(os.getpid()), [seconds_of(thread) for thread in latest]
+    for _ in range(40):
+        time.sleep(0.002)
+        for _ in range(50):
+            kernel(max(SIZES))
+    caller += seconds_of(os.getpid())
+    return sorted(((seconds_of(thread) - start) / caller for thread, start in zip(latest, began)), reverse=True)
 
 
 def counting():
@@ -69,31 +89,40 @@ def test_every_block_is_done_once_and_in_its_loop(threads):
 def test_they_are_as_many_as_wanted_and_leave_with_taichi(threads):
     import taichi as ti
 
-    with_them = alive()
+    before = alive()
     worker_threads.dismiss()
-    assert with_them - alive() == threads - 1
+    assert gone(before, threads - 1)
     counted, count = counting()
     count(max(SIZES))  # on the calling thread
     assert not counted.to_numpy().any()
     backends.stop()
     device = backends.start("cpu", "f64", threads=threads)
-    before = alive()
+    worker_threads.dismiss()
+    without = alive()
+    backends.stop()
+    backends.start("cpu", "f64", threads=threads)
     ti.reset()  # by someone else
-    assert before - alive() >= threads - 1
+    assert alive() <= without
     backends.stop()
     assert not backends.is_alive(device)
 
 
+def test_more_threads_than_processors_all_take_part():
+    """Taichi compiles a kernel for no more threads than there are processors, whatever was wanted."""
+    backends.stop()
+    backends.start("cpu", "f64", threads=(os.cpu_count() or 1) + 1)
+    counted, kernel = counting()
+    kernel(1)
+    found = shares(kernel, os.cpu_count() or 1)
+    assert found[-1] > found[0] / 3
+    backends.stop()
+
+
 @pytest.mark.parametrize("threads", [2], indirect=True)
 def test_a_worker_that_slept_takes_its_share(threads):
-    counted, count = counting()
-    count(1)
-    (newest,) = sorted(int(name) for name in os.listdir("/proc/self/task"))[-1:]
-    for _ in range(20):
-        time.sleep(0.005)
-        for _ in range(50):
-            count(max(SIZES))
-    assert ticks(newest) >= ticks(os.getpid()) / 50
+    counted, kernel = counting()
+    kernel(1)
+    assert shares(kernel, 1)[0] > 1 / 50
 
 
 def test_two_threads_of_python_may_launch_at_once(threads):

@@ -88,10 +88,10 @@ def compile_reference(folder):
 
 
 def c_contender(library, position, mass, precision, threads):
-    """The reference on these bodies, padded with bodies of no mass to a multiple of 64."""
+    """The reference on these bodies, padded with bodies of no mass to a multiple of 128."""
     kind, number = (np.float32, ctypes.c_float) if precision == "f32" else (np.float64, ctypes.c_double)
     count = len(mass)
-    padded = -(-count // 64) * 64
+    padded = -(-count // 128) * 128
     columns = [np.zeros(padded, kind) for _ in range(7)]
     for axis in range(3):
         columns[axis][:count] = position[:, axis]

@@ -5,7 +5,7 @@
  * Structure of arrays; a task holds BLOCK vectors of bodies i in registers and walks all j as broadcast scalars.
  * The inverse root is the hardware estimate and Newton steps y <- y (3 - r2 y^2) / 2: 14 bits and one step for f32,
  * 14 bits and two steps for f64 (AVX-512); 11.5 bits and one or three steps (AVX2). Plain C leaves it to the compiler.
- * Sizes must be multiples of 64; the caller pads with bodies of no mass.
+ * Sizes must be multiples of 128; the caller pads with bodies of no mass.
  *
  * Build: cc -O3 -march=native -mprefer-vector-width=512 -ffast-math -fopenmp -shared -fPIC
  */

@@ -17,7 +17,7 @@ SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 
 def chunk_count(count: int) -> int:
     """Sums of so many bodies."""
-    return max(1, min(MOST_CHUNKS, count // BODIES_PER_CHUNK, MOST_SUMS // count))
+    return max(2, min(MOST_CHUNKS, count // BODIES_PER_CHUNK, MOST_SUMS // count))
 
 
 def in_parallel(count: int) -> tuple[bool, bool]:
