@@ -1,11 +1,14 @@
 """Launching a kernel of Taichi again with other numbers, without the way through Python that its first launch takes.
 
+Classes with kernels (`ti.data_oriented`) bind them as Python binds methods.
+
 Taichi 1.7.4 takes tens of microseconds from a call to the device: it looks up for which objects the kernel was compiled, makes
 functions for every kind of argument, and asks the compiler for the result that is there. Threads that wait so long fall asleep,
 and waking them takes longer still: the forces of a thousand bodies took twice the time of their loops.
 """
 
 import functools
+import sys
 import weakref
 from collections.abc import Callable
 from typing import Any
@@ -84,6 +87,41 @@ def remember_launches() -> None:
     kernel = kernel_impl.Kernel
     if not hasattr(kernel.__call__, "remembers") and hasattr(kernel, "ensure_compiled"):
         kernel.__call__ = _remembering(kernel.__call__, kernel_impl.handle_exception_from_cpp)
+        if hasattr(kernel_impl, "_BoundedDifferentiableMethod"):
+            quick = _binding(kernel_impl.data_oriented, kernel_impl._BoundedDifferentiableMethod)
+            setattr(sys.modules["taichi"], "data_oriented", quick)  # noqa: B010
+
+
+class _ClassKernel:
+    """A kernel among the attributes of a class: bound to an object when it is asked of one."""
+
+    def __init__(self, kernel: Any, bound: Callable) -> None:
+        self.kernel, self.bound = kernel, bound
+
+    def __get__(self, owner: Any, kind: type | None = None) -> Any:
+        if owner is None:
+            return self.kernel
+        found = self.bound(owner, self.kernel)
+        found.__name__ = self.kernel.__name__
+        return found
+
+
+def _binding(plain: Callable, bound: Callable) -> Callable:
+    """`data_oriented` without its price: to bind kernels, Taichi looks in Python at each attribute that is asked for."""
+
+    @functools.wraps(plain)
+    def data_oriented(cls: Any) -> Any:
+        others = [value for value in vars(cls).values() if isinstance(value, (property, staticmethod))]
+        if any(hasattr(getattr(value, "fget", None) or value, "_is_wrapped_kernel") for value in others):
+            return plain(cls)
+        for name, value in list(vars(cls).items()):
+            if hasattr(value, "_is_wrapped_kernel") and value._is_classkernel:
+                value._is_staticmethod = False
+                setattr(cls, name, _ClassKernel(value, bound))
+        cls._data_oriented = True
+        return cls
+
+    return data_oriented
 
 
 def _remembering(plain: Callable, told: Callable[[Exception], Exception]) -> Callable:

@@ -140,3 +140,59 @@ def test_steps_go_the_short_way_and_keep_their_bits(plan, long_ways):
             Kernel.__call__ = remembered
     assert len(long_ways) >= (20 if plan == "parallel" else 1)
     assert np.array_equal(short.position, long.position) and np.array_equal(short.velocity, long.velocity)
+
+
+@ti.data_oriented
+class Odd(Counter):
+    """What a class with kernels may have beside them, and one that comes after another."""
+
+    scale = 2.0
+
+    @property
+    def doubled(self):
+        return self.scale * self.total[None]
+
+    @staticmethod
+    def three():
+        return 3
+
+    @ti.kernel
+    def read(self) -> ti.f64:
+        return -self.total[None]
+
+
+@ti.data_oriented
+class WithStatic:
+    """A kernel that belongs to no object is left to Taichi."""
+
+    @staticmethod
+    @ti.kernel
+    def seven() -> ti.i32:
+        return 7
+
+    @property
+    @ti.kernel
+    def eight(self) -> ti.i32:
+        return 8
+
+
+def test_kernels_are_bound_as_methods_are():
+    backends.start("cpu", "f64")
+    plain, odd = Counter(), Odd()
+    for counter in (plain, odd):
+        counter.add(2.0, 3, "once")
+    assert (plain.read(), odd.read(), odd.doubled, odd.three()) == (6.0, -6.0, 12.0, 3)
+    assert super(Odd, odd).read() == 6.0
+    assert Counter.read is vars(Counter)["read"].kernel and odd.read.__name__ == "read"
+    assert "__getattribute__" not in vars(Odd)  # which would be asked for every attribute
+    assert WithStatic().seven() == 7 and WithStatic().eight == 8
+
+
+def test_a_class_without_the_mark_is_refused():
+    class Unmarked:
+        @ti.kernel
+        def one(self) -> ti.i32:
+            return 1
+
+    with pytest.raises(Exception, match="data_oriented"):
+        Unmarked().one()
