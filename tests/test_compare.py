@@ -17,6 +17,7 @@ from mpp_taichi.compare.evidence import Evidence, follow, gather
 from mpp_taichi.compare.numpy_contender import NumpyContender
 from mpp_taichi.compare.numpy_reference import Reference, bodies
 from mpp_taichi.compare.taichi_contender import TaichiContender
+from mpp_taichi.contacts._island_play import IslandPlay
 from mpp_taichi.errors import BackendError
 from mpp_taichi.forces.newtonian_gravity import NewtonianGravity
 from mpp_taichi.integrators._splitting import Splitting
@@ -256,18 +257,18 @@ def test_a_backend_may_stand_in_for_the_reference(monkeypatch):
     assert case.verdict(case.taichi(precision="f32"), "f32")["verdict"] == "bug"
 
 
-@pytest.fixture(scope="module")
-def gas():
-    """36 disks in a box and a course of them on the CPU, to judge others beside."""
+def disks(solver):
+    """36 in a box and a course of them on the CPU, to judge others beside."""
     lattice = {"shape": [6, 6], "lower": [0.5, 0.5], "upper": [5.5, 5.5], "radius": 0.3, "scatter": [0.1, 0.1]}
     scene = {
         "dimensions": 2,
         "particles": [{"lattice": {**lattice, "velocity": ["sin(7 * u + 3 * v)", "cos(5 * v - 2 * u)"]}}],
-        "contacts": {"hard_spheres": {"solver": "pairwise"}},
+        "contacts": {"hard_spheres": {"solver": solver}},
         "walls": [{"box": {"lower": [0, 0], "upper": [6, 6]}}],
         "integrator": {"leapfrog": {"dt": 0.005}},
     }
     spec = load_scene(scene)
+    backends.stop()
     start, looks = assemble(spec), [20, 100, 150]
     judge = Judge(spec, start, 0.005)
     base = TaichiContender(spec, start, "cpu", "f64", threads=2)
@@ -276,6 +277,11 @@ def gas():
     limits = neighbors.limits_of_contacts(start, 0.005, looks)
     course = neighbors.course(["f64", "f32"], looks, *followed, updates=2, size=judge.size, given_by="cpu", limits=limits)
     return SimpleNamespace(spec=spec, start=start, judge=judge, looks=looks, course=course)
+
+
+@pytest.fixture(scope="module")
+def gas():
+    return disks("pairwise")
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
@@ -301,6 +307,38 @@ def test_an_impulse_that_does_not_act_on_the_other_sphere_is_a_bug(monkeypatch, 
     evidence = gather(contender, gas.judge.states(), gas.looks, forces=False)
     contender.close()
     assert verdict(gas.course.findings(evidence, "f64"))["verdict"] == "bug"
+
+
+class WeakBounce(IslandPlay):
+    """A thousandth of the impulse is missing."""
+
+    @ti.func
+    def bounce_pair(self, i, j, t):
+        separation = self.bounce.separation(self.local_position[i], self.local_position[j])
+        n = separation / separation.norm()
+        a, b = self.index(i), self.index(j)
+        result = self.bounce.pair_impulse(a, b, n, self.local_velocity[j] - self.local_velocity[i], 0.998)
+        self.local_velocity[i] = self.local_velocity[i] - result[0] * (self.bounce.inverse_mass_of(a) * n)
+        self.local_velocity[j] = self.local_velocity[j] + result[0] * (self.bounce.inverse_mass_of(b) * n)
+
+
+@pytest.mark.parametrize("backend", ["cpu", pytest.param("vulkan", marks=pytest.mark.thorough)])
+def test_exact_contacts_are_judged_and_a_weak_one_is_a_bug(monkeypatch, request, backend):
+    if backend == "vulkan":
+        request.getfixturevalue("software_vulkan")
+    gas = disks("swept")
+
+    def found():
+        backends.stop()
+        contender = TaichiContender(gas.spec, gas.start, backend, "f64")
+        evidence = gather(contender, gas.judge.states(), gas.looks, forces=False)
+        contender.close()
+        assert np.abs(evidence.places[-1] - gas.start.position).max() > 0.3
+        return verdict(gas.course.findings(evidence, "f64"))["verdict"]
+
+    assert found() == "rounding"
+    plant(monkeypatch, IslandPlay, "bounce_pair", WeakBounce)
+    assert found() == "bug"
 
 
 def states_of(case):

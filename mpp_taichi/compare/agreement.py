@@ -27,7 +27,7 @@ LEAST_SHARE = 0.1  # of the budget, for neighbors in any case
 FURTHER = 2  # times as many steps, at least, for neighbors to be worth their time
 # Bases of integrators whose steps depend on nothing but the state: no tolerance decides what they do.
 PLAIN_STEPS = ("Splitting", "RungeKutta", "Hermite", "Integrator")
-PLAIN_CONTACTS = ("pairwise",)  # solvers of which the same holds, and that more than one backend has
+PLAIN_CONTACTS = ("pairwise", "swept")  # solvers of which the same holds, and that more than one backend has
 
 
 class Agreement:
