@@ -25,7 +25,7 @@ int pthread_join(u64 thread, void **result);
 int pthread_sigmask(int how, const void *set, void *old);
 int clock_gettime(int clock, long long *time);
 int getpid(void);
-enum { SYS_FUTEX = 202, FUTEX_WAIT_PRIVATE = 128, FUTEX_WAKE_PRIVATE = 129, SIG_SETMASK = 2, CLOCK_MONOTONIC = 1 };
+enum { SYS_PRCTL = 157, PR_SET_NAME = 15, SYS_FUTEX = 202, FUTEX_WAIT_PRIVATE = 128, FUTEX_WAKE_PRIVATE = 129, SIG_SETMASK = 2, CLOCK_MONOTONIC = 1 };
 
 enum { MOST = 256, LOOKS = 32 };
 
@@ -87,6 +87,7 @@ static void share(int thread) {
 static void *work(void *argument) {
   int thread = (int)(long)argument;
   u32 seen = 0;
+  syscall(SYS_PRCTL, PR_SET_NAME, "mpp_taichi", 0, 0, 0);
   while (!__atomic_load_n(&leaving, __ATOMIC_ACQUIRE)) {
     await(&posted, seen, &asleep);
     seen = __atomic_load_n(&posted, __ATOMIC_ACQUIRE);

@@ -27,17 +27,18 @@ def threads(request):
     backends.stop()
 
 
-def alive():
-    """Threads of this process."""
-    return len(os.listdir("/proc/self/task"))
+def workers():
+    """Those of this process; they have a name."""
+    tasks = Path("/proc/self/task").iterdir()
+    return [int(task.name) for task in tasks if (task / "comm").read_text().strip() == "mpp_taichi"]
 
 
-def gone(before, wanted):
-    """Whether so many have gone; the list of them lags a little behind."""
+def become(wanted):
+    """Whether there are soon so many workers; the list of threads lags a little behind."""
     until = time.monotonic() + 10.0
-    while before - alive() != wanted and time.monotonic() < until:
+    while len(workers()) != wanted and time.monotonic() < until:
         time.sleep(0.01)
-    return before - alive() == wanted
+    return len(workers()) == wanted
 
 
 def seconds_of(thread):
@@ -45,16 +46,16 @@ def seconds_of(thread):
     return int(Path(f"/proc/self/task/{thread}/schedstat").read_text().split()[0]) / 1e9
 
 
-def shares(kernel, workers):
-    """Processor time of the latest threads, largest first, over that of the calling one, in loops that find them asleep."""
-    latest = sorted(int(name) for name in os.listdir("/proc/self/task"))[-workers:]
-    caller, began = -seconds_of(os.getpid()), [seconds_of(thread) for thread in latest]
+def shares(kernel):
+    """Processor time of the workers, largest first, over that of the calling thread, in loops that find them asleep."""
+    threads = workers()
+    caller, began = -seconds_of(os.getpid()), [seconds_of(thread) for thread in threads]
     for _ in range(40):
         time.sleep(0.002)
         for _ in range(50):
             kernel(max(SIZES))
     caller += seconds_of(os.getpid())
-    return sorted(((seconds_of(thread) - start) / caller for thread, start in zip(latest, began)), reverse=True)
+    return sorted(((seconds_of(thread) - start) / caller for thread, start in zip(threads, began)), reverse=True)
 
 
 def counting():
@@ -89,20 +90,17 @@ def test_every_block_is_done_once_and_in_its_loop(threads):
 def test_they_are_as_many_as_wanted_and_leave_with_taichi(threads):
     import taichi as ti
 
-    before = alive()
+    assert become(threads - 1)
     worker_threads.dismiss()
-    assert gone(before, threads - 1)
+    assert become(0)
     counted, count = counting()
     count(max(SIZES))  # on the calling thread
     assert not counted.to_numpy().any()
     backends.stop()
     device = backends.start("cpu", "f64", threads=threads)
-    worker_threads.dismiss()
-    without = alive()
-    backends.stop()
-    backends.start("cpu", "f64", threads=threads)
+    assert become(threads - 1)
     ti.reset()  # by someone else
-    assert alive() <= without
+    assert become(0)
     backends.stop()
     assert not backends.is_alive(device)
 
@@ -113,7 +111,7 @@ def test_more_threads_than_processors_all_take_part():
     backends.start("cpu", "f64", threads=(os.cpu_count() or 1) + 1)
     counted, kernel = counting()
     kernel(1)
-    found = shares(kernel, os.cpu_count() or 1)
+    found = shares(kernel)
     assert found[-1] > found[0] / 3
     backends.stop()
 
@@ -122,7 +120,7 @@ def test_more_threads_than_processors_all_take_part():
 def test_a_worker_that_slept_takes_its_share(threads):
     counted, kernel = counting()
     kernel(1)
-    assert shares(kernel, 1)[0] > 1 / 50
+    assert shares(kernel)[0] > 1 / 50
 
 
 def test_two_threads_of_python_may_launch_at_once(threads):
@@ -164,9 +162,7 @@ def test_another_version_of_taichi_keeps_its_own(monkeypatch):
     backends.stop()
     monkeypatch.setattr(worker_threads, "KNOWN", (1, 8, 0))
     backends.start("cpu", "f64", threads=3)
-    before = alive()
-    worker_threads.dismiss()
-    assert alive() == before
+    assert become(0)
     counted, count = counting()
     counted.fill(1)
     count(max(SIZES))
