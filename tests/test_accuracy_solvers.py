@@ -149,6 +149,7 @@ def test_positions_are_as_far_off_as_the_accuracy_of_the_forces_says(runs, accur
     assert off.max() > 1e-13  # and it is another sum
 
 
+@pytest.mark.thorough
 def test_the_energy_of_a_run_by_a_tree_is_summed_pair_by_pair(runs):
     for name, (sample, expected) in runs.items():
         # The last look is at the end; both sums round by some √N ulp of energies that are not larger than their parts.

@@ -300,6 +300,7 @@ def test_inelastic_collapse_is_named_and_the_contact_time_ends_it():
     assert (np.diff(run.velocity[3:, 0]) >= 0).all()
 
 
+@pytest.mark.thorough
 def test_a_thousand_cooling_balls_lose_what_is_dissipated():
     """Restitution 0.9, a hundred contacts for each ball; what is missing at the end is what contacts took."""
     x, r = cubic(10, 0.2)

@@ -281,6 +281,7 @@ def test_the_summary_tells_what_the_solver_did(tmp_path, capsys):
     assert found["unsolved_steps"] == 0 and "Newton iterations a step" in out.err
 
 
+@pytest.mark.thorough
 def test_implicit_replicas_equal_their_single_runs():
     scene = everything(integrator="bdf2")
     with Simulation(scene, backend="cpu") as simulation:

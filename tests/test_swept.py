@@ -356,6 +356,7 @@ def test_inelastic_contacts_take_the_energy_that_is_reported(all_pairs):
     assert report.dissipated_energy == pytest.approx(lost, rel=1e-12)
 
 
+@pytest.mark.thorough
 def test_too_many_contacts_are_counted_and_a_contact_time_resolves_them():
     """Three balls on a line, e below 7 − 4√3 = 0.0718: infinitely many contacts in a finite time (inelastic collapse).
 

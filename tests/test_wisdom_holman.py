@@ -318,6 +318,7 @@ def test_any_order_of_the_bodies_and_massless_ones_give_the_same_motion():
     assert np.abs(ends[0] - expected).max() < 1e-5
 
 
+@pytest.mark.thorough
 def test_replicas_marks_and_steps_back():
     scene = two_planets(1e-3, 0.2, 0)
     with Simulation(scene, backend="cpu", precision="f64") as run:

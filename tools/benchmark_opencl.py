@@ -81,7 +81,7 @@ class Ours:
 
         phase = Phase(-np.inf, spec, start, {})
         self.compiled = CompiledPhase(phase, device, plan="auto", replica_starts=(), event_log=False)
-        self.start, self.dt, self.variant = start, self.compiled.dt, self.compiled.plan
+        self.start, self.dt, self.variant = start, float(spec.integrator.parameters["dt"]), self.compiled.plan
         self.restart()
 
     def restart(self):
