@@ -17,7 +17,7 @@ from mpp_taichi.low_parts import added, separation, wide_position
 from mpp_taichi.neighbors._pair_groups import grouped
 from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, require_components_apart
 from mpp_taichi.neighbors.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
-from mpp_taichi.neighbors.symmetric_pairs import SymmetricPairs, in_parallel
+from mpp_taichi.neighbors.symmetric_pairs import SymmetricPairs, adds_in_parallel
 from mpp_taichi.types import Template
 
 SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
@@ -183,7 +183,7 @@ class AllPairs:
     @property
     def symmetric_loops(self) -> int:
         """Parallel loops of such a sum."""
-        return sum(in_parallel(self.particle_count))
+        return 2 if adds_in_parallel(self.particle_count) else 1
 
     def destroy(self) -> None:
         """Give back memory that sums took."""

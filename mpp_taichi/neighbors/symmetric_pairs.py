@@ -16,14 +16,13 @@ SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 
 
 def chunk_count(count: int) -> int:
-    """Sums of so many bodies."""
+    """Sums of so many bodies: two at least, as pairs are symmetric from 512 bodies on, which are worth a second thread."""
     return max(2, min(MOST_CHUNKS, count // BODIES_PER_CHUNK, MOST_SUMS // count))
 
 
-def in_parallel(count: int) -> tuple[bool, bool]:
-    """Whether the loops over chunks and over sums are: what one thread ends before another is awake it does alone."""
-    chunks = chunk_count(count)
-    return chunks > 1, count * chunks > SERIAL_SUMS
+def adds_in_parallel(count: int) -> bool:
+    """Whether the loop over sums is; what one thread ends before another is awake it does alone."""
+    return count * chunk_count(count) > SERIAL_SUMS
 
 
 @ti.data_oriented
@@ -43,7 +42,7 @@ class SymmetricPairs:
         self.tile_count = self.count // self.lanes  # full ones
         self.block_count = -(-self.count // BLOCK)
         self.chunk_count = chunk_count(self.count)
-        self.chunks_in_parallel, self.sums_in_parallel = in_parallel(self.count)
+        self.adds_in_parallel = adds_in_parallel(self.count)
         self.turns = -(-self.block_count // self.chunk_count)
         self.row = self.block_count * BLOCK // self.lanes  # tiles with room for every body
         builder = ti.FieldsBuilder()
@@ -60,9 +59,7 @@ class SymmetricPairs:
 
     @ti.kernel
     def sum_accelerations(self, state: Template, sets: Template):
-        """All accelerations, in two loops that run as `in_parallel` says; added to what is there unless it `sets` them."""
-        if ti.static(not self.chunks_in_parallel):
-            ti.loop_config(serialize=True)
+        """All accelerations, in two loops, the second as `adds_in_parallel` says; added to what there is unless it `sets`."""
         for q in range(self.chunk_count * SMALLEST_BLOCK):
             if q % SMALLEST_BLOCK == 0:
                 chunk = q // SMALLEST_BLOCK
@@ -72,7 +69,7 @@ class SymmetricPairs:
                     block = turn * self.chunk_count + (chunk if turn % 2 == 0 else self.chunk_count - 1 - chunk)
                     if block < self.block_count:
                         self._meet_block(state, chunk, block)
-        if ti.static(not self.sums_in_parallel):
+        if ti.static(not self.adds_in_parallel):
             ti.loop_config(serialize=True)
         for tile in range(-(-self.count // self.lanes)):
             self._add_chunks(state, tile, sets)
