@@ -24,7 +24,7 @@ KNOWN = (1, 7, 4)  # the version of Taichi whose structures worker_threads.c nam
 def hire() -> int:
     """Install the threads in the Taichi that has just been started; how many there are beside the calling one.
 
-    None where they do not fit: another system, processor or version of Taichi keeps Taichi's own.
+    0 where they do not fit: another system, processor or version of Taichi keeps Taichi's own.
     """
     import taichi as ti
 
