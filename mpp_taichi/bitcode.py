@@ -18,9 +18,9 @@ def bitcode(source: Path) -> str:
 
 def on_linux_x64() -> bool:
     """Whether the kernel that is compiled now is for the system and processor that the files were assembled for."""
-    from taichi.lang import impl
+    import taichi as ti
 
-    return sys.platform == "linux" and str(impl.current_cfg().arch) == "Arch.x64"
+    return sys.platform == "linux" and ti.lang.impl.current_cfg().arch == ti.x64
 
 
 def call(source: Path, name: str, *variables: Any) -> Any:

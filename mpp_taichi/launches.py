@@ -8,7 +8,6 @@ and waking them takes longer still: the forces of a thousand bodies took twice t
 """
 
 import functools
-import sys
 import weakref
 from collections.abc import Callable
 from typing import Any
@@ -82,14 +81,14 @@ class Launches:
 
 def remember_launches() -> None:
     """Let kernels remember how they were launched; where another version of Taichi has other names, it stays as it is."""
+    import taichi
     from taichi.lang import kernel_impl
 
     kernel = kernel_impl.Kernel
     if not hasattr(kernel.__call__, "remembers") and hasattr(kernel, "ensure_compiled"):
         kernel.__call__ = _remembering(kernel.__call__, kernel_impl.handle_exception_from_cpp)
         if hasattr(kernel_impl, "_BoundedDifferentiableMethod"):
-            quick = _binding(kernel_impl.data_oriented, kernel_impl._BoundedDifferentiableMethod)
-            setattr(sys.modules["taichi"], "data_oriented", quick)  # noqa: B010
+            taichi.data_oriented = _binding(kernel_impl.data_oriented, kernel_impl._BoundedDifferentiableMethod)
 
 
 class _ClassKernel:

@@ -21,20 +21,19 @@ PATIENCE = 50_000  # ns that a thread looks for a loop before it sleeps: the way
 KNOWN = (1, 7, 4)  # the version of Taichi whose structures worker_threads.c names
 
 
-def hire() -> int:
-    """Install the threads in the Taichi that has just been started; how many there are beside the calling one.
+def hire() -> None:
+    """Install the threads in the Taichi that has just been started.
 
-    0 where they do not fit: another system, processor or version of Taichi keeps Taichi's own.
+    Another system, processor or version of Taichi keeps Taichi's own.
     """
     import taichi as ti
 
     if ti.__version__ != KNOWN or not bitcode.on_linux_x64():
-        return 0
+        return
     _leave_before_reset()
     threads = int(ti.lang.impl.current_cfg().cpu_max_num_threads)
     address = _installer()(threads - 1, PATIENCE if threads <= len(os.sched_getaffinity(0)) else 0)
     _Hired.leave = ctypes.CFUNCTYPE(None)(address)
-    return threads - 1
 
 
 def dismiss() -> None:

@@ -89,7 +89,6 @@ def test_looks_between_steps_are_as_good_as_steps_and_change_nothing():
 
 
 @pytest.mark.thorough
-@pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision, limit", [("f64", 1e-13), ("f32", 1e-5)])
 def test_the_figure_eight_does_not_stall_where_an_acceleration_is_zero(precision, limit):
     """At T/6 a body passes the centre between the two others: its acceleration is zero, and no measure of a step may be."""

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -18,6 +18,7 @@ from mpp_taichi.errors import INTERNAL_ERROR_CODE
 PROGRAM = (sys.executable, "-m", "mpp_taichi", "check")
 POLL_SECONDS = 0.02
 FAREWELL_SECONDS = 10.0  # for processes to end in good order
+Failure = Callable[[Path, str, int], dict[str, Any]]  # scene, error, exit code
 
 
 @dataclass(eq=False)
@@ -28,8 +29,10 @@ class _Job:
     words: IO[bytes]
 
 
-def check_at_once(scenes: Sequence[Path], count: int, arguments: argparse.Namespace) -> list[dict[str, Any]]:
+def check_at_once(scenes: Sequence[Path], count: int, arguments: argparse.Namespace, failure: Failure) -> list[dict[str, Any]]:
     """What a check finds for each of the scenes, in their order; never more than `count` of them run at a time.
+
+    `failure` tells of a scene whose process ended without a result.
 
     Raises:
         Interrupted: a signal came; the processes have been ended.
@@ -43,7 +46,7 @@ def check_at_once(scenes: Sequence[Path], count: int, arguments: argparse.Namesp
                     running.append(_started(waiting.pop(0), arguments))
                 for job in [job for job in running if job.process.poll() is not None]:
                     running.remove(job)
-                    results[job.scene] = _result(job)
+                    results[job.scene] = _result(job, failure)
                 interruption.raise_if_any()
                 time.sleep(POLL_SECONDS)
         finally:
@@ -61,7 +64,7 @@ def _started(scene: Path, arguments: argparse.Namespace) -> _Job:
     return _Job(scene, process, answer, told)
 
 
-def _result(job: _Job) -> dict[str, Any]:
+def _result(job: _Job, failure: Failure) -> dict[str, Any]:
     """What the process found; what it said is said again."""
     with job.answer, job.words:
         job.answer.seek(0)
@@ -72,16 +75,9 @@ def _result(job: _Job) -> dict[str, Any]:
     try:
         found: dict[str, Any] = json.loads(answer)["scenes"][0]
     except (ValueError, LookupError):
-        error = f"its process ended with code {job.process.returncode} and without a result"
-        code = job.process.returncode if job.process.returncode > 0 else INTERNAL_ERROR_CODE
-        found = {
-            "scene": str(job.scene),
-            "status": "failed",
-            "error": error,
-            "faults": [error],
-            "expect": [],
-            "exit_code": code,
-        }
+        code = job.process.returncode
+        error = f"its process ended with code {code} and without a result"
+        found = failure(job.scene, error, code if code > 0 else INTERNAL_ERROR_CODE)
     return found
 
 

@@ -44,7 +44,7 @@ def execute(arguments: argparse.Namespace) -> int:
         if jobs == 1 or len(scenes) == 1:
             results = [_check(scene, arguments) for scene in scenes]
         else:
-            results = check_at_once(scenes, jobs, arguments)
+            results = check_at_once(scenes, jobs, arguments, _failure)
     run = [result["exit_code"] for result in results if result["status"] != NOT_HERE]
     broken = [code for code in run if code not in (0, StabilityError.exit_code)]
     code = broken[0] if broken else max(run, default=UnsupportedError.exit_code)
@@ -87,17 +87,15 @@ def _check(scene: Path, arguments: argparse.Namespace) -> dict[str, Any]:
         if not not_here:
             explain_error(error)
         faults = list(error.faults) if isinstance(error, SceneError) else [str(error)]
-        return {
-            "scene": str(scene),
-            "status": NOT_HERE if not_here else "failed",
-            "error": str(error),
-            "faults": faults,
-            "expect": [],
-            "exit_code": error.exit_code,
-        }
+        return _failure(scene, str(error), error.exit_code) | {"faults": faults} | ({"status": NOT_HERE} if not_here else {})
     if outcome.summary["status"] == "interrupted":
         raise Interrupted(outcome.exit_code - 128)
     return outcome.as_json()
+
+
+def _failure(scene: Path, error: str, exit_code: int) -> dict[str, Any]:
+    """What is told of a scene that has no result."""
+    return {"scene": str(scene), "status": "failed", "error": error, "faults": [error], "expect": [], "exit_code": exit_code}
 
 
 def _put_table(results: list[dict[str, Any]]) -> None:
