@@ -17,13 +17,15 @@ class Islands:
 
     island          (n,) its root, or -1: the sphere flies freely
     first_time      (n,) its first contact if nothing else happens [time], with first_partner
-    members         spheres of an island one after the other by index, from `begin[root]`, `size[root]` of them
+    following       (n,) another sphere of the same island: one after the other, they form a ring
     pending         roots of islands that are to be played through, `count[PENDING]` of them
+    members         their spheres, those of an island one after the other from `begin[root]`, `size[root]` of them, in an order
+                    on which nothing may depend; `count[MEMBERS]` in all
     involved        all spheres in islands, `count[INVOLVED]`
     links           pairs that were linked since the islands were last formed, `count[LINKS]`
     """
 
-    LINKS, INVOLVED, PENDING = 0, 1, 2
+    LINKS, INVOLVED, PENDING, MEMBERS = 0, 1, 2, 3
 
     def __init__(self, particle_count: int, beside: Sequence[Any], indices: Sequence[Any], order: Any = None) -> None:
         """Allocate, and place floats `beside`, and `indices`, beside those that an event touches; needs a started Taichi.
@@ -35,8 +37,7 @@ class Islands:
         self.has_order, self.order = order is not None, order
         self.capacity = LINKS_PER_SPHERE * particle_count + 64
         self.parent, self.island, self.members, self.begin, self.size = (ti.field(ti.i32) for _ in range(5))
-        self.filled, self.changed, self.pending, self.involved = (ti.field(ti.i32) for _ in range(4))
-        self.tree = ti.field(ti.i32)
+        self.following, self.changed, self.pending, self.involved, self.tree = (ti.field(ti.i32) for _ in range(5))
         self.place, self.first_partner = ti.field(ti.i32), ti.field(ti.i32)
         self.filler = ti.field(ti.i32)  # in f64 and space what is of one sphere now fills two lines of memory
         self.first_time, self.best_time, self.link_time, self.read = (ti.field(float) for _ in range(4))
@@ -44,14 +45,14 @@ class Islands:
         self.count = ti.field(ti.i32)
         self._trees = FieldTrees()
         self._trees.place(particle_count, *beside, self.best_time, integers=(*indices, self.place, self.filler))
-        of_roots = (self.begin, self.size, self.filled, self.changed)
+        of_roots = (self.begin, self.size, self.following, self.changed)
         self._trees.place(particle_count, self.first_time, integers=(*of_roots, self.first_partner))
         for field in (self.parent, self.island, self.members, self.pending, self.involved, self.tree):
             self._trees.place(particle_count, integers=[field])
         self._trees.place(self.capacity, self.link_time)
         self._trees.place(1, self.read)
         self._trees.place(self.capacity, integers=[self.links])
-        self._trees.place(3, integers=[self.count])
+        self._trees.place(4, integers=[self.count])
         self._trees.finish()
         self.parent.fill(-1)
         self.island.fill(-1)
@@ -74,8 +75,6 @@ class Islands:
     def form(self):
         """Join what was linked, and list as pending all islands that changed; inside a serialized loop."""
         for k in range(self.count[self.PENDING]):
-            self.size[self.pending[k]] = 0
-            self.filled[self.pending[k]] = 0
             self.changed[self.pending[k]] = 0
         link_count = ti.min(self.count[self.LINKS], self.capacity)
         for k in range(link_count):
@@ -87,12 +86,18 @@ class Islands:
             if j >= 0:
                 self._enter(j)
                 self.offer(j, i, self.link_time[k])
-                one, other = self._root(i), self._root(j)
-                self.parent[ti.max(one, other)] = ti.min(one, other)
+                self._join(self._root(i), self._root(j))
+        pending, members = 0, 0
         for k in range(link_count):
-            self.changed[self._root(self.links[k][0])] = 1
+            root = self._root(self.links[k][0])
+            if self.changed[root] == 0:
+                self.changed[root] = 1
+                self.pending[pending] = root
+                pending += 1
+                members = self._list_members(root, members)
         self.count[self.LINKS] = 0
-        self._gather()
+        self.count[self.PENDING] = pending
+        self.count[self.MEMBERS] = members
 
     @ti.func
     def _read_ahead(self, first, end):
@@ -107,11 +112,37 @@ class Islands:
     def _enter(self, i):
         if self.parent[i] < 0:
             self.parent[i] = i
+            self.following[i] = i
             self.first_time[i] = ti.math.inf
             self.first_partner[i] = -1
-            self.size[i] = 0
-            self.filled[i] = 0
             self.changed[i] = 0
+            self.involved[self.count[self.INVOLVED]] = i
+            self.count[self.INVOLVED] += 1
+
+    @ti.func
+    def _join(self, one, other):
+        """Make two islands one, unless they are, by their roots: two rings whose next spheres are exchanged are one."""
+        if one != other:
+            self.parent[ti.max(one, other)] = ti.min(one, other)
+            after = self.following[one]
+            self.following[one] = self.following[other]
+            self.following[other] = after
+
+    @ti.func
+    def _list_members(self, root, begin):
+        """Returns the place after the last."""
+        self.begin[root] = begin
+        place, i = begin, root
+        listing = True
+        while listing:
+            self.members[place] = i
+            self.place[i] = place - begin
+            self.island[i] = root
+            place += 1
+            i = self.following[i]
+            listing = i != root
+        self.size[root] = place - begin
+        return place
 
     @ti.func
     def leave(self, i):
@@ -142,36 +173,6 @@ class Islands:
             self.parent[node] = self.parent[self.parent[node]]
             node = self.parent[node]
         return node
-
-    @ti.func
-    def _gather(self):
-        involved = 0
-        pending = 0
-        for i in range(self.particle_count):
-            if self.parent[i] >= 0:
-                self.involved[involved] = i
-                involved += 1
-                root = self._root(i)
-                self.island[i] = root
-                if self.changed[root] == 1:
-                    if self.size[root] == 0:
-                        self.pending[pending] = root
-                        pending += 1
-                    self.size[root] = self.size[root] + 1
-        begin = 0
-        for k in range(pending):
-            self.begin[self.pending[k]] = begin
-            begin += self.size[self.pending[k]]
-        for k in range(involved):
-            i = self.involved[k]
-            root = self.island[i]
-            if self.changed[root] == 1:
-                p = self.filled[root]
-                self.members[self.begin[root] + p] = i
-                self.place[i] = p
-                self.filled[root] = p + 1
-        self.count[self.INVOLVED] = involved
-        self.count[self.PENDING] = pending
 
     @ti.func
     def everything(self):

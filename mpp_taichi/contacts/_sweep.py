@@ -182,12 +182,9 @@ class Sweep(IslandPlay):
                     self.read[first] = self._read_ahead(first, end)
                     for k in range(first, end):
                         self._play(self.islands.pending[k], time, h)
-        for k in range(self.islands.count[self.islands.INVOLVED]):
-            i = self.islands.involved[k]
-            looks = self.near[i] == 1
-            if is_first == 0:  # between islands that were not played again nothing has changed
-                looks = self.islands.changed[self.islands.island[i]] == 1
-            if looks:
+        for p in range(self.islands.count[self.islands.MEMBERS]):
+            i = self.islands.members[p]
+            if is_first == 0 or self.near[i] == 1:  # between islands that were not played again nothing has changed
                 self.visit(i, self._see_other_island, h, h)
         return ti.Vector([self.islands.count[self.islands.LINKS], self.violations[0]])
 
