@@ -123,6 +123,15 @@ def _binding(plain: Callable, bound: Callable) -> Callable:
     return data_oriented
 
 
+def _returned(kernel: Any, context: Any, kind: Any, place: tuple[int, ...]) -> Any:
+    """A number, or a vector as a list of numbers: to make its own vector of them takes Taichi 60 microseconds."""
+    from taichi.lang.matrix import VectorType
+
+    if isinstance(kind, VectorType):
+        return [kernel.construct_kernel_ret(context, kind.dtype, (*place, entry)) for entry in range(kind.n)]
+    return kernel.construct_kernel_ret(context, kind, place)
+
+
 def _remembering(plain: Callable, told: Callable[[Exception], Exception]) -> Callable:
     """`Kernel.__call__`, by the short way where it is known."""
 
@@ -149,8 +158,8 @@ def _remembering(plain: Callable, told: Callable[[Exception], Exception]) -> Cal
             raise told(error) from None
         if not launches.returned:
             return None
-        runtime.sync()
-        parts = [self.construct_kernel_ret(context, kind, (place,)) for place, kind in enumerate(launches.returned)]
+        runtime.prog.synchronize()
+        parts = [_returned(self, context, kind, (place,)) for place, kind in enumerate(launches.returned)]
         return parts[0] if len(parts) == 1 else parts
 
     call.remembers = True  # type: ignore[attr-defined]

@@ -1,8 +1,8 @@
 """How far spheres fly: into which pieces a drift is cut, and how far around a sphere partners are looked for."""
 
 import math
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import taichi as ti
@@ -25,39 +25,63 @@ DEVICE_CHUNKS = 4096  # of spheres, whose speeds are measured by a thread each
 ROUNDINGS = 16  # of a coordinate, by which a pair must not be missed
 
 
-@dataclass(frozen=True)
-class Piece:
-    """A piece of a drift.
+class Piece(NamedTuple):
+    """A piece of a drift. (Plans are made with plain numbers: arrays of three cost more than what is computed with them.)
 
     h        its length [time]
     common   margin that every sphere has at least [length]
     largest  that some sphere may have
     lower, upper  bounding box of all positions
-    time     in which each sphere's own margin is flown through, with its slack [time]
     rounding part of every margin, for what rounding may make of a pair [length]
+    time     in which each sphere's own margin is flown through, with its slack [time]
     skin     by which the cell grid is to reach farther, to be good for some drifts; 0: not worth it [length]
+    is_uniform  whether all margins are `common`
     bounds   what the cell grid wants to know: the box, least and largest reach
     """
 
     h: float
     common: float
     largest: float
-    lower: np.ndarray
-    upper: np.ndarray
+    lower: Sequence[float]
+    upper: Sequence[float]
     least_radius: float
     largest_radius: float
     speed: float
     rms: float
     reference: float
+    rounding: float
     time: float = 0.0
-    rounding: float = 0.0
     skin: float = 0.0
     tries: int = 0
 
     @property
+    def is_uniform(self) -> bool:
+        """Whether all margins are `common`: no sphere is much faster than most, and none left its margin."""
+        return self.largest <= self.common
+
+    @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray, float, float]:
         """What the cell grid wants to know: the box, and between which two all reaches are."""
-        return self.lower, self.upper, self.least_radius + self.common, self.largest_radius + self.largest
+        lower, upper = np.array(self.lower), np.array(self.upper)
+        return lower, upper, self.least_radius + self.common, self.largest_radius + self.largest
+
+
+class Motion(NamedTuple):
+    """What a drift is planned by.
+
+    lower, upper  bounding box of all positions
+    total         Σ v²
+    speed         the largest
+    farthest      the largest margin that is remembered [length]
+    way           the longest that a sphere came in the piece before, if that was measured [length]
+    """
+
+    lower: Sequence[float]
+    upper: Sequence[float]
+    total: float
+    speed: float
+    farthest: float
+    way: float
 
 
 @ti.data_oriented
@@ -93,7 +117,7 @@ class Flight:
         self.on_cpu = on_cpu()
         self.chunks = CHUNKS if self.on_cpu else DEVICE_CHUNKS
         self.radius, self.reach, self.remembered = (ti.field(float) for _ in range(3))
-        self.measured = ti.Vector.field(2 * self.dimensions + 2, float)
+        self.measured = ti.Vector.field(2 * self.dimensions + 3, float)
         builder = ti.FieldsBuilder()
         for field in (self.radius, self.reach, self.remembered):
             builder.dense(ti.i, self.particle_count).place(field)
@@ -107,13 +131,14 @@ class Flight:
         """Give the memory back."""
         self._tree.destroy()
 
-    def plan(self, rest: float, position: Any, velocity: Any) -> Piece:
-        """The next piece of a drift of which `rest` is left, of spheres that are there, in whatever order."""
-        lower, upper, total, speed, farthest = self._measured(position, velocity)
-        d = self.dimensions
-        rms = math.sqrt(total / self.particle_count)
-        extent = np.where(np.array(self.period) > 0.0, self.period, np.maximum(upper - lower, 2.0 * self.mean_radius))
-        spacing = float(np.prod(extent) / self.particle_count) ** (1.0 / d)
+    def plan(self, rest: float, motion: Motion) -> Piece:
+        """The next piece of a drift of which `rest` is left."""
+        speed = motion.speed
+        rms = math.sqrt(motion.total / self.particle_count)
+        room = 1.0 / self.particle_count
+        for low, high, period in zip(motion.lower, motion.upper, self.period, strict=True):
+            room *= period if period > 0.0 else max(high - low, 2.0 * self.mean_radius)
+        spacing = room ** (1.0 / self.dimensions)
         travel = max(TRAVEL_PER_GAP * (spacing - 2.0 * self.mean_radius), TRAVEL_PER_RADIUS * self.mean_radius)
         count = max(1.0, math.ceil(rms * rest / travel)) if travel > 0.0 else 1.0
         if SLACK * speed * rest / count > 0.9 * self.room:
@@ -121,26 +146,30 @@ class Flight:
         h = rest / count
         is_ordinary = SLACK * speed * h <= 0.5 * max(spacing, self.mean_radius)
         reference = speed if is_ordinary else min(speed, OUTLIER * rms)
-        size = max(np.abs(lower).max(), np.abs(upper).max())
-        piece = Piece(h, 0.0, 0.0, lower, upper, self.least_radius, self.largest_radius, speed, rms, reference)
-        return self._with_margins(piece, ROUNDINGS * self.epsilon * size, farthest)
+        rounding = ROUNDINGS * self.epsilon * max(map(abs, (*motion.lower, *motion.upper)))
+        radii = self.least_radius, self.largest_radius
+        piece = Piece(h, 0.0, 0.0, motion.lower, motion.upper, *radii, speed, rms, reference, rounding)
+        return self._with_margins(piece, motion.farthest)
 
-    def _measured(self, position: Any, velocity: Any) -> tuple[np.ndarray, np.ndarray, float, float, float]:
-        """Bounding box, sum of squared speeds, largest speed, and the largest margin that is remembered."""
-        d = self.dimensions
+    def measure(self, position: Any, velocity: Any) -> Motion:
+        """How spheres move that are there, in whatever order."""
         if self.on_cpu:
-            whole = self._measure_at_once(position, velocity)
-            return np.array(whole[:d]), np.array(whole[3 : 3 + d]), whole[6], whole[7], whole[8]
+            return self.motion(self._measure_at_once(position, velocity))
+        d = self.dimensions
         self._measure(position, velocity)
         found = self.measured.to_numpy().astype(float)
-        total, speed = float(found[:, 2 * d].sum()), float(found[:, 2 * d + 1].max())
-        return found[:, :d].min(0), found[:, d : 2 * d].max(0), total, speed, float(self.farthest[0])
+        lower, upper, farthest = found[:, :d].min(0), found[:, d : 2 * d].max(0), float(self.farthest[0])
+        return Motion(lower, upper, float(found[:, 2 * d].sum()), float(found[:, 2 * d + 1].max()), farthest, 0.0)
 
-    def _with_margins(self, piece: Piece, rounding: float, farthest: float) -> Piece:
-        common = SLACK * piece.reference * piece.h + rounding
-        largest = max(SLACK * piece.speed * piece.h + rounding, farthest)
-        piece = replace(piece, common=common, largest=largest, time=SLACK * piece.h, rounding=rounding)
-        return replace(piece, skin=self._skin(piece, largest))
+    def motion(self, whole: Sequence[float]) -> Motion:
+        """What `whole` says."""
+        d = self.dimensions
+        return Motion(whole[:d], whole[3 : 3 + d], *whole[6:])
+
+    def _with_margins(self, piece: Piece, farthest: float) -> Piece:
+        common = SLACK * piece.reference * piece.h + piece.rounding
+        largest = max(SLACK * piece.speed * piece.h + piece.rounding, farthest)
+        return piece._replace(common=common, largest=largest, time=SLACK * piece.h, skin=self._skin(piece, largest))
 
     def _skin(self, piece: Piece, largest: float) -> float:
         """Room for the fastest in some more drifts of this length, as far as that leaves the spheres few partners."""
@@ -152,16 +181,14 @@ class Flight:
         """Half of it, with everything forgotten that was remembered."""
         self.remembered.fill(0.0)
         self.farthest.fill(0.0)
-        size = max(np.abs(piece.lower).max(), np.abs(piece.upper).max())
-        return self._with_margins(replace(piece, h=piece.h / 2.0, tries=0), ROUNDINGS * self.epsilon * size, 0.0)
+        return self._with_margins(piece._replace(h=piece.h / 2.0, tries=0), 0.0)
 
     def widen(self, piece: Piece) -> Piece:
         """The same with margins for what is remembered, or half of it where that does not help."""
         farthest = float(self.farthest[0])
         if piece.tries >= 6 or farthest > 0.9 * self.room:
             return self.shorten(piece)
-        size = max(np.abs(piece.lower).max(), np.abs(piece.upper).max())
-        return self._with_margins(replace(piece, tries=piece.tries + 1), ROUNDINGS * self.epsilon * size, farthest)
+        return self._with_margins(piece._replace(tries=piece.tries + 1), farthest)
 
     def is_crowded(self, piece: Piece, links: int) -> bool:
         """Whether it has so many contacts that two halves cost less."""
@@ -200,47 +227,58 @@ class Flight:
 
     @ti.kernel
     def _measure(self, position: Template, velocity: Template):
-        self._measure_chunks(position, velocity)
+        self._measure_all(position, velocity)
 
     @ti.kernel
-    def _measure_at_once(self, position: Template, velocity: Template) -> ti.types.vector(9, ti.f64):
-        """The same, and what it comes to: lower and upper corner, sum of v², largest speed and margin; one launch."""
-        self._measure_chunks(position, velocity)
-        lower, upper = ti.Vector([ti.math.inf] * 3, ti.f64), ti.Vector([-ti.math.inf] * 3, ti.f64)
-        total, largest = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
-        ti.loop_config(serialize=True)
-        for chunk in range(self.chunks):
-            found = self.measured[chunk]
-            for axis in ti.static(range(self.dimensions)):
-                lower[axis] = ti.min(lower[axis], ti.cast(found[axis], ti.f64))
-                upper[axis] = ti.max(upper[axis], ti.cast(found[self.dimensions + axis], ti.f64))
-            total += ti.cast(found[2 * self.dimensions], ti.f64)
-            largest = ti.max(largest, ti.cast(found[2 * self.dimensions + 1], ti.f64))
-        farthest = ti.cast(self.farthest[0], ti.f64)
-        return ti.Vector([lower[0], lower[1], lower[2], upper[0], upper[1], upper[2], total, largest, farthest])
+    def _measure_at_once(self, position: Template, velocity: Template) -> ti.types.vector(10, ti.f64):
+        """The same, and what it comes to; one launch."""
+        self._measure_all(position, velocity)
+        return self.whole()
 
     @ti.func
-    def _measure_chunks(self, position: Template, velocity: Template):
+    def _measure_all(self, position: Template, velocity: Template):
         grain = ti.static(loop_grain())
         for q in range(self.chunks * grain):
             if q % grain == 0:
-                chunk = q // grain
-                lower = ti.Vector([ti.math.inf] * self.dimensions, float)
-                upper = -lower
-                total, largest = 0.0, 0.0
-                for i in range(self._begin(chunk), self._begin(chunk + 1)):
-                    x, v = position[i], velocity[i]
-                    lower = ti.min(lower, x)
-                    upper = ti.max(upper, x)
-                    total += v.norm_sqr()
-                    largest = ti.max(largest, v.norm_sqr())
-                for axis in ti.static(range(self.dimensions)):
-                    self.measured[chunk][axis] = lower[axis]
-                    self.measured[chunk][self.dimensions + axis] = upper[axis]
-                self.measured[chunk][2 * self.dimensions] = total
-                self.measured[chunk][2 * self.dimensions + 1] = ti.sqrt(largest)
+                self.measure_chunk(q // grain, position, velocity, 0.0)
 
     @ti.func
-    def _begin(self, chunk):
+    def measure_chunk(self, chunk, position: Template, velocity: Template, way):
+        """Note how the spheres of a chunk move, that came `way` at most in the piece before."""
+        lower = ti.Vector([ti.math.inf] * self.dimensions, float)
+        upper = -lower
+        total, largest = 0.0, 0.0
+        for i in range(self.begin_of(chunk), self.begin_of(chunk + 1)):
+            x, v = position[i], velocity[i]
+            lower = ti.min(lower, x)
+            upper = ti.max(upper, x)
+            total += v.norm_sqr()
+            largest = ti.max(largest, v.norm_sqr())
+        for axis in ti.static(range(self.dimensions)):
+            self.measured[chunk][axis] = lower[axis]
+            self.measured[chunk][self.dimensions + axis] = upper[axis]
+        self.measured[chunk][2 * self.dimensions] = total
+        self.measured[chunk][2 * self.dimensions + 1] = ti.sqrt(largest)
+        self.measured[chunk][2 * self.dimensions + 2] = way
+
+    @ti.func
+    def whole(self):
+        """What the chunks come to: lower and upper corner, Σ v², largest speed, margin and way; not inside a loop."""
+        lower, upper = ti.Vector([ti.math.inf] * 3, ti.f64), ti.Vector([-ti.math.inf] * 3, ti.f64)
+        total, speed, way = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
+        ti.loop_config(serialize=True)
+        for chunk in range(self.chunks):
+            found = ti.cast(self.measured[chunk], ti.f64)
+            for axis in ti.static(range(self.dimensions)):
+                lower[axis] = ti.min(lower[axis], found[axis])
+                upper[axis] = ti.max(upper[axis], found[self.dimensions + axis])
+            total += found[2 * self.dimensions]
+            speed = ti.max(speed, found[2 * self.dimensions + 1])
+            way = ti.max(way, found[2 * self.dimensions + 2])
+        farthest = ti.cast(self.farthest[0], ti.f64)
+        return ti.Vector([lower[0], lower[1], lower[2], upper[0], upper[1], upper[2], total, speed, farthest, way])
+
+    @ti.func
+    def begin_of(self, chunk):
         """First sphere of a chunk; 64 bits, because the product may not fit 32."""
         return ti.cast(ti.cast(chunk, ti.i64) * self.particle_count // self.chunks, ti.i32)

@@ -6,10 +6,12 @@ import taichi as ti
 
 from mpp_taichi.contacts._bounce import Bounce
 from mpp_taichi.contacts._field_trees import FieldTrees
-from mpp_taichi.contacts._flight import Flight, Piece
+from mpp_taichi.contacts._flight import Flight, Motion, Piece
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.partner_list import PartnerList
 from mpp_taichi.types import Template
+
+WIDER = 1.1  # margins that a piece may ask for than are there: nobody is as fast as they allow for
 
 
 @ti.data_oriented
@@ -30,6 +32,10 @@ class Slots:
     is_listed = False
     _holds = False  # whether what is in the slots is where the spheres are
     _leads = False  # and the state is not yet
+    _motion: Motion | None = None  # of what is in them
+    _common = 0.0  # margin of all spheres when they were sorted, or 0: they had different ones
+    _skin = 0.0  # beyond it, up to which the partners were written down
+    _flown = 0.0  # since then by no sphere more than this
     # Of the rest of the sweep:
     particle_count: int
     all_pairs: bool
@@ -91,11 +97,14 @@ class Slots:
     # Taking over, and giving back --------------------------------------------------------------------------------------------
 
     def _look_around(self, piece: Piece) -> None:
-        """Take positions and velocities over into the slots, and sort the spheres anew if some went beyond the skin."""
+        """See to it that the grid shows every pair that may touch in the piece: sort the spheres anew if some went too far."""
+        if self._is_known(piece):
+            return
         margins = piece.common, piece.time, piece.rounding
         is_good = False
         if self.is_listed or self._holds:
-            is_good = self._take_over(*margins, self._holds) == 0 and self.is_listed
+            is_good = self._take_over(*margins, self._holds) == 0 and self.is_listed and not piece.is_uniform
+        self._common = 0.0
         if not is_good:
             skin = 0.0 if self.plays_in_turn else piece.skin
             if self._holds:
@@ -108,6 +117,19 @@ class Slots:
                 self._take_radii()
                 self._take_over(*margins, False)
             self.is_listed = skin > 0.0 and self.partners.write()
+            if piece.is_uniform:
+                self._common, self._skin, self._flown = piece.common, skin, 0.0
+
+    def _is_known(self, piece: Piece) -> bool:
+        """Whether the margins and partners that were written down are good for this piece, without a look at any sphere."""
+        is_there = self.is_listed and self._holds and piece.is_uniform
+        return is_there and piece.common <= WIDER * self._common and self._flown <= self._skin
+
+    def _stay(self, motion: Motion) -> None:
+        """The spheres have moved on, in their slots."""
+        self._motion = motion
+        self._holds = self._leads = True
+        self._flown += motion.way
 
     @ti.kernel
     def _keep_order(self):
@@ -161,6 +183,7 @@ class Slots:
         Nor do the partners that were written down: a report is summed in their order, though no motion depends on it.
         """
         self.is_listed = self._holds = self._leads = False
+        self._motion = None
 
     def write_back(self) -> None:
         """Bring the state up to date, where positions and velocities were left in their slots."""

@@ -78,10 +78,7 @@ class Sweep(IslandPlay):
 
     def _drift_piece(self, time: float, rest: float) -> float:
         """A piece of a drift of many spheres; returns how long it was."""
-        if self._leads:
-            piece = self.flight.plan(rest, self.start_position, self.start_velocity)
-        else:
-            piece = self.flight.plan(rest, self.state.position, self.state.velocity)
+        piece = self.flight.plan(rest, self._motion or self.flight.measure(self.state.position, self.state.velocity))
         for _ in range(TRIES):
             self._look_around(piece)
             links = self._search(time, piece.h, self.is_listed)
@@ -93,8 +90,10 @@ class Sweep(IslandPlay):
                 piece = self._again(piece)
         else:
             self._give_up()
-        self._commit(piece.h)
-        self._holds = self._leads = self.in_slots
+        if self.in_slots:
+            self._stay(self.flight.motion(self._commit_slots(piece.h)))
+        else:
+            self._commit(piece.h)
         return piece.h
 
     def _again(self, piece: Piece) -> Piece:
@@ -233,12 +232,31 @@ class Sweep(IslandPlay):
         grain = ti.static(loop_grain())
         for q in range(CHUNKS * grain):
             if q % grain == 0:
-                chunk = q // grain
-                for k in range(self.tally.begin_of(chunk), self.tally.begin_of(chunk + 1)):
-                    if self.islands.island[k] >= 0:
-                        self._keep(chunk, k, h)
-                    else:
-                        self._fly_on(k, h)
+                self._commit_chunk(q // grain, h)
+
+    @ti.kernel
+    def _commit_slots(self, h: float) -> ti.types.vector(10, ti.f64):
+        """The same, and how the spheres move now, while they are at hand."""
+        grain = ti.static(loop_grain())
+        for q in range(CHUNKS * grain):
+            if q % grain == 0:
+                way = self._commit_chunk(q // grain, h)
+                self.flight.measure_chunk(q // grain, self.start_position, self.start_velocity, way)
+        return self.flight.whole()
+
+    @ti.func
+    def _commit_chunk(self, chunk, h):
+        """Returns the longest way that a sphere came."""
+        square = 0.0
+        for k in range(self.tally.begin_of(chunk), self.tally.begin_of(chunk + 1)):
+            way = self.start_velocity[k] * h
+            if self.islands.island[k] >= 0:
+                way = self.local_position[k] - self.start_position[k]
+                self._keep(chunk, k, h)
+            else:
+                self._fly_on(k, h)
+            square = ti.max(square, way.norm_sqr())
+        return ti.sqrt(square)
 
     @ti.func
     def _fly_on(self, k, h):
