@@ -103,7 +103,7 @@ class Slots:
         margins = piece.common, piece.time, piece.rounding
         is_good = False
         if self.is_listed or self._holds:
-            is_good = self._take_over(*margins, self._holds) == 0 and self.is_listed and not piece.is_uniform
+            is_good = self._take_over(*margins, self._holds) == 0 and self.is_listed
         self._common = 0.0
         if not is_good:
             skin = 0.0 if self.plays_in_turn else piece.skin
