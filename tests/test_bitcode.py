@@ -5,12 +5,19 @@ from pathlib import Path
 
 import pytest
 
-from mpp_taichi import bitcode, worker_threads
+from mpp_taichi import bitcode, prefetch, worker_threads
 from mpp_taichi.neighbors import lane_arithmetic
 
+SOURCES = lane_arithmetic.SOURCE, prefetch.SOURCE, worker_threads.SOURCE
 
-@pytest.mark.parametrize("source", [lane_arithmetic.SOURCE, worker_threads.SOURCE], ids=lambda source: source.name)
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.name)
 def test_the_bitcode_is_that_of_the_source_beside_it(source):
     digest = hashlib.sha256(source.read_bytes()).hexdigest()[:8]
-    assert [path.name for path in source.parent.glob("*.bc")] == [f"{source.stem}_{digest}.bc"]
+    assert [path.name for path in source.parent.glob(f"{source.stem}_*.bc")] == [f"{source.stem}_{digest}.bc"]
     assert Path(bitcode.bitcode(source)).read_bytes()[:4] == b"BC\xc0\xde"
+
+
+def test_no_bitcode_is_without_a_source():
+    kept = {path.name for path in Path(bitcode.__file__).parent.rglob("*.bc")}
+    assert kept == {Path(bitcode.bitcode(source)).name for source in SOURCES}

@@ -13,6 +13,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).parents[1] / "mpp_taichi"
 SOURCES = {  # and how they are compiled; LLVM's own language is only assembled
     PACKAGE / "neighbors" / "lane_arithmetic.ll": ("-Xclang", "-disable-llvm-passes"),
+    PACKAGE / "prefetch.ll": ("-Xclang", "-disable-llvm-passes"),
     PACKAGE / "worker_threads.c": ("-O2", "-Wall", "-Wextra", "-Werror", "-ffreestanding"),
 }
 CLANG = ("clang-15", "--target=x86_64-pc-linux-gnu", "-Xclang", "-no-opaque-pointers", "-emit-llvm", "-c")
