@@ -6,8 +6,9 @@ from typing import Any
 import taichi as ti
 
 from mpp_taichi.contacts._field_trees import FieldTrees
+from mpp_taichi.prefetch import prefetch
 
-LINKS_TOGETHER = 32  # whose spheres are read ahead
+LINKS_AHEAD = 16  # whose spheres are fetched before they are joined
 LINKS_PER_SPHERE = 8  # a contact graph of spheres has fewer than 7.5 edges for each: half the mean kissing number, below 14.96
 
 
@@ -40,7 +41,7 @@ class Islands:
         self.following, self.changed, self.pending, self.involved, self.tree = (ti.field(ti.i32) for _ in range(5))
         self.place, self.first_partner = ti.field(ti.i32), ti.field(ti.i32)
         self.filler = ti.field(ti.i32)  # in f64 and space what is of one sphere now fills two lines of memory
-        self.first_time, self.best_time, self.link_time, self.read = (ti.field(float) for _ in range(4))
+        self.first_time, self.best_time, self.link_time = (ti.field(float) for _ in range(3))
         self.links = ti.Vector.field(2, ti.i32)
         self.count = ti.field(ti.i32)
         self._trees = FieldTrees()
@@ -50,7 +51,6 @@ class Islands:
         for field in (self.parent, self.island, self.members, self.pending, self.involved, self.tree):
             self._trees.place(particle_count, integers=[field])
         self._trees.place(self.capacity, self.link_time)
-        self._trees.place(1, self.read)
         self._trees.place(self.capacity, integers=[self.links])
         self._trees.place(4, integers=[self.count])
         self._trees.finish()
@@ -78,8 +78,7 @@ class Islands:
             self.changed[self.pending[k]] = 0
         link_count = ti.min(self.count[self.LINKS], self.capacity)
         for k in range(link_count):
-            if k % LINKS_TOGETHER == 0:
-                self.read[0] = self._read_ahead(k, ti.min(k + LINKS_TOGETHER, link_count))
+            self._fetch_ahead(ti.min(k + LINKS_AHEAD, link_count - 1))
             i, j = self.links[k][0], self.links[k][1]
             self._enter(i)
             self.offer(i, j, self.link_time[k])
@@ -100,13 +99,13 @@ class Islands:
         self.count[self.MEMBERS] = members
 
     @ti.func
-    def _read_ahead(self, first, end):
-        """Read what is of linked spheres, together, as memory is slow to answer; the result keeps it from being left out."""
-        found = ti.cast(0.0, float)
-        for k in range(first, end):
-            i, j = self.links[k][0], ti.max(self.links[k][1], 0)
-            found += self.first_time[i] + self.first_time[j] + ti.cast(self.parent[i] + self.parent[j], float)
-        return found
+    def _fetch_ahead(self, k):
+        """Have what is of linked spheres fetched, as memory is slow to answer."""
+        i, j = self.links[k][0], ti.max(self.links[k][1], 0)
+        prefetch(self.first_time, i)
+        prefetch(self.first_time, j)
+        prefetch(self.parent, i)
+        prefetch(self.parent, j)
 
     @ti.func
     def _enter(self, i):

@@ -55,10 +55,9 @@ class Slots:
         """Allocate, as the first of these trees: there a line of memory begins, and in f64 and space a sphere fills one."""
         count = 1 if self.all_pairs else self.particle_count
         self.start_position, self.start_velocity = (ti.Vector.field(dimensions, float) for _ in range(2))
-        self.start_radius, self.start_reach, self.read = (ti.field(float) for _ in range(3))
+        self.start_radius, self.start_reach = ti.field(float), ti.field(float)
         self.stale = ti.field(ti.i32)
         trees.place(count, self.start_position, self.start_velocity, self.start_radius, self.start_reach)
-        trees.place(count, self.read)
         trees.place(1, integers=[self.stale])
 
     # What is in them -----------------------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ import taichi as ti
 from mpp_taichi.contacts._flight import Piece
 from mpp_taichi.contacts._island_play import IslandPlay
 from mpp_taichi.contacts._tally import CHUNKS
+from mpp_taichi.prefetch import prefetch
 from mpp_taichi.quick_compilation import quick_compilation
 from mpp_taichi.serial_loops import loop_grain
 from mpp_taichi.types import Template
@@ -130,7 +131,7 @@ class Sweep(IslandPlay):
                     begin, end = self.tally.begin_of(q // grain), self.tally.begin_of(q // grain + 1)
                     for k in range(begin, end):
                         if (k - begin) % BLOCK == 0:
-                            self.read[k] = self._read_partners(k, ti.min(k + BLOCK, end))
+                            self._fetch_partners(ti.min(k + BLOCK, end), ti.min(k + 2 * BLOCK, end))
                         self.partners.visit_later(k, self._see_pair, time, h)
                         self._see_walls(k, time, h)
         else:
@@ -146,12 +147,11 @@ class Sweep(IslandPlay):
             self.islands.link(k, ti.cast(wall[1], ti.i32), wall[0])
 
     @ti.func
-    def _read_partners(self, first, end):
-        """Read where the later partners of some slots are, so that the memory is not waited for one by one (`_read_ahead`)."""
-        found = ti.cast(0.0, float)
-        for p in range(self.partners.begin[first], self.partners.middle[end - 1]):
-            found += self.start_position[self.partners.partner[p]][0]
-        return found
+    def _fetch_partners(self, first, end):
+        """Have fetched where the later partners of some slots are, so that the memory is not waited for one by one."""
+        if first < end:
+            for p in range(self.partners.begin[first], self.partners.middle[end - 1]):
+                prefetch(self.start_position, self.partners.partner[p])
 
     @ti.func
     def _see_pair(self, k, other, time, h):
@@ -178,7 +178,7 @@ class Sweep(IslandPlay):
                 if q % grain == 0:
                     first = q // grain * TOGETHER
                     end = ti.min(first + TOGETHER, self.islands.count[self.islands.PENDING])
-                    self.read[first] = self._read_ahead(first, end)
+                    self._fetch_ahead(first, end)
                     for k in range(first, end):
                         self._play(self.islands.pending[k], time, h)
         for p in range(self.islands.count[self.islands.MEMBERS]):
@@ -188,32 +188,32 @@ class Sweep(IslandPlay):
         return ti.Vector([self.islands.count[self.islands.LINKS], self.violations[0]])
 
     @ti.func
-    def _read_ahead(self, first, end):
-        """Read what playing some islands begins with; returns what keeps the compiler from leaving that out.
+    def _fetch_ahead(self, first, end):
+        """Have fetched what playing some islands begins with.
 
         Their spheres are far apart in memory, and where each is asked for when it is needed, each is waited for. Here one does
         not wait for another: first the spheres, then where their partners are written, then those.
         """
-        found = ti.cast(0.0, float)
-        for q in range(first, end):
-            begin = self.islands.begin[self.islands.pending[q]]
-            for p in range(begin, begin + self.islands.size[self.islands.pending[q]]):
-                k = self.islands.members[p]
-                found += self.start_position[k][0] + self.islands.best_time[k] + self.islands.first_time[k]
-                found += ti.cast(self.partners.begin[k] + self.near[k], float)
-        for q in range(first, end):
-            begin = self.islands.begin[self.islands.pending[q]]
-            for p in range(begin, begin + self.islands.size[self.islands.pending[q]]):
-                k = self.islands.members[p]
-                found += ti.cast(self.partners.first_of(k), float)
-        for q in range(first, end):
-            begin = self.islands.begin[self.islands.pending[q]]
-            for p in range(begin, begin + self.islands.size[self.islands.pending[q]]):
-                k = self.islands.members[p]
-                for r in range(self.partners.count_of(k)):
-                    other = self.partners.partner_of(k, r)
-                    found += self.start_velocity[other][0] + ti.cast(self.islands.island[other], float)
-        return found
+        begin = self.islands.begin[self.islands.pending[first]]
+        last = self.islands.pending[end - 1]
+        stop = self.islands.begin[last] + self.islands.size[last]
+        for p in range(begin, stop):
+            k = self.islands.members[p]
+            prefetch(self.start_position, k)
+            prefetch(self.islands.best_time, k)
+            prefetch(self.islands.first_time, k)
+            prefetch(self.partners.begin, k)
+            prefetch(self.near, k)
+        for p in range(begin, stop):
+            k = self.islands.members[p]
+            prefetch(self.partners.partner, self.partners.begin[k])
+            prefetch(self.partners.partner, self.partners.earlier[k])
+        for p in range(begin, stop):
+            k = self.islands.members[p]
+            for r in range(self.partners.count_of(k)):
+                other = self.partners.partner_of(k, r)
+                prefetch(self.start_position, other)
+                prefetch(self.islands.island, other)
 
     @ti.func
     def _see_other_island(self, k, other, h, _):
