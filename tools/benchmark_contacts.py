@@ -51,6 +51,7 @@ class Ours:
         from mpp_taichi.contacts._base import ContactSetup
         from mpp_taichi.contacts._overlaps import Overlaps
         from mpp_taichi.contacts._sweep import Sweep
+        from mpp_taichi.large_pages import MANY_PARTICLES, use_large_pages
         from mpp_taichi.walls._base import Enclosure
 
         position, velocity, edge = scene
@@ -75,6 +76,8 @@ class Ours:
             self.solver = Sweep(setup, state, event_limit=1_000_000, all_pairs=all_pairs)
         else:
             self.solver = Overlaps(setup, state, all_pairs=all_pairs)
+        if n >= MANY_PARTICLES:
+            use_large_pages()  # as a run of a scene does
 
     def step(self):
         """One step."""
