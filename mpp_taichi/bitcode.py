@@ -23,6 +23,15 @@ def on_linux_x64() -> bool:
     return sys.platform == "linux" and ti.lang.impl.current_cfg().arch == ti.x64
 
 
+@cache
+def has_avx512() -> bool:
+    """Whether this Linux runs on a processor with AVX-512."""
+    try:
+        return " avx512f " in Path("/proc/cpuinfo").read_text()
+    except OSError:
+        return False
+
+
 def call(source: Path, name: str, *variables: Any) -> Any:
     """Have the kernel that is compiled call a function with pointers to local variables of it; within `ti.static`."""
     from taichi._lib import core

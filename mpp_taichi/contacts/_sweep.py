@@ -200,6 +200,7 @@ class Sweep(IslandPlay):
         for p in range(begin, stop):
             k = self.islands.members[p]
             prefetch(self.start_position, k)
+            prefetch(self.local_position, k)
             prefetch(self.islands.best_time, k)
             prefetch(self.islands.first_time, k)
             prefetch(self.partners.begin, k)

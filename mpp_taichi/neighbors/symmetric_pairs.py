@@ -29,17 +29,18 @@ def adds_in_parallel(count: int) -> bool:
 class SymmetricPairs:
     """The sum of an AllPairs with half of its square roots and divisions; to be compiled with explicit vectors.
 
-    A tile of bodies, one to a lane, meets the bodies of a block behind it one by one. What the tile feels is summed in
-    registers; what such a body feels, lane by lane in a row of its own that is summed up once its block is done. The blocks are
-    dealt out to chunks with a sum each, and these are added in one order: the bits depend on the number of bodies, not on that
-    of the threads. Bodies behind the last full tile are met by all tiles, and among themselves one by one.
+    Tiles of bodies, one to a lane, meet the bodies of a block behind them one by one, two tiles at a time for the sake of their
+    inverse roots. What the tiles feel is summed in registers; what such a body feels, lane by lane in a row of its own that is
+    summed up once its block is done. The blocks are dealt out to chunks with a sum each, and these are added in one order: the
+    bits depend on the number of bodies, not on that of the threads. Bodies behind the last two full tiles are met by all tiles,
+    and among themselves one by one.
     """
 
     def __init__(self, pairs: Any) -> None:
         """For the forces and bodies of `pairs`."""
         self.pairs = pairs
         self.count, self.dimensions, self.lanes = pairs.particle_count, pairs.dimensions, pairs.lane_count
-        self.tile_count = self.count // self.lanes  # full ones
+        self.twin_count = self.count // (2 * self.lanes)  # of two full tiles
         self.block_count = -(-self.count // BLOCK)
         self.chunk_count = chunk_count(self.count)
         self.adds_in_parallel = adds_in_parallel(self.count)
@@ -106,8 +107,8 @@ class SymmetricPairs:
         end = ti.min(begin + BLOCK, self.count)
         for k in range(BLOCK * self.dimensions):
             self._store(self.reactions, self._reaction_at(chunk, 0, 0) + k, ti.Vector.zero(float, self.lanes))
-        for tile in range(ti.min(self.tile_count, -(-end // self.lanes))):
-            self._meet_tile(state, chunk, begin, end, tile)
+        for twin in range(ti.min(self.twin_count, -(-end // (2 * self.lanes)))):
+            self._meet_twin(state, chunk, begin, end, twin)
         for k in range(self._reaction_at(chunk, 0, 0), self._reaction_at(chunk, BLOCK, 0)):
             row = self._load(self.reactions, k)
             part = [row[lane] for lane in ti.static(range(self.lanes))]
@@ -127,61 +128,92 @@ class SymmetricPairs:
                 self._store(self.sums, place, self._load(self.sums, place) - found)
 
     @ti.func
-    def _meet_tile(self, state: Template, chunk, begin, end, tile):
-        """A tile, the bodies from `begin` to `end` that lie behind it, and if it lies in the block those of the tile itself."""
-        own = tile * self.lanes
-        position = [
+    def _meet_twin(self, state: Template, chunk, begin, end, twin):
+        """Two tiles, the bodies from `begin` to `end` that lie behind them, and those of the tiles if they lie in the block."""
+        own = twin * 2 * self.lanes
+        one, two = self._positions(state, own), self._positions(state, own + self.lanes)
+        response_one, response_two = self._responses(state, own), self._responses(state, own + self.lanes)
+        source_one, source_two = self._sources(state, own), self._sources(state, own + self.lanes)
+        felt_one, felt_two = self._sums(chunk, 2 * twin), self._sums(chunk, 2 * twin + 1)
+        for j in range(ti.max(begin, own + 2 * self.lanes), end):
+            way_one, way_two = self._ways(state, one, j), self._ways(state, two, j)
+            square_one, square_two = self.pairs.square(way_one), self.pairs.square(way_two)
+            pull_one, push_one = ti.Vector.zero(float, self.lanes), ti.Vector.zero(float, self.lanes)
+            pull_two, push_two = ti.Vector.zero(float, self.lanes), ti.Vector.zero(float, self.lanes)
+            for group in ti.static(self.pairs.groups):
+                inverse_one, inverse_two = inverse_roots(
+                    square_one + group.softening_squared, square_two + group.softening_squared, False
+                )
+                for member in ti.static(group.members):
+                    pull_one, push_one = self._weigh(
+                        state, member, response_one, source_one, j, inverse_one, pull_one, push_one
+                    )
+                    pull_two, push_two = self._weigh(
+                        state, member, response_two, source_two, j, inverse_two, pull_two, push_two
+                    )
+            for axis in ti.static(range(self.dimensions)):
+                felt_one[axis] = multiply_add(pull_one, way_one[axis], felt_one[axis])
+                felt_two[axis] = multiply_add(pull_two, way_two[axis], felt_two[axis])
+                place = self._reaction_at(chunk, j - begin, axis)
+                reaction = multiply_add(push_one, way_one[axis], self._load(self.reactions, place))
+                self._store(self.reactions, place, multiply_add(push_two, way_two[axis], reaction))
+        if own >= begin:
+            self._meet_own(state, own, 0, one, response_one, source_one, felt_one)
+            self._meet_own(state, own, 1, two, response_two, source_two, felt_two)
+        for axis in ti.static(range(self.dimensions)):
+            self._store(self.sums, self._sum_at(chunk, axis, 2 * twin), felt_one[axis])
+            self._store(self.sums, self._sum_at(chunk, axis, 2 * twin + 1), felt_two[axis])
+
+    @ti.func
+    def _meet_own(
+        self,
+        state: Template,
+        own,
+        which: Template,
+        position: Template,
+        response: Template,
+        source: Template,
+        felt: Template,
+    ):
+        """A tile and all bodies of both: those of its own lanes get a distance of one there, and pull by zero."""
+        lane_number = ti.Vector([ti.cast(lane + which * self.lanes, float) for lane in ti.static(range(self.lanes))])
+        for step in range(2 * self.lanes):
+            j = own + step
+            way = self._ways(state, position, j)
+            from_own = lane_number - ti.cast(step, float)
+            square = self.pairs.square(way) + ti.max(1.0 - from_own * from_own, 0.0)
+            pull, push = ti.Vector.zero(float, self.lanes), ti.Vector.zero(float, self.lanes)
+            for group in ti.static(self.pairs.groups):
+                inverse = 1.0 / ti.sqrt(square + group.softening_squared)
+                for member in ti.static(group.members):
+                    pull, push = self._weigh(state, member, response, source, j, inverse, pull, push)
+            for axis in ti.static(range(self.dimensions)):
+                felt[axis] = multiply_add(pull, way[axis], felt[axis])
+
+    @ti.func
+    def _positions(self, state: Template, own):
+        return [
             ti.Vector([state.position[own + lane][axis] for lane in ti.static(range(self.lanes))])
             for axis in ti.static(range(self.dimensions))
         ]
-        response = [
+
+    @ti.func
+    def _responses(self, state: Template, own):
+        return [
             ti.Vector([member.force.response(state, own + lane) for lane in ti.static(range(self.lanes))])
             for member in ti.static(self.pairs.members)
         ]
-        source = [
+
+    @ti.func
+    def _sources(self, state: Template, own):
+        return [
             ti.Vector([member.force.source(state, own + lane) for lane in ti.static(range(self.lanes))])
             for member in ti.static(self.pairs.members)
         ]
-        total = [self._load(self.sums, self._sum_at(chunk, axis, tile)) for axis in ti.static(range(self.dimensions))]
-        first = ti.max(begin, own + self.lanes)
 
-        # Two at a time, for the sake of their inverse roots.
-        for pair in range(ti.max(end - first, 0) // 2):
-            j = first + 2 * pair
-            to_j = self._ways(state, position, j)
-            to_k = self._ways(state, position, j + 1)
-            square_j, square_k = self.pairs.square(to_j), self.pairs.square(to_k)
-            pull_j, push_j = ti.Vector.zero(float, self.lanes), ti.Vector.zero(float, self.lanes)
-            pull_k, push_k = ti.Vector.zero(float, self.lanes), ti.Vector.zero(float, self.lanes)
-            for group in ti.static(self.pairs.groups):
-                inverse_j, inverse_k = inverse_roots(
-                    square_j + group.softening_squared, square_k + group.softening_squared, False
-                )
-                for member in ti.static(group.members):
-                    pull_j, push_j = self._weigh(state, member, response, source, j, inverse_j, pull_j, push_j)
-                    pull_k, push_k = self._weigh(state, member, response, source, j + 1, inverse_k, pull_k, push_k)
-            for axis in ti.static(range(self.dimensions)):
-                total[axis] = multiply_add(pull_j, to_j[axis], multiply_add(pull_k, to_k[axis], total[axis]))
-                self._react(chunk, j - begin, axis, push_j, to_j[axis])
-                self._react(chunk, j + 1 - begin, axis, push_k, to_k[axis])
-        # The tile among itself, from both sides: a body's own lane gets a distance of one, and pulls by zero. And an odd one.
-        lane_number = ti.Vector([ti.cast(lane, float) for lane in ti.static(range(self.lanes))])
-        for step in range(0 if own >= begin else self.lanes, self.lanes + ti.max(end - first, 0) % 2):
-            j = own + step if step < self.lanes else end - 1
-            to_j = self._ways(state, position, j)
-            from_own = lane_number - ti.cast(step, float)
-            square_j = self.pairs.square(to_j) + ti.max(1.0 - from_own * from_own, 0.0)
-            pull_j, push_j = ti.Vector.zero(float, self.lanes), ti.Vector.zero(float, self.lanes)
-            for group in ti.static(self.pairs.groups):
-                inverse = 1.0 / ti.sqrt(square_j + group.softening_squared)
-                for member in ti.static(group.members):
-                    pull_j, push_j = self._weigh(state, member, response, source, j, inverse, pull_j, push_j)
-            for axis in ti.static(range(self.dimensions)):
-                total[axis] = multiply_add(pull_j, to_j[axis], total[axis])
-                if step == self.lanes:
-                    self._react(chunk, j - begin, axis, push_j, to_j[axis])
-        for axis in ti.static(range(self.dimensions)):
-            self._store(self.sums, self._sum_at(chunk, axis, tile), total[axis])
+    @ti.func
+    def _sums(self, chunk, tile):
+        return [self._load(self.sums, self._sum_at(chunk, axis, tile)) for axis in ti.static(range(self.dimensions))]
 
     @ti.func
     def _ways(self, state: Template, position: Template, j):
@@ -202,16 +234,11 @@ class SymmetricPairs:
             on_j = push + on_j
         return on_own, on_j
 
-    @ti.func
-    def _react(self, chunk, k, axis: Template, push, way):
-        place = self._reaction_at(chunk, k, axis)
-        self._store(self.reactions, place, multiply_add(push, way, self._load(self.reactions, place)))
-
     # The whole -------------------------------------------------------------------------------------------------------
 
     @ti.func
     def _add_chunks(self, state: Template, tile, sets: Template):
-        """Add, or set, what all chunks found for a tile; and the pairs of a last one that is not full."""
+        """Add, or set, what all chunks found for a tile; and the pairs of bodies behind the last two full ones."""
         for axis in ti.static(range(self.dimensions)):
             total = ti.Vector.zero(float, self.lanes)
             for chunk in range(self.chunk_count):
@@ -226,10 +253,10 @@ class SymmetricPairs:
                         state.acceleration[i][axis] = addend
                     else:
                         state.acceleration[i][axis] = state.acceleration[i][axis] + addend
-        if tile == self.tile_count:
-            for i in range(tile * self.lanes, self.count):
-                for j in range(tile * self.lanes, self.count):
-                    if i != j:
-                        found = self.pairs.acceleration_from(state, i, j)
-                        for axis in ti.static(range(self.dimensions)):
-                            state.acceleration[i][axis] = state.acceleration[i][axis] + found[axis]
+        rest = self.twin_count * 2 * self.lanes
+        for i in range(ti.max(tile * self.lanes, rest), ti.min((tile + 1) * self.lanes, self.count)):
+            for j in range(rest, self.count):
+                if i != j:
+                    found = self.pairs.acceleration_from(state, i, j)
+                    for axis in ti.static(range(self.dimensions)):
+                        state.acceleration[i][axis] = state.acceleration[i][axis] + found[axis]
