@@ -10,6 +10,7 @@ from mpp_taichi import backends
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.device_grid import DeviceGrid
 from mpp_taichi.neighbors.partner_list import PARTNERS_PER_SPHERE, PartnerList
+from mpp_taichi.neighbors.plain_rows import is_plain
 
 
 @ti.data_oriented
@@ -134,7 +135,7 @@ def test_partners_that_are_written_down_are_those_within_the_skins(ratio):
 
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
-    ("period", "is_plain"),
+    ("period", "plain"),
     [
         ((0.0, 0.0, 0.0), True),
         ((9.0, 8.0, 0.0), True),
@@ -145,7 +146,7 @@ def test_partners_that_are_written_down_are_those_within_the_skins(ratio):
     ],
     ids=["open", "open above", "three cells", "one cell", "plane", "strip"],
 )
-def test_partners_on_every_edge_of_a_grid_of_one_level_are_written_down(period, is_plain):
+def test_partners_on_every_edge_of_a_grid_of_one_level_are_written_down(period, plain):
     """Spheres fill the box and lie on its faces; in a box one cell high partners come by the way that suits all grids."""
     backends.start("cpu", "f64", threads=2)
     random = np.random.default_rng(11)
@@ -155,7 +156,7 @@ def test_partners_on_every_edge_of_a_grid_of_one_level_are_written_down(period, 
     reach = random.uniform(0.6, 0.9, count)
     finder = Finder(position, reach, skin=0.1, period=(*period, 0.0)[:3])
     expected = brute_force(position, reach + 0.1, period)
-    assert finder.partners.write() and finder.partners.is_plain == is_plain
+    assert finder.partners.write() and is_plain(finder.partners.grid) == plain
     assert finder.once(finder.partners) == expected
     assert finder.twice(finder.partners) == sorted(expected + [(j, i) for i, j in expected])
 

@@ -8,7 +8,9 @@ from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts._bounce import Bounce
 from mpp_taichi.contacts._tally import CHUNKS, Tally
 from mpp_taichi.neighbors.cell_grid import CellGrid
+from mpp_taichi.neighbors.plain_rows import is_plain, visit_rows
 from mpp_taichi.serial_loops import loop_grain
+from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 
 ALL_PAIRS_UP_TO = 500  # spheres; more are faster on the cell grid, see tools/benchmark_contacts.py
@@ -77,7 +79,7 @@ class Overlaps:
             self._correct_serial(time)
         else:
             self.grid.build(self.state.position, self.bounce.radius)
-            self._find()
+            self._find(is_plain(self.grid))
             self._bounce_pairs(time)
             self._bounce_walls(time)
 
@@ -111,12 +113,23 @@ class Overlaps:
             self.state.position[i] = self.state.position[i] + self.state.velocity[i] * h
 
     @ti.kernel
-    def _find(self):
+    def _find(self, plain: Template):
         self.found_count[0] = 0
         for i in range(self.particle_count + 2):
             self.row[i] = 0
         for slot in range(self.particle_count):
-            self.grid.visit_later(slot, self._note, 0.0, 0.0)
+            if ti.static(plain):
+                visit_rows(self.grid, slot, self._note_run, slot, 0)
+            else:
+                self.grid.visit_later(slot, self._note, 0.0, 0.0)
+
+    @ti.func
+    def _note_run(self, x, reach, slot, _, begin, end):
+        for other in range(begin, end):
+            together = reach + self.grid.sorted_reach[other]
+            if self.grid._square_distance(x, self.grid.sorted_position[other]) <= together * together:
+                self._note(slot, other, 0.0, 0.0)
+        return slot
 
     @ti.func
     def _note(self, slot, other, _, __):

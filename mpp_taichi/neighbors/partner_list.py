@@ -1,10 +1,9 @@
 """Which slots of a cell grid are candidate partners, written down once and read many times."""
 
-import numpy as np
 import taichi as ti
 
-from mpp_taichi.neighbors._levels import UNFOLDED
 from mpp_taichi.neighbors.cell_grid import CHUNKS, CellGrid
+from mpp_taichi.neighbors.plain_rows import is_plain, visit_rows
 from mpp_taichi.serial_loops import loop_grain
 from mpp_taichi.types import Template
 
@@ -42,17 +41,10 @@ class PartnerList:
 
     def write(self) -> bool:
         """Write down the candidates of the grid as it is built now; False if there is no room for them."""
-        if self._write(self.is_plain) > 0:
+        if self._write(is_plain(self.grid)) > 0:
             return False
         self._turn_round()
         return True
-
-    @property
-    def is_plain(self) -> bool:
-        """Whether the grid has one level, a bucket for each cell, and three cells or more along an axis that repeats."""
-        level, grid = self.grid.table[0], self.grid
-        cells = level.cells[np.array(grid.repeats[: grid.dimensions])]
-        return len(grid.table) == 1 and level.mask == UNFOLDED and bool((cells >= 3).all())
 
     @ti.kernel
     def _write(self, plain: Template) -> ti.i32:
@@ -65,7 +57,7 @@ class PartnerList:
                 for slot in range(self.grid.begin_of(chunk), self.grid.begin_of(chunk + 1)):
                     self.begin[slot] = place
                     if ti.static(plain):
-                        place = self._list_later(slot, place, last)
+                        place = visit_rows(self.grid, slot, self._list_near, place, last)
                     else:
                         self.middle[slot] = place
                         self.grid.visit_later(slot, self._note, last, 0)
@@ -79,46 +71,11 @@ class PartnerList:
         return without_room
 
     @ti.func
-    def _list_later(self, slot, place, last):
-        """Write what `visit_later` of a plain grid shows from `place` on, up to `last`; returns the place after it.
-
-        Every slot of the cells around is written, and stays if it is near enough: no processor foresees which are.
-        """
-        x, reach = self.grid.sorted_position[slot], self.grid.sorted_reach[slot]
-        cells, strides = self.grid.level_cells[0], ti.cast(self.grid.level_strides[0], ti.i32)
-        own = self.grid._cell(x, 0)
-        lowest, highest = own, own
-        for axis in ti.static(range(self.grid.dimensions)):
-            lowest[axis] -= 1
-            highest[axis] += 1
-            if ti.static(not self.grid.repeats[axis]):
-                lowest[axis] = ti.max(lowest[axis], 0)
-                highest[axis] = ti.min(highest[axis], cells[axis] - 1)
-        # Along x the cells follow each other; where the box repeats one lies at the other end.
-        west, east = ti.max(lowest[0], 0), ti.min(highest[0], cells[0] - 1)
-        beyond = -1
-        if lowest[0] < 0:
-            beyond = cells[0] - 1
-        if highest[0] >= cells[0]:
-            beyond = 0
-        first_y, first_z = own[1], own[2]  # rows before these hold earlier slots only
-        if lowest[1] < 0 or lowest[2] < 0:
-            first_y, first_z = lowest[1], lowest[2]
-        end = place
-        for z in range(first_z, highest[2] + 1):
-            for y in range(first_y if z == first_z else lowest[1], highest[1] + 1):
-                cell = self.grid._wrapped(ti.Vector([west, y, z]), cells)
-                row = cell[1] * strides[0] + cell[2] * strides[1]
-                begin, stop = self.grid.start[row + west], self.grid.start[row + east + 1]
-                if stop > slot + 1:
-                    end = self._list_near(x, reach, end, last, ti.max(begin, slot + 1), stop)
-                if beyond >= 0:
-                    begin, stop = self.grid.start[row + beyond], self.grid.start[row + beyond + 1]
-                    end = self._list_near(x, reach, end, last, ti.max(begin, slot + 1), stop)
-        return end
-
-    @ti.func
     def _list_near(self, x, reach, place, last, begin, stop):
+        """Write who is near enough from `place` on, up to `last`; returns the place after it.
+
+        Every slot of the run is written, and stays if it is near enough: no processor foresees which are.
+        """
         end = place
         for other in range(begin, stop):
             self.partner[end] = other
