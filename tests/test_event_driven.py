@@ -212,6 +212,18 @@ def test_looking_ahead_changes_no_bit(monkeypatch):
     assert all(np.array_equal(a, b) for a, b in zip(*found))
 
 
+def test_one_sphere_that_waits_for_ever_does_not_put_all_events_into_one_bucket():
+    """It hardly moves in a dilute gas, and leaves its cell in a billion; the heap is to hold the events of the present."""
+    rng = np.random.default_rng(3)
+    x = np.stack(np.meshgrid(*[np.arange(4) * 2.0 + 1.0] * 3, indexing="ij"), -1).reshape(-1, 3)
+    v = rng.normal(size=x.shape)
+    v[0] = 1e-9
+    run = EventRun(x, v, 0.05, period=(8.0, 8.0, 8.0))
+    run.to(0.02)
+    assert run.solver.queue.time.to_numpy().max() > 1e6
+    assert run.solver.queue.heap_size[None] < len(x) // 4
+
+
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision, limit", [("f64", 1e-9), ("f32", 1e-5)])
 def test_dense_packing_does_not_overlap(precision, limit):

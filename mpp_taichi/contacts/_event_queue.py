@@ -105,22 +105,25 @@ class EventQueue:
     def _sort_anew(self):
         """Begin a window at the earliest event, with about one event to a bucket if the rate stays as it was."""
         begin = ti.cast(ti.math.inf, self.wide)
+        last = ti.cast(-ti.math.inf, self.wide)
         total = 0
         for i in range(self.count):
             self.place[i] = ABSENT
             if self.time[i] < ti.math.inf:
                 begin = ti.min(begin, self.time[i])
+                last = ti.max(last, self.time[i])
                 total += 1
         for b in range(self.bucket_count):
             self.first[b] = -1
         if total > 0:
-            width = self._typical_wait(begin) / total
-            spread = width > 0
-            if self.width[None] > 0:
+            width = ti.cast(0, self.wide)
+            if self.width[None] == 0:
+                width = self._typical_wait(begin) / total
+            else:
                 width = (begin - self.start[None]) / ti.max(self.taken[None], 1)
                 width = ti.math.clamp(width, self.width[None] / LARGEST_CHANGE, self.width[None] * LARGEST_CHANGE)
             # A bucket shorter than the time's own spacing would tell nothing apart.
-            self.width[None] = ti.max(width, self._smallest_width(begin)) if spread else ti.cast(0, self.wide)
+            self.width[None] = ti.max(width, self._smallest_width(begin)) if last > begin else ti.cast(0, self.wide)
             self.start[None] = begin
         self.bucket[None] = -1
         self.heap_size[None] = 0
@@ -130,9 +133,10 @@ class EventQueue:
 
     @ti.func
     def _typical_wait(self, begin):
-        """Mean of the waits that are no longer than the mean: a few spheres may have nothing to do for a very long time."""
+        """Mean of the waits no longer than the mean, and so on while a few spheres with very long ones made up most of it."""
         longest, mean = ti.cast(ti.math.inf, self.wide), ti.cast(0, self.wide)
-        for _ in range(2):
+        looking = True
+        while looking:
             waits, count = ti.cast(0, self.wide), 0
             for i in range(self.count):
                 wait = self.time[i] - begin
@@ -140,6 +144,7 @@ class EventQueue:
                     waits += wait
                     count += 1
             mean = waits / count
+            looking = mean > 0 and mean < longest / 4
             longest = mean
         return mean
 

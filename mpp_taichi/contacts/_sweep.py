@@ -206,9 +206,7 @@ class Sweep(IslandPlay):
             prefetch(self.partners.begin, k)
             prefetch(self.near, k)
         for p in range(begin, stop):
-            k = self.islands.members[p]
-            prefetch(self.partners.partner, self.partners.begin[k])
-            prefetch(self.partners.partner, self.partners.earlier[k])
+            self.partners.fetch(self.islands.members[p])
         for p in range(begin, stop):
             k = self.islands.members[p]
             for r in range(self.partners.count_of(k)):

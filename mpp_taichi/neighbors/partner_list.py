@@ -4,6 +4,7 @@ import taichi as ti
 
 from mpp_taichi.neighbors.cell_grid import CHUNKS, CellGrid
 from mpp_taichi.neighbors.plain_rows import is_plain, visit_rows
+from mpp_taichi.prefetch import prefetch
 from mpp_taichi.serial_loops import loop_grain
 from mpp_taichi.types import Template
 
@@ -160,6 +161,7 @@ class PartnerList:
         return self.partner[place]
 
     @ti.func
-    def first_of(self, slot):
-        """The first later and the first earlier partner together, if any: read ahead, it brings both lists close."""
-        return self.partner[self.begin[slot]] + self.partner[self.earlier[slot]]
+    def fetch(self, slot):
+        """Have both lists of a slot fetched from memory."""
+        prefetch(self.partner, self.begin[slot])
+        prefetch(self.partner, self.earlier[slot])
