@@ -25,6 +25,7 @@ class Launches:
     def __init__(self, kernel: Any) -> None:
         """Nothing is known yet."""
         from taichi.lang import kernel_impl
+        from taichi.lang.matrix import VectorType
 
         self.compiled = kernel.compiled_kernels  # another one after Taichi was reset
         self.known: dict[tuple, tuple] = {}
@@ -32,7 +33,9 @@ class Launches:
         self.templates: list[int] = []
         self.numbers: list[tuple[int, bool, str]] = []  # place among the arguments, whether it is a float, how it is set
         self.simple = kernel.autodiff_mode == kernel_impl.AutodiffMode.NONE
-        self.returned = kernel.return_type or ()  # types
+        returned = kernel.return_type or ()
+        # Types, and of vectors their numbers of entries.
+        self.returned = [(kind.dtype, kind.n) if isinstance(kind, VectorType) else (kind, 0) for kind in returned]
         types = kernel_impl.primitive_types
         for place, argument in enumerate(kernel.arguments):
             kind = argument.annotation
@@ -123,13 +126,11 @@ def _binding(plain: Callable, bound: Callable) -> Callable:
     return data_oriented
 
 
-def _returned(kernel: Any, context: Any, kind: Any, place: tuple[int, ...]) -> Any:
+def _returned(kernel: Any, context: Any, place: int, kind: Any, entries: int) -> Any:
     """A number, or a vector as a list of numbers: to make its own vector of them takes Taichi 60 microseconds."""
-    from taichi.lang.matrix import VectorType
-
-    if isinstance(kind, VectorType):
-        return [kernel.construct_kernel_ret(context, kind.dtype, (*place, entry)) for entry in range(kind.n)]
-    return kernel.construct_kernel_ret(context, kind, place)
+    if entries:
+        return [kernel.construct_kernel_ret(context, kind, (place, entry)) for entry in range(entries)]
+    return kernel.construct_kernel_ret(context, kind, (place,))
 
 
 def _remembering(plain: Callable, told: Callable[[Exception], Exception]) -> Callable:
@@ -159,7 +160,7 @@ def _remembering(plain: Callable, told: Callable[[Exception], Exception]) -> Cal
         if not launches.returned:
             return None
         runtime.prog.synchronize()
-        parts = [_returned(self, context, kind, (place,)) for place, kind in enumerate(launches.returned)]
+        parts = [_returned(self, context, place, *returned) for place, returned in enumerate(launches.returned)]
         return parts[0] if len(parts) == 1 else parts
 
     call.remembers = True  # type: ignore[attr-defined]

@@ -10,7 +10,7 @@ MEETING = (11, 400)  # in the second of two tiles of bodies that are taken toget
 
 
 @pytest.mark.parametrize("has_root", [True, False], ids=["as this processor does it", "written out"])
-def test_bodies_that_meet_exactly_are_named(monkeypatch, tmp_path, has_root):
+def test_bodies_that_meet_exactly_are_named(monkeypatch, has_root):
     """In the middle of the first step, at the origin; a body that shares a division with one of them is not blamed."""
     if not has_root:
         monkeypatch.setattr(bitcode, "has_avx512", lambda: False)

@@ -7,6 +7,7 @@ from mpp_taichi.contacts._event_cells import EventCells
 from mpp_taichi.contacts._event_queue import EventQueue
 from mpp_taichi.contacts._event_spheres import Spheres
 from mpp_taichi.prefetch import prefetch
+from mpp_taichi.types import Template
 
 TOGETHER = 16  # buckets of the queue that are looked at at a time; there is about one event in each
 # Fewer spheres than these stay in the caches of one core.
@@ -47,9 +48,9 @@ class LookAhead:
                     b = bucket + 1 + step
                     self._fetch_first(b + 5 * TOGETHER)
                     self._fetch_second(b + 4 * TOGETHER)
-                    self._fetch_partners(b + 3 * TOGETHER)
-                    self._fetch_around(b + 2 * TOGETHER)
-                    self._fetch_around_partners(b + TOGETHER)
+                    self._each(b + 3 * TOGETHER, self._fetch_partner)
+                    self._each(b + 2 * TOGETHER, self._fetch_around)
+                    self._each(b + TOGETHER, self._fetch_around_partner)
 
     @ti.func
     def _first(self, bucket):
@@ -77,33 +78,32 @@ class LookAhead:
             self._fetch(ti.max(self.queue.next[i], 0))
 
     @ti.func
-    def _fetch_partners(self, bucket):
+    def _each(self, bucket, task: Template):
+        """task(i) for the spheres of a bucket."""
         i = self._first(bucket)
         while i >= 0:
-            self._fetch_heads(i)
-            j = self._partner(i)
-            if j >= 0:
-                self._fetch(j)
+            task(i)
             i = self.queue.next[i]
 
     @ti.func
-    def _fetch_around(self, bucket):
-        i = self._first(bucket)
-        while i >= 0:
-            self._fetch_neighbours(i)
-            j = self._partner(i)
-            if j >= 0:
-                self._fetch_heads(j)
-            i = self.queue.next[i]
+    def _fetch_partner(self, i):
+        self._fetch_heads(i)
+        j = self._partner(i)
+        if j >= 0:
+            self._fetch(j)
 
     @ti.func
-    def _fetch_around_partners(self, bucket):
-        i = self._first(bucket)
-        while i >= 0:
-            j = self._partner(i)
-            if j >= 0:
-                self._fetch_neighbours(j)
-            i = self.queue.next[i]
+    def _fetch_around(self, i):
+        self._fetch_neighbours(i)
+        j = self._partner(i)
+        if j >= 0:
+            self._fetch_heads(j)
+
+    @ti.func
+    def _fetch_around_partner(self, i):
+        j = self._partner(i)
+        if j >= 0:
+            self._fetch_neighbours(j)
 
     # What is of a sphere, and around it ------------------------------------------------------------------------------------
 

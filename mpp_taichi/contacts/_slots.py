@@ -11,7 +11,7 @@ from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.partner_list import PartnerList
 from mpp_taichi.types import Template
 
-WIDER = 1.1  # margins that a piece may ask for than are there: nobody is as fast as they allow for
+WIDER = 1.1  # margins that a piece may ask for than are there; less than SLACK, so that nobody is as fast as they allow for
 
 
 @ti.data_oriented

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import numpy as np
 import taichi as ti
 
 from mpp_taichi.neighbors._levels import UNFOLDED
@@ -12,8 +11,8 @@ from mpp_taichi.types import Template
 def is_plain(grid: Any) -> bool:
     """Whether a CellGrid has one level, a bucket for each cell, and three cells or more along an axis that repeats."""
     level = grid.table[0]
-    cells = level.cells[np.array(grid.repeats[: grid.dimensions])]
-    return len(grid.table) == 1 and level.mask == UNFOLDED and bool((cells >= 3).all())
+    few = any(repeats and count < 3 for repeats, count in zip(grid.repeats, level.cells))
+    return len(grid.table) == 1 and level.mask == UNFOLDED and not few
 
 
 @ti.func
