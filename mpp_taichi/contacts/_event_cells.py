@@ -8,6 +8,7 @@ import taichi as ti
 from mpp_taichi.contacts._event_grid import Grid
 from mpp_taichi.contacts._event_lines import Lines
 from mpp_taichi.contacts._event_spheres import Spheres
+from mpp_taichi.prefetch import prefetch
 from mpp_taichi.walls._roots import first_contact
 
 # In place of an image's bits: the nearest one.
@@ -37,8 +38,6 @@ class EventCells:
         most = 27 if any(p and m < 3 for p, m in zip(self.periodic, self.cells)) else 1
         # One entry more, for the end of a list that is written before it is known to be one.
         builder.dense(ti.i, most * self.count + 1).place(self.near, self.image)
-        self.touched = ti.field(spheres.wide)
-        builder.place(self.touched)
 
     def write(self, cell: np.ndarray, turns: np.ndarray) -> None:
         """Put every sphere into its cell; arrays (n, dimensions) in the spheres' own order."""
@@ -52,6 +51,8 @@ class EventCells:
         ti.loop_config(serialize=True)
         for c in self.head:
             self.head[c] = -1
+        for k in self.next:
+            self.next[k] = -1
         ti.loop_config(serialize=True)
         for k in range(self.small_count):
             self._enter(self.small_count - 1 - k)
@@ -90,6 +91,14 @@ class EventCells:
         return count
 
     @ti.func
+    def follow(self, i, m, count):
+        """List who comes after the m-th of those for sphere i in the list of their cell; returns how many there are now."""
+        after = self.next[self.near[m]] if i < self.small_count else -1
+        prefetch(self.next, ti.max(after, 0))
+        self.near[count], self.image[count] = after, self.image[m]
+        return count + ti.cast(after >= 0, ti.i32)
+
+    @ti.func
     def _gather_cells(self, i, side):
         cell, first, last = self.steps(self.cell[i]), ti.Vector([0, 0, 0]), ti.Vector([0, 0, 0])
         for k in ti.static(range(self.dimensions)):
@@ -112,17 +121,6 @@ class EventCells:
                         index = index * self.cells[k] + c
                     self.near[count], self.image[count] = self.head[index], image
                     count += 1 if self.head[index] >= 0 else 0
-        # Without branches in between, the processor reads all of these at once.
-        touched = ti.cast(0, self.spheres.wide)
-        for m in range(count):
-            touched += self.spheres.clock[self.near[m]]
-        self.touched[None] = touched
-        m = 0
-        while m < count:
-            j = self.next[self.near[m]]
-            self.near[count], self.image[count] = j, self.image[m]
-            count += 1 if j >= 0 else 0
-            m += 1
         return count
 
     @ti.func

@@ -2,10 +2,8 @@
 
 import taichi as ti
 
-from mpp_taichi.contacts._event_cells import EventCells
 from mpp_taichi.contacts._event_lines import Lines
-from mpp_taichi.contacts._event_queue import EventQueue
-from mpp_taichi.contacts._event_spheres import Spheres
+from mpp_taichi.contacts._event_lookahead import LookAhead
 from mpp_taichi.types import Template
 from mpp_taichi.walls._base import Surface
 from mpp_taichi.walls._geometry import time_of_contact, time_of_contact_falling
@@ -19,14 +17,13 @@ SLACK = 1e-5
 class Prediction:
     """Finds the earliest event of a sphere. Partners are numbered: sphere j: j; surface w: −1 − w; side s: count + 1 + s."""
 
-    def __init__(
-        self, spheres: Spheres, cells: EventCells, queue: EventQueue, surfaces: tuple[Surface, ...], lines: Lines
-    ) -> None:
-        """Of these spheres, in these cells, between these surfaces."""
-        self.spheres, self.cells, self.queue, self.surfaces = spheres, cells, queue, surfaces
-        self.count = spheres.count
+    def __init__(self, look_ahead: LookAhead, surfaces: tuple[Surface, ...], lines: Lines) -> None:
+        """Of spheres that are looked ahead for, in their cells, between these surfaces."""
+        self.spheres, self.cells, self.queue = look_ahead.spheres, look_ahead.cells, look_ahead.queue
+        self.look_ahead, self.surfaces = look_ahead, surfaces
+        self.count = self.spheres.count
         # The contact that is next once the side of the cell is crossed.
-        self.contact_time = lines.field(spheres.wide)
+        self.contact_time = lines.field(self.spheres.wide)
         self.contact_partner, self.contact_stamp = lines.field(ti.i32), lines.field(ti.i32)
 
     @ti.func
@@ -54,12 +51,18 @@ class Prediction:
                 s = self._until_wall(surface, w, i, x, v, a, time, soonest)
                 if s < soonest:
                     soonest, found = s, -1 - w
-        for m in range(self.cells.gather(i, side)):
+        count = self.cells.gather(i, side)
+        ahead = self.look_ahead.fetches.take(count)
+        m = 0
+        while m < count:
+            self.look_ahead.fetches.fetch(ahead + m)
             j = self.cells.near[m]
+            count = self.cells.follow(i, m, count)
             if j != i:
                 s = self._until_sphere(i, j, self.cells.image[m], x, v, a, time, soonest)
                 if s < soonest:
                     soonest, found = s, j
+            m += 1
         if found != self.count:
             contact, partner, stamp = time + ti.cast(soonest, self.spheres.wide), found, 0
             if found >= 0:

@@ -7,38 +7,50 @@ import taichi as ti
 from mpp_taichi.contacts._event_lines import Lines
 from mpp_taichi.contacts._event_spheres import Spheres
 
-# Events of a window that are dealt with before the width of its buckets is chosen again, in buckets.
-EVENTS_PER_BUCKET = 8
+# Events that a bucket is made to hold: with few, lists are short; with many, the heads of all lists stay in the cache.
+PER_BUCKET = 2
+# Events of a window that are dealt with before the width of its buckets is chosen again, in spheres.
+MOST_EVENTS = 8
 # Factor by which a window at most becomes longer or shorter than the one before.
 LARGEST_CHANGE = 16.0
 
 
 @ti.data_oriented
 class EventQueue:
-    """A bounded increasing queue: a window of time is cut into as many buckets as there are spheres.
+    """A bounded increasing queue: a window of time is cut into half as many buckets as there are spheres.
 
-    A bucket is a linked list; only that of the present is a heap, of a few events. What lies behind the window waits until
-    the window moves on, and is then sorted in; the width of a bucket follows the rate of events. An event is named by its
-    sphere, so a new one replaces the old in O(1), and equal times come in the order of the scene's spheres,
-    wherever these are: both spheres of a contact have it as an event.
+    A bucket is a linked list of notes, of spheres whose events were to fall into it; only that of the present is a heap, of a
+    few events. What lies behind the window waits until the window moves on, and is then sorted in; the width of a bucket
+    follows the rate of events. An event is named by its sphere, so a new one replaces the old in O(1): the old note stays
+    where it is, for to take it away one would touch its neighbours in the list, which lie anywhere in memory; it is dropped
+    when its bucket comes. Equal times come in the order of the scene's spheres, wherever these are: both spheres of a
+    contact have it as an event.
 
     time      of the next event of each sphere; infinity: none
     partner   with whom: see `event_driven`
     stamp     how many contacts the partner had had when this was predicted; if more by now, it no longer holds
+    place     where that event is: in the heap, in a bucket, or nowhere
 
     Source: Paul, J. Comput. Phys. 221 (2007) 615 (physics/0606226).
     """
 
     def __init__(self, spheres: Spheres, lines: Lines, builder: Any) -> None:
         """Place the fields, one event for each of these spheres."""
-        self.spheres, self.count, self.bucket_count = spheres, spheres.count, max(spheres.count, 8)
+        self.spheres, self.count, self.bucket_count = spheres, spheres.count, max(spheres.count // PER_BUCKET, 8)
         self.wide = wide = spheres.wide
         self.time, self.partner, self.stamp = lines.field(wide), lines.field(ti.i32), lines.field(ti.i32)
-        self.next, self.previous, self.place = (lines.field(ti.i32) for _ in range(3))
+        self.place = lines.field(ti.i32)
         self.first = ti.field(ti.i32)
         builder.dense(ti.i, self.bucket_count).place(self.first)
         self.heap = ti.field(ti.i32)
         builder.dense(ti.i, self.count).place(self.heap)
+        # Notes: of whom, and the next one in the bucket. `unused` are in a list too, from `fresh` on they are in none.
+        # A window begins with one for each sphere, and each change makes one; `earliest` counts them once for two.
+        self.sphere, self.next = ti.field(ti.i32), ti.field(ti.i32)
+        self.most = MOST_EVENTS * max(self.count, 8)
+        builder.dense(ti.i, self.count + self.most + 4).place(self.sphere, self.next)
+        self.unused, self.fresh = ti.field(ti.i32), ti.field(ti.i32)
+        builder.place(self.unused, self.fresh)
         self.heap_size, self.bucket, self.taken = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
         self.start, self.width = ti.field(wide), ti.field(wide)
         builder.place(self.heap_size, self.bucket, self.taken)
@@ -57,7 +69,7 @@ class EventQueue:
     def earliest(self):
         """The sphere whose event is next, or −1 if there is none; it stays in the queue."""
         attempts = 2
-        if self.taken[None] > EVENTS_PER_BUCKET * self.bucket_count:
+        if self.taken[None] > self.most:
             self.bucket[None] = self.bucket_count
             self.heap_size[None] = 0
         while attempts > 0:
@@ -74,16 +86,7 @@ class EventQueue:
         """Give sphere i another event."""
         self.taken[None] += 1
         place = self.place[i]
-        if place == IN_BUCKET:
-            after, before = self.next[i], self.previous[i]
-            if after >= 0:
-                self.previous[after] = before
-            if before >= 0:
-                self.next[before] = after
-            else:
-                self.first[-1 - before] = after
         self.time[i], self.partner[i], self.stamp[i] = time, partner, stamp
-        self.place[i] = ABSENT
         # In the heap one sphere is to be settled at most: i itself, or the last one where i was.
         b = self._bucket_of(time)
         mover, hole = i, place
@@ -97,13 +100,13 @@ class EventQueue:
                 mover = self.heap[self.heap_size[None]]
                 if mover == i:
                     hole = -1
-            self._link(i, b)
+            self._note(i, b)
         if hole >= 0:
             self._settle(mover, hole)
 
     @ti.func
     def _sort_anew(self):
-        """Begin a window at the earliest event, with about one event to a bucket if the rate stays as it was."""
+        """Begin a window at the earliest event, with PER_BUCKET events to a bucket if the rate stays as it was."""
         begin = ti.cast(ti.math.inf, self.wide)
         last = ti.cast(-ti.math.inf, self.wide)
         total = 0
@@ -118,9 +121,9 @@ class EventQueue:
         if total > 0:
             width = ti.cast(0, self.wide)
             if self.width[None] == 0:
-                width = self._typical_wait(begin) / total
+                width = self._typical_wait(begin) * PER_BUCKET / total
             else:
-                width = (begin - self.start[None]) / ti.max(self.taken[None], 1)
+                width = (begin - self.start[None]) * PER_BUCKET / ti.max(self.taken[None], 1)
                 width = ti.math.clamp(width, self.width[None] / LARGEST_CHANGE, self.width[None] * LARGEST_CHANGE)
             # A bucket shorter than the time's own spacing would tell nothing apart.
             self.width[None] = ti.max(width, self._smallest_width(begin)) if last > begin else ti.cast(0, self.wide)
@@ -128,8 +131,9 @@ class EventQueue:
         self.bucket[None] = -1
         self.heap_size[None] = 0
         self.taken[None] = 0
+        self.unused[None], self.fresh[None] = -1, 0
         for i in range(self.count):
-            self._link(i, self._bucket_of(self.time[i]))
+            self._note(i, self._bucket_of(self.time[i]))
 
     @ti.func
     def _typical_wait(self, begin):
@@ -158,13 +162,17 @@ class EventQueue:
         """Go on to the next bucket that holds an event."""
         while self.heap_size[None] == 0 and self.bucket[None] < self.bucket_count - 1:
             self.bucket[None] += 1
-            i = self.first[self.bucket[None]]
-            self.first[self.bucket[None]] = -1
-            while i >= 0:
-                after = self.next[i]
-                self.heap_size[None] += 1
-                self._settle(i, self.heap_size[None] - 1)
-                i = after
+            bucket = self.bucket[None]
+            note = self.first[bucket]
+            self.first[bucket] = -1
+            while note >= 0:
+                i, after = self.sphere[note], self.next[note]
+                self.next[note] = self.unused[None]
+                self.unused[None] = note
+                if self.is_in(i, bucket):
+                    self.heap_size[None] += 1
+                    self._settle(i, self.heap_size[None] - 1)
+                note = after
 
     @ti.func
     def _bucket_of(self, time):
@@ -179,16 +187,25 @@ class EventQueue:
         return result
 
     @ti.func
-    def _link(self, i, bucket):
-        """Hang sphere i into a bucket's list, if it is not behind the window."""
-        if bucket < self.bucket_count:
-            head = self.first[bucket]
-            self.first[bucket] = i
-            self.next[i] = head
-            self.previous[i] = -1 - bucket
-            if head >= 0:
-                self.previous[head] = i
-            self.place[i] = IN_BUCKET
+    def is_in(self, i, bucket):
+        """Whether the event of sphere i is in this bucket: a note of it there may be out of date."""
+        return self.place[i] == FIRST_BUCKET - bucket
+
+    @ti.func
+    def _note(self, i, bucket):
+        """Note sphere i in a bucket, if that is not behind the window and has no note of it."""
+        if bucket >= self.bucket_count:
+            self.place[i] = ABSENT
+        elif not self.is_in(i, bucket):
+            note = self.unused[None]
+            if note >= 0:
+                self.unused[None] = self.next[note]
+            else:
+                note = self.fresh[None]
+                self.fresh[None] += 1
+            self.sphere[note], self.next[note] = i, self.first[bucket]
+            self.first[bucket] = note
+            self.place[i] = FIRST_BUCKET - bucket
 
     @ti.func
     def _settle(self, i, place):
@@ -238,6 +255,6 @@ class EventQueue:
         return ti.Vector([ti.min(own, other), ti.max(own, other)])
 
 
-# Where a sphere's event is, if it is not at a place in the heap.
+# Where a sphere's event is, if it is not at a place in the heap: nowhere, or in bucket FIRST_BUCKET − b.
 ABSENT = -1
-IN_BUCKET = -2
+FIRST_BUCKET = -2

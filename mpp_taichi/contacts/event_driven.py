@@ -62,8 +62,8 @@ class EventDriven(ContactSolver):
         self.spheres = Spheres(setup, order, lines, self.wide)
         self.cells = EventCells(grid, self.spheres, lines, builder)
         self.queue = EventQueue(self.spheres, lines, builder)
-        self.prediction = Prediction(self.spheres, self.cells, self.queue, setup.enclosure.surfaces, lines)
         self.look_ahead = LookAhead(self.spheres, self.cells, self.queue, builder)
+        self.prediction = Prediction(self.look_ahead, setup.enclosure.surfaces, lines)
         self.collision = Collision(setup, self.spheres, self.cells, builder)
         self.log = EventLog(self.log_capacity if self.logs else 0, builder, self.wide)
         self.event_time = ti.field(self.wide)
@@ -72,6 +72,7 @@ class EventDriven(ContactSolver):
         builder.dense(ti.i, 2).place(self.culprits)
         self._trees = lines.place(), builder.finalize()
         self.collision.write()
+        self.look_ahead.write()
         self.event_count = 0
 
     def prepare(self, time: float) -> None:
