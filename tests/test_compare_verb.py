@@ -103,6 +103,16 @@ def test_a_bug_ends_with_4(compared, monkeypatch, capfd):
     assert [point["particle_count"] for point in row["scaling"]] == [2, 8]
 
 
+@pytest.mark.thorough
+def test_contacts_that_one_backend_has_alone_are_not_judged_and_it_is_said_why(request, tmp_path):
+    scene = request.config.root_folder / "scenes" / "maxwell_boltzmann.yaml"
+    words = ["--backends", "cpu", "--budget", "8s", "--quiet", "--out", str(tmp_path)]
+    assert main(["compare", str(scene), *words]) == 0
+    found = json.loads((tmp_path / "compare.json").read_text(encoding="utf-8"))
+    assert [row["verdict"] for row in found["rows"]] == ["not judged"] * 2
+    assert all("the CPU alone has event_driven contacts" in json.dumps(row) for row in found["rows"])
+
+
 def test_a_worker_that_dies_or_cannot_says_why(tmp_path):
     worker = WorkerProcess(tmp_path, tmp_path, lambda: None)
     with pytest.raises(WorkerError, match="no scene was built"):

@@ -27,7 +27,13 @@ LEAST_SHARE = 0.1  # of the budget, for neighbors in any case
 FURTHER = 2  # times as many steps, at least, for neighbors to be worth their time
 # Bases of integrators whose steps depend on nothing but the state: no tolerance decides what they do.
 PLAIN_STEPS = ("Splitting", "RungeKutta", "Hermite", "Integrator")
-PLAIN_CONTACTS = ("pairwise", "swept")  # solvers of which the same holds, and that more than one backend has
+# Solvers of which the same does not hold, or that one backend has alone; why their trajectories are not judged.
+CONTACTS_NOT_JUDGED = {
+    "resting": "resting contacts are solved to a tolerance, and rounding decides what is left",
+    "located": "a contact is searched for to a tolerance, and rounding decides what is left",
+    "event_driven": "the CPU alone has event_driven contacts, and rounding of f32 soon decides which spheres meet",
+    "merging": "the CPU alone has merging contacts, and rounding of f32 soon decides which spheres meet",
+}
 
 
 class Agreement:
@@ -119,8 +125,11 @@ class Agreement:
         plain = component.declaration("integrators", spec.integrator.name).base in PLAIN_STEPS
         # A tree is cut where a tolerance says, and rounding may decide that.
         plain = plain and all(force.parameters.get("solver", DIRECT) == DIRECT for force in spec.forces)
-        if not plain or (spec.contacts is not None and spec.contacts.solver.name not in PLAIN_CONTACTS):
-            self.remarks.append(f"trajectories are not judged: {refused}")
+        contacts = spec.contacts.solver.name if spec.contacts is not None else ""
+        if not plain or contacts in CONTACTS_NOT_JUDGED:
+            reason = CONTACTS_NOT_JUDGED.get(contacts) or str(refused)
+            self.remarks.append(f"trajectories are not judged: {reason}")
+            self._reasons |= dict.fromkeys(found, reason)
             return
         bases = [row for row in found if row.precision == "f64" and row.backend != "numpy" and row.seconds_per_step]
         bases = [row for row in bases if all(each.holds for each in findings[row])]
@@ -175,8 +184,14 @@ class Agreement:
                 updates=1 + (base.facts.get("evaluations") or 1),
                 size=judge.size,
                 given_by=f"beside {base.name}",
-                limits=None if judge.spec.contacts is None else neighbors.limits_of_contacts(judge.start, judge.dt, looks),
+                limits=self._limits(looks),
             )
+
+    def _limits(self, looks: Sequence[int]) -> np.ndarray | None:
+        judge, contacts = self.judge, self.judge.spec.contacts
+        if contacts is None:
+            return None
+        return neighbors.limits_of_contacts(judge.start, judge.dt, looks, in_groups=contacts.solver.name == "simultaneous")
 
 
 def spread(first: int, last: int) -> list[int]:

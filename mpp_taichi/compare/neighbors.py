@@ -8,7 +8,8 @@ than rounding, not which of them is wrong.
 
 Where spheres meet, rounding may decide whether they do, or in which step; then two sound runs differ by much. With δ for what
 rounding has moved, that has a chance of about δ over the radius or the way of a step, whichever is shorter, for each contact.
-Looks are judged as long as the chance is below CHANCE.
+Looks are judged as long as the chance is below CHANCE. Where contacts are resolved in groups, a scene may have them touch, and
+rounding is to leave them closer than what counts as touching, too.
 """
 
 from collections.abc import Sequence
@@ -17,6 +18,7 @@ import numpy as np
 
 from mpp_taichi.compare.course import AMPLITUDE, CHANCE, COPIES, Course
 from mpp_taichi.compare.numpy_reference import kept, norm
+from mpp_taichi.contacts._base import TOUCHING_POWER
 from mpp_taichi.snapshot import Snapshot
 
 SEED = 2
@@ -60,9 +62,13 @@ def course(
     )
 
 
-def limits_of_contacts(start: Snapshot, dt: float, looks: Sequence[int]) -> np.ndarray:
-    """Displacements by rounding [length] up to which spheres are sure enough to meet all the same, for each look."""
+def limits_of_contacts(start: Snapshot, dt: float, looks: Sequence[int], *, in_groups: bool = False) -> np.ndarray:
+    """Displacements by rounding [length] up to which spheres are sure enough to meet all the same, for each look.
+
+    `in_groups`: and to be still of the group that they touch.
+    """
     radius = float(start.radius[start.radius > 0.0].min(initial=np.inf))
     way = dt * float(norm(start.velocity).max())
     contacts = start.particle_count * np.maximum(1.0, np.asarray(looks) * way / radius)
-    return CHANCE * min(radius, way) / contacts
+    limits = CHANCE * min(radius, way) / contacts
+    return np.minimum(limits, np.finfo(float).eps ** TOUCHING_POWER * radius) if in_groups else limits

@@ -5,7 +5,7 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.contacts._base import TOUCHING_POWER, ContactSetup
 from mpp_taichi.contacts._contact_group import ContactGroup
 from mpp_taichi.contacts._reflections import Reflections
 from mpp_taichi.contacts._sweep import Sweep
@@ -18,8 +18,8 @@ CONTACTS_EACH = 8  # touching spheres have fewer than 7.5 contacts each: half th
 class GroupSweep(Sweep):
     """A sweep whose event is a group: the spheres that meet, what touches them then, what touches those, and so on.
 
-    Spheres touch up to a gap of ε^(2/3) of their reach, ε the rounding unit: events that a symmetric scene has at one instant
-    stay one group until rounding has pulled them that far apart. Islands are played one after the other.
+    Spheres touch up to a gap of ε^TOUCHING_POWER of their reach, ε the rounding unit: events that a symmetric scene has at one
+    instant stay one group until rounding has pulled them that far apart. Islands are played one after the other.
     """
 
     plays_in_turn = True
@@ -32,7 +32,7 @@ class GroupSweep(Sweep):
         pairs = min(n * (n - 1) // 2, CONTACTS_EACH * n)
         self.group = ContactGroup(setup, pairs + n * len(setup.enclosure.surfaces))
         self.reflections = Reflections(self.group)
-        self.touching = self.group.epsilon ** (2 / 3)
+        self.touching = self.group.epsilon**TOUCHING_POWER
         self.moving = SimpleNamespace(velocity=self.local_velocity)
         builder = ti.FieldsBuilder()
         self.mark = ti.field(ti.i32)  # 1: listed in the group, 2: and its contacts too
