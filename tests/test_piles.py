@@ -80,7 +80,7 @@ def test_a_pile_gains_no_energy_and_comes_to_rest(request):
 def test_ten_thousand_come_to_rest_sink_no_more_and_never_gain_energy(request):
     """The scene itself, until the kinetic energy is 1e-8 m g d each (Silbert et al., Phys. Rev. E 65 (2002) 031304), and on.
 
-    Some minutes. When the last avalanche ends is a matter of chance: at t = 290 to 420 of five seeds.
+    Some minutes. When the last avalanche ends is a matter of chance: at t = 250 to 410 of five seeds.
     """
     count, width, rest = 10_000, 58.0, 1e-8
     simulation = Simulation(
