@@ -24,7 +24,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tools")]  # so that it also runs from a c
 from verdicts import finish  # noqa: E402
 
 COUNTS = (1_000, 10_000, 100_000)
-SAMPLE = 40_000  # collisions
+# Collisions: several of each sphere, so that what a turn of others has put out of the caches is soon there again.
+SAMPLE = 400_000
 WARM = 0.3  # time after which every sphere has had a few
 LEAST_PER_SECOND = 2e5
 MOST_GROWTH = 1.3

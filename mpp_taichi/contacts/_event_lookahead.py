@@ -9,7 +9,7 @@ from mpp_taichi.contacts._event_queue import EventQueue
 from mpp_taichi.contacts._event_spheres import Spheres
 from mpp_taichi.prefetch import prefetch
 
-TOGETHER = 8  # buckets of the queue that are looked at at a time
+TOGETHER = 4  # buckets of the queue that are looked at at a time
 MOST = 64  # spheres that are taken note of in so many
 # Fewer spheres than these stay in the caches of one core.
 FEWEST = 16384

@@ -8,7 +8,7 @@ from mpp_taichi.contacts._event_lines import Lines
 from mpp_taichi.contacts._event_spheres import Spheres
 
 # Events that a bucket is made to hold: with few, lists are short; with many, the heads of all lists stay in the cache.
-PER_BUCKET = 2
+PER_BUCKET = 4
 # Events of a window that are dealt with before the width of its buckets is chosen again, in spheres.
 MOST_EVENTS = 8
 # Factor by which a window at most becomes longer or shorter than the one before.
@@ -17,7 +17,7 @@ LARGEST_CHANGE = 16.0
 
 @ti.data_oriented
 class EventQueue:
-    """A bounded increasing queue: a window of time is cut into half as many buckets as there are spheres.
+    """A bounded increasing queue: a window of time is cut into one bucket for PER_BUCKET spheres.
 
     A bucket is a linked list of notes, of spheres whose events were to fall into it; only that of the present is a heap, of a
     few events. What lies behind the window waits until the window moves on, and is then sorted in; the width of a bucket
