@@ -206,8 +206,8 @@ def test_looking_ahead_changes_no_bit(monkeypatch):
         monkeypatch.setattr("mpp_taichi.contacts._event_lookahead.FEWEST", fewest)
         run = EventRun(x, v, 0.4, period=(20.0, 20.0, 0.0))
         report = run.to(1.0)
-        fetched = run.solver.look_ahead.fetches.ring.to_numpy()
-        assert report.pair_count > len(x) and (len(np.unique(fetched)) > len(x) // 2) == (fewest == 1)
+        around = run.solver.look_ahead.fetches.ring.to_numpy()
+        assert report.pair_count > len(x) and (len(np.unique(around)) > len(x) // 2) == (fewest == 1)
         found.append((run.position, run.velocity))
     assert all(np.array_equal(a, b) for a, b in zip(*found))
 

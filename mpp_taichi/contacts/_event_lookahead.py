@@ -37,7 +37,7 @@ class LookAhead:
         # Who is less than this from either end has no cell there; whether the box is periodic matters little.
         self.margin, self.cell_count = self.rows[-1] + 1, int(np.prod(m))
         self.is_worthwhile = spheres.count >= FEWEST and self.cell_count > 2 * self.margin
-        self.fetches = Fetches(spheres, builder, is_worthwhile=self.is_worthwhile)
+        self.fetches = Fetches(spheres, cells, builder, is_worthwhile=self.is_worthwhile)
         self.last, self.noted = ti.field(ti.i32), ti.field(ti.i32)
         builder.place(self.last, self.noted)
         # Who has an event in the buckets looked at last; and the cells around which he and his partner will look for others.
@@ -49,7 +49,9 @@ class LookAhead:
         builder.dense(ti.i, 1 + 2 * d).place(self.shift)
 
     def write(self) -> None:
-        """Fill the table."""
+        """Fill the tables."""
+        if self.is_worthwhile:
+            self.fetches.write(self.margin)
         self.shift.from_numpy(np.array([0, *(way * s for s in self.strides for way in (-1, 1))], np.int32))
 
     @ti.func
@@ -103,7 +105,7 @@ class LookAhead:
 
     @ti.func
     def _fetch_neighbours(self):
-        """One sphere of each cell around those kept and their partners; who else is in the cell matters little."""
+        """Have those fetched that are around those kept, and around their partners."""
         count = 0
         for k in range(self.noted[None]):
             i = self.sphere[k]
@@ -111,13 +113,13 @@ class LookAhead:
             self.around[count], self.around[count + 1] = self._cell(i), self.cells.cell[ti.max(j, 0)]
             # A partner who has the same event is kept himself.
             count += 1 + ti.cast((j >= 0) & (self.queue.partner[ti.max(j, 0)] != i), ti.i32)
-        place = self.fetches.filled_up_to()
+        place = self.fetches.end()
         for k in range(count):
             middle = self._middle(self.around[k])
             for row in ti.static(self.rows):
-                for step in ti.static((-1, 0, 1)):
-                    place = self.fetches.put(place, self.cells.head[middle + row + step])
-        self.fetches.fill_up_to(place)
+                self.fetches.put(place, middle + row)
+                place += 1
+        self.fetches.put_until(place)
 
     # What is of a sphere, and around it ------------------------------------------------------------------------------------
 

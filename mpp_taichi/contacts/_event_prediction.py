@@ -55,7 +55,7 @@ class Prediction:
         ahead = self.look_ahead.fetches.take(count)
         m = 0
         while m < count:
-            self.look_ahead.fetches.fetch(ahead + m)
+            self.look_ahead.fetches.fetch(ahead, m)
             j = self.cells.near[m]
             count = self.cells.follow(i, m, count)
             if j != i:
