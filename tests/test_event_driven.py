@@ -13,19 +13,19 @@ ULP = 2.0**-52
 def test_galperin_billiard_counts_the_digits_of_pi():
     """A ball of 100^k times the mass of another drives it into a wall: ⌊π 10^k⌋ contacts (Galperin, 2003).
 
-    Five billiards on lines far apart hit the same wall. The log is smaller than the number of contacts, so it fills on the way.
+    Six billiards on lines far apart hit the same wall. The log is smaller than the number of contacts, so it fills on the way.
     """
-    ratios = 100.0 ** np.arange(5)
-    y = 10.0 * np.arange(5)
-    position = np.concatenate([np.stack([np.ones(5), y], 1), np.stack([2 * np.ones(5), y], 1)])
-    velocity = np.zeros((10, 2))
-    velocity[5:, 0] = -1.0
+    ratios = 100.0 ** np.arange(6)
+    y = 10.0 * np.arange(6)
+    position = np.concatenate([np.stack([np.ones(6), y], 1), np.stack([2 * np.ones(6), y], 1)])
+    velocity = np.zeros((12, 2))
+    velocity[6:, 0] = -1.0
     wall = plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
-    run = EventRun(position, velocity, 0.1, inverse_mass=np.r_[np.ones(5), 1 / ratios], surfaces=(wall,), log_capacity=10_000)
+    run = EventRun(position, velocity, 0.1, inverse_mass=np.r_[np.ones(6), 1 / ratios], surfaces=(wall,), log_capacity=10_000)
     report = run.to(100.0)
     log = run.solver.take_log()
-    counts = np.bincount(log["i"] % 5, minlength=5)
-    assert counts.tolist() == [3, 31, 314, 3141, 31415]
+    counts = np.bincount(log["i"] % 6, minlength=6)
+    assert counts.tolist() == [3, 31, 314, 3141, 31415, 314159]
     assert report.pair_count + report.wall_count == counts.sum() and report.unresolved == 0
     assert (np.diff(log["time"]) >= 0).all()
     assert np.isclose(log["impulse"][log["j"] < 0].sum(), report.wall_impulse[0], rtol=1e-12)
