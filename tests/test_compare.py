@@ -330,19 +330,15 @@ def test_exact_contacts_are_judged_and_a_weak_one_is_a_bug(monkeypatch, request,
     assert judged(gas, backend) == "bug"
 
 
+SOUND_PUSH = ContactGroup.push
+
+
 class WeakPush(ContactGroup):
-    """A thousandth of what the second sphere is to get is missing."""
+    """A thousandth of the impulse is missing."""
 
     @ti.func
     def push(self, state: Template, c, impulse, lost):
-        n = self.normal[c]
-        i, j = self.first[c], self.second[c]
-        state.velocity[i] = state.velocity[i] + self.inverse_mass[i] * n * impulse
-        if j >= 0:
-            state.velocity[j] = state.velocity[j] - 0.999 * self.inverse_mass[j] * n * impulse
-        self.impulse[c] = self.impulse[c] + impulse
-        self.lost[c] = self.lost[c] + lost
-        self.hits[c] = self.hits[c] + 1
+        SOUND_PUSH(self, state, c, 0.999 * impulse, lost)
 
 
 @pytest.mark.parametrize("backend", ["cpu", pytest.param("vulkan", marks=pytest.mark.thorough)])
@@ -363,7 +359,7 @@ def judged(gas, backend, precision="f64"):
     contender = TaichiContender(gas.spec, gas.start, backend, precision)
     evidence = gather(contender, gas.judge.states(), gas.looks, forces=False)
     contender.close()
-    assert np.abs(evidence.places[-1] - gas.start.position).max() > 0.1
+    assert np.abs(evidence.places[-1] - gas.start.position).max() > 0.3
     return verdict(gas.course.findings(evidence, precision))["verdict"]
 
 

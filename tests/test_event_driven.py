@@ -207,7 +207,8 @@ def test_looking_ahead_changes_no_bit(monkeypatch):
         run = EventRun(x, v, 0.4, period=(20.0, 20.0, 0.0))
         report = run.to(1.0)
         around = run.solver.look_ahead.fetches.ring.to_numpy()
-        assert report.pair_count > len(x) and (len(np.unique(around)) > len(x) // 2) == (fewest == 1)
+        assert report.pair_count > len(x) and (run.solver.look_ahead.last[None] > 1) == (fewest == 1)
+        assert (len(np.unique(around)) > len(x) // 2) == (fewest == 1)
         found.append((run.position, run.velocity))
     assert all(np.array_equal(a, b) for a, b in zip(*found))
 
@@ -326,12 +327,12 @@ def test_a_thousand_cooling_balls_lose_what_is_dissipated():
     contacts = 0
     while contacts < 1_000_000:
         velocity -= velocity.mean(axis=0)
-        run.start(position, velocity / np.sqrt(np.mean(np.sum(velocity**2, axis=1))))
+        run.start(position, velocity / np.sqrt(np.mean(velocity**2)))
         before = run.energy
         report = run.to(200.0)
         position, velocity = run.position, run.velocity
         contacts += report.pair_count
-        assert report.pair_count > 1e4 and report.unresolved == 0
+        assert report.pair_count > 5e4 and report.unresolved == 0
         assert run.energy < 0.05 * before
         assert abs((before - run.energy) / report.dissipated_energy - 1) < report.pair_count * ULP
         assert report.largest_overlap < 1e-9

@@ -126,10 +126,11 @@ class Agreement:
         # A tree is cut where a tolerance says, and rounding may decide that.
         plain = plain and all(force.parameters.get("solver", DIRECT) == DIRECT for force in spec.forces)
         contacts = spec.contacts.solver.name if spec.contacts is not None else ""
+        if contacts in CONTACTS_NOT_JUDGED:
+            refused = CONTACTS_NOT_JUDGED[contacts]
+            self._reasons |= dict.fromkeys(found, refused)
         if not plain or contacts in CONTACTS_NOT_JUDGED:
-            reason = CONTACTS_NOT_JUDGED.get(contacts) or str(refused)
-            self.remarks.append(f"trajectories are not judged: {reason}")
-            self._reasons |= dict.fromkeys(found, reason)
+            self.remarks.append(f"trajectories are not judged: {refused}")
             return
         bases = [row for row in found if row.precision == "f64" and row.backend != "numpy" and row.seconds_per_step]
         bases = [row for row in bases if all(each.holds for each in findings[row])]

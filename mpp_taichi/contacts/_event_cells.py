@@ -51,8 +51,8 @@ class EventCells:
         ti.loop_config(serialize=True)
         for c in self.head:
             self.head[c] = -1
-        for k in self.next:
-            self.next[k] = -1
+        for k in range(self.small_count, self.count):
+            self.next[k] = -1  # big ones are in no list
         ti.loop_config(serialize=True)
         for k in range(self.small_count):
             self._enter(self.small_count - 1 - k)
