@@ -344,19 +344,23 @@ def test_stars_keep_their_places_in_the_sky() -> None:
     frame = frame_of([0, 0, 0], 1.0)
     camera = Camera(FRONT, frame, aspect=1.0)
     black = np.zeros(3)
-    light = Sky(SkySpec(stars=2000, seed=1), SIZE, black).pictures(camera)[0]
-    np.testing.assert_array_equal(light, Sky(SkySpec(stars=2000, seed=1), SIZE, black).pictures(camera)[0])
-    assert (light != Sky(SkySpec(stars=2000, seed=2), SIZE, black).pictures(camera)[0]).any()
+
+    def light_of(sky: Sky) -> np.ndarray:
+        return linear_from_srgb(sky.picture(camera) / 255.0)
+
+    light = light_of(Sky(SkySpec(stars=2000, seed=1), SIZE, black))
+    np.testing.assert_array_equal(light, light_of(Sky(SkySpec(stars=2000, seed=1), SIZE, black)))
+    assert (light != light_of(Sky(SkySpec(stars=2000, seed=2), SIZE, black))).any()
     camera.zoom(3.0)
     camera.pan(0.2, 0.1)
     sky = Sky(SkySpec(stars=2000, seed=1), SIZE, black)
-    np.testing.assert_array_equal(light, sky.pictures(camera)[0], err_msg="stars are far: moving along changes nothing")
+    np.testing.assert_array_equal(light, light_of(sky), err_msg="stars are far: moving along changes nothing")
     row, column = np.unravel_index(np.argmax(light[70:90, 30:-30].sum(axis=2)), (20, 100))
     angle = 0.05
     camera.rotate(angle / math.pi, 0.0)  # to look farther to the right by so much
     focal = SIZE[1] / 2 / math.tan(math.radians(22.5))
     expected = 80 + focal * math.tan(math.atan((column + 30.5 - 80) / focal) - angle)
-    near = sky.pictures(camera)[0][row + 68 : row + 73, int(expected) - 2 : int(expected) + 3].sum(axis=2)
+    near = light_of(sky)[row + 68 : row + 73, int(expected) - 2 : int(expected) + 3].sum(axis=2)
     assert near.max() > 0.5 * light[row + 70, column + 30].sum()
 
 
@@ -419,13 +423,13 @@ def test_writing_is_dark_on_a_light_background(cpu) -> None:
 
 
 def test_only_what_a_view_asks_for_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    from mpp_taichi.views import renderer
+    from mpp_taichi.views import _pixel_light, _pixels
 
     def not_here(*_: object) -> None:
         raise AssertionError("compiled")
 
-    for name in ("shade_surface", "glow", "displayed"):
-        monkeypatch.setattr(renderer, name, not_here)
+    for module, name in ((_pixel_light, "shade_surface"), (_pixel_light, "glow"), (_pixels, "dither")):
+        monkeypatch.setattr(module, name, not_here)
     backends.start("cpu", "f32")
     try:
         asked = view_spec(

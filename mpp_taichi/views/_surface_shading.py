@@ -23,26 +23,31 @@ def single(number):
 
 
 @ti.func
+def direction(vector):
+    """The vector at length one; not normalized(), whose default argument is in the simulation's precision."""
+    return vector * (single(1) / ti.sqrt(vector.dot(vector)))
+
+
+@ti.func
 def highlight(normal, ray, light):
     """Blinn's highlight of exponent 32, seen along a ray.  [Blinn 1977, Comput. Graph. 11, 192]"""
-    halfway = light - ray / ti.sqrt(ray.dot(ray))  # not norm(), whose default argument is in the simulation's precision
-    shine = ti.max(normal.dot(halfway) / ti.sqrt(halfway.dot(halfway)), single(0.0))
+    shine = ti.max(normal.dot(direction(light - direction(ray))), single(0.0))
     shine = shine * shine * shine * shine
     shine = shine * shine * shine * shine
     return shine * shine
 
 
 @ti.func
-def texel_light(texels: Template, levels: Template, k):
+def texel_light(drawing: Template, k):
     """Light of one texel."""
-    packed = texels[k]
-    red, green, blue = ti.cast(packed & 255, ti.i32), ti.cast(packed >> 8 & 255, ti.i32), ti.cast(packed >> 16 & 255, ti.i32)
-    return ti.Vector([levels[red], levels[green], levels[blue]])
+    texel = drawing.texels[k]
+    return ti.Vector([drawing.levels[ti.cast(texel >> 8 * channel & 255, ti.i32)] for channel in ti.static(range(3))])
 
 
 @ti.func
-def texture_light(material: Template, place: Template, texels: Template, levels: Template, m, normal):
+def texture_light(drawing: Template, m, normal):
     """Light of the texture of material m where the surface has a normal, between the four nearest texels."""
+    material, place = ti.static(drawing.material, drawing.place)
     first, width, height = place[m, 0], place[m, 1], place[m, 2]
     east = normal.dot(ti.Vector([material[m, 0], material[m, 1], material[m, 2]]))
     north_east = normal.dot(ti.Vector([material[m, 3], material[m, 4], material[m, 5]]))
@@ -55,8 +60,8 @@ def texture_light(material: Template, place: Template, texels: Template, levels:
     s, t = u - ti.floor(u), v - ti.floor(v)
     left, right = (column + width) % width, (column + 1 + width) % width
     upper, lower = first + row * width, first + ti.min(row + 1, height - 1) * width
-    above = texel_light(texels, levels, upper + left) * (1 - s) + texel_light(texels, levels, upper + right) * s
-    below = texel_light(texels, levels, lower + left) * (1 - s) + texel_light(texels, levels, lower + right) * s
+    above = texel_light(drawing, upper + left) * (1 - s) + texel_light(drawing, upper + right) * s
+    below = texel_light(drawing, lower + left) * (1 - s) + texel_light(drawing, lower + right) * s
     return above * (1 - t) + below * t
 
 
@@ -78,93 +83,97 @@ def covered_share(a, b, c):
 
 
 @ti.func
-def seen_share(casters: Template, caster_count, point, to_light, distance, light_radius, index):
+def seen_share(drawing: Template, point, to_light, distance, light_radius, index):
     """Share of a light's disk that is seen from a point of particle `index`, past all casters between them.
 
     Disks are compared in the plane at unit distance from the point; where casters overlap, their shares are multiplied.
     """
-    share = single(1.0)
-    for k in range(caster_count):
+    casters = ti.static(drawing.casters)
+    share, disk = single(1.0), light_radius / distance
+    for k in range(drawing.caster_count):
         if casters[k, 4] != index:
             way = ti.Vector([casters[k, 0], casters[k, 1], casters[k, 2]]) - point
             along = way.dot(to_light)
             if along > 0 and along < distance:
                 aside = way - along * to_light
-                c = ti.sqrt(aside.dot(aside)) / along
-                share *= 1 - covered_share(light_radius / distance, casters[k, 3] / along, c)
+                reach = casters[k, 3] + along * disk  # of the half shadow, as far from the point as the caster
+                if aside.dot(aside) < reach * reach:
+                    share *= 1 - covered_share(disk, casters[k, 3] / along, ti.sqrt(aside.dot(aside)) / along)
     return share
 
 
 @ti.func
-def surface_at(table: Template, p, x, y, depth, orthographic):
+def surface_at(drawing: Template, p, x, y, depth):
     """Where the ray through (x, y) meets sphere p at a depth: the ray, the point, and the normal there."""
+    table = ti.static(drawing.table)
     ray = ti.Vector([x, y, single(1.0)])
     point = ray * depth
-    if orthographic == 1:
+    if drawing.orthographic == 1:
         ray = ti.Vector([single(0.0), single(0.0), single(1.0)])
         point = ti.Vector([x, y, depth])
-    return ray, point, (point - ti.Vector([table[p, 5], table[p, 6], table[p, 7]])) / table[p, 8]
+    return ray, point, (point - ti.Vector([table[p, 5], table[p, 6], table[p, 7]])) * (single(1) / table[p, 8])
 
 
 @ti.func
-def shade_surface(
-    table: Template,
-    material: Template,
-    place: Template,
-    texels: Template,
-    levels: Template,
-    lights: Template,
-    casters: Template,
-    light_count,
-    caster_count,
-    ambient,
-    p,
-    x,
-    y,
-    depth,
-    orthographic,
-    light,
-):
-    """Light that reaches the eye from sphere p: by the bodies that shine, or by `light` from afar where none does."""
-    color = ti.Vector([table[p, 9], table[p, 10], table[p, 11]])
-    ray, point, normal = surface_at(table, p, x, y, depth, orthographic)
-    m = ti.cast(table[p, 12], ti.i32)
+def shade_plain(drawing: Template, p, x, y, depth):
+    """Light that reaches the eye from sphere p: ambient, diffuse and a highlight, by a light from afar."""
+    albedo = ti.Vector([drawing.table[p, k] for k in ti.static(range(9, 12))])
+    ray, _, normal = surface_at(drawing, p, x, y, depth)
+    return lit_from_afar(drawing, albedo, normal, ray, single(SPECULAR))
+
+
+@ti.func
+def lit_from_afar(drawing: Template, albedo, normal, ray, specular):
+    """Light from a surface where no body shines."""
+    diffuse = ti.max(normal.dot(drawing.light), single(0.0))
+    return albedo * (single(AMBIENT) + single(DIFFUSE) * diffuse) + specular * highlight(normal, ray, drawing.light)
+
+
+@ti.func
+def shade_surface(drawing: Template, p, x, y, depth):
+    """Light that reaches the eye from sphere p: by the bodies that shine, or from afar where none does."""
+    lights, material = ti.static(drawing.lights, drawing.material)
+    color = ti.Vector([drawing.table[p, k] for k in ti.static(range(9, 12))])
+    ray, point, normal = surface_at(drawing, p, x, y, depth)
+    m = ti.cast(drawing.table[p, 12], ti.i32)
     shines, specular = single(0.0), single(SPECULAR)
     if m >= 0:
         shines = material[m, 9]
-        if place[m, 1] > 0:
-            color = texture_light(material, place, texels, levels, m, normal)
+        if drawing.place[m, 1] > 0:
+            color = texture_light(drawing, m, normal)
             specular = single(0.0)
     if shines > 0:
-        toward_eye = ti.max(-normal.dot(ray) / ti.sqrt(ray.dot(ray)), single(0.0))
+        toward_eye = ti.max(-normal.dot(direction(ray)), single(0.0))
         white = single(HOT) * toward_eye * toward_eye  # as a film shows what is too bright for it
         color = (color + white * (1 - color)) * (1 - single(LIMB_DARKENING) * (1 - toward_eye))
-    elif light_count == 0:
-        diffuse = ti.max(normal.dot(light), single(0.0))
-        color = color * (single(AMBIENT) + single(DIFFUSE) * diffuse) + specular * highlight(normal, ray, light)
+    elif drawing.light_count == 0:
+        color = lit_from_afar(drawing, color, normal, ray, specular)
     else:
         albedo = color
-        color = albedo * ambient
-        for k in range(light_count):
+        color = albedo * drawing.ambient
+        for k in range(drawing.light_count):
             way = ti.Vector([lights[k, 0], lights[k, 1], lights[k, 2]]) - point
             distance = ti.sqrt(way.dot(way))
-            to_light = way / distance
+            to_light = way * (single(1) / distance)
             diffuse = normal.dot(to_light)
             if diffuse > 0:
-                share = seen_share(casters, caster_count, point, to_light, distance, lights[k, 3], table[p, 13])
-                color += share * (albedo * diffuse + specular * highlight(normal, ray, to_light))
+                light = albedo * diffuse
+                if specular > 0:
+                    light += specular * highlight(normal, ray, to_light)
+                color += light * seen_share(drawing, point, to_light, distance, lights[k, 3], drawing.table[p, 13])
     return color
 
 
 @ti.func
-def glow(lights: Template, glow_count, x, y, depth, orthographic):
+def glow(drawing: Template, x, y, depth):
     """Light that is seen around bodies that shine, the first so many of the lights, in front of what is behind them."""
+    lights = ti.static(drawing.lights)
     total = ti.Vector([single(0.0), single(0.0), single(0.0)])
-    for k in range(glow_count):
+    for k in range(drawing.glow_count):
         mx, my, mz, size2 = lights[k, 0], lights[k, 1], lights[k, 2], lights[k, 3] * lights[k, 3]
         aside = (mx - x) * (mx - x) + (my - y) * (my - y)
         near = mz
-        if orthographic == 0:
+        if drawing.orthographic == 0:
             near = (mx * x + my * y + mz) / (x * x + y * y + 1)
             ox, oy, oz = mx - near * x, my - near * y, mz - near
             aside = ox * ox + oy * oy + oz * oz
@@ -173,23 +182,3 @@ def glow(lights: Template, glow_count, x, y, depth, orthographic):
             strength = single(GLOW) * share * ti.sqrt(share) - single(GLOW_END)
             total += ti.max(strength, single(0.0)) * ti.Vector([lights[k, 4], lights[k, 5], lights[k, 6]])
     return total
-
-
-@ti.func
-def displayed(light, row, column):
-    """Light in 0…1 as displayed, red | green << 8 | blue << 16, rounded up or down so that neighbours have the right mean.
-
-    Without that the slow gradients of a glow in a dark sky show as rings.  [sRGB: IEC 61966-2-1]
-    """
-    mixed = ti.cast(row * 73856093 ^ column * 19349663, ti.u32)  # a fixed number for each pixel, the same in every frame
-    mixed = (mixed ^ (mixed >> 16)) * ti.cast(0x7FEB352D, ti.u32)
-    mixed = (mixed ^ (mixed >> 15)) * ti.cast(0x2C1B3C6D, ti.u32)
-    share = ti.cast((mixed >> 8) & 0xFFFF, ti.f32) * single(1.0 / 65536.0)
-    packed = ti.cast(0, ti.u32)
-    for channel in ti.static(range(3)):
-        level = single(12.92) * light[channel]
-        if light[channel] > single(0.0031308):
-            level = single(1.055) * ti.pow(light[channel], single(1.0 / 2.4)) - single(0.055)
-        shown = ti.min(ti.cast(ti.floor(single(255.0) * level + share), ti.u32), ti.cast(255, ti.u32))
-        packed = packed | shown << (8 * channel)
-    return packed

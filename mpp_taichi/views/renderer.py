@@ -12,28 +12,16 @@ import taichi as ti
 
 from mpp_taichi.scene.spec import ViewSpec
 from mpp_taichi.serial_loops import on_cpu
-from mpp_taichi.types import Template
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
-from mpp_taichi.views._coverage import Coverage
-from mpp_taichi.views._primitives import TILE, Primitives, Screen, at_least_one, bin_into_tiles, lines, spheres
-from mpp_taichi.views._sample_hits import SAMPLES, line_hit, sphere_hit
-from mpp_taichi.views._surface_shading import (
-    AMBIENT,
-    DIFFUSE,
-    SPECULAR,
-    displayed,
-    glow,
-    highlight,
-    shade_surface,
-    single,
-    surface_at,
-)
+from mpp_taichi.views._display import CURVE
+from mpp_taichi.views._pixels import draw_pixels
+from mpp_taichi.views._primitives import Primitives, Screen, at_least_one, bin_into_tiles, lines, spheres
 from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
 from mpp_taichi.views.legend import draw_labels, draw_legend
 from mpp_taichi.views.sky import Sky
-from mpp_taichi.views.srgb import linear_from_srgb, srgb_from_linear
+from mpp_taichi.views.srgb import linear_from_srgb
 from mpp_taichi.views.surfaces import Surfaces, SurfaceTables
 from mpp_taichi.views.textures import LEVELS
 
@@ -42,7 +30,6 @@ logger = logging.getLogger(__name__)
 LIGHT = np.array([-0.45, 0.6, -0.66]) / math.sqrt(0.45**2 + 0.6**2 + 0.66**2)  # from where: upper left, before the scene
 TRAIL_WIDTH = 1.5  # pixels
 TRAIL_DEPTH = 1.0e-3  # of its distance, that the oldest part of a trail is drawn behind its place
-GAMMA_ENTRIES = 4096
 LOOP_LIMIT = 65_000  # software Vulkan ends a thread's loop silently at 65,535 iterations
 
 
@@ -54,13 +41,9 @@ class Renderer(View):
         self.spec, self.size, self.dimensions = spec, size, dimensions
         self.camera: Camera | None = None
         self.trails = Trails(spec.trails)
-        levels = srgb_from_linear(np.linspace(0.0, 1.0, GAMMA_ENTRIES))
-        self._gamma = np.rint(255.0 * levels).astype(np.int32)
-        self._packed = np.zeros((size[1], size[0]), np.uint32)
         self._appearance, self._surfaces = Appearance(spec, dimensions), Surfaces(spec)
-        self._background = linear_from_srgb(np.array(spec.background))
-        self._coverage = Coverage()
-        self._sky = Sky(spec.sky, size, self._background) if spec.sky is not None else None
+        self._plain = np.tile(np.rint(255.0 * np.clip(spec.background, 0.0, 1.0)).astype(np.uint8), (size[1], size[0], 1))
+        self._sky = Sky(spec.sky, size, linear_from_srgb(np.array(spec.background))) if spec.sky is not None else None
 
     def draw(self, frame: Frame) -> np.ndarray:
         """The picture of a frame, uint8, shape (height, width, 3)."""
@@ -71,10 +54,7 @@ class Renderer(View):
         self.trails.add(frame)
         screen = Screen.of(self.camera, width, height)
         primitives, tables = self._primitives(frame, self.camera, screen)
-        self._rasterize(primitives, tables, screen)
-        picture = np.empty((height, width, 3), np.uint8)
-        for k in range(3):  # one color at a time: four times as fast as all
-            picture[:, :, k] = self._packed.view(np.uint8).reshape(height, width, 4)[:, :, k]
+        picture = self._rasterize(primitives, tables, screen)
         draw_labels(picture, self._appearance.labels(), self.camera, self.spec.background)
         if self.spec.caption:
             draw_caption(picture, frame, self.spec.background)
@@ -123,211 +103,62 @@ class Renderer(View):
         )
         return bin_into_tiles(drawn, lines(all_ends, color, thickness * screen.height / 720.0, screen), screen), tables
 
-    def _rasterize(self, primitives: Primitives, tables: SurfaceTables, screen: Screen) -> None:
+    def _rasterize(self, primitives: Primitives, tables: SurfaceTables, screen: Screen) -> np.ndarray:
         longest = int(np.diff(primitives.start).max())
         if longest > LOOP_LIMIT and ti.lang.impl.current_cfg().arch == ti.vulkan:
             logger.warning(
                 "%d particles share one tile of the picture; software Vulkan draws the nearest %d", longest, LOOP_LIMIT
             )
         assert self.camera is not None
-        sky_light = np.zeros((1, 1, 3), np.float32)
-        if self._sky is not None:
-            sky_light, self._packed[:] = self._sky.pictures(self.camera)
-        else:
-            red, green, blue = np.rint(255.0 * np.clip(self.spec.background, 0.0, 1.0)).astype(int).tolist()
-            self._packed.fill(red | green << 8 | blue << 16)
-        by_tile = on_cpu()
+        behind = self._plain if self._sky is None else self._sky.picture(self.camera)
         # Most of a picture is empty, unless something glows.
         shows = np.diff(primitives.start) > 0
         tiles = np.flatnonzero(shows if not tables.glow_count else np.ones_like(shows)).astype(np.int32)
         if not len(tiles):
-            return
-        if by_tile:
-            self._coverage.find(tiles, primitives, screen)
-        _draw_pixels(
+            return behind.copy()
+        by_row = on_cpu()
+        # Graphics cards may not know bytes.
+        canvas = behind.copy() if by_row else _packed(behind)
+        draw_pixels(
+            tiles,
+            np.zeros(1, np.int32),
+            by_row,
             screen.width,
             screen.height,
-            primitives.sphere_count,
+            1.0 / screen.focal,
+            int(screen.orthographic),
             at_least_one(primitives.table),
+            primitives.sphere_count,
             primitives.start,
             at_least_one(primitives.entry),
-            self._gamma,
-            self._packed,
-            screen.focal,
-            int(screen.orthographic),
+            canvas,
+            CURVE,
             ti.Vector(LIGHT.tolist()),
-            ti.Vector(self._background.tolist()),
             bool(self._surfaces),
-            self._sky is not None,
             tables.material,
             tables.place,
             tables.texels,
             LEVELS,
             at_least_one(tables.lights),
-            at_least_one(tables.casters),
             len(tables.lights),
             tables.glow_count,
+            at_least_one(tables.casters),
             len(tables.casters),
             self.spec.ambient,
-            sky_light,
-            by_tile,
-            tiles,
-            self._coverage.depth,
-            self._coverage.hit,
         )
+        return canvas if by_row else _unpacked(canvas)
 
 
-@ti.func
-def _shade(table: Template, p, sphere_count, x, y, depth, orthographic, light):
-    """Light that reaches the eye from primitive p: ambient, diffuse and a highlight on spheres, flat on lines."""
-    color = ti.Vector([table[p, 13], table[p, 14], table[p, 15]])
-    if p < sphere_count:
-        albedo = ti.Vector([table[p, 9], table[p, 10], table[p, 11]])
-        ray, _, normal = surface_at(table, p, x, y, depth, orthographic)
-        diffuse = ti.max(normal.dot(light), single(0.0))
-        color = albedo * (single(AMBIENT) + single(DIFFUSE) * diffuse) + single(SPECULAR) * highlight(normal, ray, light)
-    return color
+def _packed(picture: np.ndarray) -> np.ndarray:
+    """Red | green << 8 | blue << 16 of every pixel."""
+    packed = np.zeros((*picture.shape[:2], 4), np.uint8)
+    for k in range(3):  # one color at a time: four times as fast as all
+        packed[:, :, k] = picture[:, :, k]
+    return packed.view(np.uint32)[:, :, 0]
 
 
-@ti.func
-def _sees_nothing(tile_hit: Template, slot, first_sample):
-    most = -1
-    for s in ti.static(range(4)):
-        most = ti.max(most, tile_hit[slot, first_sample + s])
-    return most < 0
-
-
-@ti.kernel
-def _draw_pixels(
-    width: ti.i32,
-    height: ti.i32,
-    sphere_count: ti.i32,
-    table: ti.types.ndarray(ti.f32, ndim=2),
-    start: ti.types.ndarray(ti.i32, ndim=1),
-    entry: ti.types.ndarray(ti.i32, ndim=1),
-    gamma: ti.types.ndarray(ti.i32, ndim=1),
-    packed: ti.types.ndarray(ti.u32, ndim=2),
-    focal: ti.f32,
-    orthographic: ti.i32,
-    light: ti.types.vector(3, ti.f32),
-    background: ti.types.vector(3, ti.f32),
-    surfaces: Template,
-    sky: Template,
-    material: ti.types.ndarray(ti.f32, ndim=2),
-    place: ti.types.ndarray(ti.i32, ndim=2),
-    texels: ti.types.ndarray(ti.u32, ndim=1),
-    levels: ti.types.ndarray(ti.f32, ndim=1),
-    lights: ti.types.ndarray(ti.f32, ndim=2),
-    casters: ti.types.ndarray(ti.f32, ndim=2),
-    light_count: ti.i32,
-    glow_count: ti.i32,
-    caster_count: ti.i32,
-    ambient: ti.f32,
-    sky_light: ti.types.ndarray(ti.f32, ndim=3),
-    covered: Template,
-    tiles: ti.types.ndarray(ti.i32, ndim=1),
-    tile_depth: ti.types.ndarray(ti.f32, ndim=2),
-    tile_hit: ti.types.ndarray(ti.i32, ndim=2),
-):
-    for q in range(tiles.shape[0] * TILE * TILE):
-        slot, inside = q // (TILE * TILE), q % (TILE * TILE)
-        tile = tiles[slot]
-        across = (width + TILE - 1) // TILE
-        row, column = tile // across * TILE + inside // TILE, tile % across * TILE + inside % TILE
-        shows = 0
-        if row < height and column < width:
-            shows = 1
-            if ti.static(covered):
-                if glow_count == 0 and _sees_nothing(tile_hit, slot, 4 * inside):
-                    shows = 0  # as most pixels of a tile do
-        if shows == 1:
-            color = packed[row, column]  # what lies behind all
-            k, end = start[tile], start[tile + 1]
-            behind = background
-            if ti.static(sky):
-                behind = ti.Vector([sky_light[row, column, 0], sky_light[row, column, 1], sky_light[row, column, 2]])
-            # The samples on the screen [pixels] and, below, as rays.
-            sx, sy = ti.Vector([single(0)] * 4), ti.Vector([single(0)] * 4)
-            depth, hit = ti.Vector([single(3.0e38)] * 4), ti.Vector([-1] * 4)
-            for s in ti.static(range(4)):
-                sx[s] = ti.cast(column, ti.f32) + single(0.5 + SAMPLES[s][0])
-                sy[s] = ti.cast(row, ti.f32) + single(0.5 + SAMPLES[s][1])
-            rx, ry = (sx - single(0.5) * width) / focal, (single(0.5) * height - sy) / focal
-            if ti.static(covered):
-                k = end
-                for s in ti.static(range(4)):
-                    depth[s], hit[s] = tile_depth[slot, 4 * inside + s], tile_hit[slot, 4 * inside + s]
-            while k < end:
-                p = entry[k]
-                k += 1
-                if table[p, 4] > depth.max():
-                    k = end  # nearest first: nothing behind can be seen in any sample
-                elif table[p, 0] < column + 1 and table[p, 1] > column and table[p, 2] < row + 1 and table[p, 3] > row:
-                    for s in ti.static(range(4)):
-                        found = single(-1)
-                        if p < sphere_count:
-                            found = sphere_hit(table, p, rx[s], ry[s], orthographic)
-                        else:
-                            found = line_hit(table, p, sx[s], sy[s], orthographic)
-                        if found > 0 and found < depth[s]:
-                            depth[s] = found
-                            hit[s] = p
-            if ti.static(surfaces):
-                if glow_count > 0 and hit.max() < 0:  # one sample will do where there are no edges
-                    halo = glow(lights, glow_count, rx[0], ry[0], single(3.0e38), orthographic)
-                    if halo.max() > 0:
-                        color = displayed(ti.min(behind + halo, ti.Vector([single(1)] * 3)), row, column)
-            if hit.max() >= 0:
-                total = ti.Vector([single(0), single(0), single(0)])
-                if ti.static(surfaces):
-                    for s in range(4):  # not unrolled: the compiler would take four times as long
-                        # Once for all samples of one primitive, in their middle, which a sphere and a line cover too.
-                        shared, first = 0, 1
-                        x, y = single(0), single(0)
-                        for other in ti.static(range(4)):
-                            if hit[other] == hit[s]:
-                                shared += 1
-                                x, y = x + rx[other], y + ry[other]
-                                if other < s:
-                                    first = 0
-                        if first == 1:
-                            x, y = x / shared, y / shared
-                            light_seen, seen = behind, depth[s]
-                            if hit[s] >= sphere_count:
-                                light_seen = ti.Vector([table[hit[s], 13], table[hit[s], 14], table[hit[s], 15]])
-                            elif hit[s] >= 0:
-                                middle = sphere_hit(table, hit[s], x, y, orthographic)
-                                if middle > 0:  # not so where rounding takes it off the rim
-                                    seen = middle
-                                light_seen = shade_surface(
-                                    table,
-                                    material,
-                                    place,
-                                    texels,
-                                    levels,
-                                    lights,
-                                    casters,
-                                    light_count,
-                                    caster_count,
-                                    ambient,
-                                    hit[s],
-                                    x,
-                                    y,
-                                    seen,
-                                    orthographic,
-                                    light,
-                                )
-                            light_seen += glow(lights, glow_count, x, y, seen, orthographic)
-                            total += shared * ti.min(light_seen, ti.Vector([single(1)] * 3))
-                else:
-                    for s in ti.static(range(4)):
-                        light_seen = behind
-                        if hit[s] >= 0:
-                            light_seen = _shade(table, hit[s], sphere_count, rx[s], ry[s], depth[s], orthographic, light)
-                        total += ti.min(light_seen, ti.Vector([single(1)] * 3))
-                if ti.static(surfaces or sky):
-                    color = displayed(total * single(0.25), row, column)
-                else:
-                    level = ti.cast(total * single((GAMMA_ENTRIES - 1) / 4) + single(0.5), ti.i32)
-                    color = ti.cast(gamma[level[0]] | gamma[level[1]] << 8 | gamma[level[2]] << 16, ti.u32)
-            packed[row, column] = color
+def _unpacked(packed: np.ndarray) -> np.ndarray:
+    picture = np.empty((*packed.shape, 3), np.uint8)
+    for k in range(3):
+        picture[:, :, k] = packed.view(np.uint8).reshape(*packed.shape, 4)[:, :, k]
+    return picture

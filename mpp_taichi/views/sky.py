@@ -27,8 +27,7 @@ class Sky:
         """Make the stars, or read the picture."""
         self.size, self.background, self.brightness = size, background, spec.brightness
         self._view: tuple[float, ...] | None = None
-        self._light: np.ndarray = np.zeros((1, 1, 3), np.float32)
-        self._packed: np.ndarray = np.zeros((1, 1), np.uint32)
+        self._shown: np.ndarray = np.zeros((1, 1, 3), np.uint8)
         self._texture: Texture | None = read_picture(spec.file) if spec.file is not None else None
         random = np.random.default_rng([spec.seed, 7])
         direction = random.normal(size=(spec.stars, 3))
@@ -38,20 +37,18 @@ class Sky:
         tint = 1.0 + np.stack([warmth, -0.2 * np.abs(warmth), -warmth], axis=1)
         self._star_light = np.minimum(brightness, 4.0)[:, None] * tint
 
-    def pictures(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-        """Light of every pixel, float32, shape (height, width, 3), and as displayed, red | green << 8 | blue << 16."""
+    def picture(self, camera: Camera) -> np.ndarray:
+        """What is displayed of it, uint8, shape (height, width, 3)."""
         angle = 45.0 if camera.orthographic else camera.field_of_view
         view = (*camera.right, *camera.up, angle)
         if view != self._view:
             self._view = view
             focal = self.size[1] / 2.0 / math.tan(math.radians(angle) / 2.0)
-            light = self._picture(camera, focal) if self._texture is not None else self._stars(camera, focal)
-            self._light = np.ascontiguousarray(light, dtype=np.float32)
-            shown = np.rint(255.0 * srgb_from_linear(self._light)).astype(np.uint32)
-            self._packed = shown[:, :, 0] | shown[:, :, 1] << 8 | shown[:, :, 2] << 16
-        return self._light, self._packed
+            light = self._image(camera, focal) if self._texture is not None else self._stars(camera, focal)
+            self._shown = np.rint(255.0 * srgb_from_linear(light)).astype(np.uint8)
+        return self._shown
 
-    def _picture(self, camera: Camera, focal: float) -> np.ndarray:
+    def _image(self, camera: Camera, focal: float) -> np.ndarray:
         assert self._texture is not None
         width, height = self.size
         x = (np.arange(width) + 0.5 - width / 2.0) / focal

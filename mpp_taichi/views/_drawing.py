@@ -1,0 +1,43 @@
+"""What the functions of the kernel that draws are given, under one name."""
+
+from typing import Any, NamedTuple
+
+
+class Drawing(NamedTuple):
+    """The arguments of `draw_pixels`, put together while it is compiled: nothing of it is left in the kernel.
+
+    width, height   of the picture [pixels]
+    per_pixel       length at unit depth that a pixel shows; at any depth when `orthographic` is 1, which is 0 in perspective
+    table, sphere_count, start, entry   the primitives (`_primitives.py`)
+    picture         at first what lies behind all
+    curve           how light is displayed (`_display.py`)
+    light           direction that light comes from where no body shines
+    surfaces        whether anything has a texture, shines or throws shadows, at compile time; what follows is of these
+    material, place, texels, lights, casters, glow_count   as in `SurfaceTables`
+    levels          light of the 256 values of a texel
+    light_count, caster_count   rows of `lights` and `casters`
+    ambient         light that is everywhere
+    """
+
+    width: Any
+    height: Any
+    per_pixel: Any
+    orthographic: Any
+    table: Any
+    sphere_count: Any
+    start: Any
+    entry: Any
+    picture: Any
+    curve: Any
+    light: Any
+    surfaces: Any
+    material: Any
+    place: Any
+    texels: Any
+    levels: Any
+    lights: Any
+    light_count: Any
+    glow_count: Any
+    casters: Any
+    caster_count: Any
+    ambient: Any

@@ -1,0 +1,55 @@
+"""The light of one pixel, from what its samples see."""
+
+import taichi as ti
+
+from mpp_taichi.types import Template
+from mpp_taichi.views._sample_hits import NOWHERE, rays, sample_places, sphere_hit
+from mpp_taichi.views._surface_shading import glow, shade_plain, shade_surface, single
+
+
+@ti.func
+def pixel_light(drawing: Template, row, column, depth, hit, behind):
+    """The mean of a pixel's samples, and whether it is anything else than what is behind."""
+    x, y = sample_places(column, row)
+    right, up = rays(drawing, x, y)
+    changed, total = 1, ti.Vector([single(0)] * 3)
+    if hit.max() < 0:
+        changed = 0
+        if ti.static(drawing.surfaces):  # one sample will do where there are no edges
+            halo = glow(drawing, right[0], up[0], single(NOWHERE))
+            if halo.max() > 0:
+                changed, total = 1, ti.min(behind + halo, single(1))
+    elif ti.static(drawing.surfaces):
+        left = ti.Vector([1, 1, 1, 1])
+        while left.max() > 0:
+            # Once for all samples that see the same, in their middle, which a sphere and a line cover too.
+            p, seen_depth = -1, single(NOWHERE)
+            for s in ti.static(range(4)):
+                if left[s] == 1:
+                    p, seen_depth = hit[s], depth[s]
+            shared, middle_x, middle_y = single(0), single(0), single(0)
+            for s in ti.static(range(4)):
+                same = ti.cast(hit[s] == p, ti.i32)
+                share = ti.cast(same, ti.f32)
+                shared, middle_x, middle_y = shared + share, middle_x + share * right[s], middle_y + share * up[s]
+                left[s] *= 1 - same
+            middle_x, middle_y = middle_x / shared, middle_y / shared
+            light = behind
+            if p >= drawing.sphere_count:
+                light = ti.Vector([drawing.table[p, k] for k in ti.static(range(13, 16))])
+            elif p >= 0:
+                middle = sphere_hit(drawing, p, middle_x, middle_y)
+                if middle < single(NOWHERE):  # not so where rounding takes it off the rim
+                    seen_depth = middle
+                light = shade_surface(drawing, p, middle_x, middle_y, seen_depth)
+            light += glow(drawing, middle_x, middle_y, seen_depth)
+            total += single(0.25) * shared * ti.min(light, single(1))
+    else:
+        for s in ti.static(range(4)):
+            light = behind
+            if hit[s] >= drawing.sphere_count:
+                light = ti.Vector([drawing.table[hit[s], k] for k in ti.static(range(13, 16))])
+            elif hit[s] >= 0:
+                light = shade_plain(drawing, hit[s], right[s], up[s], depth[s])
+            total += single(0.25) * ti.min(light, single(1))
+    return changed, total
