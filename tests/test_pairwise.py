@@ -5,7 +5,7 @@ import pytest
 from sphere_gases import Places, box, gas, largest_overlap, setup_of
 
 from mpp_taichi import backends
-from mpp_taichi.contacts._overlaps import Overlaps
+from mpp_taichi.contacts._overlaps import FEW, Overlaps
 from mpp_taichi.contacts.pairwise import Pairwise
 from mpp_taichi.walls._base import Enclosure
 
@@ -56,6 +56,29 @@ def test_the_bits_depend_neither_on_how_pairs_are_found_nor_on_the_threads(walls
         results.add((x.tobytes(), v.tobytes(), report.pair_count, report.wall_count, report.largest_overlap))
         if walls:
             assert x.min() > 1.0 - 0.2 and x.max() < edges[0] - 1.0 + 0.2  # pushed back in by no more than a neighbour
+        backends.stop()
+    assert len(results) == 1
+
+
+def test_few_pairs_come_in_the_order_of_their_numbers_too():
+    """Few pairs are sorted in a way of their own, which leaves out the spheres that touch nothing: here all but ten rows of
+    three that overlap."""
+    random = np.random.default_rng(5)
+    lattice = 6.0 * np.stack(np.meshgrid(*[np.arange(1, 13)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    ends = [lattice[60:70] + [offset, 0.0, 0.0] for offset in (-1.8, 1.8)]
+    position = np.concatenate([random.permutation(lattice), random.permutation(np.concatenate(ends))])
+    velocity = 0.01 * random.normal(size=position.shape)
+    results = set()
+    for all_pairs in (True, False):
+        backends.start("cpu", "f64", threads=2)
+        state = Places(position, velocity)
+        solver = Overlaps(setup_of(np.ones(len(position)), enclosure=box([80.0] * 3)), state, all_pairs=all_pairs)
+        solver.drift(0.0, 1.0)
+        if not all_pairs:
+            found = solver.found.to_numpy()[: solver.found_count[0]].tolist()
+            assert found == sorted(found) and len(found) == 20 < len(position) // FEW
+        x, v = state.read()
+        results.add((x.tobytes(), v.tobytes(), solver.collect().pair_count))
         backends.stop()
     assert len(results) == 1
 

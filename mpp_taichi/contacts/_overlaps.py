@@ -15,6 +15,7 @@ from mpp_taichi.walls import _geometry
 
 ALL_PAIRS_UP_TO = 500  # spheres; more are faster on the cell grid, see tools/benchmark_contacts.py
 PAIRS_PER_SPHERE = 8  # for which there is room: a contact graph of spheres has fewer than 7.5 edges for each
+FEW = 64  # spheres for each pair: where there are more, pairs are few
 LONG_AGO = -1e30  # when a sphere that never touched anything did so last
 
 
@@ -115,8 +116,6 @@ class Overlaps:
     @ti.kernel
     def _find(self, plain: Template):
         self.found_count[0] = 0
-        for i in range(self.particle_count + 2):
-            self.row[i] = 0
         for slot in range(self.particle_count):
             if ti.static(plain):
                 visit_rows(self.grid, slot, self._note_run, slot, 0)
@@ -136,10 +135,9 @@ class Overlaps:
         one, two = self.grid.order[slot], self.grid.order[other]
         i, j = ti.min(one, two), ti.max(one, two)
         if self._overlap_together(i, j):
-            k = ti.atomic_add(self.found_count[0], 1)  # in any order: rows are sorted below
+            k = ti.atomic_add(self.found_count[0], 1)  # in any order: they are sorted below
             if k < self.capacity:
                 self.found[k] = ti.Vector([i, j])
-                ti.atomic_add(self.row[i + 2], 1)
 
     @ti.func
     def _overlap_together(self, i, j):
@@ -151,16 +149,51 @@ class Overlaps:
     def _bounce_pairs(self, time: float):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            for i in range(self.particle_count):
-                self.row[i + 2] = self.row[i + 2] + self.row[i + 1]
-            for k in range(ti.min(self.found_count[0], self.capacity)):
-                i = self.found[k][0]
-                self.partner[self.row[i + 1]] = self.found[k][1]
-                self.row[i + 1] = self.row[i + 1] + 1
+            count = ti.min(self.found_count[0], self.capacity)
             self.tally.give_up(0, ti.max(self.found_count[0] - self.capacity, 0))
-            for i in range(self.particle_count):
-                self._sort_row(self.row[i], self.row[i + 1])
-            self._work_off(time)
+            if count < self.particle_count // FEW:
+                self._sort_few(count)
+            else:
+                self._sort_many(count)
+            for k in range(count):
+                self._bounce_pair(0, self.found[k][0], self.found[k][1], time)
+
+    @ti.func
+    def _sort_few(self, count):
+        """Shell's sort with gaps 1, 4, 13, 40, …, which does not look at the spheres that touch nothing."""
+        gap = 1
+        while gap < count // 3:
+            gap = 3 * gap + 1
+        while gap > 0:
+            for k in range(gap, count):
+                pair, hole = self.found[k], k
+                while hole >= gap and self._is_later(self.found[ti.max(hole - gap, 0)], pair):
+                    self.found[hole] = self.found[hole - gap]
+                    hole -= gap
+                self.found[hole] = pair
+            gap //= 3
+
+    @ti.func
+    def _is_later(self, pair, other):
+        return pair[0] > other[0] or (pair[0] == other[0] and pair[1] > other[1])
+
+    @ti.func
+    def _sort_many(self, count):
+        """By way of a row for each sphere."""
+        for i in range(self.particle_count + 2):
+            self.row[i] = 0
+        for k in range(count):
+            self.row[self.found[k][0] + 2] += 1
+        for i in range(self.particle_count):
+            self.row[i + 2] = self.row[i + 2] + self.row[i + 1]
+        for k in range(count):
+            i = self.found[k][0]
+            self.partner[self.row[i + 1]] = self.found[k][1]
+            self.row[i + 1] = self.row[i + 1] + 1
+        for i in range(self.particle_count):
+            self._sort_row(self.row[i], self.row[i + 1])
+            for k in range(self.row[i], self.row[i + 1]):
+                self.found[k] = ti.Vector([i, self.partner[k]])
 
     @ti.func
     def _sort_row(self, begin, end):
@@ -216,6 +249,16 @@ class Overlaps:
 
     @ti.func
     def _bounce_off_walls(self, chunk, i, time):
+        # Most spheres touch no wall: one look at all of them, without a branch for each.
+        place, radius = self.state.position[i], self.bounce.radius[i]
+        least = ti.cast(0.0, float)
+        for s in ti.static(range(len(self.bounce.surfaces))):
+            least = ti.min(least, _geometry.gap(self.bounce.surfaces[s], place, radius, time))
+        if least < 0.0:
+            self._bounce_off_each_wall(chunk, i, time)
+
+    @ti.func
+    def _bounce_off_each_wall(self, chunk, i, time):
         for s in ti.static(range(len(self.bounce.surfaces))):
             x = self.state.position[i]
             gap = _geometry.gap(self.bounce.surfaces[s], x, self.bounce.radius[i], time)

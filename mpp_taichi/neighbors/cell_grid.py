@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.neighbors._levels import BINS, BINS_PER_OCTAVE, MAXIMUM_LEVELS, Level, choose_levels
+from mpp_taichi.neighbors._level_table import BUCKETS_PER_SPHERE, LevelTable
+from mpp_taichi.neighbors._levels import BINS, BINS_PER_OCTAVE, MAXIMUM_LEVELS, choose_levels
 from mpp_taichi.neighbors.periodic import nearest_image
 from mpp_taichi.serial_loops import loop_grain
 from mpp_taichi.types import Template
 
 CHUNKS = 64  # of a reduction; fixed, so that sums do not depend on the threads
-BUCKETS_PER_SPHERE = 4
 ROUNDINGS = 8  # of a coordinate on its way to a cell, as a generous count
 
 
 @ti.data_oriented
-class CellGrid:
+class CellGrid(LevelTable):
     """Spheres in the order of their cells, and of their index within a cell, whatever the number of threads.
 
     order             (n,) which sphere is in a slot
@@ -50,29 +50,22 @@ class CellGrid:
         self.sorted_reach = ti.field(float)
         self.bounds = ti.Vector.field(2 * dimensions + 2, float)
         self.bin_count, self.level_of_bin = ti.field(ti.i32), ti.field(ti.i32)
-        self.level_count, self.level_offset, self.level_mask, self.level_buckets = (ti.field(ti.i32) for _ in range(4))
-        self.level_reach, self.slack = ti.field(float), ti.field(float)
-        self.level_inverse, self.corner = (ti.Vector.field(dimensions, float) for _ in range(2))
-        self.level_cells = ti.Vector.field(dimensions, ti.i32)
-        self.level_strides = ti.Vector.field(2, ti.u32)
+        level_numbers, level_integers = self._make_level_fields()
         numbers, integers = ti.FieldsBuilder(), ti.FieldsBuilder()  # apart: see State._builder
         numbers.dense(ti.i, particle_count).place(self.sorted_position, self.sorted_reach)  # read together
         for builder, count, fields in (
             (numbers, CHUNKS, (self.bounds,)),
-            (numbers, MAXIMUM_LEVELS, (self.level_reach, self.level_inverse)),
-            (numbers, 1, (self.corner, self.slack)),
+            (numbers, MAXIMUM_LEVELS, level_numbers),
             (integers, particle_count, (self.order, self.key)),
             (integers, buckets + 1, (self.start,)),
             (integers, self.sorter_count * buckets, (self.tally,)),
             (integers, self.scan_count + 1, (self.scan,)),
             (integers, BINS, (self.bin_count, self.level_of_bin)),
-            (integers, MAXIMUM_LEVELS, (self.level_offset, self.level_mask, self.level_buckets)),
-            (integers, MAXIMUM_LEVELS, (self.level_cells, self.level_strides, self.level_count)),
+            (integers, MAXIMUM_LEVELS, level_integers),
         ):
             for field in fields:
                 builder.dense(ti.i, count).place(field)
         self._trees = [numbers.finalize(), integers.finalize()]
-        self.table: list[Level] = []
 
     def destroy(self) -> None:
         """Give the memory back."""
@@ -88,6 +81,9 @@ class CellGrid:
         """
         lower, upper, least, largest = bounds or self.measure(position, reach)
         least, largest = least + skin, largest + skin
+        # On a lattice of the widest cells, so that most of the time it is the box of the time before.
+        lattice = 2.0 * largest if largest > 0.0 else 1.0
+        lower, upper = np.floor(lower / lattice) * lattice, np.ceil(upper / lattice) * lattice
         extent = np.where(self.repeats[: self.dimensions], self.period[: self.dimensions], upper - lower)
         corner = np.where(self.repeats[: self.dimensions], self.origin, lower)
         if 2.0 * least >= largest:
@@ -96,51 +92,18 @@ class CellGrid:
             self._count_bins(reach, skin, largest)
             reaches, counts, level_of_bin = choose_levels(self.bin_count.to_numpy(), largest)
             self.level_of_bin.from_numpy(level_of_bin)
-        size = max(np.abs(corner).max(), np.abs(corner + extent).max(), np.abs(lower).max(), np.abs(upper).max())
-        self._set_levels(reaches, counts, extent, corner, ROUNDINGS * self.epsilon * size)
-        self._sort(position, reach, skin, largest, sum(level.buckets for level in self.table))
+        size = float(np.abs([corner, corner + extent, lower, upper]).max())
+        self.set_levels(reaches, counts, extent, corner, ROUNDINGS * self.epsilon * size)
+        self._sort(position, reach, skin, largest, self.bucket_count)
 
     def measure(self, position: Any, reach: Any) -> tuple[np.ndarray, np.ndarray, float, float]:
         """Bounding box, least and largest reach."""
-        self._measure(position, reach)
-        return self._measured()
-
-    def _measured(self) -> tuple[np.ndarray, np.ndarray, float, float]:
-        found = self.bounds.to_numpy().astype(float)
+        found = self._measure(position, reach)
         d = self.dimensions
-        return found[:, :d].min(0), found[:, d : 2 * d].max(0), float(found[:, 2 * d].min()), float(found[:, 2 * d + 1].max())
-
-    def _set_levels(self, reaches: list, counts: list, extent: np.ndarray, corner: np.ndarray, slack: float) -> None:
-        self.table = []
-        offset = 0
-        for reach, count in zip(reaches, counts, strict=True):
-            level = Level.fitted(reach + slack, count, extent, self.repeats, BUCKETS_PER_SPHERE, offset)
-            offset += level.buckets
-            self.table.append(level)
-        rows = np.zeros((MAXIMUM_LEVELS, 4 + 2 * self.dimensions + 2))
-        for k, level in enumerate(self.table):
-            rows[k] = [level.offset, level.mask, level.buckets, level.reach, *level.inverse, *level.cells, *level.strides]
-        self._store_levels(rows, len(self.table), np.asarray(corner, float), slack)
+        return np.array(found[:d]), np.array(found[3 : 3 + d]), found[6], found[7]
 
     @ti.kernel
-    def _store_levels(self, rows: ti.types.ndarray(), levels: ti.i32, corner: ti.types.ndarray(), slack: float):
-        ti.loop_config(serialize=True)
-        for k in range(levels):
-            self.level_offset[k] = ti.cast(rows[k, 0], ti.i32)
-            self.level_mask[k] = ti.cast(rows[k, 1], ti.i32)
-            self.level_buckets[k] = ti.cast(rows[k, 2], ti.i32)
-            self.level_reach[k] = ti.cast(rows[k, 3], float)
-            for axis in ti.static(range(self.dimensions)):
-                self.level_inverse[k][axis] = ti.cast(rows[k, 4 + axis], float)
-                self.level_cells[k][axis] = ti.cast(rows[k, 4 + self.dimensions + axis], ti.i32)
-                self.corner[0][axis] = ti.cast(corner[axis], float)
-            for axis in ti.static(range(2)):
-                self.level_strides[k][axis] = ti.cast(rows[k, 4 + 2 * self.dimensions + axis], ti.u32)
-            self.level_count[0] = levels
-            self.slack[0] = slack
-
-    @ti.kernel
-    def _measure(self, position: Template, reach: Template):
+    def _measure(self, position: Template, reach: Template) -> ti.types.vector(8, ti.f64):
         grain = ti.static(loop_grain())
         for q in range(CHUNKS * grain):
             if q % grain == 0:
@@ -158,6 +121,17 @@ class CellGrid:
                     self.bounds[chunk][self.dimensions + axis] = upper[axis]
                 self.bounds[chunk][2 * self.dimensions] = least
                 self.bounds[chunk][2 * self.dimensions + 1] = largest
+        lower, upper = ti.Vector([ti.math.inf] * 3, ti.f64), ti.Vector([-ti.math.inf] * 3, ti.f64)
+        least, largest = ti.cast(ti.math.inf, ti.f64), ti.cast(0.0, ti.f64)
+        ti.loop_config(serialize=True)
+        for chunk in range(CHUNKS):
+            found = ti.cast(self.bounds[chunk], ti.f64)
+            for axis in ti.static(range(self.dimensions)):
+                lower[axis] = ti.min(lower[axis], found[axis])
+                upper[axis] = ti.max(upper[axis], found[self.dimensions + axis])
+            least = ti.min(least, found[2 * self.dimensions])
+            largest = ti.max(largest, found[2 * self.dimensions + 1])
+        return ti.Vector([lower[0], lower[1], lower[2], upper[0], upper[1], upper[2], least, largest])
 
     @ti.func
     def begin_of(self, chunk):

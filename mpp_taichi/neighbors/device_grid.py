@@ -46,7 +46,9 @@ class DeviceGrid(CellGrid):
     def measure(self, position: Any, reach: Any) -> tuple[np.ndarray, np.ndarray, float, float]:
         """Bounding box, least and largest reach."""
         self._measure_stripes(position, reach)
-        return self._measured()
+        found = self.bounds.to_numpy().astype(float)
+        d = self.dimensions
+        return found[:, :d].min(0), found[:, d : 2 * d].max(0), float(found[:, 2 * d].min()), float(found[:, 2 * d + 1].max())
 
     @ti.kernel
     def _measure_stripes(self, position: Template, reach: Template):

@@ -18,7 +18,7 @@ def gap(surface: Template, x, radius, time):
     result = radius * 0
     q = _from_surface(surface, x, time)
     if ti.static(surface.kind == "plane"):
-        result = q.dot(_direction(surface, x)) - radius
+        result = _along(surface, q) - radius
     elif ti.static(surface.inside):
         result = surface.radius - radius - q.norm()
     else:
@@ -51,8 +51,8 @@ def time_of_contact(surface: Template, x, v, radius, time, horizon):
     """Earliest s in 0 … horizon at which a sphere in straight flight meets the surface; infinity if there is none."""
     result = ti.math.inf
     if ti.static(surface.kind == "plane"):
-        n = _direction(surface, x)
-        result = first_contact(gap(surface, x, radius, time), n.dot(v - surface_velocity(surface, x)), 0.0, horizon)
+        speed = _along(surface, v - surface_velocity(surface, x))
+        result = first_contact(gap(surface, x, radius, time), speed, 0.0, horizon)
     else:
         q = _from_surface(surface, x, time)
         u = _across(surface, v - surface_velocity(surface, x))
@@ -65,9 +65,8 @@ def time_of_contact_falling(surface: Template, x, v, acceleration, radius, time,
     """The same in a flight x + v s + acceleration s² / 2, which makes the distance to a curved surface a quartic."""
     result = ti.math.inf
     if ti.static(surface.kind == "plane"):
-        n = _direction(surface, x)
-        speed = n.dot(v - surface_velocity(surface, x))
-        result = first_contact(gap(surface, x, radius, time), speed, n.dot(acceleration), horizon)
+        speed = _along(surface, v - surface_velocity(surface, x))
+        result = first_contact(gap(surface, x, radius, time), speed, _along(surface, acceleration), horizon)
     else:
         q = _from_surface(surface, x, time)
         u = _across(surface, v - surface_velocity(surface, x))
@@ -88,10 +87,23 @@ def _direction(surface: Template, x):
 
 
 @ti.func
+def _along(surface: Template, vector):
+    """The part of a vector along a plane's normal, from what is not 0 of it: most planes lie along the axes."""
+    axes = ti.static([k for k in range(vector.n) if surface.direction[k] != 0.0])
+    result = surface.direction[axes[0]] * vector[axes[0]]
+    for k in ti.static(axes[1:]):
+        result += surface.direction[k] * vector[k]
+    return result
+
+
+@ti.func
 def _from_surface(surface: Template, x, time):
     """From the surface's point, axis or centre, where it is at that time, to x."""
-    point = ti.Vector([surface.point[k] for k in ti.static(range(x.n))], float)
-    return _across(surface, (x - point) - surface_velocity(surface, x) * time)
+    way = x - ti.Vector([surface.point[k] for k in ti.static(range(x.n))], float)
+    for k in ti.static(range(x.n)):
+        if ti.static(surface.velocity[k] != 0.0):
+            way[k] -= surface.velocity[k] * time
+    return _across(surface, way)
 
 
 @ti.func
