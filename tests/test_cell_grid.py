@@ -209,6 +209,24 @@ def test_the_order_is_that_of_cell_and_index_whatever_the_threads():
     assert len(hashes) == 1
 
 
+@pytest.mark.parametrize("period", [None, (1.0, 1.0, 3.0)], ids=["open", "periodic"])
+def test_a_grid_built_again_knows_that_spheres_grew_or_left_the_box(period):
+    """Its table stays while box and reaches do: the table of spheres that have grown would miss pairs."""
+    random = np.random.default_rng(11)
+    places, sizes = random.random((800, 3)), 0.03 * random.uniform(0.6, 1.0, 800)
+    backends.start("cpu", "f64", threads=2)
+    finder = Finder(places, sizes, **({"period": period} if period else {}))
+    stay = [finder.grid.table]
+    for position, reach in ((places, sizes), (places * [1, 1, 3], sizes), (places, sizes), (places, 1.5 * sizes)):
+        finder.position.from_numpy(position)
+        finder.reach.from_numpy(reach)
+        finder.grid.build(finder.position, finder.reach)
+        stay.append(finder.grid.table is stay[0])
+        assert finder.once() == brute_force(position, reach, period)
+    assert stay[1:] == [True, False, False, False]
+    backends.stop()
+
+
 @pytest.mark.parametrize("factors", [[1.0], [1.0, 3.0, 30.0]], ids=["one level", "levels"])
 def test_threads_of_a_device_build_the_same_grid(factors):
     """Slot by slot, to the last bit, whatever order spheres come into their cells in; no reach is at the edge of a bin."""

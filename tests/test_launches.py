@@ -31,6 +31,14 @@ class Counter:
         return self.total[None]
 
     @ti.kernel
+    def read_whole(self) -> ti.types.vector(2, ti.i32):
+        return ti.Vector([-ti.cast(self.total[None], ti.i32), 7])
+
+    @ti.kernel
+    def read_large(self) -> ti.u32:
+        return ti.u32(4_000_000_000)
+
+    @ti.kernel
     def read_twice(self, factor: ti.f64) -> ti.types.vector(2, ti.f64):
         return ti.Vector([self.total[None], factor * self.total[None]])
 
@@ -68,7 +76,8 @@ def test_what_a_kernel_returns_comes_by_the_short_way_too(long_ways):
         counter.add(1.0, 1, "once")
         assert counter.read() == k
         assert list(counter.read_twice(10.0)) == [k, 10.0 * k]
-    assert long_ways == ["add", "read", "read_twice"]
+        assert list(counter.read_whole()) == [-k, 7] and counter.read_large() == 4_000_000_000
+    assert long_ways == ["add", "read", "read_twice", "read_whole", "read_large"]
 
 
 def test_other_numbers_and_other_objects_are_told_apart(long_ways):
