@@ -209,6 +209,31 @@ def test_the_order_is_that_of_cell_and_index_whatever_the_threads():
     assert len(hashes) == 1
 
 
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_spheres_that_are_lost_or_points_do_not_stop_a_grid(precision):
+    """What is no number is found out after the step, with its particle; until then the grid has to bear it."""
+    random = np.random.default_rng(3)
+    backends.start("cpu", precision, threads=2)
+    places, sizes = random.random((300, 3)), np.full(300, 0.05)
+    for lost in (np.inf, -np.inf, np.nan, 1e38):
+        for kind in ("place", "reach", "both"):
+            position, reach = places.copy(), sizes.copy()
+            if kind != "reach":
+                position[7, 1] = lost
+            if kind != "place":
+                reach[9] = abs(lost)
+            found = Finder(position, reach, period=(1.0, 0.0, 0.0) if kind == "place" else (0.0, 0.0, 0.0)).grid
+            assert sorted(found.order.to_numpy().tolist()) == list(range(300))
+    tiny = 1e-30 if precision == "f32" else 1e-200
+    points = np.concatenate([places[:200], places[:50]]).astype(np.float32).astype(float)
+    for scale in (1.0, tiny):
+        finder = Finder(scale * points, np.zeros(250))
+        assert finder.once() == [(k, 200 + k) for k in range(50)]
+        buckets = np.unique(finder.grid.key.to_numpy())
+        assert len(buckets) > 100, "points at different places share no cells, however small the box is"
+    backends.stop()
+
+
 @pytest.mark.parametrize("period", [None, (1.0, 1.0, 3.0)], ids=["open", "periodic"])
 def test_a_grid_built_again_knows_that_spheres_grew_or_left_the_box(period):
     """Its table stays while box and reaches do: the table of spheres that have grown would miss pairs."""

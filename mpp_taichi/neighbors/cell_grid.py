@@ -17,6 +17,8 @@ from mpp_taichi.serial_loops import loop_grain
 from mpp_taichi.types import Template
 
 CHUNKS = 64  # of a reduction; fixed, so that sums do not depend on the threads
+FARTHEST = 1e300  # that a box reaches; what is lost beyond, or is no number, is found out elsewhere
+FINEST_LATTICE = 2.0**20  # parts of a box
 ROUNDINGS = 8  # of a coordinate on its way to a cell, as a generous count
 
 
@@ -82,7 +84,8 @@ class CellGrid(LevelTable):
         lower, upper, least, largest = bounds or self.measure(position, reach)
         least, largest = least + skin, largest + skin
         # On a lattice of the widest cells, so that most of the time it is the box of the time before.
-        lattice = 2.0 * largest if largest > 0.0 else 1.0
+        lower, upper = (np.clip(np.nan_to_num(bound), -FARTHEST, FARTHEST) for bound in (lower, upper))
+        lattice = min(max(float((upper - lower).max()) / FINEST_LATTICE, 2.0 * largest), FARTHEST) or 1.0
         lower, upper = np.floor(lower / lattice) * lattice, np.ceil(upper / lattice) * lattice
         extent = np.where(self.repeats[: self.dimensions], self.period[: self.dimensions], upper - lower)
         corner = np.where(self.repeats[: self.dimensions], self.origin, lower)
