@@ -33,25 +33,18 @@ class Launches:
         self.templates: list[int] = []
         self.numbers: list[tuple[int, bool, str]] = []  # place among the arguments, whether it is a float, how it is set
         self.simple = kernel.autodiff_mode == kernel_impl.AutodiffMode.NONE
-        returned = kernel.return_type or ()
-        types = kernel_impl.primitive_types
         self.returned: list[tuple[str, int]] = []  # how each is asked for, and of vectors the numbers of entries
-        for kind in returned:
+        for kind in kernel.return_type or ():
             scalar, entries = (kind.dtype, kind.n) if isinstance(kind, VectorType) else (kind, 0)
-            is_float = id(scalar) in types.real_type_ids
-            if is_float or id(scalar) in types.integer_type_ids:
-                suffix = "float" if is_float else "int" if kernel_impl.is_signed(kernel_impl.cook_dtype(scalar)) else "uint"
-                self.returned.append((f"get_struct_ret_{suffix}", entries))
-        self.simple &= len(self.returned) == len(returned)
+            if name := _name_of(scalar):
+                self.returned.append((f"get_struct_ret_{name}", entries))
+            else:
+                self.simple = False
         for place, argument in enumerate(kernel.arguments):
-            kind = argument.annotation
-            if isinstance(kind, kernel_impl.template):
+            if isinstance(argument.annotation, kernel_impl.template):
                 self.templates.append(place)
-            elif id(kind) in types.real_type_ids:
-                self.numbers.append((place, True, "set_arg_float"))
-            elif id(kind) in types.integer_type_ids:
-                is_signed = kernel_impl.is_signed(kernel_impl.cook_dtype(kind))
-                self.numbers.append((place, False, "set_arg_int" if is_signed else "set_arg_uint"))
+            elif name := _name_of(argument.annotation):
+                self.numbers.append((place, name == "float", f"set_arg_{name}"))
             else:
                 self.simple = False
 
@@ -86,6 +79,18 @@ class Launches:
             isinstance(arguments[place], int) or (is_float and isinstance(arguments[place], float))
             for place, is_float, _ in self.numbers
         )
+
+
+def _name_of(kind: Any) -> str:
+    """What launches call numbers of a type; empty where it is no type of numbers."""
+    from taichi.lang import kernel_impl
+
+    types = kernel_impl.primitive_types
+    if id(kind) in types.real_type_ids:
+        return "float"
+    if id(kind) in types.integer_type_ids:
+        return "int" if kernel_impl.is_signed(kernel_impl.cook_dtype(kind)) else "uint"
+    return ""
 
 
 def remember_launches() -> None:

@@ -183,7 +183,8 @@ class Overlaps:
         for i in range(self.particle_count + 2):
             self.row[i] = 0
         for k in range(count):
-            self.row[self.found[k][0] + 2] += 1
+            i = self.found[k][0]
+            self.row[i + 2] = self.row[i + 2] + 1
         for i in range(self.particle_count):
             self.row[i + 2] = self.row[i + 2] + self.row[i + 1]
         for k in range(count):

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.neighbors._levels import LARGEST_CELL_NUMBER, Level
+from mpp_taichi.neighbors._levels import Level
 
 BUCKETS_PER_SPHERE = 4
 
@@ -47,10 +47,7 @@ class LevelTable:
         for k, level in enumerate(self.table):
             # Numbers, not arrays: a launch with arrays takes five times as long.
             whole = (k, len(self.table), level.offset, level.mask, level.buckets, *level.strides)
-            cells, inverse = (
-                _three([int(min(count, LARGEST_CELL_NUMBER)) for count in level.cells]),
-                _three(level.inverse.tolist()),
-            )
+            cells, inverse = _three([int(count) for count in level.cells]), _three(level.inverse.tolist())
             self._store_level(*whole, *cells, level.reach, *inverse, *lower, slack)
 
     @ti.kernel

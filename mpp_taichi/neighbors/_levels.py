@@ -39,7 +39,7 @@ class Level:
     ) -> "Level":
         """For `count` spheres in a box; with more cells than a few per sphere they are folded, far ones sharing a bucket."""
         repeats = np.array(repeats[: len(extent)])
-        width = max(2.0 * reach, extent.max() / LARGEST_CELL_NUMBER)
+        width = max(extent.max() / LARGEST_CELL_NUMBER, 2.0 * reach)  # the first where a reach is no number
         if not width > 0.0:
             width = 1.0  # points at one place
         ratio = extent / width

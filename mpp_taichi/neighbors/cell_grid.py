@@ -30,8 +30,8 @@ class CellGrid(LevelTable):
     sorted_position   (n,) positions by slot, inside the box that repeats [length]
     sorted_reach      (n,) reaches by slot [length]
 
-    The domain is the bounding box of the moment, or the box that repeats; in that separations are the nearest images, which
-    is right while reach_i + reach_j stays below half a period.
+    The domain is the bounding box of the moment, on a lattice of cells, or the box that repeats; in that separations are the
+    nearest images, which is right while reach_i + reach_j stays below half a period.
     """
 
     most_sorters = 8

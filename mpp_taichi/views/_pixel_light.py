@@ -34,22 +34,29 @@ def pixel_light(drawing: Template, row, column, depth, hit, behind):
                 shared, middle_x, middle_y = shared + share, middle_x + share * right[s], middle_y + share * up[s]
                 left[s] *= 1 - same
             middle_x, middle_y = middle_x / shared, middle_y / shared
-            light = behind
-            if p >= drawing.sphere_count:
-                light = ti.Vector([drawing.table[p, k] for k in ti.static(range(13, 16))])
-            elif p >= 0:
+            if 0 <= p < drawing.sphere_count:
                 middle = sphere_hit(drawing, p, middle_x, middle_y)
                 if middle < single(NOWHERE):  # not so where rounding takes it off the rim
                     seen_depth = middle
-                light = shade_surface(drawing, p, middle_x, middle_y, seen_depth)
+            light = ray_light(drawing, p, middle_x, middle_y, seen_depth, behind)
             light += glow(drawing, middle_x, middle_y, seen_depth)
             total += single(0.25) * shared * ti.min(light, single(1))
     else:
         for s in ti.static(range(4)):
-            light = behind
-            if hit[s] >= drawing.sphere_count:
-                light = ti.Vector([drawing.table[hit[s], k] for k in ti.static(range(13, 16))])
-            elif hit[s] >= 0:
-                light = shade_plain(drawing, hit[s], right[s], up[s], depth[s])
+            light = ray_light(drawing, hit[s], right[s], up[s], depth[s], behind)
             total += single(0.25) * ti.min(light, single(1))
     return changed, total
+
+
+@ti.func
+def ray_light(drawing: Template, p, x, y, depth, behind):
+    """Light along the ray through (x, y), which meets primitive p at a depth, or nothing where p is −1."""
+    light = behind
+    if p >= drawing.sphere_count:
+        light = ti.Vector([drawing.table[p, k] for k in ti.static(range(13, 16))])
+    elif p >= 0:
+        if ti.static(drawing.surfaces):
+            light = shade_surface(drawing, p, x, y, depth)
+        else:
+            light = shade_plain(drawing, p, x, y, depth)
+    return light

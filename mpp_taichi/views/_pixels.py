@@ -10,9 +10,7 @@ from mpp_taichi.views._drawing import Drawing
 from mpp_taichi.views._pixel_light import pixel_light
 from mpp_taichi.views._primitives import TILE
 from mpp_taichi.views._sample_hits import NOWHERE
-from mpp_taichi.views._surface_shading import single
-
-MOST_THREADS = 256  # of a CPU, that share a picture
+from mpp_taichi.views._surface_shading import packed_light, single
 
 
 @ti.kernel
@@ -76,8 +74,8 @@ def draw_pixels(
     )
     if ti.static(by_row):
         # Tiles differ, and other programs want the cores, too: each thread takes the next tile that nobody has taken.
-        grain = ti.static(loop_grain())
-        for q in range(MOST_THREADS * grain):
+        grain, threads = ti.static(loop_grain(), ti.lang.impl.current_cfg().cpu_max_num_threads)
+        for q in range(threads * grain):
             if q % grain == 0:
                 turn = ti.atomic_add(taken[0], 1)
                 while turn < tiles.shape[0]:
@@ -107,7 +105,7 @@ def draw_run(drawing: Template, by_row: Template, tile, row, left):
     run, cover = ti.static((TILE, cover_row) if by_row else (1, cover_pixel))
     depths, hits = ti.Vector([single(NOWHERE)] * (4 * run)), ti.Vector([-1] * (4 * run))
     some, end = cover(drawing, tile, row, left, depths, hits), left
-    if some > 0 or drawing.glow_count > 0:  # as few pixels do
+    if some > 0 or drawing.glow_count > 0:
         end = ti.min(left + run, drawing.width)
     for column in range(left, end):
         first = 4 * (column - left)
@@ -132,9 +130,9 @@ def draw_run(drawing: Template, by_row: Template, tile, row, left):
 def light_behind(drawing: Template, by_row: Template, row, column):
     """Light of what the picture shows as yet."""
     light = ti.Vector([single(0)] * 3)
-    for channel in ti.static(range(3)):
-        if ti.static(by_row):
+    if ti.static(by_row):
+        for channel in ti.static(range(3)):
             light[channel] = drawing.levels[ti.cast(drawing.picture[row, column, channel], ti.i32)]
-        else:
-            light[channel] = drawing.levels[ti.cast(drawing.picture[row, column] >> 8 * channel & 255, ti.i32)]
+    else:
+        light = packed_light(drawing, drawing.picture[row, column])
     return light

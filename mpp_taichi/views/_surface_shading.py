@@ -38,10 +38,15 @@ def highlight(normal, ray, light):
 
 
 @ti.func
+def packed_light(drawing: Template, packed):
+    """Light of red | green << 8 | blue << 16 as displayed."""
+    return ti.Vector([drawing.levels[ti.cast(packed >> 8 * channel & 255, ti.i32)] for channel in ti.static(range(3))])
+
+
+@ti.func
 def texel_light(drawing: Template, k):
     """Light of one texel."""
-    texel = drawing.texels[k]
-    return ti.Vector([drawing.levels[ti.cast(texel >> 8 * channel & 255, ti.i32)] for channel in ti.static(range(3))])
+    return packed_light(drawing, drawing.texels[k])
 
 
 @ti.func
