@@ -2,7 +2,7 @@
 
 import sys
 
-from mpp_taichi.cli.main import main
+from mpp_taichi.cli.entry import main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -13,6 +13,7 @@ from typing import Any
 from mpp_taichi import worker_threads
 from mpp_taichi.availability import BACKENDS, availability, cpu_name, present, remembered
 from mpp_taichi.errors import BackendError
+from mpp_taichi.missing_package import missing_packages_named
 from mpp_taichi.precision import PRECISIONS, carries_low_parts, number_type
 
 log = logging.getLogger(__name__)
@@ -70,7 +71,8 @@ def import_taichi() -> Any:
     os.environ["TI_SKIP_VERSION_CHECK"] = "ON"  # the check calls a server
     os.environ["ENABLE_TAICHI_HEADER_PRINT"] = "False"
     try:
-        import taichi
+        with missing_packages_named():
+            import taichi
     except ImportError as error:
         raise BackendError(
             f"taichi cannot be imported ({error}); it has wheels for Python 3.10–3.13 on Linux x86-64, Windows, macOS arm64"

@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Any
 
 PACKAGE_FOLDER = Path(__file__).parent
+KINDS = ("generators", "networks", "forces", "contacts", "walls", "integrators", "quantities", "diagnostics")
+"""Every kind of component, named as its folder is, in the order of the scene reference."""
 # What the annotation of a parameter may say; the scene layer has one checked type for each.
 PARAMETER_TYPES = (
     *("float", "int", "bool", "str", "Vector", "Color", "Axes", "Shape"),
@@ -91,8 +93,8 @@ def class_name_of(name: str) -> str:
 
 
 def names(kind: str) -> list[str]:
-    """Every component of a kind (`forces`, `integrators`, …), by the files that are there."""
-    return sorted({path.stem for folder in folders(kind) for path in folder.glob("[!_]*.py")})
+    """Every component of a kind (one of `KINDS`): the files that hold a class of their name marked `@component`."""
+    return sorted({path.stem for folder in folders(kind) for path in folder.glob("[!_]*.py") if _read(kind, path)})
 
 
 def folders(kind: str) -> list[Path]:
@@ -106,32 +108,40 @@ extra_folders: list[Path] = []
 
 def find_file(kind: str, name: str) -> Path | None:
     """The file of a component, or None."""
-    for folder in folders(kind):
-        path = folder / f"{name}.py"
-        if name.isidentifier() and not name.startswith("_") and path.is_file():
-            return path
-    return None
+    declared = _find(kind, name)
+    return None if declared is None else declared.path
 
 
 def declaration(kind: str, name: str) -> Declaration:
     """What a component declares, read from its source without importing it."""
-    path = find_file(kind, name)
-    if path is None:
-        raise KeyError(f"{kind} has no component {name!r}")
-    return _read(kind, path)
+    declared = _find(kind, name)
+    if declared is None:
+        raise KeyError(
+            f"{kind} has no component {name!r}: no file {name}.py with a class {class_name_of(name)} marked @component"
+        )
+    return declared
+
+
+def _find(kind: str, name: str) -> Declaration | None:
+    for folder in folders(kind):
+        path = folder / f"{name}.py"
+        if name.isidentifier() and not name.startswith("_") and path.is_file() and (declared := _read(kind, path)):
+            return declared
+    return None
 
 
 @cache
-def _read(kind: str, path: Path) -> Declaration:
+def _read(kind: str, path: Path) -> Declaration | None:
+    """What a file declares; None where it holds no component."""
     tree = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
     wanted = class_name_of(path.stem)
     for node in tree.body:
-        if isinstance(node, ast.ClassDef) and node.name == wanted:
+        if isinstance(node, ast.ClassDef) and node.name == wanted and "component" in map(ast.unparse, node.decorator_list):
             found = tuple(p for statement in node.body if (p := _read_parameter(statement)) is not None)
             base = ast.unparse(node.bases[0]) if node.bases else ""
             flags = dict(flag for statement in node.body if (flag := _read_flag(statement)) is not None)
             return Declaration(kind, path.stem, wanted, base, ast.get_docstring(node) or "", found, path, flags)
-    raise TypeError(f"{path} must hold one class {wanted}")
+    return None
 
 
 def _read_parameter(statement: ast.stmt) -> Parameter | None:
@@ -158,9 +168,7 @@ def _read_flag(statement: ast.stmt) -> tuple[str, bool] | None:
 
 def load(kind: str, name: str) -> type:
     """Import one component and return its class. This is the only place that imports components."""
-    path = find_file(kind, name)
-    if path is None:
-        raise KeyError(f"{kind} has no component {name!r}")
+    path = declaration(kind, name).path
     if path.is_relative_to(PACKAGE_FOLDER):
         module = importlib.import_module(f"mpp_taichi.{kind}.{name}")
     else:

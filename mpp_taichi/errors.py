@@ -30,6 +30,15 @@ class SceneError(MppError):
         return "\n".join(f"{fault}\n{excerpt}" if excerpt else fault for fault, excerpt in zip(self.faults, excerpts))
 
 
+class MissingPackageError(MppError):
+    """A package that the program needs is not there: it was started with another Python than that of its environment.
+
+    The code is that of wrong usage: the command named the wrong Python, and the machine lacks no device.
+    """
+
+    exit_code = 2
+
+
 class BackendError(MppError):
     """The backend, device, precision or display asked for is not available here."""
 

@@ -14,7 +14,7 @@ from PIL import Image
 
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.views._base import Frame
-from mpp_taichi.walls.outline import outline_of
+from mpp_taichi.views.wall_outline import outline_of
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation

@@ -145,9 +145,9 @@ def _cuda_name() -> str:
 
 
 if __name__ == "__main__":
-    from mpp_taichi.errors import BackendError
+    from mpp_taichi.errors import MppError
 
     try:
         print(json.dumps(try_start(sys.argv[1])))
-    except BackendError as error:
+    except MppError as error:
         print(json.dumps({"available": False, "reason": str(error), "device": "", "software": False}))

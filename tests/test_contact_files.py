@@ -15,7 +15,7 @@ from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import CameraSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
-from mpp_taichi.walls.outline import outline_of
+from mpp_taichi.views.wall_outline import outline_of
 
 GAS = {
     "dimensions": 2,

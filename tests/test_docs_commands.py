@@ -86,6 +86,8 @@ class Reader:
             return self.verb(rest[2:], block.code)
         if program == "mpp-taichi":
             return self.verb(rest, block.code)
+        if words == [".", ".venv/bin/activate"]:  # the environment that `python -m venv .venv` makes
+            return None
         self.without_running(program, rest)
 
     def verb(self, words: list[str], code: int):

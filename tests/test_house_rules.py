@@ -1,5 +1,6 @@
 """The rules of CONVENTIONS.md that a machine can check."""
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,6 @@ import pytest
 from mpp_taichi import component
 
 ROOT = Path(__file__).parents[1]
-KINDS = ("forces", "integrators", "generators", "networks", "diagnostics", "quantities")
 
 
 def run(*command):
@@ -53,7 +53,7 @@ def test_the_kernel_linter_sees_each_fault(fault, tmp_path):
     assert done.returncode == 1 and b"faulty.py:" in done.stdout
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", component.KINDS)
 def test_every_component_file_declares_the_class_of_its_name(kind):
     assert component.names(kind)
     for name in component.names(kind):
@@ -62,6 +62,25 @@ def test_every_component_file_declares_the_class_of_its_name(kind):
         assert declared.summary, f"{kind}/{name}.py has no docstring"
         for parameter in declared.parameters:
             assert parameter.help or parameter.unit, f"{kind}/{name}.py: {parameter.name} is not described"
+
+
+@pytest.mark.parametrize("kind", component.KINDS)
+def test_every_file_of_a_component_folder_holds_one_class_marked_and_named_like_the_file(kind):
+    files = sorted((component.PACKAGE_FOLDER / kind).glob("[!_]*.py"))
+    assert component.names(kind) == [path.stem for path in files]
+    for path in files:
+        assert marked_classes(path) == [component.class_name_of(path.stem)]
+        assert path.read_text(encoding="utf-8").count("\nclass ") == 1, f"{path} holds another class"
+
+
+def test_every_folder_that_holds_a_component_is_a_kind():
+    holding = {path.parent for path in component.PACKAGE_FOLDER.rglob("*.py") if marked_classes(path)}
+    assert holding == {component.PACKAGE_FOLDER / kind for kind in component.KINDS}
+
+
+def marked_classes(path):
+    classes = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.ClassDef)]
+    return [node.name for node in classes if "component" in map(ast.unparse, node.decorator_list)]
 
 
 def test_no_module_is_too_long():

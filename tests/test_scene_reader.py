@@ -237,6 +237,36 @@ def test_one_s_own_components_are_found_and_checked(tmp_path, monkeypatch):
     assert "must be at most 3" in str(caught.value) and "did you mean 'steady'" in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        'class SideWind:\n    """A class of the file\'s name that is not marked."""\n',
+        "from mpp_taichi.component import component\n\n\n@component\nclass Wind:\n    pass\n",
+        "SPEED = 2.0\n",
+    ],
+    ids=["unmarked", "other name", "no class"],
+)
+def test_a_file_without_a_marked_class_of_its_name_is_no_component(text, tmp_path, monkeypatch):
+    (tmp_path / "forces").mkdir()
+    write(tmp_path / "forces", text, "side_wind.py")
+    monkeypatch.setattr(component, "extra_folders", [tmp_path])
+    assert "side_wind" not in component.names("forces") and component.find_file("forces", "side_wind") is None
+    with pytest.raises(KeyError, match="no file side_wind.py with a class SideWind marked @component"):
+        component.declaration("forces", "side_wind")
+    with pytest.raises(SceneError, match="unknown force 'side_wind'"):
+        load_scene(scene(forces=[{"side_wind": {}}]))
+
+
+def test_a_helper_of_the_walls_is_no_wall(tmp_path):
+    path = write(tmp_path, BASE + "contacts: {hard_spheres: {solver: pairwise}}\nwalls:\n  - outline: {}\n")
+    with pytest.raises(SceneError) as caught:
+        load_scene(path)
+    (fault,) = caught.value.faults
+    place = f"{path.name}:{len(path.read_text(encoding='utf-8').splitlines())}:5: walls[0].outline: "
+    assert fault.split(place)[1:] == [f"unknown wall 'outline', allowed: {', '.join(component.names('walls'))}"]
+    assert "outline" not in component.names("walls")
+
+
 def test_reading_and_assembling_import_no_taichi(tmp_path):
     path = write(tmp_path, BASE + "forces:\n  - newtonian_gravity: {}\n")
     program = f"""

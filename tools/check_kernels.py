@@ -8,7 +8,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-COMPONENT_FOLDERS = ("forces", "integrators", "generators", "networks", "diagnostics")
+from mpp_taichi import component
+
 ONLY_STARTER = "backends.py"
 FIELD_MAKERS = {"field", "Vector.field", "Matrix.field", "ndarray"}
 
@@ -68,9 +69,9 @@ def makes_field(value: ast.expr | None) -> bool:
 
 def check_component(path: Path, tree: ast.Module) -> Iterator[str]:
     """A component file holds one class, named like the file."""
-    if path.parent.name not in COMPONENT_FOLDERS or path.name.startswith("_"):
+    if path.parent.name not in component.KINDS or path.name.startswith("_"):
         return
-    wanted = "".join(part.capitalize() for part in path.stem.split("_"))
+    wanted = component.class_name_of(path.stem)
     classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
     if [node.name for node in classes] != [wanted]:
         yield f"{path}:1: must hold exactly one class, {wanted}"

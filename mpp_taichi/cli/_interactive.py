@@ -11,7 +11,7 @@ from mpp_taichi.errors import OutputError
 from mpp_taichi.scene import timeline
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.views._base import Frame
-from mpp_taichi.walls.outline import outline_of
+from mpp_taichi.views.wall_outline import outline_of
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._request import Goal

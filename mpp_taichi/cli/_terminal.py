@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
-from mpp_taichi.errors import MppError, SceneError
+from mpp_taichi.errors import MppError, OutputError, SceneError
 
 
 class UsageError(MppError):
@@ -77,6 +77,17 @@ def put(text: str) -> None:
 def put_json(found: dict[str, Any]) -> None:
     """One JSON object on standard output; a number that is not finite becomes null."""
     put(json.dumps(plain(found), indent=2, allow_nan=False, ensure_ascii=True))
+
+
+def put_failure(text: str, faults: list[str] | None, code: int) -> int:
+    """What `--json` tells of a failure; returns the exit code, which is another one where the output cannot be written."""
+    try:
+        put_json({"status": "failed", "error": text} | ({} if faults is None else {"faults": faults}) | {"exit_code": code})
+    except ClosedOutputError:
+        return CLOSED_OUTPUT_CODE
+    except OSError:
+        return OutputError.exit_code
+    return code
 
 
 def plain(value: Any) -> Any:

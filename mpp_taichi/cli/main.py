@@ -1,8 +1,8 @@
 """Entry of the command line: which verb, its arguments, and what an error becomes.
 
-Exit codes: 0 ok · 1 internal error · 2 wrong usage or invalid scene · 3 backend, device or display not available ·
-4 a stability or accuracy limit was broken, or an `expect` failed · 5 input or output · 6 more than the machine has ·
-128 + signal when interrupted.
+Exit codes: 0 ok · 1 internal error · 2 wrong usage, an invalid scene, or a package missing ·
+3 backend, device or display not available · 4 a stability or accuracy limit was broken, or an `expect` failed ·
+5 input or output · 6 more than the machine has · 128 + signal when interrupted.
 """
 
 import argparse
@@ -23,11 +23,12 @@ from mpp_taichi.cli._terminal import (
     UsageError,
     explain_error,
     prepare_streams,
-    put_json,
+    put_failure,
     say,
     warnings_shown,
 )
 from mpp_taichi.errors import INTERNAL_ERROR_CODE, MppError, OutputError, SceneError
+from mpp_taichi.missing_package import missing_packages_named
 
 VERBS: dict[str, ModuleType] = {
     "run": run,
@@ -61,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     json_wanted = "--json" in words
     code = INTERNAL_ERROR_CODE
     try:
-        with warnings_shown():
+        with warnings_shown(), missing_packages_named():
             code = _dispatch(words)
     except ClosedOutputError:
         return CLOSED_OUTPUT_CODE
@@ -72,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = error.exit_code
         if json_wanted:
             faults = list(error.faults) if isinstance(error, SceneError) else [str(error)]
-            code = _put_failure({"status": "failed", "error": str(error), "faults": faults, "exit_code": code}, code)
+            code = put_failure(str(error), faults, code)
     except Interrupted as signal:
         code = signal.code
     except KeyboardInterrupt:
@@ -88,7 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         else:
             say(f"with {DEBUG_VARIABLE}=1 the place is shown")
         if json_wanted:
-            code = _put_failure({"status": "failed", "error": f"internal error: {text}", "exit_code": code}, code)
+            code = put_failure(f"internal error: {text}", None, code)
     return code
 
 
@@ -139,13 +140,3 @@ def _with_verb(words: list[str]) -> list[str]:
         hint = f", did you mean {near[0]!r}?" if near else ""
         raise UsageError(f"{first!r} is neither a verb nor a scene file{hint} verbs: {', '.join(VERBS)}")
     return ["run", *words]
-
-
-def _put_failure(found: dict, code: int) -> int:
-    try:
-        put_json(found)
-    except ClosedOutputError:
-        return CLOSED_OUTPUT_CODE
-    except OSError:
-        return OutputError.exit_code
-    return code

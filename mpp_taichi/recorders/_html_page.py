@@ -19,7 +19,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.version import __version__
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame
 from mpp_taichi.views.camera import MARGIN, Camera
-from mpp_taichi.walls.outline import outline_of
+from mpp_taichi.views.wall_outline import outline_of
 
 TEMPLATE_FOLDER = Path(__file__).with_name("page")
 SCRIPTS = ("data.js", "camera.js", "shaders.js", "drawing.js", "plot.js", "inspector.js", "player.js")

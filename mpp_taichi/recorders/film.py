@@ -9,7 +9,7 @@ import numpy as np
 
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.views._base import Frame, View
-from mpp_taichi.walls.outline import Outline, outline_of
+from mpp_taichi.views.wall_outline import Outline, outline_of
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation

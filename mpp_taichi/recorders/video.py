@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.errors import OutputError
+from mpp_taichi.missing_package import missing_line
 from mpp_taichi.recorders._lock import OutputLock
 
 logger = logging.getLogger(__name__)
@@ -42,7 +43,7 @@ def check_encoder() -> str:
     """
     executable = os.environ.get("IMAGEIO_FFMPEG_EXE") or shutil.which("ffmpeg") or _bundled()
     if executable is None:
-        raise OutputError(f"no video encoder: neither ffmpeg nor the package imageio-ffmpeg is installed; {ADVICE}")
+        raise OutputError(f"no video encoder: there is no ffmpeg, and imageio-ffmpeg has none for this machine; {ADVICE}")
     try:
         subprocess.run(
             [executable, "-version"],
@@ -61,7 +62,7 @@ def _bundled() -> str | None:
     try:
         import imageio_ffmpeg  # an optional dependency, only looked for when a film is made
     except ImportError:
-        return None
+        raise OutputError(f"no video encoder: there is no ffmpeg, and {missing_line('imageio_ffmpeg')}; {ADVICE}") from None
     try:
         return str(imageio_ffmpeg.get_ffmpeg_exe())
     except RuntimeError:

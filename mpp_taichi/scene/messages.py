@@ -12,7 +12,7 @@ from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.faults import Faults, allowed, choices, shown, suggestion
 from mpp_taichi.scene.location import Location
-from mpp_taichi.scene.model import KINDS, available
+from mpp_taichi.scene.model import KIND_OF_KEY, available
 
 _KIND_WORDS = {
     "generators": "generator of particles",
@@ -98,8 +98,8 @@ def _unknown_key(place: _Place, known: list[str]) -> str:
     word = place.last
     if place.path[:1] == ("expect",) and len(place.path) == 2:
         known = sorted({*SUMMARY_QUANTITIES, *available("diagnostics")})
-    elif place.path[0] in KINDS and all(isinstance(step, int) for step in place.path[1:-1]) and len(place.path) > 1:
-        return _unknown_component(KINDS[str(place.path[0])], word)
+    elif place.path[0] in KIND_OF_KEY and all(isinstance(step, int) for step in place.path[1:-1]) and len(place.path) > 1:
+        return _unknown_component(KIND_OF_KEY[str(place.path[0])], word)
     return f"unknown key {shown(word)}{choices(word, known)}"
 
 
@@ -120,7 +120,7 @@ def _unknown_component(kind: str, word: str) -> str:
 
 
 def _not_one_component(place: _Place) -> str:
-    kind = "quantities" if place.path[0] == "inspect" else KINDS[str(place.path[0])]
+    kind = "quantities" if place.path[0] == "inspect" else KIND_OF_KEY[str(place.path[0])]
     value = place.node.value
     given = f"{len(value)} keys" if isinstance(value, dict) else shown(place.node.plain())
     near = isinstance(value, str) and suggestion(value, available(kind)) or ","

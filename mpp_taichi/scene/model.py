@@ -24,8 +24,8 @@ from mpp_taichi.scene.slider_model import slider_model
 from mpp_taichi.scene.spec import EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec, ViewSpec
 from mpp_taichi.scene.target import Target
 
-# Keys of a scene that hold components, and the folder those come from.
-KINDS = {
+# Keys of a scene that hold components, and the kind of those.
+KIND_OF_KEY = {
     "particles": "generators",
     "springs": "networks",
     "forces": "forces",
@@ -145,7 +145,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
 
 def all_components() -> Selection:
     """Every component a scene may name."""
-    return tuple((kind, tuple(available(kind))) for kind in (*KINDS.values(), "contacts", "quantities"))
+    return tuple((kind, tuple(available(kind))) for kind in component.KINDS)
 
 
 def available(kind: str) -> list[str]:
@@ -156,7 +156,7 @@ def available(kind: str) -> list[str]:
 def select(scene: Mapping[str, Any]) -> Selection:
     """The components that a scene, as plain data, names and that exist."""
     found = []
-    for key, kind in KINDS.items():
+    for key, kind in KIND_OF_KEY.items():
         entries = scene.get(key)
         entries = [entries] if isinstance(entries, dict) else entries if isinstance(entries, list) else []
         named = {name for entry in entries if isinstance(entry, dict) for name in entry}

@@ -15,7 +15,7 @@ from mpp_taichi.scene.document import Node, from_python, read_value
 from mpp_taichi.scene.faults import Faults, allowed, printable, shown, suggestion
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.messages import key_text
-from mpp_taichi.scene.model import KINDS
+from mpp_taichi.scene.model import KIND_OF_KEY
 
 _STEP = re.compile(r"\.?([^.\[\]=]+)|\[([0-9]{1,9})\]")
 _MADE_WHEN_ABSENT = (("run",), ("view",), ("view", "camera"), ("record",), ("units",))
@@ -129,7 +129,7 @@ def _may_have_more(walked: Path) -> bool:
     """Whether the model knows all keys of a place, so that an unknown one is found when the scene is checked."""
     if walked in (("constants",), ("spring_types",), ("expect",), ("integrator",)):
         return False
-    return not (len(walked) == 2 and walked[0] in KINDS and isinstance(walked[1], int))
+    return not (len(walked) == 2 and walked[0] in KIND_OF_KEY and isinstance(walked[1], int))
 
 
 def _short(value: Any) -> str:

@@ -68,8 +68,8 @@ def _specs() -> Iterator[str]:
 
 
 def _components() -> Iterator[str]:
-    for kind, title in KIND_TITLES.items():
-        yield f"\n## {title}"
+    for kind in component.KINDS:
+        yield f"\n## {KIND_TITLES[kind]}"
         for name in component.names(kind):
             declared = component.declaration(kind, name)
             if declared.base == "BondForce":  # springs act by themselves

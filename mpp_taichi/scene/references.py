@@ -9,7 +9,7 @@ from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults, choices, shown
 from mpp_taichi.scene.layout import ParticleLayout, build, particle_layout
 from mpp_taichi.scene.messages import key_text
-from mpp_taichi.scene.model import KINDS
+from mpp_taichi.scene.model import KIND_OF_KEY
 from mpp_taichi.scene.spec import ComponentSpec, PairSpec, PanelSpec, SceneSpec
 from mpp_taichi.scene.view_checks import resolve_view
 
@@ -28,7 +28,9 @@ def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
     _check_names(spec, tree, faults)
     finder = _Finder(layout, tree, faults)
     changed: dict[str, Any] = {
-        key: tuple(finder.entry(each, KINDS[key], (key, number, each.name)) for number, each in enumerate(getattr(spec, key)))
+        key: tuple(
+            finder.entry(each, KIND_OF_KEY[key], (key, number, each.name)) for number, each in enumerate(getattr(spec, key))
+        )
         for key in ("particles", "springs", "forces", "walls")
     }
     changed["integrator"] = finder.entry(spec.integrator, "integrators", ("integrator", spec.integrator.name))

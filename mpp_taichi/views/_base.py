@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mpp_taichi.snapshot import Snapshot
-from mpp_taichi.walls.outline import Outline
+from mpp_taichi.views.wall_outline import Outline
 
 WALL_COLOR = (0.45, 0.47, 0.55)
 WALL_WIDTH = 1.5  # pixels of a picture of 720 rows

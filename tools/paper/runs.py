@@ -12,7 +12,7 @@ from mpp_taichi.expectations import Watcher
 from mpp_taichi.simulation import Simulation
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.offscreen import open_offscreen
-from mpp_taichi.walls.outline import outline_of
+from mpp_taichi.views.wall_outline import outline_of
 
 SCENES = Path(__file__).parents[2] / "scenes"
 SIZE = (640, 400)
