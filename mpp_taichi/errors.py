@@ -30,6 +30,12 @@ class SceneError(MppError):
         return "\n".join(f"{fault}\n{excerpt}" if excerpt else fault for fault, excerpt in zip(self.faults, excerpts))
 
 
+class ArgumentError(MppError):
+    """An argument of a function has a value that is not allowed."""
+
+    exit_code = 2
+
+
 class BackendError(MppError):
     """The backend, device, precision or display asked for is not available here."""
 
