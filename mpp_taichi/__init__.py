@@ -11,7 +11,7 @@ Importing the package starts no device and imports no Taichi.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from mpp_taichi.errors import BackendError, CapacityError, MppError, OutputError, SceneError, StabilityError
+from mpp_taichi.errors import ArgumentError, BackendError, CapacityError, MppError, OutputError, SceneError, StabilityError
 from mpp_taichi.version import __version__
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mpp_taichi.snapshot import Snapshot
 
 __all__ = [
+    "ArgumentError",
     "BackendError",
     "CapacityError",
     "MppError",

@@ -15,6 +15,7 @@ from mpp_taichi.availability import BACKENDS, availability, cpu_name, present, r
 from mpp_taichi.errors import BackendError
 from mpp_taichi.missing_package import missing_packages_named
 from mpp_taichi.precision import PRECISIONS, carries_low_parts, number_type
+from mpp_taichi.thread_count import check_threads
 
 log = logging.getLogger(__name__)
 
@@ -89,9 +90,10 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
     """Start a backend, or keep the one that runs if it is the same.
 
     `auto` takes the GPU for a large scene where there is one that starts, else the CPU. Precision is f64 on the CPU and f32
-    elsewhere unless said. Raises BackendError when what was asked for does not start here.
+    elsewhere unless said. Raises BackendError when what was asked for does not start here, ArgumentError for too many threads.
     """
     _check_names(backend, precision)
+    threads = check_threads(threads)
     chosen = _choose(large) if backend == "auto" else backend
     if chosen != "cpu":
         report = availability(chosen)

@@ -39,6 +39,12 @@ class MissingPackageError(MppError):
     exit_code = 2
 
 
+class ArgumentError(MppError):
+    """An argument of a function has a value that is not allowed."""
+
+    exit_code = 2
+
+
 class BackendError(MppError):
     """The backend, device, precision or display asked for is not available here."""
 

@@ -17,6 +17,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.timeline import whole_steps
 from mpp_taichi.shown import Shown
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.thread_count import check_threads
 from mpp_taichi.walls._base import Surface
 
 if TYPE_CHECKING:
@@ -44,8 +45,8 @@ class Simulation(PhasedMotion, Shown):
     `scene` is a path, a mapping of the shape of the YAML, or a SceneSpec; `overrides` are those of `--set`. `replica_starts`
     holds the starting snapshots of independent copies of the scene that run side by side, one thread each. `start` is a state
     of the same particles to go on from instead of the scene's own, with its time and step count. `force` runs a step that is
-    beyond what the springs allow, `event_log` lets event-driven contacts note every collision. Raises SceneError, BackendError
-    or CapacityError before anything is allocated, StabilityError when it is run.
+    beyond what the springs allow, `event_log` lets event-driven contacts note every collision. Raises SceneError,
+    ArgumentError, BackendError or CapacityError before anything is allocated, StabilityError when it is run.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class Simulation(PhasedMotion, Shown):
     ):
         """Read the scene, start the backend, allocate and fill the fields; kernels are compiled at the first step."""
         began = clock.perf_counter()
+        check_threads(threads)
         read = load_scene(scene, overrides=overrides)
         if read.accuracy is not None:
             raise SceneError(

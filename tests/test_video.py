@@ -9,9 +9,10 @@ import textwrap
 import time
 from pathlib import Path
 
+import imageio_ffmpeg
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from mpp_taichi.errors import OutputError
 from mpp_taichi.recorders import video
@@ -31,15 +32,24 @@ def picture(index: int, size: tuple[int, int] = SIZE) -> np.ndarray:
 
 
 def decode(path: Path, frame_shape: tuple[int, int]) -> np.ndarray:
-    """Every frame of a film, shape (frame_count, height, width, 3)."""
-    command = [check_encoder(), "-v", "error", "-nostdin", "-i", f"file:{path}", "-f", "rawvideo", "-pix_fmt", "rgb24"]
-    raw = subprocess.run([*command, "-fps_mode", "passthrough", "pipe:1"], capture_output=True, check=True).stdout
+    """Every frame of a film, shape (frame_count, height, width, 3).
+
+    The decoders come with the packages of the tests. The FFmpeg of a machine may have any version, and old versions read no
+    animated WebP.
+    """
+    if path.suffix.lower() in (".gif", ".webp"):
+        with Image.open(path) as film:
+            return np.stack([np.asarray(frame.convert("RGB")) for frame in ImageSequence.Iterator(film)])
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-nostdin", "-i", f"file:{path}", "-f", "rawvideo"]
+    command += ["-pix_fmt", "rgb24", "-fps_mode", "passthrough", "pipe:1"]
+    raw = subprocess.run(command, capture_output=True, check=True).stdout
     return np.frombuffer(raw, np.uint8).reshape(-1, frame_shape[1], frame_shape[0], 3)
 
 
 def describe(path: Path) -> str:
     """What FFmpeg says about a file."""
-    return subprocess.run([check_encoder(), "-hide_banner", "-i", f"file:{path}"], capture_output=True, text=True).stderr
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-hide_banner", "-i", f"file:{path}"]
+    return subprocess.run(command, capture_output=True, text=True).stderr
 
 
 def block_center(frame: np.ndarray) -> float:
@@ -150,6 +160,44 @@ def test_encoder_that_does_not_start(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", "/nonexistent/ffmpeg")
     with pytest.raises(OutputError, match="does not start"):
         check_encoder()
+
+
+def foreign_ffmpeg(folder: Path, answer: str) -> Path:
+    """A program with the name of FFmpeg that answers every question with the same text and encodes nothing."""
+    program = folder / "ffmpeg"
+    program.write_text(f"#!/bin/sh\n{answer}\n", encoding="utf-8")
+    program.chmod(0o755)
+    return program
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the false encoder is a shell script")
+@pytest.mark.parametrize("suffix", [".mp4", ".gif", ".webp"])
+@pytest.mark.parametrize("answer", ["echo libx263; exit 0", "exit 1", "echo libx264 libx264rgb libwebp_anim"])
+def test_a_film_is_right_whatever_ffmpeg_comes_first_on_the_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, answer: str
+) -> None:
+    monkeypatch.delenv("IMAGEIO_FFMPEG_EXE", raising=False)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    foreign_ffmpeg(tmp_path, answer)
+    path = tmp_path / f"film{suffix}"
+    with VideoRecorder(path, SIZE, 30) as recorder:
+        for index in range(3):
+            recorder.write(picture(index))
+    frames = decode(path, SIZE)
+    assert [round(block_center(frame)) for frame in frames] == pytest.approx([20, 24, 28], abs=1)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the false encoder is a shell script")
+def test_an_encoder_on_the_path_is_used_for_the_formats_whose_codec_it_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("IMAGEIO_FFMPEG_EXE", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    program = foreign_ffmpeg(tmp_path, "echo ' V....D libx264  H.264'")
+    assert check_encoder(".MP4") == str(program)
+    with pytest.raises(OutputError, match=r"cannot write \.webp, it has no codec libwebp_anim"):
+        check_encoder(".webp")
 
 
 @pytest.mark.parametrize(

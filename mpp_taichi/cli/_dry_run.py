@@ -5,6 +5,7 @@ from typing import Any
 
 from mpp_taichi import plans
 from mpp_taichi.cli import _options
+from mpp_taichi.cli._amounts import check_amounts
 from mpp_taichi.cli._phases import described, phase_line
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._terminal import explain_error, output_reserved, put, put_json
@@ -20,7 +21,9 @@ def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
         CapacityError: it could not, for its size.
     """
     needed = estimate(spec)
-    goal = Goal.of(spec, Request(until=arguments.until, steps=arguments.steps))
+    names = ("until", "steps", "video", "html", "trajectory", "every")
+    request = Request(**{name: getattr(arguments, name) for name in names})
+    goal = Goal.of(spec, request)
     dt = float(spec.integrator.parameters["dt"])
     found = {
         "scene": spec.source,
@@ -46,6 +49,7 @@ def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
         "exit_code": 0,
     }
     check_capacity(needed)
+    check_amounts(spec, request, goal)
     refused = _check_step(spec, arguments, goal, found)
     if refused is not None:
         found |= {"status": "failed", "error": str(refused), "exit_code": refused.exit_code}

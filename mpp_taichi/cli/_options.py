@@ -7,6 +7,7 @@ from pathlib import Path
 
 from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.precision import PRECISIONS
+from mpp_taichi.thread_count import allowed_threads, most_threads
 
 LARGEST_SIDE = 16384  # pixels
 LONGEST_NAME = 230  # bytes: 255 on every common file system, less the room for `.part` and the like
@@ -31,7 +32,9 @@ def add_device(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--backend", default="auto", choices=("auto", "cpu", "cuda", "vulkan", "metal"), help="what computes")
     group.add_argument("--precision", choices=PRECISIONS, help="f64 on the CPU and f32 elsewhere when absent")
     group.add_argument("--plan", default="auto", choices=("auto", "serial", "parallel"), help="how a step is launched")
-    group.add_argument("--threads", type=positive_integer, metavar="N", help="CPU threads")
+    group.add_argument(
+        "--threads", type=thread_count, metavar="N", help="CPU threads; when absent, one on each logical processor"
+    )
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:
@@ -107,6 +110,17 @@ def positive_integer(text: str) -> int:
     value = whole_number(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text} must be at least 1")
+    return value
+
+
+def thread_count(text: str) -> int:
+    """A number of threads or processes that this machine may be asked for."""
+    try:
+        value = whole_number(text)
+    except argparse.ArgumentTypeError:
+        value = 0
+    if not 1 <= value <= most_threads():
+        raise argparse.ArgumentTypeError(f"{text!r} must be {allowed_threads()}")
     return value
 
 

@@ -86,7 +86,7 @@ class Request:
 
         Raises:
             UsageError: a suffix that is no format of that file.
-            OutputError: a film is wanted and there is no encoder.
+            OutputError: a film is wanted and no encoder can write it.
             BackendError: a plot is wanted and there is no matplotlib.
         """
         require_suffix(self.video, VIDEO_FORMATS, "--video")
@@ -102,7 +102,7 @@ class Request:
         require_suffix(self.events, EVENT_FORMATS, "--events")
         require_suffix(self.log, (".yaml", ".yml"), "--log")
         if self.video is not None:
-            check_encoder()
+            check_encoder(self.video.suffix)
         if any(path is not None and path.suffix.lower() in PLOT_FORMATS for path in (self.modes, self.speeds)):
             require_matplotlib()
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.beside.settings import BesideError
+from mpp_taichi.cli._amounts import check_amounts
 from mpp_taichi.cli._beside import RightHalf
 from mpp_taichi.cli._desk import save_log
 from mpp_taichi.cli._options import output_stem
@@ -84,6 +85,7 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
         raise UsageError(f"--inspect {request.inspect[0]}: {spec.source} has no inspect:, so there are no panels to write")
     goal = Goal.of(spec, request)
     goal.check(spec, may_be_endless=request.window)
+    check_amounts(spec, request, goal)
     with ExitStack() as stack:
         interruption = stack.enter_context(Interruption())
         _lock_outputs(request, stack)
@@ -179,7 +181,7 @@ class _Run:
     def go(self, interruption: Interruption, sinks: Sequence[Any], trajectory: TrajectoryRecorder | None) -> Outcome:
         """Run to the end, or as far as it goes; then write what there is."""
         if sinks:
-            self.films = [self._film(sinks)]
+            self.films = [self._film(sinks, interruption)]
         if trajectory is not None:
             trajectory.every = self.every
         if self.inspection is not None and self.films and self.spec.record.panels != "none":
@@ -259,7 +261,7 @@ class _Run:
         view = open_offscreen(plain, division.scene, dimensions=spec.dimensions)
         return ViewWithPanels(view, self.inspection.inspector.plots, division, caption=spec.view.caption)
 
-    def _film(self, sinks: Sequence[Any]) -> FilmRecorder:
+    def _film(self, sinks: Sequence[Any], interruption: Interruption) -> FilmRecorder:
         request, record = self.request, self.spec.record
         size, count, span = request.size or record.size, request.frame_count(self.spec), self.goal.span(self.spec)
         pages = [sink for sink in sinks if isinstance(sink, HtmlRecorder)]
@@ -269,6 +271,7 @@ class _Run:
         for page in pages:
             page.begin(self.spec, self.simulation.start.name, self.table.rows, count)
         more: dict[str, Any] = {"title": self.spec.title, "caption": self._caption, "stopwatch": self.stopwatch}
+        more["raise_if_interrupted"] = interruption.raise_if_any
         if self.right is not None:
             return self.right.film(size, pictures, count, **more)
         return FilmRecorder(self._view(size) if pictures else None, pictures, count, span, pages=pages, **more)

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenes", nargs="+", metavar="SCENE", help="scene files, or folders of them")
     parser.add_argument(
         "--jobs",
-        type=_options.positive_integer,
+        type=_options.thread_count,
         metavar="N",
         help=f"scenes to run at once; absent: as many as there are processors where more than {FEW} are checked",
     )

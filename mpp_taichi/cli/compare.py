@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--steps", type=_options.positive_integer, metavar="N", help="most steps of the trajectories compared")
     parser.add_argument("--scaling", action="store_true", help="steps per second of generated scenes, from 2 particles on")
     parser.add_argument("--ladder", action="store_true", help="each way to sum over pairs as a row, from the plainest")
-    parser.add_argument("--threads", type=_options.positive_integer, metavar="N", help="of the cpu backend")
+    parser.add_argument("--threads", type=_options.thread_count, metavar="N", help="of the cpu backend")
     parser.add_argument(
         "--out", type=_options.output_path, metavar="DIR", help="folder to write; out/SCENE.compare when absent"
     )

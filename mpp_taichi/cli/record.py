@@ -6,6 +6,7 @@ k / (frames - 1) of the run. Between two steps the positions shown are x + v d, 
 """
 
 import argparse
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mpp_taichi.cli import _options
@@ -55,8 +56,9 @@ def execute(arguments: argparse.Namespace) -> int:
         raise UsageError("record: where to? --video F.mp4 (or .gif, .webp), --still F.png, --frames DIR or --html F.html")
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
     fps, seconds = arguments.fps or spec.record.fps, arguments.duration or spec.record.seconds
-    if round(fps * seconds) < 1:
+    if fps * seconds <= 0.5:
         raise UsageError(f"record: a film of {seconds:g} s at {fps:g} frames a second has no frame")
+    from mpp_taichi.cli._amounts import check_frames
     from mpp_taichi.cli._request import Request
     from mpp_taichi.cli._session import run_scene
     from mpp_taichi.cli._settle import settled
@@ -78,11 +80,12 @@ def execute(arguments: argparse.Namespace) -> int:
         "snapshot",
     )
     more = ("diagnostics", "inspect", "modes", "speeds", "events", "every", "quiet", "allow_inaccurate", "force")
+    request = Request(**{name: getattr(arguments, name) for name in (*names, *more)}, film_seconds=arguments.duration)
+    check_frames(spec, request)  # before pilot runs choose a method
     with output_reserved(arguments.json):
         spec, arguments.precision, choice = settled(spec, arguments)
         beside = _right_half(spec, arguments, chosen=bool(choice))
-        given = {name: getattr(arguments, name) for name in (*names, *more)}
-        outcome = run_scene(spec, Request(**given, film_seconds=arguments.duration, beside=beside))
+        outcome = run_scene(spec, replace(request, precision=arguments.precision, beside=beside))
         outcome.summary |= choice
     if not arguments.quiet:
         say("\n".join(outcome.lines()))

@@ -53,14 +53,18 @@ class FilmRecorder:
         title: str = "",
         caption: Callable[[], str] = lambda: "",
         stopwatch: Callable[[str], AbstractContextManager[Any]],
+        raise_if_interrupted: Callable[[], None] = lambda: None,
     ) -> None:
         """`stopwatch(name)` times a block; drawing is counted as capture, handing over to a sink as encode.
+
+        `raise_if_interrupted` is called before each frame: any number of frames may lie between two steps.
 
         `pages` get the frames themselves; without a view there is nothing else.
         """
         self.pages = tuple(pages)
         self.view, self.sinks, self.frame_count, self.span = view, tuple(sinks), frame_count, span
         self.title, self.caption, self.stopwatch = title, caption, stopwatch
+        self._raise_if_interrupted = raise_if_interrupted
         self.drawn_count = 0
         self._walls: Outline | None = None
         self._start: float | None = None
@@ -84,6 +88,7 @@ class FilmRecorder:
         with self.stopwatch("capture"):
             snapshot = simulation.snapshot()
         while self.drawn_count < self.frame_count:
+            self._raise_if_interrupted()
             offset = self._due_time() - simulation.time
             exact = abs(offset) <= self.same_time * simulation.dt
             reach = min(simulation.dt, simulation.time_to_next_phase)

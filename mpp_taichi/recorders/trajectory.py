@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mpp_taichi.simulation import Simulation
 
 FORMATS = (".npz", ".xyz", ".extxyz")
+BYTES_PER_PARTICLE = 48  # of a frame: position and velocity in f64; text takes more
 
 
 class TrajectoryRecorder:

@@ -5,6 +5,7 @@ fragments, `name.part.mp4`, which play even when the program is killed; on succe
 a file whose index comes first, and moved to its final name.
 """
 
+import importlib.util
 import logging
 import os
 import queue
@@ -35,34 +36,62 @@ POLL_SECONDS = 0.2
 ADVICE = "a sequence of pictures needs no encoder: --frames FOLDER"
 
 
-def check_encoder() -> str:
-    """The FFmpeg to use: `IMAGEIO_FFMPEG_EXE`, else the one on the path, else the one imageio-ffmpeg brings.
+def check_encoder(suffix: str = ".mp4") -> str:
+    """The FFmpeg that writes films with this suffix.
+
+    It is the program named by `IMAGEIO_FFMPEG_EXE`, which is only started, not examined. Without that variable it is the first
+    FFmpeg that lists the codec of the format: first the FFmpeg of the package imageio-ffmpeg, whose version is known, then the
+    FFmpeg on the path, whose version and codecs differ from machine to machine.
 
     Raises:
-        OutputError: there is none, or it does not start.
+        OutputError: no FFmpeg is installed, none starts, or none has the codec.
     """
-    executable = os.environ.get("IMAGEIO_FFMPEG_EXE") or shutil.which("ffmpeg") or _bundled()
-    if executable is None:
-        raise OutputError(f"no video encoder: there is no ffmpeg, and imageio-ffmpeg has none for this machine; {ADVICE}")
+    named = os.environ.get("IMAGEIO_FFMPEG_EXE")
+    if named:
+        _ask(named, "-version")
+        return named
+    installed = [each for each in (_bundled(), shutil.which("ffmpeg")) if each is not None]
+    if not installed:
+        raise OutputError(f"no video encoder: there is no ffmpeg, and {_why_none_is_bundled()}; {ADVICE}")
+    codec, faults = CODECS[suffix.lower()], list[str]()
+    for executable in dict.fromkeys(installed):
+        try:
+            if codec in _ask(executable, "-encoders").split():
+                return executable
+            faults.append(f"the video encoder {executable} cannot write {suffix}, it has no codec {codec}; {ADVICE}")
+        except OutputError as error:
+            faults.append(str(error))
+    raise OutputError(faults[0])
+
+
+def _ask(executable: str, question: str) -> str:
+    """What an FFmpeg answers to an option; OutputError where it does not start."""
     try:
-        subprocess.run(
-            [executable, "-version"],
+        done = subprocess.run(
+            [executable, question, "-hide_banner"],
             stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             timeout=20,
             check=True,
         )
     except (OSError, subprocess.SubprocessError) as error:
         raise OutputError(f"the video encoder {executable} does not start: {error}; {ADVICE}") from error
-    return executable
+    return done.stdout.decode("utf-8", "replace")
+
+
+def _why_none_is_bundled() -> str:
+    """Why imageio-ffmpeg gives no FFmpeg: the package is missing, or it has none for this system."""
+    missing = importlib.util.find_spec("imageio_ffmpeg") is None
+    return missing_line("imageio_ffmpeg") if missing else "imageio-ffmpeg has none for this machine"
 
 
 def _bundled() -> str | None:
+    """The FFmpeg of the package imageio-ffmpeg; where the package has none for this system, it names another."""
     try:
-        import imageio_ffmpeg  # an optional dependency, only looked for when a film is made
+        import imageio_ffmpeg  # only looked for when a film is made
     except ImportError:
-        raise OutputError(f"no video encoder: there is no ffmpeg, and {missing_line('imageio_ffmpeg')}; {ADVICE}") from None
+        return None
     try:
         return str(imageio_ffmpeg.get_ffmpeg_exe())
     except RuntimeError:
@@ -87,7 +116,7 @@ class VideoRecorder:
         if suffix not in FORMATS:
             raise OutputError(f"{self.path}: the video format {suffix!r} is none of {', '.join(FORMATS)}")
         self._part = self.path.with_name(f"{self.path.stem}.part{PART_SUFFIX[suffix]}")
-        self._executable = check_encoder()
+        self._executable = check_encoder(suffix)
         self.frame_count = 0
         self._lines: deque[str] = deque(maxlen=MESSAGE_LINES)
         self._queue: queue.Queue[np.ndarray | None] = queue.Queue(QUEUED_FRAMES)
@@ -261,6 +290,7 @@ if sys.platform == "win32":
 
 QUIET = ["-hide_banner", "-loglevel", "error", "-nostdin", "-y"]
 PART_SUFFIX = {".mp4": ".mp4", ".gif": ".mkv", ".webp": ".webp"}  # a GIF needs its palette first, hence a lossless copy
+CODECS = {".mp4": "libx264", ".gif": "libx264rgb", ".webp": "libwebp_anim"}
 # H.264 in 4:2:0, which every browser and player shows, has even sizes only; padding keeps every pixel where a rescale blurs.
 EVEN = "pad=ceil(iw/2)*2:ceil(ih/2)*2"
 # Said and done in BT.709: players guess the matrix of an untagged film from its size, and colours shift.
@@ -271,7 +301,7 @@ ENCODING = {
         f"{EVEN},scale=out_color_matrix=bt709:out_range=tv",
         *COLOR_TAGS,
         "-c:v",
-        "libx264",
+        CODECS[".mp4"],
         "-pix_fmt",
         "yuv420p",
         "-crf",
@@ -280,8 +310,8 @@ ENCODING = {
         "fast",
     ]
     + ["-movflags", "+empty_moov+default_base_moof", "-frag_duration", "500000"],
-    ".mkv": ["-c:v", "libx264rgb", "-qp", "0", "-preset", "ultrafast"],
-    ".webp": ["-c:v", "libwebp_anim", "-quality", "80", "-loop", "0"],
+    ".mkv": ["-c:v", CODECS[".gif"], "-qp", "0", "-preset", "ultrafast"],
+    ".webp": ["-c:v", CODECS[".webp"], "-quality", "80", "-loop", "0"],
 }
 
 

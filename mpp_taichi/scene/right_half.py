@@ -18,6 +18,7 @@ from mpp_taichi.scene import overrides
 from mpp_taichi.scene.document import Node, read_value
 from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.thread_count import allowed_threads, most_threads
 
 DEVICE_SETTINGS: dict[str, tuple[str, ...]] = {
     "backend": ("auto", *BACKENDS),
@@ -28,6 +29,7 @@ DEVICE_SETTINGS: dict[str, tuple[str, ...]] = {
 SHARED = ("title", "dimensions", "units", "run", "view", "record", "inspect", "expect", "modes", "sliders", "accuracy")
 """Keys of a scene that both halves have in common: how long, how seen, how measured."""
 _WORD = re.compile(r"[a-z]\w*", re.ASCII)
+_COUNT = re.compile(r"[0-9]{1,9}")
 
 
 def refusal(key: str, value: str) -> str:
@@ -35,8 +37,8 @@ def refusal(key: str, value: str) -> str:
     first = (overrides.steps(key.removeprefix("+")) or ("",))[0]
     if first in SHARED:
         return f"both halves have the same {first}"
-    if key == "threads" and not (value.isascii() and value.isdigit() and int(value) > 0):
-        return "must be a whole number from 1 on"
+    if key == "threads" and not (_COUNT.fullmatch(value) and 1 <= int(value) <= most_threads()):
+        return f"must be {allowed_threads()}"
     if DEVICE_SETTINGS.get(key) and value not in DEVICE_SETTINGS[key]:
         return f"{value!r} is none of {', '.join(DEVICE_SETTINGS[key])}"
     return ""
