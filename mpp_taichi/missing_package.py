@@ -49,12 +49,13 @@ def missing_packages_named() -> Iterator[None]:
 def missing_line(name: str, places: Sequence[Path] | None = None) -> str:
     """What to tell about the module `name` that cannot be found; `places` are the folders that may hold a `.venv`."""
     absent = [PACKAGES.get(name, name)]
-    absent += [package for module, package in PACKAGES.items() if module != name and _is_absent(module)]
+    absent += [package for module, package in PACKAGES.items() if module != name and is_absent(module)]
     packages = f"package{'s' if len(absent) > 1 else ''} {', '.join(absent)}"
     return f"this Python, {sys.executable}, does not have the {packages}; {_cure(absent, places or (Path.cwd(), PROJECT))}"
 
 
-def _is_absent(module: str) -> bool:
+def is_absent(module: str) -> bool:
+    """Whether this Python finds no module of this name."""
     try:
         return importlib.util.find_spec(module) is None
     except (ImportError, ValueError):

@@ -5,7 +5,6 @@ fragments, `name.part.mp4`, which play even when the program is killed; on succe
 a file whose index comes first, and moved to its final name.
 """
 
-import importlib.util
 import logging
 import os
 import queue
@@ -22,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.errors import OutputError
-from mpp_taichi.missing_package import missing_line
+from mpp_taichi.missing_package import is_absent, missing_line
 from mpp_taichi.recorders._lock import OutputLock
 
 logger = logging.getLogger(__name__)
@@ -82,7 +81,7 @@ def _ask(executable: str, question: str) -> str:
 
 def _why_none_is_bundled() -> str:
     """Why imageio-ffmpeg gives no FFmpeg: the package is missing, or it has none for this system."""
-    missing = importlib.util.find_spec("imageio_ffmpeg") is None
+    missing = is_absent("imageio_ffmpeg")
     return missing_line("imageio_ffmpeg") if missing else "imageio-ffmpeg has none for this machine"
 
 
