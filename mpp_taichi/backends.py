@@ -56,6 +56,7 @@ class Device:
 @dataclass
 class _Runtime:
     device: Device | None = None
+    state: Any = None  # Taichi's own object of the runtime, another one after each ti.init and ti.reset
     generation: int = 0
     users: int = 0
 
@@ -97,13 +98,13 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
             here = ", ".join(present())
             raise BackendError(f"backend {chosen} does not start here: {report['reason']}; here are: {here}")
     precision = precision or ("f64" if chosen == "cpu" else "f32")
+    _forget_what_others_ended()
     running = _runtime.device
     if running and (running.backend, running.precision) == (chosen, precision) and threads in (None, running.threads):
         return running
     ti = import_taichi()
     initialise(ti, chosen, precision, threads)
-    _runtime.generation += 1
-    _runtime.users = 0
+    _forget()  # the start has ended what ran before
     probes = _probe_here(ti, chosen)
     if precision == "f64" and not probes.float64:
         stop()
@@ -117,6 +118,7 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
     name = cpu_name() if chosen == "cpu" else availability(chosen)["device"]
     used = threads or os.cpu_count() or 1
     _runtime.device = Device(chosen, name, precision, used if chosen == "cpu" else 0, probes, _runtime.generation)
+    _runtime.state = ti.lang.impl.get_runtime()
     return _runtime.device
 
 
@@ -155,9 +157,21 @@ def stop() -> None:
     """Reset Taichi; every field and kernel made since `start` is gone."""
     if "taichi" in sys.modules:
         sys.modules["taichi"].reset()
+    _forget()
+
+
+def _forget() -> None:
+    """No runtime of ours is there any more."""
     _runtime.device = None
+    _runtime.state = None
     _runtime.users = 0
     _runtime.generation += 1
+
+
+def _forget_what_others_ended() -> None:
+    """Notice a ti.init or ti.reset of the program: Taichi has one runtime in a process, so ours has ended with it."""
+    if _runtime.device is not None and sys.modules["taichi"].lang.impl.get_runtime() is not _runtime.state:
+        _forget()
 
 
 def retain(device: Device) -> None:
@@ -175,6 +189,7 @@ def release(device: Device) -> None:
 
 def is_alive(device: Device) -> bool:
     """Whether fields made under this device still exist."""
+    _forget_what_others_ended()
     return _runtime.device is not None and _runtime.generation == device.generation
 
 
