@@ -1,10 +1,12 @@
 """Backends: the only place that starts Taichi. What is asked for is what runs, or an error says why not."""
 
 import contextlib
+import functools
 import io
 import logging
 import os
 import sys
+import tempfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,6 +72,9 @@ def import_taichi() -> Any:
         log.warning("ignoring %s=%s: settings come from the scene and the command line", key, os.environ.pop(key))
     os.environ["TI_SKIP_VERSION_CHECK"] = "ON"  # the check calls a server
     os.environ["ENABLE_TAICHI_HEADER_PRINT"] = "False"
+    if os.name != "nt" and "HOME" not in os.environ and "XDG_CACHE_HOME" not in os.environ:
+        home = os.path.expanduser("~")
+        os.environ["HOME"] = home if os.path.isabs(home) else os.devnull  # without it Taichi ends the process
     try:
         import taichi
     except ImportError as error:
@@ -125,6 +130,11 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
 def initialise(ti: Any, backend: str, precision: str, threads: int | None = None) -> None:
     """The one call of `ti.init`. Taichi would fall back to the CPU in silence; this raises BackendError instead."""
     options: dict[str, Any] = {"cpu_max_num_threads": threads} if threads and backend == "cpu" else {}
+    if not _is_writable(_cache_of_kernels(ti)):
+        # Taichi makes the folder at its end even without a cache, and ends the process where it cannot: it is given a folder
+        # that exists, in which nothing is left.
+        here = str(Path(__file__).parent)
+        options |= {"offline_cache": False, "offline_cache_file_path": here, "offline_cache_cleaning_policy": "never"}
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             ti.init(
@@ -145,6 +155,23 @@ def initialise(ti: Any, backend: str, precision: str, threads: int | None = None
         raise BackendError(f"asked for backend {backend}, but Taichi started {running}")
     if backend == "cpu":
         worker_threads.hire()
+
+
+def _cache_of_kernels(ti: Any) -> str:
+    """The folder where Taichi keeps compiled kernels unless told otherwise."""
+    return ti.lang.impl.default_cfg().offline_cache_file_path
+
+
+@functools.cache
+def _is_writable(folder: str) -> bool:
+    """Whether a file can be made in a folder, which is made where it is missing; one warning where not."""
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError as error:
+        log.warning("compiled kernels are not kept: %s: %s", folder, error.strerror or error)
+        return False
 
 
 def widest_float(device: Device) -> Any:
