@@ -1,10 +1,12 @@
 """Backends: the only place that starts Taichi. What is asked for is what runs, or an error says why not."""
 
 import contextlib
+import functools
 import io
 import logging
 import os
 import sys
+import tempfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,6 +60,7 @@ class Device:
 @dataclass
 class _Runtime:
     device: Device | None = None
+    state: Any = None  # Taichi's own object of the runtime, another one after each ti.init and ti.reset
     generation: int = 0
     users: int = 0
 
@@ -71,6 +74,9 @@ def import_taichi() -> Any:
         log.warning("ignoring %s=%s: settings come from the scene and the command line", key, os.environ.pop(key))
     os.environ["TI_SKIP_VERSION_CHECK"] = "ON"  # the check calls a server
     os.environ["ENABLE_TAICHI_HEADER_PRINT"] = "False"
+    if os.name != "nt" and "HOME" not in os.environ and "XDG_CACHE_HOME" not in os.environ:
+        home = os.path.expanduser("~")
+        os.environ["HOME"] = home if os.path.isabs(home) else os.devnull  # without it Taichi ends the process
     try:
         with missing_packages_named():
             import taichi
@@ -101,13 +107,13 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
             here = ", ".join(present())
             raise BackendError(f"backend {chosen} does not start here: {report['reason']}; here are: {here}")
     precision = precision or ("f64" if chosen == "cpu" else "f32")
+    _forget_what_others_ended()
     running = _runtime.device
     if running and (running.backend, running.precision) == (chosen, precision) and threads in (None, running.threads):
         return running
     ti = import_taichi()
     initialise(ti, chosen, precision, threads)
-    _runtime.generation += 1
-    _runtime.users = 0
+    _forget()  # the start has ended what ran before
     probes = _probe_here(ti, chosen)
     if precision == "f64" and not probes.float64:
         stop()
@@ -121,12 +127,18 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
     name = cpu_name() if chosen == "cpu" else availability(chosen)["device"]
     used = threads or os.cpu_count() or 1
     _runtime.device = Device(chosen, name, precision, used if chosen == "cpu" else 0, probes, _runtime.generation)
+    _runtime.state = ti.lang.impl.get_runtime()
     return _runtime.device
 
 
 def initialise(ti: Any, backend: str, precision: str, threads: int | None = None) -> None:
     """The one call of `ti.init`. Taichi would fall back to the CPU in silence; this raises BackendError instead."""
     options: dict[str, Any] = {"cpu_max_num_threads": threads} if threads and backend == "cpu" else {}
+    if not _is_writable(_cache_of_kernels(ti)):
+        # Taichi makes the folder at its end even without a cache, and ends the process where it cannot: it is given a folder
+        # that exists, in which nothing is left.
+        here = str(Path(__file__).parent)
+        options |= {"offline_cache": False, "offline_cache_file_path": here, "offline_cache_cleaning_policy": "never"}
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             ti.init(
@@ -149,6 +161,23 @@ def initialise(ti: Any, backend: str, precision: str, threads: int | None = None
         worker_threads.hire()
 
 
+def _cache_of_kernels(ti: Any) -> str:
+    """The folder where Taichi keeps compiled kernels unless told otherwise."""
+    return ti.lang.impl.default_cfg().offline_cache_file_path
+
+
+@functools.cache
+def _is_writable(folder: str) -> bool:
+    """Whether a file can be made in a folder, which is made where it is missing; one warning where not."""
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError as error:
+        log.warning("compiled kernels are not kept: %s: %s", folder, error.strerror or error)
+        return False
+
+
 def widest_float(device: Device) -> Any:
     """The Taichi type that energies are computed in."""
     ti = import_taichi()
@@ -159,9 +188,21 @@ def stop() -> None:
     """Reset Taichi; every field and kernel made since `start` is gone."""
     if "taichi" in sys.modules:
         sys.modules["taichi"].reset()
+    _forget()
+
+
+def _forget() -> None:
+    """No runtime of ours is there any more."""
     _runtime.device = None
+    _runtime.state = None
     _runtime.users = 0
     _runtime.generation += 1
+
+
+def _forget_what_others_ended() -> None:
+    """Notice a ti.init or ti.reset of the program: Taichi has one runtime in a process, so ours has ended with it."""
+    if _runtime.device is not None and sys.modules["taichi"].lang.impl.get_runtime() is not _runtime.state:
+        _forget()
 
 
 def retain(device: Device) -> None:
@@ -179,6 +220,7 @@ def release(device: Device) -> None:
 
 def is_alive(device: Device) -> bool:
     """Whether fields made under this device still exist."""
+    _forget_what_others_ended()
     return _runtime.device is not None and _runtime.generation == device.generation
 
 

@@ -13,13 +13,15 @@ from collections.abc import Callable
 from typing import Any
 
 MOST = 1000  # forms of one kernel that are kept
+ALSO_SHORT = {"taichi._kernels"}  # other modules whose kernels are launched the short way: Taichi's own fill and copy fields
 PLAIN = (int, float, bool, str, type(None))  # template arguments that are compared by value
 
 
 class Launches:
     """The compiled forms of one kernel by its template arguments.
 
-    A kernel that takes anything but template arguments and numbers is not `simple`, and is left to Taichi.
+    A kernel of another package, or a kernel that takes anything but template arguments and numbers, is not `simple`, and is
+    left to Taichi.
     """
 
     def __init__(self, kernel: Any) -> None:
@@ -32,7 +34,7 @@ class Launches:
         self.count = len(kernel.arguments)
         self.templates: list[int] = []
         self.numbers: list[tuple[int, bool, str]] = []  # place among the arguments, whether it is a float, how it is set
-        self.simple = kernel.autodiff_mode == kernel_impl.AutodiffMode.NONE
+        self.simple = is_ours(kernel.func) and kernel.autodiff_mode == kernel_impl.AutodiffMode.NONE
         self.returned: list[tuple[str, int]] = []  # how each is asked for, and of vectors the numbers of entries
         for kind in kernel.return_type or ():
             scalar, entries = (kind.dtype, kind.n) if isinstance(kind, VectorType) else (kind, 0)
@@ -81,6 +83,12 @@ class Launches:
         )
 
 
+def is_ours(made: Any) -> bool:
+    """Whether a function or a class is of this package, or has asked for short launches; others go Taichi's own way."""
+    module = str(made.__module__)
+    return module.split(".")[0] == "mpp_taichi" or module in ALSO_SHORT
+
+
 def _name_of(kind: Any) -> str:
     """What launches call numbers of a type; empty where it is no type of numbers."""
     from taichi.lang import kernel_impl
@@ -124,6 +132,8 @@ def _binding(plain: Callable, bound: Callable) -> Callable:
 
     @functools.wraps(plain)
     def data_oriented(cls: Any) -> Any:
+        if not is_ours(cls):
+            return plain(cls)
         others = [value for value in vars(cls).values() if isinstance(value, (property, staticmethod))]
         if any(hasattr(getattr(value, "fget", None) or value, "_is_wrapped_kernel") for value in others):
             return plain(cls)

@@ -88,6 +88,7 @@ class Motion:
 
     def _advance(self, steps: int, dt: float) -> None:
         """One launch, timed, and looked over for numbers that are not finite."""
+        self._require_life()  # a recorder may have closed the simulation, or started Taichi for itself
         saved, prepared = self._saved(), self._prepared
         began = clock.perf_counter()
         self._launch(steps, dt, self.energy_balance)
@@ -199,15 +200,18 @@ class Motion:
 
     def mark(self) -> Mark:
         """The state and its time, to `return_to`; good within the phase."""
+        self._require_life()
         return Mark(self._saved(), self._origin_time, self._origin_step, self._steps_since_origin)
 
     def return_to(self, mark: Mark) -> None:
         """Go back, bit for bit, what a method of several steps remembers as well."""
+        self._require_life()
         self._origin_time, self._origin_step, self._steps_since_origin = mark.origin_time, mark.origin_step, mark.steps
         self._restore(mark.saved)
 
     def try_steps(self, steps: int) -> bool:
         """Advance without recorders and accounts; False, and no error, where a number is not finite or a step not solved."""
+        self._require_life()
         while steps > 0:
             count = min(steps, self.launch_limit)
             self._launch(count, self.dt)
@@ -227,6 +231,7 @@ class Motion:
 
     def snapshot_ahead(self, offset: float) -> Snapshot:
         """The particles an `offset` < dt later, by the motion that the step goes on with: x + v offset, or along orbits."""
+        self._require_life()
         if self.integrator.own_state and offset != 0.0:
             saved = self._saved()
             if not self._prepared:
@@ -285,4 +290,7 @@ class Motion:
 
     def _require_life(self) -> None:
         if not self.is_alive:
-            raise MppError("this simulation has ended: it was closed, or another one started a different backend or precision")
+            raise MppError(
+                "this simulation has ended: it was closed, another one started a different backend or precision, or the program"
+                " called ti.init or ti.reset"
+            )

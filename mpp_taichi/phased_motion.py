@@ -254,6 +254,7 @@ class PhasedMotion(Motion):
 
         An energy balance books what that does to the energy as work.
         """
+        self._require_life()
         balance = self.energy_balance
         with balance.parameter_change(self) if balance is not None else nullcontext():
             yield

@@ -5,11 +5,12 @@ import gc
 import numpy as np
 import pytest
 
-from mpp_taichi import backends
+from mpp_taichi import backends, launches
 from mpp_taichi.simulation import Simulation
 from scenes import cluster
 
 ti = backends.import_taichi()
+launches.ALSO_SHORT.add(__name__)
 
 
 @ti.data_oriented
