@@ -186,7 +186,8 @@ def _longest_spring(simulation: "Simulation") -> float:
 def _describe(simulation: "Simulation", start: dict[str, Any], row: dict[str, Any], worst: Snapshot) -> StabilityError:
     """The error for a run whose last sound state the simulation stands at; `row` and `worst` are where it was past doubt."""
     if simulation.gains_no_energy:
-        why = f"the energy, which no force adds to, rises from {start['total_energy']:.6g} to {row['total_energy']:.3g}"
+        first, last = _told_apart(start["total_energy"], row["total_energy"])
+        why = f"the energy, which no force adds to, rises from {first} to {last}"
     else:
         why = "springs grow beyond reason"
     particle, where = _worst(simulation, worst)
@@ -197,6 +198,16 @@ def _describe(simulation: "Simulation", start: dict[str, Any], row: dict[str, An
     )
     error.step, error.time, error.particle = step, time, particle
     return error
+
+
+def _told_apart(first: float, last: float) -> tuple[str, str]:
+    """Two numbers with six and three digits, or both with as many as it takes to tell them apart."""
+    texts = f"{first:.6g}", f"{last:.3g}"
+    digits = 6
+    while digits < 17 and (float(texts[1]) - float(texts[0])) * (last - first) <= 0.0 and first != last:
+        texts = f"{first:.{digits}g}", f"{last:.{digits}g}"
+        digits += 1
+    return texts
 
 
 def _worst(simulation: "Simulation", state: Snapshot) -> tuple[int, str]:
