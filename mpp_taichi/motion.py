@@ -209,13 +209,17 @@ class Motion:
         self._origin_time, self._origin_step, self._steps_since_origin = mark.origin_time, mark.origin_step, mark.steps
         self._restore(mark.saved)
 
-    def try_steps(self, steps: int) -> bool:
-        """Advance without recorders and accounts; False, and no error, where a number is not finite or a step not solved."""
+    def try_steps(self, steps: int, dt: float | None = None) -> bool:
+        """Advance without recorders and accounts; False, and no error, where a number is not finite or a step not solved.
+
+        `dt` is the length of these steps, where it is not that of the run.
+        """
         self._require_life()
+        dt = self.dt if dt is None else dt
         while steps > 0:
             count = min(steps, self.launch_limit)
-            self._launch(count, self.dt)
-            self._move_clock(count, self.dt)
+            self._launch(count, dt)
+            self._move_clock(count, dt)
             steps -= count
         solved = not (self.integrator.implicit and self.stepper.solver_report().unsolved)
         return solved and self.stepper.first_bad_particle() < 0

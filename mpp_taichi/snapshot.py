@@ -100,6 +100,8 @@ class Snapshot:
         )
         if not same:
             raise StateError("the masses of the state are not those of the scene")
+        if np.any(self.mass < 0.0) or np.any(self.radius < 0.0):
+            raise StateError("the state holds a mass or a radius below 0")
         if not (np.isfinite(self.position).all() and np.isfinite(self.velocity).all()):
             raise StateError("the state holds numbers that are not finite")
         made = start.moved(position=self.position, velocity=self.velocity * start.free, time=self.time, step=self.step)
@@ -146,6 +148,9 @@ class Snapshot:
                 array, shape = getattr(owner, key), (rows, *_COLUMNS.get(key, ()))
                 if array.shape != shape or array.dtype.kind not in "fiub":
                     raise ValueError(f"{key} is {array.dtype} of shape {array.shape}, must be numbers of shape {shape}")
+        for key in ("mass", "radius"):
+            if np.any(getattr(self, key) < 0):
+                raise ValueError(f"{key} of particle {int(np.argmax(getattr(self, key) < 0))} is below 0")
         into = self.merged_into
         if into is not None and not (into.shape == (count,) and into.dtype.kind == "i" and (into < count).all()):
             raise ValueError("merged_into does not name particles")

@@ -31,7 +31,7 @@ FIVE_YEARS = {
 }
 ODD = """  3 1.0E+2
 
-  0.5e0 0 0 -1e-1 -2.5E1 anti.gif"  1 1 0 0 4 anti.gif
+  0.5e0 0 0 -1e-1 2.5E1 anti.gif"  1 1 0 0 4 anti.gif
 -1 0 0
 0 1e0 'sun.gif'   "Antimatter", drawn by somebody in 1999: 3 bodies.
 4 5 6
@@ -84,7 +84,7 @@ def test_quirks_of_universe_files_are_read(tmp_path):
     _, scene = import_scene(written(tmp_path, "odd.txt", ODD))
     bodies = [entry["body"] for entry in scene["particles"]]
     assert [body["name"] for body in bodies] == ["anti", "anti_2", "sun"]
-    assert [body["mass"] for body in bodies] == [-25.0, 4.0, 1.0]
+    assert [body["mass"] for body in bodies] == [25.0, 4.0, 1.0]
     assert bodies[0]["position"] == [0.5, 0.0, 0.0] and bodies[0]["velocity"] == [0.0, -0.1, 0.0]
     assert assemble(load_scene(scene)).particle_count == 3
 
@@ -179,6 +179,10 @@ FAULTS = {
     ("w.xml", SOLAR.replace("J\u00e9", "Sun")): ":4:5: two bodies are called 'Sun'",
     ("x.xml", SOLAR.replace('"120"', '"0"')): ":2:1: TimeStep must be above 0",
     ("y.xml", SOLAR.replace(' Mass="5.97237E24"', "")): ":4:5: the body has no Mass",
+    ("z.xml", SOLAR.replace('Mass="5.97237E24"', 'Mass="-1"')): ":4:5: Mass must be at least 0, not -1",
+    ("aa.xml", SOLAR.replace('Radius="696342000"', 'Radius="-1"')): ":3:5: Radius must be at least 0, not -1",
+    ("ab.txt", "1 1e11\n0 0 0 0 -2.5E1 anti.gif"): ":2:9: mass of body 0 must be at least 0, not -25",
+    ("ac.plist", "pos 0 0 0 0 -1 0 1 1 1 1"): ":1:13: m must be at least 0, not -1",
     ("a.txt", "5\n2.5e11\n1 2 3 4 five earth.gif"): ":3:9: mass of body 0 must be a number, not 'five'",
     ("b.txt", PLANETS.replace("5\n", "6\n", 1)): ":7:46: the file ends where x of body 5 should follow",
     ("c.txt", "2 1e11\n0 0 0 0 1 2 3 4 5 6"): ":2:11: body 0 has no picture",

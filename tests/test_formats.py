@@ -362,6 +362,7 @@ FAULTS = {
     "absurd": (tipsy(ONE, header=(0.0, BIG, 3, 0, BIG, 0)), "byte 68: the file ends within dark particle 1 of 2,147,483,647"),
     "time": (tipsy(ONE, time=math.nan), "byte 0: time must be a finite number, not nan"),
     "mass": (with_number(32 + 48, math.inf), "byte 80: mass of gas particle 1 must be a finite number, not inf"),
+    "mass_below_zero": (with_number(32 + 48, -2.0), "byte 80: mass of gas particle 1 must be a number from 0 on, not -2"),
     "velocity": (with_number(164 + 24, math.nan), "byte 188: vz of star particle 0 must be a finite number, not nan"),
     "softening": (with_number(128 + 28, -1.0), "byte 156: eps of dark particle 0 must be a number from 0 on, not -1"),
 }

@@ -1,16 +1,21 @@
 """Generators: particles and springs against closed forms, direct sums and independent references."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import ellipe, ellipk
 
+from mpp_taichi import component
 from mpp_taichi.assemble import assemble
-from mpp_taichi.errors import CapacityError, SceneError
+from mpp_taichi.cli.main import main
+from mpp_taichi.errors import CapacityError, OutputError, SceneError, StateError
 from mpp_taichi.generators._base import Center, GeneratorContext
 from mpp_taichi.generators._elliptic import annulus_pull, elliptic_integrals
 from mpp_taichi.generators.ring import Ring
 from mpp_taichi.scene.estimate import Estimate, check_capacity, estimate
 from mpp_taichi.scene.load import load_scene
+from mpp_taichi.snapshot import Snapshot
 
 K2 = 0.0172**2
 
@@ -374,12 +379,60 @@ def test_a_link_that_leads_out_of_the_folder_is_refused(tmp_path):
 # --- physics ------------------------------------------------------------------------------------------------------------
 
 
-def test_negative_masses_are_allowed_under_gravity_alone():
-    pair = [body(-1), body(1, (1, 0, 0))]
-    assert made(pair, forces=[{"newtonian_gravity": {}}]).mass.tolist() == [-1, 1]
-    for forces in ([{"newtonian_gravity": {}}, {"uniform_gravity": {}}], [{"linear_drag": {"coefficient": 1}}]):
-        with pytest.raises(SceneError, match="allowed below 0 only where newtonian_gravity alone acts"):
-            made(pair, forces=forces)
+def entries_with(parameter):
+    """Every generator that takes a number of this name."""
+    found = [name for name in component.names("generators") if any(p.name == parameter for p in parameters_of(name))]
+    assert len(found) > 3
+    return found
+
+
+def parameters_of(generator):
+    return component.declaration("generators", generator).parameters
+
+
+@pytest.mark.parametrize("parameter", ["mass", "radius"])
+def test_no_generator_takes_a_mass_or_a_radius_below_zero(parameter):
+    for name in entries_with(parameter):
+        with pytest.raises(SceneError) as caught:
+            made([{name: {parameter: -1.0}}])
+        assert any(f"particles[0].{name}.{parameter}: -1 is not allowed, must be" in fault for fault in caught.value.faults)
+
+
+def test_a_mass_below_zero_is_one_located_error_and_the_exit_code_is_2(tmp_path, capsys):
+    path = tmp_path / "anti.yaml"
+    path.write_text("particles:\n  - body: {mass: -3e-6, position: [0, 0, 0]}\n  - body: {mass: 1, position: [1, 0, 0]}\n")
+    assert main(["check", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert f"{path}:2:18: particles[0].body.mass: -3e-06 is not allowed, must be at least 0" in said
+    assert said.count("must be") == 1
+    path.write_text(path.read_text().replace("-3e-6", "1"))
+    assert main(["run", str(path), "--dry-run", "--set", "particles[1].body.mass=-1"]) == 2
+    assert "particles[1].body.mass: -1 is not allowed, must be at least 0" in capsys.readouterr().err
+
+
+def test_a_timeline_gives_no_mass_below_zero():
+    with pytest.raises(SceneError, match=r"particles\[0\].body.mass: -1 is not allowed, must be at least 0"):
+        load_scene(scene([body(1)], timeline=[{"at": 1, "set": {"particles[0].body.mass": -1}}], run={"duration": 2}))
+
+
+@pytest.mark.parametrize("key", ["mass", "radius"])
+def test_a_file_of_particles_holds_no_mass_or_radius_below_zero(tmp_path, key):
+    count = len(GOOD_ARRAYS["mass"])
+    values = np.ones(count)
+    values[1] = -2.0
+    np.savez(tmp_path / "below.npz", **{**GOOD_ARRAYS, key: values})
+    with pytest.raises(SceneError, match=f"below.npz: {key} of particle 1 is -2, must be at least 0"):
+        assemble(file_scene(tmp_path, "below.npz"))
+
+
+def test_a_snapshot_with_a_mass_below_zero_is_no_start(tmp_path):
+    start = made([body(1), body(2, (1, 0, 0))])
+    below = replace(start, mass=np.array([-1.0, 2.0]))
+    below.save(tmp_path / "below.npz")
+    with pytest.raises(OutputError, match="mass of particle 0 is below 0"):
+        Snapshot.load(tmp_path / "below.npz")
+    with pytest.raises(StateError, match="below 0"):
+        replace(below, merged_into=np.full(2, -1)).continuing(replace(start, mass=below.mass, merged_into=np.full(2, -1)))
 
 
 @pytest.mark.parametrize(

@@ -369,15 +369,11 @@ def test_what_a_tree_does_not_go_with_is_said(change, text):
         load_scene(changed | {key: value for key, value in change.items() if key != "gravity"})
 
 
-def test_other_pair_forces_and_negative_masses_are_refused():
+def test_other_pair_forces_are_refused():
     changed = scene()
     changed["forces"].append({"coulomb": {"coulomb_constant": 1.0}})
     with pytest.raises(SceneError, match="tree sums gravity alone, not beside coulomb"):
         load_scene(changed)
-    changed = scene()
-    changed["particles"].append({"body": {"mass": -1.0, "position": [5, 5, 5]}})
-    with pytest.raises(SceneError, match="has the mass -1, must be 0 or more for solver: tree"):
-        Simulation(changed, backend="cpu")
 
 
 def test_plans_and_precisions_without_a_tree_are_refused():

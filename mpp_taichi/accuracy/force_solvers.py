@@ -5,9 +5,8 @@ from dataclasses import replace
 
 from mpp_taichi import component
 from mpp_taichi.scene.faults import Faults
-from mpp_taichi.scene.layout import layout_of
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.scene.tree_checks import DEFAULT_ACCURACY, check_tree, tree_faults, tree_of
+from mpp_taichi.scene.tree_checks import DEFAULT_ACCURACY, check_tree, tree_of
 from mpp_taichi.snapshot import Snapshot
 
 GRAVITY = "newtonian_gravity"
@@ -69,8 +68,8 @@ def variants(spec: SceneSpec, start: Snapshot, asked: Sequence[str]) -> list[str
     return [name for name in dict.fromkeys(names) if by_tree(name)]
 
 
-def allows_tree(spec: SceneSpec, start: Snapshot) -> bool:
+def allows_tree(spec: SceneSpec) -> bool:
     """Whether a scene that asks for a tree may have it."""
     faults = Faults()
     check_tree(spec, faults)
-    return tree_of(spec) is not None and not faults.found and not list(tree_faults(spec, start, layout_of(spec)))
+    return tree_of(spec) is not None and not faults.found

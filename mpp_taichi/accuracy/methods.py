@@ -68,9 +68,7 @@ def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, Method]:
             found[name] = _method(problem, name)
     for name in force_solvers.variants(problem.spec, problem.start, asked):
         integrator = force_solvers.split(name)[0]
-        if integrator in found and force_solvers.allows_tree(
-            with_integrator(problem.spec, name, problem.own_dt), problem.start
-        ):
+        if integrator in found and force_solvers.allows_tree(with_integrator(problem.spec, name, problem.own_dt)):
             found[name] = replace(found[integrator], name=name)
     return found
 

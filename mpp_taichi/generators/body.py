@@ -18,7 +18,7 @@ class Body(Generator):
     """
 
     name: str = param("", help="to refer to it by; otherwise it has its index")
-    mass: float = param(unit="mass")
+    mass: float = param(minimum=0.0, unit="mass")
     position: Vector = param(None, optional=True, unit="length", help="with a displacement: that of rest; or say an orbit")
     displacement: Vector = param((0.0, 0.0, 0.0), unit="length", help="from rest, at the start; springs stretch by it")
     velocity: Vector = param((0.0, 0.0, 0.0), unit="length time⁻¹")
@@ -30,7 +30,7 @@ class Body(Generator):
     argument_of_pericentre: float = param(0.0, help="of an orbit: ω, from the node to the pericentre")
     true_anomaly: float = param(None, optional=True, help="of an orbit: f, from the pericentre to the body; absent: 0")
     mean_anomaly: float = param(None, optional=True, help="of an orbit: M, in place of f")
-    radius: float = param(0.0, unit="length", help="for contacts and the picture")
+    radius: float = param(0.0, minimum=0.0, unit="length", help="for contacts and the picture")
     charge: float = param(0.0, unit="charge")
     color: Color = param((0.9, 0.9, 0.9), help="red, green, blue in 0…1")
     free: Axes = param((True, True, True), help="false where an axis is held fixed; a velocity along it is ignored")

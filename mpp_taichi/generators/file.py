@@ -82,6 +82,9 @@ class File(Generator):
         if not np.all(np.isfinite(array)):
             row = int(np.argwhere(~np.isfinite(array))[0][0])
             raise PlacementError(f"{self._short}: {key} of particle {row} is not a finite number")
+        if key in ("mass", "radius") and np.any(array < 0):
+            row = int(np.argmax(array < 0))
+            raise PlacementError(f"{self._short}: {key} of particle {row} is {array[row]:g}, must be at least 0")
         if key == "color" and not np.all((array >= 0) & (array <= 1)):
             raise PlacementError(f"{self._short}: color must lie in 0…1")
         return array.astype(bool) if key == "free" else array.astype(float)

@@ -31,7 +31,7 @@ class Gas(Generator):
     upper: Vector = param(unit="length", help="corner of the box where every coordinate is greatest")
     radius: float = param(minimum=0.0, unit="length", help="of each sphere, or its mean")
     radius_spread: float = param(0.0, minimum=0.0, maximum=0.99, help="radii are even within radius · (1 ± this)")
-    mass: float = param(1.0, unit="mass", help="of each particle")
+    mass: float = param(1.0, minimum=0.0, unit="mass", help="of each particle")
     speed: float = param(0.0, minimum=0.0, unit="length time⁻¹", help="of every particle, against the drift")
     temperature: float = param(None, optional=True, minimum=0.0, unit="energy", help="k T, instead of a speed")
     drift: Vector = param((0, 0, 0), unit="length time⁻¹", help="common velocity, added to the random ones")

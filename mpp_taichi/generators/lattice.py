@@ -28,8 +28,8 @@ class Lattice(Generator):
     shape: Shape = param(help="particles along each axis, [8, 8] say")
     lower: Vector = param(unit="length", help="corner of the first particle")
     upper: Vector = param(unit="length", help="corner of the last particle")
-    mass: float = param(1.0, unit="mass", help="of each particle")
-    radius: float = param(0.0, unit="length")
+    mass: float = param(1.0, minimum=0.0, unit="mass", help="of each particle")
+    radius: float = param(0.0, minimum=0.0, unit="length")
     color: Color = param((0.9, 0.9, 0.9), help="red, green, blue in 0…1")
     fixed: str = param(
         "none",

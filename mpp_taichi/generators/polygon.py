@@ -26,7 +26,7 @@ class Polygon(Generator):
     around: Particle = param(None, optional=True, help="a central particle, placed before; absent: nothing")
     center: Vector = param((0, 0, 0), unit="length", help="of the circle, where it is around no particle")
     mass: float = param(1.0, minimum=0.0, unit="mass", help="of each particle")
-    radius: float = param(0.0, unit="length", help="of each particle, for contacts and the picture")
+    radius: float = param(0.0, minimum=0.0, unit="length", help="of each particle, for contacts and the picture")
     color: Color = param((0.9, 0.9, 0.9), help="red, green, blue in 0…1")
 
     def particle_count(self) -> int:

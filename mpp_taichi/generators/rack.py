@@ -23,7 +23,7 @@ class Rack(Generator):
     direction: Vector = param((1, 0, 0), help="from the apex to the last row, in the x–y plane")
     radius: float = param(above=0.0, unit="length", help="of each ball")
     gap: float = param(0.0, minimum=0.0, unit="length", help="between neighbours; 0: they touch")
-    mass: float = param(1.0, unit="mass", help="of each ball")
+    mass: float = param(1.0, minimum=0.0, unit="mass", help="of each ball")
     color: Color = param((0.9, 0.3, 0.2), help="red, green, blue in 0…1")
 
     def particle_count(self) -> int:

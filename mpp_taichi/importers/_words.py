@@ -22,14 +22,16 @@ class Word:
         """An error at this word."""
         return SceneError(f"{self.location}: {message}")
 
-    def number(self, what: str) -> float:
-        """As a finite number; SceneError if it is none."""
+    def number(self, what: str, least: float = -math.inf) -> float:
+        """As a finite number that is at least `least`; SceneError if it is none."""
         try:
             value = float(self.text)
         except ValueError:
             value = math.nan
         if not math.isfinite(value) or "_" in self.text:
             raise self.fault(f"{what} must be a number, not {self.shown}")
+        if value < least:
+            raise self.fault(f"{what} must be at least {least:g}, not {value:g}")
         return value
 
     def whole(self, what: str, least: int, most: int) -> int:

@@ -87,8 +87,9 @@ def _pos(found: _List, values: list[Word]) -> None:
         raise values[0].fault(f"particles are numbered from 0 on: {len(found.bodies)} comes next, not {number}")
     x, y, z, mass, charge, radius, *color = _numbers(values[1:], "x y z m c r R G B")
     _check_color(values[7], color)
-    if radius < 0.0:
-        raise values[6].fault(f"r must be at least 0, not {radius:g}")
+    for name, value, word in (("m", mass, values[4]), ("r", radius, values[6])):
+        if value < 0.0:
+            raise word.fault(f"{name} must be at least 0, not {value:g}")
     found.bodies.append({"mass": mass, "position": [x, y, z], "charge": charge, "radius": radius, "color": color})
 
 

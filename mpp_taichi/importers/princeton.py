@@ -30,9 +30,9 @@ def recognises(text: str) -> bool:
 def read(text: str, source: str) -> dict[str, Any]:
     """The scene: gravity in the plane, kick then drift as in the assignment, whose velocities are half a step behind.
 
-    White space is free, blank lines and what follows the last row do not matter, quotes around a picture neither, masses may
-    be negative. A step is taken as long as t < T, so their number is T/dt rounded up. SceneError with line and column for
-    what is no universe.
+    White space is free, blank lines and what follows the last row do not matter, quotes around a picture neither. A step is
+    taken as long as t < T, so their number is T/dt rounded up. SceneError with line and column for what is no universe, and
+    for a negative mass.
     """
     stream = itertools.chain.from_iterable(words(text, source))
     last: list[Word] = []
@@ -53,8 +53,8 @@ def read(text: str, source: str) -> dict[str, Any]:
     bodies: list[dict[str, Any]] = []
     taken: set[str] = set()
     for k in range(count):
-        columns = ("x", "y", "vx", "vy", "mass")
-        x, y, vx, vy, mass = (following(f"{each} of body {k}").number(f"{each} of body {k}") for each in columns)
+        x, y, vx, vy = (following(f"{each} of body {k}").number(f"{each} of body {k}") for each in ("x", "y", "vx", "vy"))
+        mass = following(f"mass of body {k}").number(f"mass of body {k}", least=0.0)
         picture = following(f"the picture of body {k}").text.strip("\"'")
         if _is_number(picture):
             raise last[-1].fault(f"body {k} has no picture: {last[-1].shown} is a number")

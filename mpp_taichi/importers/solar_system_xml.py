@@ -85,12 +85,20 @@ class _Reader:
     def _end(self, _: str) -> None:
         self.depth -= 1
 
-    def _number(self, given: dict[str, str], key: str, default: float | None = None, above: float = -math.inf) -> float:
+    def _number(
+        self,
+        given: dict[str, str],
+        key: str,
+        default: float | None = None,
+        *,
+        least: float = -math.inf,
+        above: float = -math.inf,
+    ) -> float:
         if key not in given:
             if default is None:
                 raise self._word("").fault(f"the body has no {key}")
             return default
-        value = self._word(given[key]).number(key)
+        value = self._word(given[key]).number(key, least)
         if not value > above:
             raise self._word("").fault(f"{key} must be above {above:g}, not {value:g}")
         return value
@@ -106,10 +114,10 @@ class _Reader:
         self.bodies.append(
             {
                 "name": name,
-                "mass": self._number(given, "Mass"),
+                "mass": self._number(given, "Mass", least=0.0),
                 "position": [self._number(given, f"{axis}Position", 0.0) for axis in "XYZ"],
                 "velocity": [self._number(given, f"{axis}Velocity", 0.0) for axis in "XYZ"],
-                "radius": self._number(given, "Radius", 0.0, above=-1e-300),
+                "radius": self._number(given, "Radius", 0.0, least=0.0),
                 "color": color,
             }
         )

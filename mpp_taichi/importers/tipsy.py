@@ -29,6 +29,7 @@ KINDS = {
 }
 COLORS = {"gas": (0.4, 0.6, 1.0), "dark": (0.6, 0.6, 0.6), "star": (1.0, 0.9, 0.5)}
 TAKEN = (*COMMON, "eps")
+NOT_NEGATIVE = ("mass", "eps")
 G = 1.0
 STEPS_PER_TIME, TIMES = 100, 10  # of the dynamical time: a first guess
 
@@ -92,11 +93,12 @@ def _read(data: bytes, source: str) -> _Found:
         table = np.frombuffer(data, order + "f4", count * len(fields), start).reshape(count, len(fields))
         columns = table[:, [fields.index(key) for key in TAKEN]].astype(float)
         bad = ~np.isfinite(columns)
-        bad[:, -1] |= columns[:, -1] < 0.0
+        bad |= (columns < 0.0) & np.isin(TAKEN, NOT_NEGATIVE)
         if bad.any():
             row, column = np.argwhere(bad)[0].tolist()
             offset = start + 4 * (row * len(fields) + fields.index(TAKEN[column]))
-            wanted = "a number from 0 on" if TAKEN[column] == "eps" else "a finite number"
+            below = TAKEN[column] in NOT_NEGATIVE and columns[row, column] < 0.0
+            wanted = "a number from 0 on" if below else "a finite number"
             raise _fault(
                 source, offset, f"{TAKEN[column]} of {kind} particle {row} must be {wanted}, not {columns[row, column]:g}"
             )

@@ -7,6 +7,7 @@ import numpy as np
 
 from mpp_taichi import postmortem
 from mpp_taichi.errors import StabilityError
+from mpp_taichi.recorders.massless import MasslessWatch
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.stability.network import Network
@@ -31,7 +32,7 @@ class BlowUpWatch:
     that nothing moves, and spheres that lie and yield, have neither, so a share of their energy at strain 1 is added. Beyond
     `ALARM` the run is taken back to the last sound sample and bisected to the first step that gains more than `ONSET`. Where a
     drive may add energy, only the length of the springs and finite numbers are watched. Costs a copy of the state for each
-    sample.
+    sample. Massless particles have no part in this energy, and a watch of their own.
 
     Stands after its table in the list of recorders.
     """
@@ -39,6 +40,7 @@ class BlowUpWatch:
     def __init__(self, table: TableRecorder) -> None:
         """Watch a table."""
         self.table = table
+        self._massless = MasslessWatch()
         self.restart()
 
     def restart(self) -> None:
@@ -51,6 +53,7 @@ class BlowUpWatch:
         self._has_springs = False
         self._extent = 0.0
         self._epsilon = 0.0
+        self._massless.restart()
 
     def steps_until_due(self, simulation: "Simulation") -> int:
         """Now, when the table has grown."""
@@ -70,6 +73,7 @@ class BlowUpWatch:
             self._begin(simulation, row)
         if self._is_alarming(simulation, row):
             raise self._trace(simulation, row)
+        self._massless.record(simulation)
         self._released = max(self._released, self._release(row))
         if self._is_sound(simulation, row):
             self._sound = simulation.mark()
@@ -186,7 +190,8 @@ def _longest_spring(simulation: "Simulation") -> float:
 def _describe(simulation: "Simulation", start: dict[str, Any], row: dict[str, Any], worst: Snapshot) -> StabilityError:
     """The error for a run whose last sound state the simulation stands at; `row` and `worst` are where it was past doubt."""
     if simulation.gains_no_energy:
-        why = f"the energy, which no force adds to, rises from {start['total_energy']:.6g} to {row['total_energy']:.3g}"
+        first, last = _told_apart(start["total_energy"], row["total_energy"])
+        why = f"the energy, which no force adds to, rises from {first} to {last}"
     else:
         why = "springs grow beyond reason"
     particle, where = _worst(simulation, worst)
@@ -197,6 +202,16 @@ def _describe(simulation: "Simulation", start: dict[str, Any], row: dict[str, An
     )
     error.step, error.time, error.particle = step, time, particle
     return error
+
+
+def _told_apart(first: float, last: float) -> tuple[str, str]:
+    """Two numbers with six and three digits, or both with as many as it takes to tell them apart."""
+    texts = f"{first:.6g}", f"{last:.3g}"
+    digits = 6
+    while digits < 17 and (float(texts[1]) - float(texts[0])) * (last - first) <= 0.0 and first != last:
+        texts = f"{first:.{digits}g}", f"{last:.{digits}g}"
+        digits += 1
+    return texts
 
 
 def _worst(simulation: "Simulation", state: Snapshot) -> tuple[int, str]:

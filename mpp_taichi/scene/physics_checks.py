@@ -10,7 +10,6 @@ from mpp_taichi.scene.faults import FAULTS_SHOWN
 from mpp_taichi.scene.integrator_checks import planetary_faults
 from mpp_taichi.scene.layout import ParticleLayout
 from mpp_taichi.scene.spec import Location, SceneSpec
-from mpp_taichi.scene.tree_checks import tree_faults
 from mpp_taichi.snapshot import Snapshot
 
 LARGEST_COORDINATE = 1e100
@@ -27,7 +26,7 @@ Fault = tuple[Location, str]
 def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *, moved: bool = False) -> None:
     """Raise SceneError with every arrangement that cannot be run; nothing that depends on the places when they have `moved`."""
     found: list[Fault] = []
-    always = (_numbers, _masses, _rates, _friction, planetary_faults, tree_faults)
+    always = (_numbers, _masses, _rates, _friction, planetary_faults)
     for check in always if moved else (*always, _coincidences, _center_of_mass):
         found += check(spec, snapshot, layout)
     lines = [f"{location}: {message}" for location, message in found[:FAULTS_SHOWN]]
@@ -61,12 +60,10 @@ def _numbers(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Ite
 
 
 def _masses(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
-    """Negative masses only where gravity alone acts; massless particles only where every force is proportional to mass."""
+    """No negative masses; massless particles only where every force is proportional to mass."""
     forces = {entry.name for entry in spec.forces}
-    if (forces | ({"springs"} if len(snapshot.springs) else set())) - {"newtonian_gravity"}:
-        for index in _first_of_each_entry(layout, snapshot.mass < 0.0):
-            rule = "allowed below 0 only where newtonian_gravity alone acts"
-            yield _at(layout, index, f"has the mass {snapshot.mass[index]:g}, {rule}")
+    for index in _first_of_each_entry(layout, snapshot.mass < 0.0):
+        yield _at(layout, index, f"has the mass {snapshot.mass[index]:g}, must be 0 or more")
     massless = (snapshot.mass == 0.0) & np.any(snapshot.free, axis=1)
     linked = np.zeros(snapshot.particle_count, dtype=bool)
     linked[snapshot.springs.between.ravel()] = True
@@ -75,8 +72,8 @@ def _masses(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iter
     for index in _first_of_each_entry(layout, massless & (snapshot.charge != 0.0) & ("coulomb" in forces)):
         yield _at(layout, index, "has a charge but no mass, must have a mass above 0 where coulomb acts")
     if spec.contacts is not None:
-        for index in _first_of_each_entry(layout, (snapshot.mass <= 0.0) & np.any(snapshot.free, axis=1)):
-            yield _at(layout, index, f"has the mass {snapshot.mass[index]:g}, must have one above 0 where particles touch")
+        for index in _first_of_each_entry(layout, massless):
+            yield _at(layout, index, "has no mass, must have one above 0 where particles touch")
         return
     others = sorted(forces - _PROPORTIONAL_TO_MASS - _NEEDS_NO_MASS_WITHOUT_CHARGE)
     for index in _first_of_each_entry(layout, massless & bool(others)):

@@ -1,14 +1,8 @@
 """What gravity by a tree does not go with, known without compiling anything."""
 
-from collections.abc import Iterator
-
-import numpy as np
-
 from mpp_taichi import component
 from mpp_taichi.scene.faults import Faults
-from mpp_taichi.scene.layout import ParticleLayout
-from mpp_taichi.scene.spec import ComponentSpec, Location, SceneSpec
-from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 
 FAMILIES = ("Splitting", "RungeKutta")
 """Of integrators that ask for nothing but accelerations, all particles at once."""
@@ -44,12 +38,3 @@ def check_tree(spec: SceneSpec, faults: Faults) -> None:
         faults.add(tree.location, key, f"tree sums gravity alone, not beside {', '.join(others)}, allowed: direct")
     if spec.contacts is not None and spec.contacts.solver.name == "merging":
         faults.add(tree.location, key, "tree does not know bodies that merge, allowed: direct")
-
-
-def tree_faults(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[tuple[Location, str]]:
-    """Negative masses: a node has a center of mass only where all of it attracts."""
-    tree = tree_of(spec)
-    if tree is not None and np.any(snapshot.mass < 0.0):
-        index = int(np.argmax(snapshot.mass < 0.0))
-        rule = "must be 0 or more for solver: tree"
-        yield tree.location, f"{tree.name}.solver: {layout.label(index)} has the mass {snapshot.mass[index]:g}, {rule}"

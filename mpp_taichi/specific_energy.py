@@ -1,0 +1,65 @@
+"""Specific energy: kinetic plus potential energy per mass, of particles that have no mass, in the field of those that have."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.snapshot import Snapshot
+
+PAIRS_AT_ONCE = 2**20
+
+
+@dataclass(frozen=True, eq=False)
+class SpecificEnergies:
+    """Energies per mass [length² / time²], each (2, n): in the frame of the scene, and in that of the attractor.
+
+    The attractor of a particle is the body that pulls it most; in its frame the potential is that of the attractor alone.
+
+    attractor   its index, (n,); −1 where no body has a mass
+    """
+
+    kinetic: np.ndarray
+    potential: np.ndarray
+    attractor: np.ndarray
+
+    @property
+    def energy(self) -> np.ndarray:
+        """Kinetic plus potential energy."""
+        return self.kinetic + self.potential
+
+
+class SpecificEnergyMeter:
+    """Measures the massless particles that can move. The forces that act on them are gravity and uniform gravity."""
+
+    def __init__(self, spec: SceneSpec, snapshot: Snapshot) -> None:
+        """Find these particles and the bodies that attract them."""
+        self.rows = np.flatnonzero((snapshot.mass == 0.0) & snapshot.free.any(axis=1))
+        given = {entry.name: entry.parameters for entry in spec.forces}
+        gravity = given.get("newtonian_gravity", {"strength": 0.0, "softening": 0.0})
+        self.bodies = np.flatnonzero(snapshot.mass) if gravity["strength"] else np.zeros(0, int)
+        self.weight = gravity["strength"] * snapshot.mass[self.bodies]
+        self.softening = gravity["softening"]
+        self.uniform = np.array(given.get("uniform_gravity", {}).get("acceleration", (0.0, 0.0, 0.0)), float)
+
+    def measure(self, snapshot: Snapshot) -> SpecificEnergies:
+        """The energies of a state."""
+        position, velocity = snapshot.position[self.rows], snapshot.velocity[self.rows]
+        kinetic = np.tile(0.5 * np.einsum("ij,ij->i", velocity, velocity), (2, 1))
+        potential = np.tile(-position @ self.uniform, (2, 1))
+        attractor = np.full(len(self.rows), -1)
+        if not len(self.bodies):
+            return SpecificEnergies(kinetic, potential, attractor)
+        places, speeds = snapshot.position[self.bodies], snapshot.velocity[self.bodies]
+        size = max(1, PAIRS_AT_ONCE // len(self.bodies))
+        for first in range(0, len(self.rows), size):
+            some = slice(first, first + size)
+            separation = places - position[some, None]
+            inverse = 1.0 / np.sqrt(np.einsum("ijk,ijk->ij", separation, separation) + self.softening**2)
+            strongest = np.argmax(np.abs(self.weight) * inverse**2, axis=1)
+            relative = velocity[some] - speeds[strongest]
+            kinetic[1, some] = 0.5 * np.einsum("ij,ij->i", relative, relative)
+            potential[0, some] -= inverse @ self.weight
+            potential[1, some] = -self.weight[strongest] * inverse[np.arange(len(strongest)), strongest]
+            attractor[some] = self.bodies[strongest]
+        return SpecificEnergies(kinetic, potential, attractor)
