@@ -16,10 +16,10 @@ from mpp_taichi.version import __version__
 
 if TYPE_CHECKING:
     from mpp_taichi.accuracy.choice import settle
-    from mpp_taichi.result import Result, run
+    from mpp_taichi.report.result import Result, run
     from mpp_taichi.scene.load import load_scene
     from mpp_taichi.scene.spec import SceneSpec
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
     from mpp_taichi.snapshot import Snapshot
 
 __all__ = [
@@ -41,12 +41,12 @@ __all__ = [
 ]
 
 _LAZY = {
-    "Result": "mpp_taichi.result",
+    "Result": "mpp_taichi.report.result",
     "SceneSpec": "mpp_taichi.scene.spec",
-    "Simulation": "mpp_taichi.simulation",
+    "Simulation": "mpp_taichi.simulation.simulation",
     "Snapshot": "mpp_taichi.snapshot",
     "load_scene": "mpp_taichi.scene.load",
-    "run": "mpp_taichi.result",
+    "run": "mpp_taichi.report.result",
     "settle": "mpp_taichi.accuracy.choice",
 }
 

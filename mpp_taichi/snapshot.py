@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.errors import OutputError, StateError
-from mpp_taichi.whole_file import whole_file
 
 FORMAT_VERSION = 1
 MERGED_ARRAYS = ("mass", "radius", "charge", "free", "merged_into")

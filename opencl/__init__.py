@@ -1,1 +1,1 @@
-"""The program's models in OpenCL, by hand, for comparison. Loaded by `mpp_taichi.opencl_package`, and by nothing else."""
+"""The program's models in OpenCL, by hand, for comparison. `mpp_taichi.compare.opencl_package` alone loads it."""

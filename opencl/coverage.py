@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.contact_setup import ContactSetup, contact_setup
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.start.contact_setup import ContactSetup, contact_setup
 
 from .devices import Device, Refused
 from .n_body import PairForce

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.contact_setup import ContactSetup
+from mpp_taichi.start.contact_setup import ContactSetup
 
 from .devices import Device, Failed
 from .program import Memory, build, definition

@@ -11,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
+HERE = Path(__file__).parent
+# Tests find the modules of tests/support, and each other, from every folder.
+sys.path[:0] = [str(HERE), *(str(folder) for folder in sorted(HERE.iterdir()) if folder.is_dir())]
 ROOT = Path(__file__).parents[1]
 
 
@@ -20,7 +22,7 @@ def fresh_runtime():
     """Whatever a test started is stopped after it."""
     yield
     if "taichi" in sys.modules:
-        from mpp_taichi import backends
+        from mpp_taichi.device import backends
 
         backends.stop()
 
@@ -44,7 +46,7 @@ def compilations(monkeypatch):
 @pytest.fixture(scope="session")
 def software_vulkan():
     """Skip where no Vulkan device starts, and say why."""
-    from mpp_taichi.availability import availability
+    from mpp_taichi.device.availability import availability
 
     report = availability("vulkan")
     if not report["available"]:
@@ -55,7 +57,7 @@ def software_vulkan():
 @pytest.fixture(scope="session")
 def opencl():
     """The module that runs scenes in OpenCL; skip where no device starts, and say why."""
-    from mpp_taichi.opencl_package import load_opencl
+    from mpp_taichi.compare.opencl_package import load_opencl
 
     runner = load_opencl()
     _, reason = runner.devices()

@@ -34,7 +34,7 @@ def test_layers_hold_and_no_import_runs_in_a_circle():
 
 
 def test_kernels_follow_their_rules():
-    run("tools/check_kernels.py")
+    run("tools/checks/check_kernels.py")
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,9 @@ def test_kernels_follow_their_rules():
 )
 def test_the_kernel_linter_sees_each_fault(fault, tmp_path):
     (tmp_path / "faulty.py").write_text(fault, encoding="utf-8")
-    done = subprocess.run([sys.executable, "tools/check_kernels.py", str(tmp_path)], cwd=ROOT, capture_output=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "tools/checks/check_kernels.py", str(tmp_path)], cwd=ROOT, capture_output=True, check=False
+    )
     assert done.returncode == 1 and b"faulty.py:" in done.stdout
 
 

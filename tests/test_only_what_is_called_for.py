@@ -25,7 +25,7 @@ def test_importing_the_package_starts_no_device_and_imports_no_taichi():
 
 def test_reading_a_scene_imports_no_taichi():
     loaded = run_python(
-        "import sys; from mpp_taichi.scene.load import load_scene; from mpp_taichi.assemble import assemble\n"
+        "import sys; from mpp_taichi.scene.load import load_scene; from mpp_taichi.start.assemble import assemble\n"
         "assemble(load_scene('scenes/sun_earth.yaml')); print('taichi' in sys.modules)"
     )
     assert loaded.strip() == "False"

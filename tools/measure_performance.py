@@ -13,9 +13,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-from performance_page import page
-
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "tools" / "benchmarks"))
+
+from performance_page import page  # noqa: E402
+
 PAGE = ROOT / "docs" / "performance.md"
 RUNS = {  # name: arguments, and those of --short
     "pairs": ("--sizes 1024 2048 8192 16384 --repeats 7", "--sizes 1024 --repeats 2"),
@@ -37,7 +39,7 @@ def call_of(name, arguments, file):
         words = [*name.split(), *arguments.split()]
         told, writes = ["-m", "mpp_taichi", *words], ["--out", str(file.with_suffix(""))]
     else:
-        told, writes = [f"tools/benchmark_{name}.py", *arguments.split()], ["--json", str(file)]
+        told, writes = [f"tools/benchmarks/benchmark_{name}.py", *arguments.split()], ["--json", str(file)]
     return [sys.executable, *told, *writes], f"python {' '.join(told)}"
 
 

@@ -46,7 +46,7 @@ def make(name, short):
 def machine(seconds):
     """Where, with what, how long."""
     from mpp_taichi import __version__
-    from mpp_taichi.availability import cpu_name
+    from mpp_taichi.device.availability import cpu_name
 
     others = ", ".join(f"{name} {version(name)}" for name in ("taichi", "numpy"))
     return f"{cpu_name()}; mpp_taichi {__version__}, {others}, python {platform.python_version()}; {seconds:.0f} s"

@@ -24,11 +24,11 @@ from mpp_taichi.accuracy.store import Store, identity
 from mpp_taichi.accuracy.study import Study, Wishes
 from mpp_taichi.accuracy.verdict import duration
 from mpp_taichi.accuracy.workbench import Workbench
+from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.errors import MppError, OutputError, StabilityError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
-from mpp_taichi.whole_file import whole_file
 
 PILOT_SECONDS = 30.0
 SAFETY = 0.7  # of the target: what the interpolated step aims at

@@ -9,7 +9,7 @@ from mpp_taichi import component
 from mpp_taichi.accuracy import force_solvers
 from mpp_taichi.accuracy.contact_methods import EXACT, ORDERS, solvers
 from mpp_taichi.accuracy.problem import Problem, defaults, with_integrator
-from mpp_taichi.backends import import_taichi
+from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.scene.integrator_checks import suits
 from mpp_taichi.scene.layout import layout_of
 from mpp_taichi.scene.physics_checks import refused_friction

@@ -9,7 +9,6 @@ import numpy as np
 from mpp_taichi import component
 from mpp_taichi.accuracy import force_solvers
 from mpp_taichi.accuracy.contact_methods import with_solver
-from mpp_taichi.assemble import assemble
 from mpp_taichi.component import REQUIRED
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.contacts import merges
@@ -17,6 +16,7 @@ from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.scene.timeline import time_after
 from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.start.assemble import assemble
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,9 @@ import numpy as np
 
 from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.sample import Configuration, Sample
-from mpp_taichi.availability import TAICHI_VERSION, availability
+from mpp_taichi.atomic_file import whole_file
+from mpp_taichi.device.availability import TAICHI_VERSION, availability
 from mpp_taichi.errors import OutputError
-from mpp_taichi.whole_file import whole_file
 
 FORMAT = 2
 

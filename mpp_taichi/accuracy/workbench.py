@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpp_taichi import backends
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.force_solvers import with_force_solver
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import Problem, with_integrator
 from mpp_taichi.accuracy.sample import Configuration, Sample
+from mpp_taichi.device import backends
 from mpp_taichi.errors import MppError
-from mpp_taichi.simulation import Simulation
+from mpp_taichi.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
-    from mpp_taichi.energy import EnergyMeter
+    from mpp_taichi.energy.energy_meter import EnergyMeter
 
 Phase = tuple[np.ndarray, np.ndarray]
 MOST_FOLLOWED = 1000  # particles whose positions are kept at every look
@@ -231,8 +231,8 @@ class Machine:
 
     def _direct_meter(self) -> "EnergyMeter":
         """Of the true energy, whose errors those of a tree are a part of."""
-        from mpp_taichi.energy import EnergyMeter
-        from mpp_taichi.total_force import TotalForce, compose
+        from mpp_taichi.energy.energy_meter import EnergyMeter
+        from mpp_taichi.forces._total_force import TotalForce, compose
 
         spec, start = with_force_solver(self.problem.spec, None), self.problem.start
         return EnergyMeter(self.simulation.state, TotalForce(compose(spec, start), start.particle_count, spec.dimensions))

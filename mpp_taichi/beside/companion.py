@@ -17,7 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from mpp_taichi.beside.moment import Moment, MomentReceiver
+from mpp_taichi.beside.half_frame import Moment, MomentReceiver
 from mpp_taichi.beside.settings import Beside, BesideError
 from mpp_taichi.beside.wire import Message, receive
 from mpp_taichi.errors import INTERNAL_ERROR_CODE

@@ -3,14 +3,14 @@
 from typing import TYPE_CHECKING, Any, Protocol
 
 from mpp_taichi.beside.difference import Difference
-from mpp_taichi.beside.moment import Moment
+from mpp_taichi.beside.half_frame import Moment
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.scene import timeline
 from mpp_taichi.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from mpp_taichi.beside.view import TwoHalves
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 
 class ExactFilm(FilmRecorder):

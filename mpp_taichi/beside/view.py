@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from PIL import Image, ImageDraw
 
-from mpp_taichi.fonts import font_of
 from mpp_taichi.plots import Plot
+from mpp_taichi.plots.fonts import font_of
 from mpp_taichi.plots.sheet import Sheet, letters_for
 from mpp_taichi.plots.theme import DARK
 from mpp_taichi.scene.spec import ViewSpec

@@ -13,16 +13,16 @@ from contextlib import nullcontext
 from dataclasses import replace
 from typing import IO, TYPE_CHECKING, Any
 
-from mpp_taichi.backends import import_taichi
 from mpp_taichi.beside.film import ExactFilm
-from mpp_taichi.beside.moment import MomentSender
+from mpp_taichi.beside.half_frame import MomentSender
 from mpp_taichi.beside.wire import send
+from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.errors import INTERNAL_ERROR_CODE, MppError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.snapshot import Snapshot
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 LONGEST_WORDS = 300
 
@@ -56,7 +56,7 @@ class WarningSender(logging.Handler):
 def follow(order: dict[str, Any], stream: IO[bytes]) -> None:
     """Run as ordered."""
     import_taichi()  # quietly, before anything else imports it
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
     os.chdir(order["folder"])  # where files that the scene names are
     spec, span, count = replace(load_scene(order["scene"]), source=order["source"]), order["span"], order["count"]

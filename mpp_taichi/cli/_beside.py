@@ -14,7 +14,7 @@ from mpp_taichi.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._request import Goal, Request
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 OPTIONS = ("backend", "precision", "plan", "threads", "force")
 

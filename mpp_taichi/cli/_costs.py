@@ -12,7 +12,7 @@ from mpp_taichi.scene.spec import ComponentSpec, Location, SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 ROUNDS = 11
 SAMPLE_SECONDS = 0.02  # one timing is at least so long, against the clock's own grain
@@ -68,7 +68,7 @@ def _cost(name: str, full: list[float], other: list[float]) -> EffectCost:
 
 
 def _start(spec: SceneSpec, like: "Simulation", plan: str) -> "Simulation":
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
     threads = like.device.threads or None
     return Simulation(spec, backend=like.device.backend, precision=like.device.precision, plan=plan, threads=threads)

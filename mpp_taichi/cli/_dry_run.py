@@ -3,7 +3,6 @@
 import argparse
 from typing import Any
 
-from mpp_taichi import plans
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._amounts import check_amounts
 from mpp_taichi.cli._phases import described, phase_line
@@ -12,6 +11,7 @@ from mpp_taichi.cli._terminal import explain_error, output_reserved, put, put_js
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.scene.estimate import Estimate, check_capacity, estimate
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.step import plans
 
 
 def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
@@ -74,9 +74,9 @@ def _check_step(spec: SceneSpec, arguments: argparse.Namespace, goal: Goal, foun
     scenes = (spec, *(event.scene for event in spec.timeline))
     if not any(scene.springs or any(force.name == "linear_drag" for force in scene.forces) for scene in scenes):
         return None
-    from mpp_taichi.backends import import_taichi
     from mpp_taichi.cli._step_check import advice_of, spans, steps_in
-    from mpp_taichi.phases import phases_of
+    from mpp_taichi.device.backends import import_taichi
+    from mpp_taichi.simulation.phases import phases_of
 
     with output_reserved(arguments.json):
         import_taichi()

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpp_taichi.cli._desk import SessionDesk
 from mpp_taichi.cli._options import output_stem
+from mpp_taichi.cli._window_desk import SessionDesk
 from mpp_taichi.errors import OutputError
 from mpp_taichi.scene import timeline
 from mpp_taichi.scene.spec import SceneSpec
@@ -16,9 +16,9 @@ from mpp_taichi.views.wall_outline import outline_of
 if TYPE_CHECKING:
     from mpp_taichi.cli._request import Goal
     from mpp_taichi.cli._signals import Interruption
-    from mpp_taichi.history import History
     from mpp_taichi.recorders.inspection import InspectionRecorder
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.history import History
+    from mpp_taichi.simulation.simulation import Simulation
 
 WINDOW_FRAMES_PER_SECOND = 60
 STEPS_PER_FRAME_WITHOUT_END = 10

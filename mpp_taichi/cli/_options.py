@@ -6,8 +6,8 @@ import os
 from pathlib import Path
 
 from mpp_taichi.cli._terminal import UsageError
+from mpp_taichi.device.thread_count import allowed_threads, most_threads
 from mpp_taichi.precision import PRECISIONS
-from mpp_taichi.thread_count import allowed_threads, most_threads
 
 LARGEST_SIDE = 16384  # pixels
 LONGEST_NAME = 230  # bytes: 255 on every common file system, less the room for `.part` and the like

@@ -27,7 +27,7 @@ from mpp_taichi.scene.spec import SceneSpec
 if TYPE_CHECKING:
     from mpp_taichi.beside.settings import Beside
     from mpp_taichi.cli._rewind import Rewind
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 OUTPUT_FOLDER = Path("out")
 """Where files go that nobody gave a name."""

@@ -12,7 +12,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 CRASH, INTERRUPTED = ".crash.npz", ".interrupted.npz"
 

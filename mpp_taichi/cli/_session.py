@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING, Any
 from mpp_taichi.beside.settings import BesideError
 from mpp_taichi.cli._amounts import check_amounts
 from mpp_taichi.cli._beside import RightHalf
-from mpp_taichi.cli._desk import save_log
 from mpp_taichi.cli._options import output_stem
 from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
-from mpp_taichi.cli._start import start, start_another
+from mpp_taichi.cli._start_simulation import start, start_another
 from mpp_taichi.cli._step_check import check_steps
 from mpp_taichi.cli._terminal import UsageError, say
+from mpp_taichi.cli._window_desk import save_log
 from mpp_taichi.errors import MppError, OutputError, StabilityError
-from mpp_taichi.expectations import Verdict, Watcher
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
 from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.recorders.blow_up import BlowUpWatch
@@ -36,13 +35,14 @@ from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
+from mpp_taichi.report.expectations import Verdict, Watcher
+from mpp_taichi.report.summary import Stopwatch, Timed, lines, summarize
 from mpp_taichi.scene.expectations import BALANCE_QUANTITIES
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.summary import Stopwatch, Timed, lines, summarize
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._interactive import Stage
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
     from mpp_taichi.views._base import View
 
 
@@ -242,7 +242,7 @@ class _Run:
         shown = request.window or (drawn and spec.record.panels != "none")
         if not spec.inspect or self.right is not None or not (request.inspect or shown):
             return None
-        from mpp_taichi.inspector import Inspector
+        from mpp_taichi.recorders.inspector import Inspector
 
         end = None if self.goal.endless else simulation.time + self.goal.span(spec)
         every = request.every or spec.run.every or InspectionRecorder.every_for(self.total_steps, self.every)

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import component
 from mpp_taichi.cli._request import Goal
-from mpp_taichi.phases import Phase
 from mpp_taichi.scene import timeline
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.simulation.phases import Phase
 from mpp_taichi.stability import advise, check_step
 from mpp_taichi.stability.advice import StepAdvice
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 
 def spans(phases: Sequence[Phase], goal: Goal, first: int = 0) -> list[tuple[Phase, float]]:

@@ -100,7 +100,7 @@ def execute(arguments: argparse.Namespace) -> int:
 def _write(folder: Path, found: dict[str, Any], study: "Study") -> list[str]:
     """accuracy.json and accuracy.html."""
     from mpp_taichi.accuracy.report import page
-    from mpp_taichi.whole_file import whole_file
+    from mpp_taichi.atomic_file import whole_file
 
     texts = {
         "accuracy.json": json.dumps(plain(found), indent=1, allow_nan=False),
@@ -129,7 +129,7 @@ def _report(found: dict[str, Any], study: "Study", arguments: argparse.Namespace
 def _wishes(arguments: argparse.Namespace, kind: str) -> "Wishes":
     """Of integrators, or in a scene with contacts of their solvers."""
     from mpp_taichi.accuracy.study import Wishes
-    from mpp_taichi.availability import BACKENDS
+    from mpp_taichi.device.availability import BACKENDS
 
     allowed = {"integrators": component.names(kind), "precisions": list(PRECISIONS), "backends": list(BACKENDS)}
     for option, known in allowed.items():

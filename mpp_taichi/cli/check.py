@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mpp_taichi.cli import _options
-from mpp_taichi.cli._at_once import check_at_once
+from mpp_taichi.cli._check_in_parallel import check_at_once
 from mpp_taichi.cli._terminal import UsageError, explain_error, output_reserved, put, put_json, say
 from mpp_taichi.errors import MppError, SceneError, StabilityError, UnsupportedError
 
@@ -68,9 +68,9 @@ def _scene_files(given: list[str]) -> list[Path]:
 
 
 def _check(scene: Path, arguments: argparse.Namespace) -> dict[str, Any]:
+    from mpp_taichi.cli._choose_method import settled
     from mpp_taichi.cli._request import Request
     from mpp_taichi.cli._session import run_scene
-    from mpp_taichi.cli._settle import settled
     from mpp_taichi.cli._signals import Interrupted
     from mpp_taichi.scene.load import load_scene
 

@@ -76,8 +76,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _write(folder: Path, found: dict[str, Any]) -> list[str]:
     """compare.json and compare.html."""
+    from mpp_taichi.atomic_file import whole_file
     from mpp_taichi.compare.report import page
-    from mpp_taichi.whole_file import whole_file
 
     texts = {"compare.json": json.dumps(found, indent=1, allow_nan=False), "compare.html": page(found)}
     for name, text in texts.items():

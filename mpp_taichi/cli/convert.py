@@ -35,8 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Read, check, write, and say what was written."""
+    from mpp_taichi.atomic_file import whole_file
     from mpp_taichi.exporters.catalogue import export, exporters
-    from mpp_taichi.whole_file import whole_file
 
     target: Path = arguments.target
     suffix = target.suffix.lower()
@@ -75,12 +75,12 @@ def _tell(arguments: argparse.Namespace, source: "Source") -> None:
 
 def _read(path: Path, *, particles_only: bool) -> tuple[dict[str, Any] | None, "Source"]:
     """A scene made of another program's file, if it is one and more than its particles is asked for; and the particles."""
-    from mpp_taichi.assemble import assemble
     from mpp_taichi.exporters._source import Source
     from mpp_taichi.importers.catalogue import import_particles, import_scene
     from mpp_taichi.recorders.trajectory_file import TrajectoryFile, is_trajectory
     from mpp_taichi.scene.load import load_scene
     from mpp_taichi.snapshot import Snapshot
+    from mpp_taichi.start.assemble import assemble
 
     suffix = path.suffix.lower()
     if suffix == STATE and is_trajectory(path):

@@ -13,7 +13,7 @@ from mpp_taichi.cli._terminal import output_reserved, put, put_json, say
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._costs import EffectCost, StepTime
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,9 +28,9 @@ def execute(arguments: argparse.Namespace) -> int:
     from mpp_taichi.scene.load import load_scene
 
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
+    from mpp_taichi.cli._choose_method import settled
     from mpp_taichi.cli._costs import measure
-    from mpp_taichi.cli._settle import settled
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
     with output_reserved(arguments.json):
         spec, arguments.precision, _ = settled(spec, arguments)
@@ -50,9 +50,9 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
-    from mpp_taichi import plans
     from mpp_taichi.modes.network_report import network_facts
-    from mpp_taichi.summary import effect_names, plan_reason
+    from mpp_taichi.report.summary import effect_names, plan_reason
+    from mpp_taichi.step import plans
 
     fields, advice = simulation.state.field_sizes(), simulation.step_advice
     return {

@@ -33,7 +33,7 @@ print(json.dumps([
 """
 VULKAN_CHILD = """
 import json
-from mpp_taichi.vulkan import devices
+from mpp_taichi.device.vulkan import devices
 kinds = ("other", "integrated", "discrete", "virtual", "software")
 print(json.dumps([{"name": name, "kind": kinds[kind] if kind < 5 else "other"} for name, kind in devices()]))
 """
@@ -75,8 +75,8 @@ def _version(package: str) -> str | None:
 
 def _backends() -> dict[str, Any]:
     """Every backend, tried in a process of its own, and what it was seen to do when it starts."""
-    from mpp_taichi import backends
-    from mpp_taichi.availability import BACKENDS, availability
+    from mpp_taichi.device import backends
+    from mpp_taichi.device.availability import BACKENDS, availability
 
     found: dict[str, Any] = {}
     for name in BACKENDS:

@@ -59,9 +59,9 @@ def execute(arguments: argparse.Namespace) -> int:
     if fps * seconds <= 0.5:
         raise UsageError(f"record: a film of {seconds:g} s at {fps:g} frames a second has no frame")
     from mpp_taichi.cli._amounts import check_frames
+    from mpp_taichi.cli._choose_method import settled
     from mpp_taichi.cli._request import Request
     from mpp_taichi.cli._session import run_scene
-    from mpp_taichi.cli._settle import settled
 
     names = (
         "backend",

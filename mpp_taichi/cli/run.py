@@ -60,8 +60,8 @@ def execute(arguments: argparse.Namespace) -> int:
         from mpp_taichi.cli._dry_run import dry_run
 
         return dry_run(spec, arguments)
+    from mpp_taichi.cli._choose_method import settled
     from mpp_taichi.cli._session import run_scene
-    from mpp_taichi.cli._settle import settled
 
     with output_reserved(arguments.json):
         spec, arguments.precision, choice = settled(spec, arguments)
@@ -121,7 +121,7 @@ def no_window() -> str:
     """Why no window can be opened here; empty when one can."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return "there is no display"
-    from mpp_taichi.backends import import_taichi
+    from mpp_taichi.device.backends import import_taichi
 
     import_taichi()
     from mpp_taichi.views.ggui import probe

@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
-from mpp_taichi.assemble import assemble
-from mpp_taichi.availability import BACKENDS, TAICHI_VERSION, availability, cpu_name
 from mpp_taichi.compare import busy, scaling
 from mpp_taichi.compare.agreement import Agreement
 from mpp_taichi.compare.certificate import Judge
@@ -21,7 +19,9 @@ from mpp_taichi.compare.course import CHANCE
 from mpp_taichi.compare.process import WorkerError, WorkerProcess, empty_cache
 from mpp_taichi.compare.row import Row, described, peak_of
 from mpp_taichi.compare.work import work_of
+from mpp_taichi.device.availability import BACKENDS, TAICHI_VERSION, availability, cpu_name
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.start.assemble import assemble
 
 ALL_BACKENDS = (*BACKENDS, "opencl", "numpy")
 PRECISIONS = {"numpy": ("f64",)}  # of a backend that has not both

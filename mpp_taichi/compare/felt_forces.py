@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.state import State
-from mpp_taichi.stepper import Stepper
-from mpp_taichi.total_force import TotalForce
+from mpp_taichi.forces._total_force import TotalForce
+from mpp_taichi.state.state import State
+from mpp_taichi.step.stepper import Stepper
 
 
 @ti.data_oriented

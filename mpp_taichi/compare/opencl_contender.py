@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi.compare.opencl_package import load_opencl
 from mpp_taichi.errors import BackendError
-from mpp_taichi.opencl_package import load_opencl
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 

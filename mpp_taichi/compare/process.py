@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from mpp_taichi.availability import cache_folder
+from mpp_taichi.device.availability import cache_folder
 from mpp_taichi.errors import MppError
 
 LOOK_SECONDS = 0.1  # between two looks for an interruption while an answer is awaited

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.backends import import_taichi
+from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.errors import BackendError
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.simulation import Simulation
+from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.snapshot import Snapshot
 
 COPIES = 5  # of which the median is told

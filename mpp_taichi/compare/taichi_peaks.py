@@ -2,11 +2,11 @@
 
 import taichi as ti
 
-from mpp_taichi.availability import availability
-from mpp_taichi.backends import Device
 from mpp_taichi.compare.peaks import ADDEND, CHAINS, COPY_BYTES, COPY_THREADS, FACTOR, ROUNDS, SUM_THREADS, fastest
-from mpp_taichi.neighbors.explicit_vectors import explicit_vectors
-from mpp_taichi.neighbors.lane_arithmetic import VECTOR_BYTES, multiply_add
+from mpp_taichi.device.availability import availability
+from mpp_taichi.device.backends import Device
+from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
+from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES, multiply_add
 
 
 def taichi_peaks(device: Device) -> dict[str, float]:

@@ -57,7 +57,7 @@ class Worker:
         self, scene: dict, folder: str, start: str | None, backend: str, precision: str, threads: int | None, variant: str = ""
     ) -> dict[str, Any]:
         """Load the scene and put it on the backend, in the place of the one before; `start` absent: as the scene begins."""
-        from mpp_taichi.assemble import assemble
+        from mpp_taichi.start.assemble import assemble
 
         self.do_close()
         os.chdir(folder)  # where files that the scene names are

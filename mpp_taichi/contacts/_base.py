@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.contact_report import ContactReport
-from mpp_taichi.contact_setup import ContactSetup
+from mpp_taichi.contacts._report import ContactReport
+from mpp_taichi.start.contact_setup import ContactSetup
 
 __all__ = ["TOUCHING_POWER", "ContactReport", "ContactSetup"]
 

@@ -7,17 +7,17 @@ import taichi as ti
 
 from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
-from mpp_taichi.contacts._event_cells import EventCells
-from mpp_taichi.contacts._event_collision import Collision
-from mpp_taichi.contacts._event_grid import Grid
-from mpp_taichi.contacts._event_lines import Lines
-from mpp_taichi.contacts._event_log import EventLog
-from mpp_taichi.contacts._event_lookahead import LookAhead
-from mpp_taichi.contacts._event_prediction import Prediction
-from mpp_taichi.contacts._event_queue import EventQueue
-from mpp_taichi.contacts._event_spheres import Spheres
+from mpp_taichi.contacts.events.cells import EventCells
+from mpp_taichi.contacts.events.collision import Collision
+from mpp_taichi.contacts.events.grid import Grid
+from mpp_taichi.contacts.events.lines import Lines
+from mpp_taichi.contacts.events.log import EventLog
+from mpp_taichi.contacts.events.lookahead import LookAhead
+from mpp_taichi.contacts.events.prediction import Prediction
+from mpp_taichi.contacts.events.queue import EventQueue
+from mpp_taichi.contacts.events.spheres import Spheres
+from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 from mpp_taichi.errors import StabilityError
-from mpp_taichi.quick_compilation import quick_compilation
 
 # Events of one launch: a fraction of a second, after which Python may be interrupted.
 EVENTS_PER_LAUNCH = 200_000

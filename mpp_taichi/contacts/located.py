@@ -7,12 +7,12 @@ import taichi as ti
 
 from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
-from mpp_taichi.contacts._bounce import Bounce
-from mpp_taichi.contacts._rebound import Rebound
-from mpp_taichi.contacts._step_paths import TIME_ROUNDING, StepPaths
-from mpp_taichi.contacts._step_search import StepSearch
-from mpp_taichi.contacts._tally import Tally
-from mpp_taichi.quick_compilation import quick_compilation
+from mpp_taichi.contacts.location.paths import TIME_ROUNDING, StepPaths
+from mpp_taichi.contacts.location.rebound import Rebound
+from mpp_taichi.contacts.location.search import StepSearch
+from mpp_taichi.contacts.shared.bounce import Bounce
+from mpp_taichi.contacts.shared.contact_counts import Tally
+from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 
 MOMENT = 64.0 * TIME_ROUNDING  # of the time: contacts nearer than that are at one time
 MOST_AT_ONCE = 1000  # of those in a row; more are a collapse of what is inelastic, or of what is crushed

@@ -6,14 +6,14 @@ import numpy as np
 
 from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
-from mpp_taichi.contacts._merging_drift import MergingDrift
+from mpp_taichi.contacts.mergers.drift import MergingDrift
 
 LOG_CAPACITY = 65_536  # events noted on the device before the host takes them
 
 
 @component
 class Merging(ContactSolver):
-    """Two spheres that meet become one with the mass, the momentum, the charge and the volume of both (`_merger.py`).
+    """Two spheres that meet become one with the mass, the momentum, the charge and the volume of both (`merger.py`).
 
     Meetings are found at their exact time on the straight ways of a drift, whatever the speed, and taken in the order of time;
     what has merged may meet others within the same drift. The heavier one, or of equal ones that of the lower number, goes on

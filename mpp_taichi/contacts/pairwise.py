@@ -4,16 +4,16 @@ from typing import Any
 
 from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
-from mpp_taichi.contacts._overlap_rounds import OverlapRounds
-from mpp_taichi.contacts._overlaps import Overlaps
-from mpp_taichi.serial_loops import on_cpu
+from mpp_taichi.contacts.overlap.overlaps import Overlaps
+from mpp_taichi.contacts.overlap.rounds import OverlapRounds
+from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 
 
 @component
 class Pairwise(ContactSolver):
     """Spheres move through the whole step; those that then overlap get the impulse of Eq. 9 and are pushed apart.
 
-    See `_overlaps.py` for the equations.
+    See `overlaps.py` for the equations.
 
     Approximate by construction: times and places of contacts are wrong by up to a step, several contacts in a step come
     in the order of numbers, and what moves farther than its size tunnels. The report says the largest overlap that was seen.

@@ -7,10 +7,10 @@ import taichi as ti
 
 from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
-from mpp_taichi.contacts._resting_plans import ParallelPlan, SerialPlan
-from mpp_taichi.contacts._resting_step import LOST, PAIRS, PUSHED, VIRIAL, WALLS, RestingStep
-from mpp_taichi.quick_compilation import quick_compilation
-from mpp_taichi.serial_loops import on_cpu
+from mpp_taichi.contacts.rest.plans import ParallelPlan, SerialPlan
+from mpp_taichi.contacts.rest.step import LOST, PAIRS, PUSHED, VIRIAL, WALLS, RestingStep
+from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
+from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 
 SERIAL_COUNT = 512  # up to here one thread does a drift in one launch; more spheres are worth a launch for each loop
 

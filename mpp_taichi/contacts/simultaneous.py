@@ -1,15 +1,15 @@
 """Time-stepped hard spheres; all contacts that touch at one instant are resolved together."""
 
 from mpp_taichi.component import component, param
-from mpp_taichi.contacts._group_sweep import GroupSweep
-from mpp_taichi.contacts._sweep_solver import SweepSolver
+from mpp_taichi.contacts.sweep.group_sweep import GroupSweep
+from mpp_taichi.contacts.sweep.solver import SweepSolver
 
 
 @component
 class Simultaneous(SweepSolver):
     """Straight flights from instant to instant of contact within a drift, and what touches then is resolved as a group.
 
-    Groups are resolved by generalized reflections (`_reflections.py`): independent of numbering, symmetric where the scene
+    Groups are resolved by generalized reflections (`reflections.py`): independent of numbering, symmetric where the scene
     is, energy kept where e = 1, and a row of touching balls passes on as many as come in. Two spheres that meet alone are
     treated as `swept` treats them, at the exact time of contact. Not for piles: a group of more than 512 contacts that approach
     together is given up, and spheres that rest on each other under gravity are better held by `resting`.

@@ -4,15 +4,15 @@ from typing import Any
 
 from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactSetup
-from mpp_taichi.contacts._device_sweep import DeviceSweep
-from mpp_taichi.contacts._island_play import MOST_IN_ONE_THREAD
-from mpp_taichi.contacts._sweep_solver import SweepSolver
-from mpp_taichi.serial_loops import on_cpu
+from mpp_taichi.contacts.sweep.device_sweep import DeviceSweep
+from mpp_taichi.contacts.sweep.island_play import MOST_IN_ONE_THREAD
+from mpp_taichi.contacts.sweep.solver import SweepSolver
+from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 
 
 @component
 class Swept(SweepSolver):
-    """Straight flights from contact to contact within a drift, two spheres at a time (`_sweep.py`).
+    """Straight flights from contact to contact within a drift, two spheres at a time (`sweep.py`).
 
     Equal to an event-driven run between kicks, to round-off, whatever the step. Contacts that coincide are resolved one
     after the other, by time and then by number. Spheres at rest on each other under a steady force meet ever more often

@@ -3,7 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 
-from mpp_taichi.contact_report import ContactReport
+from mpp_taichi.contacts._report import ContactReport
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot

@@ -2,9 +2,9 @@
 
 import math
 
+from mpp_taichi.arithmetic.hermite import crossing, cubic
 from mpp_taichi.component import Particle
 from mpp_taichi.diagnostics._base import require_present
-from mpp_taichi.hermite import crossing, cubic
 from mpp_taichi.snapshot import Snapshot
 
 AXES = ("x", "y", "z")

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mpp_taichi.component import Particles
-from mpp_taichi.contact_report import ContactReport
-from mpp_taichi.contact_setup import enclosure_of
+from mpp_taichi.contacts._report import ContactReport
 from mpp_taichi.diagnostics._base import Diagnostic, NoResultError
 from mpp_taichi.scene.contacts import merges
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.start.contact_setup import enclosure_of
 from mpp_taichi.walls._base import Enclosure
 
 BLOCKS = 10

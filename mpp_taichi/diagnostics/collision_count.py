@@ -1,7 +1,7 @@
 """How many collisions there were."""
 
 from mpp_taichi.component import component, param
-from mpp_taichi.contact_report import ContactReport
+from mpp_taichi.contacts._report import ContactReport
 from mpp_taichi.diagnostics._gas import OfContacts
 
 

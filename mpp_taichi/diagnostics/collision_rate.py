@@ -1,7 +1,7 @@
 """How often a particle is hit."""
 
 from mpp_taichi.component import component, param
-from mpp_taichi.contact_report import ContactReport
+from mpp_taichi.contacts._report import ContactReport
 from mpp_taichi.diagnostics._base import NoResultError
 from mpp_taichi.diagnostics._gas import OfContacts, require_no_merging
 from mpp_taichi.scene.spec import SceneSpec

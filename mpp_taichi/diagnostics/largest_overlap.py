@@ -1,7 +1,7 @@
 """How deep spheres were in each other."""
 
 from mpp_taichi.component import component
-from mpp_taichi.contact_report import ContactReport
+from mpp_taichi.contacts._report import ContactReport
 from mpp_taichi.diagnostics._gas import OfContacts
 
 

@@ -5,11 +5,11 @@ import math
 import numpy as np
 
 from mpp_taichi.component import Particles, component, param
-from mpp_taichi.contact_setup import enclosure_of
 from mpp_taichi.diagnostics._base import Diagnostic, NoResultError
 from mpp_taichi.diagnostics._gas import rows_of
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.start.contact_setup import enclosure_of
 
 LOOK_SHARE = 0.1  # of the shortest period that the fastest particle may fly between two looks
 

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
+from mpp_taichi.arithmetic.hermite import crossing
 from mpp_taichi.component import Particle, component, param
 from mpp_taichi.diagnostics._base import Diagnostic, NoResultError, require_present
-from mpp_taichi.hermite import crossing
 from mpp_taichi.snapshot import Snapshot
 
 LOOK_ANGLE = 0.05  # radians between two looks; the cubic below is then good to about 1e-9 of a turn, and less on a circle

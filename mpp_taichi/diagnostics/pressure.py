@@ -3,12 +3,12 @@
 import numpy as np
 
 from mpp_taichi.component import component, param
-from mpp_taichi.contact_report import ContactReport
-from mpp_taichi.contact_setup import enclosure_of
+from mpp_taichi.contacts._report import ContactReport
 from mpp_taichi.diagnostics._base import NoResultError
 from mpp_taichi.diagnostics._gas import OfContacts, box_of
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.start.contact_setup import enclosure_of
 
 
 @component

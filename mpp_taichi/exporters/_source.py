@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpp_taichi.assemble import rest_positions
-from mpp_taichi.contact_setup import enclosure_of
 from mpp_taichi.errors import SceneError
 from mpp_taichi.recorders.trajectory_file import TrajectoryFile
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.start.assemble import rest_positions
+from mpp_taichi.start.contact_setup import enclosure_of
 from mpp_taichi.walls._base import Enclosure
 
 if TYPE_CHECKING:

@@ -4,8 +4,8 @@ import importlib
 from pathlib import Path
 from typing import Any
 
+from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.exporters._source import Source
-from mpp_taichi.whole_file import whole_file
 
 
 def exporters() -> dict[str, Any]:

@@ -2,9 +2,9 @@
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.low_parts import wide_position
 from mpp_taichi.component import Vector, component, param
 from mpp_taichi.forces._base import ExternalForce
-from mpp_taichi.low_parts import wide_position
 from mpp_taichi.types import Template
 
 

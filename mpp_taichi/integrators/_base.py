@@ -26,7 +26,7 @@ class Integrator:
     own_state        keeps the motion in fields of its own, and `launch` sets what is shown from them
     quickly_compiled its kernels are long, and compiled without Taichi's own optimisation (see quick_compilation.py)
     writes_vectors   its step reads and writes vectors by components: it can be compiled together with the sum over pairs
-                     in explicit vectors (see neighbors/explicit_vectors.py)
+                     in explicit vectors (see device/fast_taichi/explicit_vectors.py)
     takes_velocity   keeps its order beside forces that depend on velocity; a class where it is not so says it with a literal
                      False of its own, which scenes are checked by, and the method is refused beside such forces
     takes_time       goes beside forces that depend on time by themselves; said and checked in the same way

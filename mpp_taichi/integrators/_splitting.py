@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.low_parts import drift_particle, kick_particle
 from mpp_taichi.integrators import _runge_kutta
 from mpp_taichi.integrators._base import Integrator
-from mpp_taichi.low_parts import drift_particle, kick_particle
 from mpp_taichi.types import Template
 
 # How v' = A + f(v) is solved inside a kick when a force depends on velocity: to the order of the whole method.

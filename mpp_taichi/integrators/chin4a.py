@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.low_parts import drift_particle, kick_particle, push_particle
 from mpp_taichi.component import component, param
+from mpp_taichi.device.fast_taichi.vector_fields import put_vector, vector_at
 from mpp_taichi.integrators._base import Integrator
-from mpp_taichi.low_parts import drift_particle, kick_particle, push_particle
 from mpp_taichi.types import Template
-from mpp_taichi.vector_fields import put_vector, vector_at
 
 GRADIENT = 1 / 24
 

@@ -8,8 +8,8 @@ import taichi as ti
 from mpp_taichi.component import component, param
 from mpp_taichi.forces._base import BondForce
 from mpp_taichi.forces._step_bond import StepBond
+from mpp_taichi.forces._total_force import TotalForce
 from mpp_taichi.integrators._implicit import Implicit, trapezoid
-from mpp_taichi.total_force import TotalForce
 from mpp_taichi.types import Template
 
 

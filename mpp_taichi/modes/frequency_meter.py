@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpp_taichi.hermite import crossing
+from mpp_taichi.arithmetic.hermite import crossing
 
 LOOKS_PER_OSCILLATION = 40  # the cubic between two looks is then good to (2π/40)⁴/384 = 2e-6 of the amplitude
 

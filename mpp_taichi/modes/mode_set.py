@@ -5,7 +5,6 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from mpp_taichi.assemble import rest_positions
 from mpp_taichi.errors import SceneError
 from mpp_taichi.modes.lattice_theory import LatticeTheory, NoTheoryError, lattice_shape, lattice_theory
 from mpp_taichi.modes.linear_network import LinearNetwork, linearise
@@ -13,6 +12,7 @@ from mpp_taichi.modes.spectrum import MOST_FREEDOMS, spectrum
 from mpp_taichi.scene.layout import Lattice, layout_of
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot, Springs
+from mpp_taichi.start.assemble import rest_positions
 
 Numbers = tuple[int, int, int]
 SAME_FREQUENCY = 1e-6  # relative: modes nearer than this are one space, of which any basis will do

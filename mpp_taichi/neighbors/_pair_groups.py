@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from mpp_taichi.neighbors.explicit_vectors import is_elementwise
+from mpp_taichi.device.fast_taichi.explicit_vectors import is_elementwise
 
 
 class Member:

@@ -13,10 +13,10 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.low_parts import added, separation, wide_position
+from mpp_taichi.arithmetic.low_parts import added, separation, wide_position
+from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors, require_components_apart
+from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
 from mpp_taichi.neighbors._pair_groups import grouped
-from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, require_components_apart
-from mpp_taichi.neighbors.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
 from mpp_taichi.neighbors.symmetric_pairs import SymmetricPairs, adds_in_parallel
 from mpp_taichi.types import Template
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.device.fast_taichi.serial_loops import loop_grain
 from mpp_taichi.neighbors._level_table import BUCKETS_PER_SPHERE, LevelTable
 from mpp_taichi.neighbors._levels import BINS, BINS_PER_OCTAVE, MAXIMUM_LEVELS, choose_levels
 from mpp_taichi.neighbors.periodic import nearest_image
-from mpp_taichi.serial_loops import loop_grain
 from mpp_taichi.types import Template
 
 CHUNKS = 64  # of a reduction; fixed, so that sums do not depend on the threads

@@ -12,10 +12,10 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.inverse_distance import change_of_inverse_distance, second_change_of_inverse_distance
+from mpp_taichi.arithmetic.inverse_distance import change_of_inverse_distance, second_change_of_inverse_distance
+from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors, is_elementwise, require_components_apart
+from mpp_taichi.device.fast_taichi.lane_arithmetic import multiply_add
 from mpp_taichi.neighbors.all_pairs import SMALLEST_BLOCK, AllPairs
-from mpp_taichi.neighbors.explicit_vectors import explicit_vectors, is_elementwise, require_components_apart
-from mpp_taichi.neighbors.lane_arithmetic import multiply_add
 from mpp_taichi.types import Template
 
 

@@ -2,10 +2,10 @@
 
 import taichi as ti
 
+from mpp_taichi.device.fast_taichi.prefetch import prefetch
+from mpp_taichi.device.fast_taichi.serial_loops import loop_grain
 from mpp_taichi.neighbors.cell_grid import CHUNKS, CellGrid
 from mpp_taichi.neighbors.plain_rows import is_plain, visit_rows
-from mpp_taichi.prefetch import prefetch
-from mpp_taichi.serial_loops import loop_grain
 from mpp_taichi.types import Template
 
 PARTNERS_PER_SPHERE = 10  # for which there is room, on average over a chunk; each pair is partners of one of its two

@@ -4,7 +4,7 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.neighbors.lane_arithmetic import inverse_roots, multiply_add
+from mpp_taichi.device.fast_taichi.lane_arithmetic import inverse_roots, multiply_add
 from mpp_taichi.types import Template
 
 BLOCK = 128  # bodies whose reactions stay in the first cache of a core; a multiple of every number of lanes

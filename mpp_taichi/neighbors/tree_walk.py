@@ -12,8 +12,8 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.neighbors.explicit_vectors import explicit_vectors
-from mpp_taichi.neighbors.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
+from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
+from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
 from mpp_taichi.neighbors.tree_estimate import GROUP, TreeEstimate
 from mpp_taichi.neighbors.tree_nodes import LEAF
 from mpp_taichi.types import Template

@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from PIL import Image, ImageDraw
 
-from mpp_taichi.fonts import font_of
+from mpp_taichi.plots.fonts import font_of
 from mpp_taichi.plots.theme import Rgb
 
 RAISED = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789−"))

@@ -10,7 +10,7 @@ import numpy as np
 from mpp_taichi.component import Particles
 from mpp_taichi.diagnostics._at_end import rows
 from mpp_taichi.diagnostics._base import NoResultError
-from mpp_taichi.mechanics import mean_by_mass
+from mpp_taichi.energy.mechanics import mean_by_mass
 from mpp_taichi.scene.layout import ParticleLayout, layout_of
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot

@@ -1,7 +1,7 @@
 """Angular momentum of a particle, a group or all."""
 
 from mpp_taichi.component import Particles, component, param
-from mpp_taichi.mechanics import angular_momentum
+from mpp_taichi.energy.mechanics import angular_momentum
 from mpp_taichi.quantities._base import Look, Quantity, Setting, component_of, of_which, rows
 
 

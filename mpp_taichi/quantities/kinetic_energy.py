@@ -3,7 +3,7 @@
 import numpy as np
 
 from mpp_taichi.component import Particles, component, param
-from mpp_taichi.mechanics import kinetic_energies, total
+from mpp_taichi.energy.mechanics import kinetic_energies, total
 from mpp_taichi.quantities._base import ENERGY, Look, OfEach, Setting, of_which, rows
 
 

@@ -1,8 +1,8 @@
 """How well the energy is kept."""
 
 from mpp_taichi.component import component
-from mpp_taichi.energy_error import EnergyError
-from mpp_taichi.mechanics import kinetic_energies, total
+from mpp_taichi.energy.energy_error import EnergyError
+from mpp_taichi.energy.mechanics import kinetic_energies, total
 from mpp_taichi.quantities._base import Look, Quantity, Setting
 
 

@@ -1,7 +1,7 @@
 """Energy of motion and position."""
 
 from mpp_taichi.component import component
-from mpp_taichi.mechanics import kinetic_energies, total
+from mpp_taichi.energy.mechanics import kinetic_energies, total
 from mpp_taichi.quantities._base import ENERGY, Look, Quantity, Setting
 
 

@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mpp_taichi import postmortem
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.recorders.massless import MasslessWatch
 from mpp_taichi.recorders.table import TableRecorder
+from mpp_taichi.simulation import first_bad_step
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.stability.network import Network
 
 if TYPE_CHECKING:
-    from mpp_taichi.postmortem import Mark
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.first_bad_step import Mark
+    from mpp_taichi.simulation.simulation import Simulation
 
 ALARM = 1000.0  # times the energy that the run has had to turn over, gained from nowhere: it is not coming back
 ONSET = 0.1  # the same share as that from which a conserved energy is called inaccurate
@@ -156,7 +156,7 @@ class BlowUpWatch:
                 if sound:
                     keep()
             worst = simulation.snapshot()
-            postmortem.first_bad_step(max(1, worst.step - stored[0].step), advance, keep, rewind)
+            first_bad_step.first_bad_step(max(1, worst.step - stored[0].step), advance, keep, rewind)
         return _describe(simulation, self._start, row, worst)
 
 
@@ -226,7 +226,7 @@ def _worst(simulation: "Simulation", state: Snapshot) -> tuple[int, str]:
             change = f"{length[index]:.3g} long there, at rest {springs.rest_length[index]:.3g}"
             return moving, f"{Network(simulation.spec, state).describe_spring(index)}, {change}"
         particle = int(np.argmax(kinetic))
-        return particle, f"{postmortem.label(state, particle)} at speed {np.linalg.norm(state.velocity[particle]):.3g}"
+        return particle, f"{first_bad_step.label(state, particle)} at speed {np.linalg.norm(state.velocity[particle]):.3g}"
 
 
 def _cure(simulation: "Simulation") -> str:

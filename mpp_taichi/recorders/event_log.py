@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.errors import OutputError
-from mpp_taichi.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 FORMATS = (".csv", ".npz")
 FIELDS = ("time", "i", "j", "impulse")

@@ -12,7 +12,7 @@ from mpp_taichi.views._base import Frame, View
 from mpp_taichi.views.wall_outline import Outline, outline_of
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 SAME_TIME = 1e-6  # of a step: what rounding may do to a frame's time
 

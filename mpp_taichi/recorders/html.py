@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.errors import CapacityError
 from mpp_taichi.recorders._html_page import Recording, page
 from mpp_taichi.recorders._lock import OutputLock
@@ -16,7 +17,6 @@ from mpp_taichi.views._base import Frame
 from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import HORIZON
 from mpp_taichi.views.legend import legend_lines
-from mpp_taichi.whole_file import whole_file
 
 FORMATS = (".html", ".htm")
 SELDOM_NEW = ("radius", "color", "between", "spring_color", "outline")  # kept once for all frames where they are alike

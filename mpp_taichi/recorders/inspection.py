@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from PIL import Image
 
+from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.errors import OutputError
-from mpp_taichi.inspector import Inspector
 from mpp_taichi.plots import Histogram, Plot
 from mpp_taichi.plots.sheet import Sheet
 from mpp_taichi.plots.svg import draw_svg
 from mpp_taichi.plots.theme import LIGHT
-from mpp_taichi.whole_file import whole_file
+from mpp_taichi.recorders.inspector import Inspector
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 FORMATS = (".csv", ".svg", ".png")
 SAMPLES_PER_RUN = 1000

@@ -4,13 +4,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpp_taichi import postmortem
+from mpp_taichi.energy.specific_energy import SpecificEnergies, SpecificEnergyMeter
 from mpp_taichi.errors import StabilityError
-from mpp_taichi.specific_energy import SpecificEnergies, SpecificEnergyMeter
+from mpp_taichi.simulation import first_bad_step
 
 if TYPE_CHECKING:
-    from mpp_taichi.postmortem import Mark
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.first_bad_step import Mark
+    from mpp_taichi.simulation.simulation import Simulation
 
 ALARM = 1.0  # times its mean kinetic energy so far: a particle that gains more is on another orbit
 ALARM_NOW = 0.5  # times its present kinetic energy: near a pericentre a method's energy swings by less, and swings back
@@ -157,14 +157,14 @@ class MasslessWatch:
         def keep() -> None:
             stored[0] = simulation.mark()
 
-        postmortem.first_bad_step(steps, advance, keep, lambda: simulation.return_to(stored[0]))
+        first_bad_step.first_bad_step(steps, advance, keep, lambda: simulation.return_to(stored[0]))
 
     def _error(self, simulation: "Simulation", suspect: int, told: str) -> StabilityError:
         """The error for a run that stands at the last sound step."""
         assert self._meter is not None
         particle = int(self._meter.rows[suspect])
         step, time = simulation.step_count + 1, simulation.time + simulation.dt
-        label = postmortem.label(simulation.snapshot(), particle)
+        label = first_bad_step.label(simulation.snapshot(), particle)
         error = StabilityError(
             f"step {step}, time {time:.9g}: from here the run blows up: the energy per mass of {label}, which is massless, "
             f"{told}"

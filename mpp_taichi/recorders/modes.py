@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.modes.frequency_meter import FrequencyMeter, Measured
 from mpp_taichi.modes.mode_set import ModeError, ModeSet, Reading, find_modes
 from mpp_taichi.scene.spec import ModesSpec
-from mpp_taichi.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 PLOT_FORMATS = (".png", ".svg", ".pdf")
 FORMATS = (*PLOT_FORMATS, ".csv", ".npz")

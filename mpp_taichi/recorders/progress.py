@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 BAR_SECONDS = 0.1  # at most ten looks a second
 LINE_SECONDS = 30.0

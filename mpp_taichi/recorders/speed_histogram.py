@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.errors import OutputError
 from mpp_taichi.kinetic_theory import kolmogorov_smirnov
 from mpp_taichi.kinetic_theory.speeds import kinetic_temperature, speed_cumulative, speed_density, speed_scale
-from mpp_taichi.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 PLOT_FORMATS = (".png", ".svg", ".pdf")
 FORMATS = (*PLOT_FORMATS, ".csv", ".npz")

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mpp_taichi.energy_error import ZERO_ENERGY, EnergyError, ratio
+from mpp_taichi.atomic_file import whole_file
+from mpp_taichi.energy.energy_error import ZERO_ENERGY, EnergyError, ratio
 from mpp_taichi.errors import OutputError
-from mpp_taichi.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 SAMPLES_PER_RUN = 200
 SPARSE_STEPS = 20  # the potential of 3073 bodies took six of their steps; so far apart, samples are a quarter of a run

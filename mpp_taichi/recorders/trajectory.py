@@ -8,15 +8,15 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from mpp_taichi.contact_setup import enclosure_of
 from mpp_taichi.errors import OutputError
 from mpp_taichi.recorders._extended_xyz import frame_lines
 from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.start.contact_setup import enclosure_of
 from mpp_taichi.walls._base import Enclosure, Vector
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 FORMATS = (".npz", ".xyz", ".extxyz")
 BYTES_PER_PARTICLE = 48  # of a frame: position and velocity in f64; text takes more

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from mpp_taichi.recorders.table import TableRecorder
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation import Simulation
+    from mpp_taichi.simulation.simulation import Simulation
 
 log = logging.getLogger(__name__)
 

@@ -9,12 +9,12 @@ from typing import Any
 import yaml
 
 from mpp_taichi.errors import SceneError
-from mpp_taichi.scene import guard
+from mpp_taichi.scene import yaml_limits
 from mpp_taichi.scene.faults import Faults, printable, shown
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.scalars import read_plain
 
-_DEEPEST_DICT = guard.DEPTH_ALLOWED
+_DEEPEST_DICT = yaml_limits.DEPTH_ALLOWED
 
 
 @dataclass(frozen=True)
@@ -69,18 +69,18 @@ def read_file(path: Path, file: str, faults: Faults) -> Node:
         if not path.is_file():
             raise SceneError(f"{printable(file)}: no such file" if not path.exists() else f"{printable(file)}: not a file")
         with open(path, "rb") as stream:
-            data = stream.read(guard.BYTES_ALLOWED + 1)
+            data = stream.read(yaml_limits.BYTES_ALLOWED + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SceneError(f"{printable(file)}: cannot read the scene: {reason}") from None
-    return read_text(guard.decode(data, file), file, faults)
+    return read_text(yaml_limits.decode(data, file), file, faults)
 
 
 def read_text(text: str, file: str, faults: Faults) -> Node:
     """The tree of a YAML text, whose root must be a mapping."""
     faults.sources[file] = text.splitlines()
-    guard.check_events(text, file)
-    root = yaml.compose(text, Loader=guard.LOADER)
+    yaml_limits.check_events(text, file)
+    root = yaml.compose(text, Loader=yaml_limits.LOADER)
     if root is None or (isinstance(root, yaml.ScalarNode) and root.value == ""):
         raise SceneError(f"{file}:1:1: the scene is empty; it needs at least particles: and integrator:")
     if not isinstance(root, yaml.MappingNode):
@@ -91,9 +91,9 @@ def read_text(text: str, file: str, faults: Faults) -> Node:
 
 def read_value(text: str, location: Location) -> Node:
     """The tree of one value, as `--set` gives it; every part of it is placed at `location`."""
-    guard.check_events(guard.check_characters(text, location.file), location.file)
+    yaml_limits.check_events(yaml_limits.check_characters(text, location.file), location.file)
     faults = Faults()
-    root = yaml.compose(text, Loader=guard.LOADER)
+    root = yaml.compose(text, Loader=yaml_limits.LOADER)
     node = Node(None, location) if root is None else _placed(_build(root, location.file, faults), location)
     faults.raise_if_any()
     return node

@@ -3,13 +3,13 @@
 from pathlib import Path
 from typing import Any
 
+from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.errors import OutputError
 from mpp_taichi.scene import extends
 from mpp_taichi.scene.document import read_file
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.write import scene_text
-from mpp_taichi.whole_file import whole_file
 
 WITHOUT = ("timeline", "run", "expect")  # what the log says itself, or cannot hold the run to
 

@@ -12,13 +12,13 @@ from typing import Any
 import yaml
 
 from mpp_taichi import precision
-from mpp_taichi.availability import BACKENDS
+from mpp_taichi.device.availability import BACKENDS
+from mpp_taichi.device.thread_count import allowed_threads, most_threads
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene import overrides
 from mpp_taichi.scene.document import Node, read_value
 from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.thread_count import allowed_threads, most_threads
 
 DEVICE_SETTINGS: dict[str, tuple[str, ...]] = {
     "backend": ("auto", *BACKENDS),

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi import transfer
+from mpp_taichi.device import bulk_copy
 from mpp_taichi.solvers._sums import dot, read_total, reduce_terms, zero_pair
 from mpp_taichi.solvers.newton_matrix import NewtonMatrix
 from mpp_taichi.solvers.report import SolverReport
@@ -187,8 +187,8 @@ class Newton:
     def collect(self, state: Any) -> SolverReport:
         """What was counted since the last time, on the device and beside it."""
         fields = [getattr(state, name) for name in (*COUNTERS, "unsolved")]
-        found = transfer.read(fields, np.int32)
-        transfer.write(fields[:-1], [np.zeros_like(count) for count in found[:-1]])
+        found = bulk_copy.read(fields, np.int32)
+        bulk_copy.write(fields[:-1], [np.zeros_like(count) for count in found[:-1]])
         counts = dict(zip(COUNTERS, found))
         report, self.launched = self.launched, SolverReport()
         report.add(

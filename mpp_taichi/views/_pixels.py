@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from mpp_taichi.serial_loops import loop_grain
+from mpp_taichi.device.fast_taichi.serial_loops import loop_grain
 from mpp_taichi.types import Template
 from mpp_taichi.views._coverage import cover_pixel, cover_row
 from mpp_taichi.views._display import displayed, dither

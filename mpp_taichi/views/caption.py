@@ -3,7 +3,7 @@
 import numpy as np
 from PIL import Image, ImageDraw
 
-from mpp_taichi.fonts import font_of
+from mpp_taichi.plots.fonts import font_of
 from mpp_taichi.views._base import Frame
 
 Color = tuple[int, int, int]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from PIL import Image, ImageDraw
 
-from mpp_taichi.fonts import font_of
+from mpp_taichi.plots.fonts import font_of
 from mpp_taichi.views.appearance import Legend
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import DARK, LINES_PER_PICTURE, Background, Color, ink, is_light, text_height

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from mpp_taichi.whole_file import whole_file
+from mpp_taichi.atomic_file import whole_file
 
 
 def save_picture(picture: np.ndarray, path: Path) -> None:

@@ -10,8 +10,8 @@ import math
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 from mpp_taichi.scene.spec import ViewSpec
-from mpp_taichi.serial_loops import on_cpu
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
 from mpp_taichi.views._display import CURVE
 from mpp_taichi.views._pixels import draw_pixels

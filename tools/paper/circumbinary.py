@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from mpp_taichi.accuracy.svg import Mark, Plot, Series
-from mpp_taichi.assemble import assemble
 from mpp_taichi.scene.load import load_scene
+from mpp_taichi.start.assemble import assemble
 from paper import runs
 from paper.page import Figure, Row, Section, drawing, pictures
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 
 from mpp_taichi.accuracy.svg import Mark, Plot, Series
-from mpp_taichi.assemble import assemble
 from mpp_taichi.generators._elliptic import annulus_pull, elliptic_integrals
 from mpp_taichi.scene.load import load_scene
+from mpp_taichi.start.assemble import assemble
 from paper import runs
 from paper.page import Figure, Row, Section, drawing, pictures
 

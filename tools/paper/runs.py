@@ -8,8 +8,8 @@ import numpy as np
 from PIL import Image
 
 from mpp_taichi.errors import StabilityError
-from mpp_taichi.expectations import Watcher
-from mpp_taichi.simulation import Simulation
+from mpp_taichi.report.expectations import Watcher
+from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.offscreen import open_offscreen
 from mpp_taichi.views.wall_outline import outline_of

@@ -1,0 +1,53 @@
+"""How a session's simulation is started: from a scene, from a state that was left, or in the window of another scene."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi.cli._request import Goal, Request
+from mpp_taichi.cli._step_check import check_steps
+from mpp_taichi.errors import MppError, StateError
+from mpp_taichi.scene.load import load_scene
+from mpp_taichi.scene.spec import SceneSpec
+
+if TYPE_CHECKING:
+    from mpp_taichi.device.backends import Device
+    from mpp_taichi.simulation.simulation import Simulation
+
+
+def start(spec: SceneSpec, request: Request) -> "Simulation":
+    """The simulation that is asked for.
+
+    Raises:
+        MppError: it cannot be started.
+    """
+    from mpp_taichi.simulation.simulation import Simulation  # the first import of Taichi: the scene is known to be sound
+
+    options: dict[str, Any] = {name: getattr(request, name) for name in ("backend", "precision", "plan", "threads", "force")}
+    options["event_log"] = request.events is not None
+    if request.rewind is None:
+        return Simulation(spec, **options)
+    try:
+        return Simulation(spec, **options, start=request.rewind.state)
+    except StateError as error:
+        raise StateError(f"--rewind {request.rewind.file}: it is of another scene: {error}") from None
+
+
+def start_another(file: Path, *, device: "Device", request: Request) -> "Simulation":
+    """The simulation of another scene, beside the one that runs, on its device; its steps have been looked over.
+
+    Raises:
+        MppError: it cannot be run.
+    """
+    from mpp_taichi.simulation.simulation import Simulation
+
+    spec = load_scene(file)
+    goal = Goal.of(spec, Request(window=True))
+    goal.check(spec, may_be_endless=True)
+    where: dict[str, Any] = {"backend": device.backend, "precision": device.precision, "threads": request.threads}
+    simulation = Simulation(spec, **where, plan=request.plan, force=request.force)
+    try:
+        check_steps(simulation, goal, force=request.force)
+    except MppError:
+        simulation.close()
+        raise
+    return simulation

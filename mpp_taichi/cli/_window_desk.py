@@ -1,0 +1,137 @@
+"""The desk of a window on a run: its sliders, the way back, its checkpoints and its log."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi.cli._options import output_stem
+from mpp_taichi.cli._terminal import explain_error
+from mpp_taichi.errors import MppError, OutputError
+from mpp_taichi.recorders.inspection import InspectionRecorder
+from mpp_taichi.recorders.table import TableRecorder
+from mpp_taichi.report.summary import Timed
+from mpp_taichi.scene.log import write_log
+from mpp_taichi.scene.sliders import value_of
+from mpp_taichi.scene.spec import SliderSpec
+from mpp_taichi.simulation.history import History
+from mpp_taichi.views.desk import Desk
+from mpp_taichi.views.slider_panel import Knob
+
+if TYPE_CHECKING:
+    from mpp_taichi.cli._request import Goal
+    from mpp_taichi.simulation.simulation import Simulation
+
+
+SCENE_FILES = (".yaml", ".yml")
+
+
+class SessionDesk:
+    """Acts on the simulation of a session, and tells the recorders that look on."""
+
+    def __init__(
+        self,
+        simulation: "Simulation",
+        goal: "Goal",
+        recorders: Sequence[Any],
+        start: "Callable[[Path], Simulation] | None" = None,
+    ) -> None:
+        """Begin to keep the way back; `start` makes the simulation of another scene, on the same device."""
+        self.simulation, self.goal, self.recorders = simulation, goal, recorders
+        self._start = start
+        self._file = Path(simulation.scene.source)
+        self.opened: Simulation | None = None
+        self.history = History(simulation)
+        self._stem = output_stem(simulation.scene.source)
+
+    def desk(self) -> Desk:
+        """What the window is given."""
+        knobs = [self._knob(slider) for slider in self.simulation.scene.sliders]
+        return Desk(knobs, self.move, self.back, self.save, self.log, self.scenes, self.open, self._file.name)
+
+    def _knob(self, slider: SliderSpec) -> Knob:
+        def read() -> float:
+            value = value_of(self.simulation.spec, slider.targets[0])
+            assert value is not None  # a slider has a value
+            return value
+
+        return Knob(slider.path, slider.label, slider.low, slider.high, slider.logarithmic, read)
+
+    def move(self, moved: Mapping[str, float]) -> str:
+        """Set parameters; the message says why they could not be."""
+        try:
+            self.simulation.set(moved)
+        except MppError as error:
+            return str(error)
+        self.history.keep()
+        return ""
+
+    def back(self) -> bool:
+        """Go back by a frame, and let the recorders forget what is no more."""
+        if not self.history.back():
+            return False
+        for recorder in self.recorders:
+            inner = recorder.recorder if isinstance(recorder, Timed) else recorder
+            if isinstance(inner, (TableRecorder, InspectionRecorder)):
+                inner.go_back(self.simulation)
+            else:
+                inner.restart()
+        return True
+
+    def save(self) -> str:
+        """Write the state into the working directory, under the first number that is free."""
+        path = _free(self._stem, ".npz")
+        try:
+            self.simulation.checkpoint(path)
+        except OutputError as error:
+            return str(error)
+        return f"saved {path}"
+
+    def log(self) -> str:
+        """Write the log into the working directory, under the first number that is free."""
+        path = _free(f"{self._stem}_log", ".yaml")
+        try:
+            save_log(path, self.simulation, self.goal)
+        except OutputError as error:
+            return str(error)
+        return f"saved {path}"
+
+    def scenes(self) -> list[str]:
+        """The scene files beside the present one."""
+        if self._start is None or not self._file.is_file():
+            return []
+        return sorted(path.name for path in self._file.parent.iterdir() if path.suffix.lower() in SCENE_FILES)
+
+    def open(self, name: str) -> str:
+        """Make the scene of another file ready; where that fails the line says why, here and on the terminal."""
+        assert self._start is not None  # nothing was listed
+        try:
+            self.opened = self._start(self._file.with_name(name))
+        except MppError as error:
+            explain_error(error)
+            return str(error).splitlines()[0]
+        return ""
+
+
+def save_log(path: Path, simulation: "Simulation", goal: "Goal") -> None:
+    """Write what was done so far as a scene file.
+
+    Steps beyond the end of the run are left out: that end may have been reached by a shorter step, which they would not repeat.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    device = simulation.device
+    options = f"--backend {device.backend} --precision {device.precision} --plan {simulation.plan}"
+    begin = simulation.start.time
+    lines = [
+        f"What was done while {simulation.scene.source} ran, to t = {simulation.time:.9g}, {simulation.step_count} steps.",
+        f"The same motion, bit for bit: python -m mpp_taichi run {path.name} {options}",
+    ]
+    if begin > 0.0:
+        lines.append(f"It began at t = {begin:.9g}, from the state that --rewind named; say so again.")
+    end = simulation.time if goal.until is None else min(simulation.time, goal.until)
+    write_log(path, simulation.scene, end, "\n".join(lines))
+
+
+def _free(stem: str, suffix: str) -> Path:
+    return next(path for number in range(10**6) if not (path := Path(f"{stem}_{number:04d}{suffix}")).exists())

@@ -1,0 +1,1 @@
+"""Event-driven spheres: cells, predictions, queue and collisions."""

@@ -1,0 +1,166 @@
+"""Collisions of an event-driven run: what a contact does to the velocities, and what is counted."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.contacts._base import ContactReport, ContactSetup
+from mpp_taichi.contacts.events.cells import EventCells
+from mpp_taichi.contacts.events.spheres import Spheres
+from mpp_taichi.walls._geometry import gap, normal, surface_velocity
+
+# Contacts in a row of one sphere that all fall on the same float of the time: more of those that take energy is an
+# inelastic collapse; elastic ones are bounded by the number of touching spheres.
+STALLED_INELASTIC = 16
+STALLED_ELASTIC = 1000
+
+
+@ti.data_oriented
+class Collision:
+    """Impulses along the normal, and sums over them."""
+
+    def __init__(self, setup: ContactSetup, spheres: Spheres, cells: EventCells, builder: Any) -> None:
+        """Of these spheres; sums start at 0."""
+        self.spheres, self.cells = spheres, cells
+        self.surfaces = setup.enclosure.surfaces
+        self.contact_time = float(setup.contact_time)
+        self.restitution = tuple(tuple(float(e) for e in row) for row in np.asarray(setup.restitution))
+        wide = spheres.wide
+        self.pair_count, self.wall_count, self.elastic_count = (ti.field(ti.i32) for _ in range(3))
+        self.unresolved = ti.field(ti.i32)
+        self.virial, self.dissipated, self.overlap = (ti.field(wide) for _ in range(3))
+        self.wall_impulse = ti.field(wide)
+        self.impulse = ti.field(float)
+        self.table = ti.field(float)
+        builder.place(self.pair_count, self.wall_count, self.elastic_count, self.unresolved)
+        builder.place(self.virial, self.dissipated, self.overlap)
+        builder.place(self.impulse)
+        builder.dense(ti.i, max(len(self.surfaces), 1)).place(self.wall_impulse)
+        builder.dense(ti.ij, np.asarray(setup.restitution).shape).place(self.table)
+
+    def write(self) -> None:
+        """Fill the tables."""
+        real = np.float32 if self.table.dtype == ti.f32 else np.float64
+        self.table.from_numpy(np.array(self.restitution, dtype=real))
+
+    def contacts(self) -> int:
+        """How many there were since `collect`."""
+        return int(self.pair_count[None]) + int(self.wall_count[None])
+
+    def collect(self) -> ContactReport:
+        """What was counted since this was last asked."""
+        report = ContactReport(
+            pair_count=self.pair_count[None],
+            wall_count=self.wall_count[None],
+            elastic_count=self.elastic_count[None],
+            virial=self.virial[None],
+            wall_impulse=tuple(self.wall_impulse.to_numpy()[: len(self.surfaces)].tolist()),
+            dissipated_energy=self.dissipated[None],
+            largest_overlap=self.overlap[None],
+            unresolved=self.unresolved[None],
+        )
+        for field in (self.pair_count, self.wall_count, self.elastic_count, self.unresolved):
+            field[None] = 0
+        for field in (self.virial, self.dissipated, self.overlap):
+            field[None] = 0.0
+        self.wall_impulse.fill(0.0)
+        return report
+
+    @ti.func
+    def pair(self, i, j, time):
+        """Two spheres bounce: Δp = −(1 + e) u / Σ_k n_k² (w_ik + w_jk) along n, where u is the speed along n.
+
+        Returns whether time still goes on.
+        """
+        last = ti.max(self._last_contact(i), self._last_contact(j))
+        self._begin(i, time)
+        self._begin(j, time)
+        q = self.cells.nearest_image(self.spheres.position[i] - self.spheres.position[j])
+        distance = q.norm()
+        n = q / distance
+        speed = n.dot(self.spheres.velocity[i] - self.spheres.velocity[j])
+        softness = (n * n).dot(self.spheres.inverse_mass(i) + self.spheres.inverse_mass(j))
+        e = self._restitution(self.table[self.spheres.material[i], self.spheres.material[j]], last, time)
+        self.impulse[None] = 0.0
+        self._note_overlap(
+            self.spheres.radius(i) + self.spheres.radius(j) - distance, ti.min(self.spheres.radius(i), self.spheres.radius(j))
+        )
+        if speed < 0 and softness > 0:
+            impulse = -(1 + e) * speed / softness
+            self.spheres.velocity[i] += self.spheres.inverse_mass(i) * n * impulse
+            self.spheres.velocity[j] -= self.spheres.inverse_mass(j) * n * impulse
+            self.pair_count[None] += 1
+            self.virial[None] += ti.cast(impulse * distance, self.spheres.wide)
+            self.dissipated[None] += ti.cast((1 - e * e) * speed * speed / softness / 2, self.spheres.wide)
+            self.impulse[None] = impulse
+        goes_on = self._note_contact(i, j, e)
+        return self._note_contact(j, i, e) and goes_on
+
+    @ti.func
+    def wall(self, i, w, time):
+        """A sphere bounces off surface w. Returns whether time still goes on."""
+        last = self._last_contact(i)
+        self._begin(i, time)
+        x, now = self.spheres.position[i], ti.cast(time, float)
+        n, velocity = ti.Vector.zero(float, self.spheres.dimensions), ti.Vector.zero(float, self.spheres.dimensions)
+        e, depth = 1.0, 0.0
+        for k, surface in ti.static(enumerate(self.surfaces)):
+            if w == k:
+                n, velocity = normal(surface, x, now), surface_velocity(surface, x)
+                e, depth = ti.cast(surface.restitution, float), -gap(surface, x, self.spheres.radius(i), now)
+        e = self._restitution(e, last, time)
+        speed = n.dot(self.spheres.velocity[i] - velocity)
+        softness = (n * n).dot(self.spheres.inverse_mass(i))
+        self._note_overlap(depth, self.spheres.radius(i))
+        self.impulse[None] = 0.0
+        if speed < 0 and softness > 0:
+            impulse = -(1 + e) * speed / softness
+            self.spheres.velocity[i] += self.spheres.inverse_mass(i) * n * impulse
+            self.wall_count[None] += 1
+            self.wall_impulse[w] += ti.cast(impulse, self.spheres.wide)
+            self.dissipated[None] += ti.cast((1 - e * e) * speed * speed / softness / 2, self.spheres.wide)
+            self.impulse[None] = impulse
+        return self._note_contact(i, -1 - w, e)
+
+    @ti.func
+    def _restitution(self, e, last, time):
+        """Of this contact: 1 if the last one of either was less than the contact time ago."""
+        result = e
+        if ti.static(self.contact_time > 0):
+            if time - last < ti.static(self.contact_time) and e < 1:
+                result = 1.0
+                self.elastic_count[None] += 1
+        return result
+
+    @ti.func
+    def _last_contact(self, i):
+        """When it was: contacts alone set a sphere's clock."""
+        result = ti.cast(-ti.math.inf, self.spheres.wide)
+        if self.spheres.contacts[i] != 0:
+            result = self.spheres.clock[i]
+        return result
+
+    @ti.func
+    def _begin(self, i, time):
+        """Bring sphere i to the time of a contact; `stalled` counts contacts between which no time went by."""
+        if time > self._last_contact(i):
+            self.spheres.stalled[i] = 0
+        else:
+            self.spheres.stalled[i] += 1
+        x, v = self.spheres.position_at(i, time), self.spheres.velocity_at(i, time)
+        self.spheres.position[i], self.spheres.velocity[i] = x, v
+        self.spheres.clock[i] = time
+
+    @ti.func
+    def _note_overlap(self, depth, radius):
+        if depth > 0 and radius > 0:
+            self.overlap[None] = ti.max(self.overlap[None], ti.cast(depth / radius, self.spheres.wide))
+
+    @ti.func
+    def _note_contact(self, i, partner, e):
+        """Remember it; False if sphere i has had too many contacts without the time going on."""
+        self.spheres.last_partner[i] = partner
+        self.spheres.contacts[i] += 1
+        limit = STALLED_INELASTIC if e < 1 else ti.static(STALLED_ELASTIC + 2 * self.spheres.count)
+        return self.spheres.stalled[i] <= limit

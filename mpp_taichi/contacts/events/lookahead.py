@@ -1,0 +1,144 @@
+"""Looking ahead in an event-driven run: what the next events need is fetched while others happen."""
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.contacts.events.cells import EventCells
+from mpp_taichi.contacts.events.fetches import Fetches
+from mpp_taichi.contacts.events.queue import EventQueue
+from mpp_taichi.contacts.events.spheres import Spheres
+from mpp_taichi.device.fast_taichi.prefetch import prefetch
+
+TOGETHER = 4  # buckets of the queue that are looked at at a time
+MOST = 64  # spheres that are taken note of in so many
+# Fewer spheres than these stay in the caches of one core.
+FEWEST = 16384
+
+
+@ti.data_oriented
+class LookAhead:
+    """Has the lines fetched that the events of the next buckets will need.
+
+    An event's reads wait for each other: from the queue to the sphere, to its cell, to its neighbours. Here they are made some
+    buckets after each other, each when what it needs has come. What is fetched may change until the event comes, or be none
+    of the event's at all: results do not depend on it. The buckets' lists are walked, the rest is done without branches: a
+    wrong guess of the processor costs as much as a dozen fetches.
+    """
+
+    def __init__(self, spheres: Spheres, cells: EventCells, queue: EventQueue, builder: ti.FieldsBuilder) -> None:
+        """For the events of a queue; nothing is done for few spheres, or cells."""
+        self.spheres, self.cells, self.queue = spheres, cells, queue
+        # From a cell to the next one along each axis, and to the middles of the rows of three cells that it is among.
+        m, d = cells.cells, spheres.dimensions
+        self.strides = (m[1] * m[2], m[2], 1)[:d]
+        self.rows = tuple(a * m[1] for a in (-1, 0, 1))
+        if d == 3:
+            self.rows = tuple((a + b) * m[2] for a in self.rows for b in (-1, 0, 1))
+        # Who is less than this from either end has no cell there; whether the box is periodic matters little.
+        self.margin, self.cell_count = self.rows[-1] + 1, int(np.prod(m))
+        self.is_worthwhile = spheres.count >= FEWEST and self.cell_count > 2 * self.margin
+        self.fetches = Fetches(spheres, cells, builder, is_worthwhile=self.is_worthwhile)
+        self.last, self.noted = ti.field(ti.i32), ti.field(ti.i32)
+        builder.place(self.last, self.noted)
+        # Who has an event in the buckets looked at last; and the cells around which he and his partner will look for others.
+        self.sphere, self.around = ti.field(ti.i32), ti.field(ti.i32)
+        builder.dense(ti.i, MOST).place(self.sphere)
+        builder.dense(ti.i, 2 * MOST).place(self.around)
+        # What a crossing adds to a cell, by its side + 1; 0: no crossing.
+        self.shift = ti.field(ti.i32)
+        builder.dense(ti.i, 1 + 2 * d).place(self.shift)
+
+    def write(self) -> None:
+        """Fill the tables."""
+        if self.is_worthwhile:
+            self.fetches.write(self.margin)
+        self.shift.from_numpy(np.array([0, *(way * s for s in self.strides for way in (-1, 1))], np.int32))
+
+    @ti.func
+    def look(self):
+        """To be called once the earliest event is known."""
+        if ti.static(self.is_worthwhile):
+            bucket = self.queue.bucket[None]
+            if bucket >= self.last[None] + TOGETHER or bucket < self.last[None]:
+                self.last[None] = bucket
+                for step in range(TOGETHER):
+                    self._fetch_note(bucket + 1 + 4 * TOGETHER + step)
+                for step in range(TOGETHER):
+                    self._fetch_spheres(bucket + 1 + 3 * TOGETHER + step)
+                self._fetch_neighbours()
+                self._fetch_partners(bucket + 1 + 2 * TOGETHER)
+
+    # Step by step, for the events of a bucket ------------------------------------------------------------------------------
+
+    @ti.func
+    def _first(self, bucket):
+        """The first note in a bucket, or less than 0."""
+        return self.queue.first[ti.min(bucket, self.queue.bucket_count - 1)]
+
+    @ti.func
+    def _fetch_note(self, bucket):
+        prefetch(self.queue.next, ti.max(self._first(bucket), 0))
+
+    @ti.func
+    def _fetch_spheres(self, bucket):
+        note = self._first(bucket)
+        while note >= 0:
+            self._fetch(self.queue.sphere[note])
+            note = self.queue.next[note]
+
+    @ti.func
+    def _fetch_partners(self, begin):
+        """And heads of lists of cells; who has an event in the buckets is kept for `_fetch_neighbours`."""
+        count = 0
+        for step in range(TOGETHER):
+            note = self._first(begin + step)
+            while note >= 0:
+                i = self.queue.sphere[note]
+                self._fetch(ti.max(self._partner(i), 0))
+                middle = self._middle(self._cell(i))
+                for row in ti.static(self.rows):
+                    prefetch(self.cells.head, middle + row)
+                self.sphere[count] = i
+                count = ti.min(count + ti.cast(self.queue.is_in(i, begin + step), ti.i32), MOST - 1)
+                note = self.queue.next[note]
+        self.noted[None] = count
+
+    @ti.func
+    def _fetch_neighbours(self):
+        """Have those fetched that are around those kept, and around their partners."""
+        count = 0
+        for k in range(self.noted[None]):
+            i = self.sphere[k]
+            j = self._partner(i)
+            self.around[count], self.around[count + 1] = self._cell(i), self.cells.cell[ti.max(j, 0)]
+            # A partner who has the same event is kept himself.
+            count += 1 + ti.cast((j >= 0) & (self.queue.partner[ti.max(j, 0)] != i), ti.i32)
+        place = self.fetches.end()
+        for k in range(count):
+            middle = self._middle(self.around[k])
+            for row in ti.static(self.rows):
+                self.fetches.put(place, middle + row)
+                place += 1
+        self.fetches.put_until(place)
+
+    # What is of a sphere, and around it ------------------------------------------------------------------------------------
+
+    @ti.func
+    def _fetch(self, i):
+        prefetch(self.queue.place, i)
+        prefetch(self.spheres.contacts, i)
+
+    @ti.func
+    def _partner(self, i):
+        """Whom sphere i will meet, or less than 0."""
+        j = self.queue.partner[i]
+        return j if j < self.spheres.count else -1
+
+    @ti.func
+    def _cell(self, i):
+        """Around which cell sphere i looks for partners at its event: its own, or the next one if it crosses into that."""
+        return self.cells.cell[i] + self.shift[ti.max(self.queue.partner[i] - self.spheres.count, 0)]
+
+    @ti.func
+    def _middle(self, cell):
+        return ti.math.clamp(cell, self.margin, self.cell_count - 1 - self.margin)

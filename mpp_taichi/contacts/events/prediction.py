@@ -1,0 +1,116 @@
+"""What comes next for one sphere of an event-driven run: a contact, or the side of its cell."""
+
+import taichi as ti
+
+from mpp_taichi.contacts.events.lines import Lines
+from mpp_taichi.contacts.events.lookahead import LookAhead
+from mpp_taichi.types import Template
+from mpp_taichi.walls._base import Surface
+from mpp_taichi.walls._geometry import time_of_contact, time_of_contact_falling
+from mpp_taichi.walls._roots import first_contact_curved, first_contact_falling
+
+# By how much more than round-off, even of f32, the squared distance of a grazing pair is taken to be less.
+SLACK = 1e-5
+
+
+@ti.data_oriented
+class Prediction:
+    """Finds the earliest event of a sphere. Partners are numbered: sphere j: j; surface w: −1 − w; side s: count + 1 + s."""
+
+    def __init__(self, look_ahead: LookAhead, surfaces: tuple[Surface, ...], lines: Lines) -> None:
+        """Of spheres that are looked ahead for, in their cells, between these surfaces."""
+        self.spheres, self.cells, self.queue = look_ahead.spheres, look_ahead.cells, look_ahead.queue
+        self.look_ahead, self.surfaces = look_ahead, surfaces
+        self.count = self.spheres.count
+        # The contact that is next once the side of the cell is crossed.
+        self.contact_time = lines.field(self.spheres.wide)
+        self.contact_partner, self.contact_stamp = lines.field(ti.i32), lines.field(ti.i32)
+
+    @ti.func
+    def predict(self, i, time, crossed):
+        """Look for the next event of sphere i after `time`, and put it into the queue; `crossed`: the side it crossed, or −2.
+
+        A contact found before still stands after a crossing, if its partner has had no other one; then only the cells that
+        are new are looked through.
+        """
+        x, v = self.spheres.position_at(i, time), self.spheres.velocity_at(i, time)
+        a = self.spheres.acceleration(i)
+        side = crossed
+        partner, stamp = self.count, 0
+        contact = ti.cast(ti.math.inf, self.spheres.wide)
+        if crossed >= 0:
+            contact, partner, stamp = self.contact_time[i], self.contact_partner[i], self.contact_stamp[i]
+            if partner >= 0 and partner < self.count:
+                if self.spheres.contacts[partner] != stamp:
+                    side = -2
+                    contact = ti.cast(ti.math.inf, self.spheres.wide)
+        soonest = ti.cast(contact - time, float)
+        found = self.count
+        if side < 0:
+            for w, surface in ti.static(enumerate(self.surfaces)):
+                s = self._until_wall(surface, w, i, x, v, a, time, soonest)
+                if s < soonest:
+                    soonest, found = s, -1 - w
+        count = self.cells.gather(i, side)
+        ahead = self.look_ahead.fetches.take(count)
+        m = 0
+        while m < count:
+            self.look_ahead.fetches.fetch(ahead, m)
+            j = self.cells.near[m]
+            count = self.cells.follow(i, m, count)
+            if j != i:
+                s = self._until_sphere(i, j, self.cells.image[m], x, v, a, time, soonest)
+                if s < soonest:
+                    soonest, found = s, j
+            m += 1
+        if found != self.count:
+            contact, partner, stamp = time + ti.cast(soonest, self.spheres.wide), found, 0
+            if found >= 0:
+                stamp = self.spheres.contacts[found]
+        leaving, through = self.cells.crossing(x, v, a, i)
+        crossing = time + ti.cast(leaving, self.spheres.wide)
+        if crossing < contact:
+            self.contact_time[i], self.contact_partner[i], self.contact_stamp[i] = contact, partner, stamp
+            contact, partner = crossing, self.count + 1 + through
+        self.queue.change(i, contact, partner, stamp)
+
+    @ti.func
+    def _until_sphere(self, i, j, image, x, v, a, time, horizon):
+        """Time until contact of sphere i, at x with v now, with an image of sphere j."""
+        q, u = x - self.spheres.position_at(j, time), v - self.spheres.velocity_at(j, time)
+        if image != 0:
+            q = self.cells.seen(q, image)
+        reach = self.spheres.radius(i) + self.spheres.radius(j)
+        result = ti.math.inf
+        if ti.static(self.spheres.falls_together):
+            # Most pairs part or pass; one branch for both, and a guess that errs on the side of contact, spare the exact test.
+            away, fast, near = q.dot(u), u.norm_sqr(), q.norm_sqr()
+            if (away < 0) & (away * away >= fast * (near * ti.static(1 - SLACK) - reach * reach)):
+                result = first_contact_curved(q, u, reach, False, horizon)
+        else:
+            result = first_contact_falling(q, u, a - self.spheres.acceleration(j), reach, False, horizon)
+        if ti.static(self.spheres.has_held):
+            if self.spheres.is_held(i) and self.spheres.is_held(j):
+                result = ti.math.inf
+        # After a bounce two spheres in straight flight part, whatever round-off says, until a third changes that.
+        if ti.static(self.spheres.falls_together):
+            if result == 0 and self.spheres.last_partner[i] == j and self.spheres.last_partner[j] == i:
+                result = ti.math.inf
+        return result
+
+    @ti.func
+    def _until_wall(self, surface: Template, w: Template, i, x, v, a, time, horizon):
+        """Time until contact of sphere i with a surface."""
+        now = ti.cast(time, float)
+        radius = self.spheres.radius(i)
+        result = ti.math.inf
+        if ti.static(self.spheres.has_gravity):
+            result = time_of_contact_falling(surface, x, v, a, radius, now, horizon)
+        else:
+            result = time_of_contact(surface, x, v, radius, now, horizon)
+            if result == 0 and self.spheres.last_partner[i] == -1 - w:
+                result = ti.math.inf
+        if ti.static(self.spheres.has_held):
+            if self.spheres.is_held(i):
+                result = ti.math.inf
+        return result

@@ -1,0 +1,1 @@
+"""Contacts located on the paths of an adaptive method's steps."""

@@ -1,0 +1,104 @@
+"""What happens at the moment of a contact: every two things that touch and approach bounce, until none do."""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.contacts.location.paths import StepPaths
+from mpp_taichi.contacts.shared.bounce import Bounce
+from mpp_taichi.contacts.shared.contact_counts import Tally
+from mpp_taichi.types import Template
+from mpp_taichi.walls import _geometry
+
+TWICE = 2.0  # the blur of a search: what it takes for touching is seen to touch here, where it is computed otherwise
+
+
+@ti.data_oriented
+class Rebound:
+    """Bounces at one time, by number, with the impulses of `Bounce`; state.last_contact remembers when, for the TC model."""
+
+    def __init__(self, bounce: Bounce, paths: StepPaths, tally: Tally, state: Any) -> None:
+        """Bind the parts."""
+        self.bounce, self.paths, self.tally, self.state = bounce, paths, tally, state
+        self.surfaces, self.count = bounce.surfaces, paths.count
+        self.contact_time = bounce.contact_time
+
+    @ti.func
+    def bounce_all(self, time, limit):
+        """What touches at `time`, the state being that of then; returns the number of bounces, `limit` and some at most."""
+        s = ti.cast((time - self.state.clock[0]) / self.state.clock[1], float)
+        bounces, going = 0, True
+        while going:
+            before = bounces
+            for i in range(self.count):
+                for j in range(i + 1, self.count):
+                    bounces += self._bounce_pair(i, j, s, time)
+                for k in ti.static(range(len(self.surfaces))):
+                    bounces += self._bounce_wall(k, i, s, time)
+            going = bounces > before and bounces <= limit
+        return bounces
+
+    @ti.func
+    def _bounce_pair(self, i, j, s, time):
+        """1 if i and j touch, approach and bounce, else 0."""
+        result = 0
+        reach = self.bounce.radius[i] + self.bounce.radius[j]
+        separation = self.state.position[j] - self.state.position[i]
+        distance = separation.norm()
+        gap = distance - reach
+        blur = self.paths.blur(i, s) + self.paths.blur(j, s) + self.paths.rounding * reach
+        if distance > 0.0 and gap <= TWICE * blur:
+            n = separation / distance
+            v_i, v_j = self.state.velocity[i], self.state.velocity[j]
+            u = v_j - v_i
+            if n.dot(u) < -self.bounce.slowest * (v_i.norm() + v_j.norm()):
+                e, elastic = self._restitution(self.bounce.restitution_of(i, j), i, j, time)
+                impulse = self.bounce.pair_impulse(i, j, n, u, e)
+                if impulse[0] > 0.0:
+                    self.state.velocity[i] = v_i - impulse[0] * self.bounce.inverse_mass[i] * n
+                    self.state.velocity[j] = v_j + impulse[0] * self.bounce.inverse_mass[j] * n
+                    self.tally.begin(i)
+                    self.tally.add_pair(i, impulse[0], distance, impulse[1], elastic)
+                    self.tally.keep(0, i)
+                    self._see_overlap(-gap, ti.min(self.bounce.radius[i], self.bounce.radius[j]))
+                    result = 1
+        return result
+
+    @ti.func
+    def _bounce_wall(self, k: Template, i, s, time):
+        """1 if i touches surface k, approaches and bounces, else 0."""
+        result = 0
+        x, v, now = self.state.position[i], self.state.velocity[i], ti.cast(time, float)
+        w = _geometry.surface_velocity(self.surfaces[k], x)
+        gap = _geometry.gap(self.surfaces[k], x, self.bounce.radius[i], now)
+        if gap <= TWICE * self.paths.wall_blur(self.surfaces[k], i, s, now):
+            n = _geometry.normal(self.surfaces[k], x, now)
+            u = v - w
+            if n.dot(u) < -self.bounce.slowest * (v.norm() + w.norm()):
+                e, elastic = self._restitution(ti.static(self.surfaces[k].restitution), i, i, time)
+                impulse = self.bounce.wall_impulse(i, n, u, e)
+                if impulse[0] > 0.0:
+                    self.state.velocity[i] = v + impulse[0] * self.bounce.inverse_mass[i] * n
+                    self.tally.begin(i)
+                    self.tally.add_wall(i, k, impulse[0], impulse[1], elastic)
+                    self.tally.keep(0, i)
+                    self._see_overlap(-gap, self.bounce.radius[i])
+                    result = 1
+        return result
+
+    @ti.func
+    def _restitution(self, nominal, i, j, time):
+        """The e of this contact, and 1 if the contact time has made it elastic."""
+        e, elastic = ti.cast(nominal, float), 0
+        if ti.static(self.contact_time > 0.0):
+            since = time - ti.max(self.state.last_contact[i], self.state.last_contact[j])
+            if since < self.contact_time and e < 1.0:
+                e, elastic = 1.0, 1
+            self.state.last_contact[i] = time
+            self.state.last_contact[j] = time
+        return e, elastic
+
+    @ti.func
+    def _see_overlap(self, depth, radius):
+        if depth > 0.0 and radius > 0.0:
+            self.tally.see_overlap(0, depth / radius)

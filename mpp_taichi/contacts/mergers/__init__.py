@@ -1,0 +1,1 @@
+"""Spheres that merge at their contact."""

@@ -1,0 +1,1 @@
+"""Pairwise contacts: overlaps after a step and their removal."""

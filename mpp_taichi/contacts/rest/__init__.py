@@ -1,0 +1,1 @@
+"""Resting contacts: rows of constraints and the complementarity problem that they make."""

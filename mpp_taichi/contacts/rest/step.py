@@ -1,0 +1,213 @@
+"""A drift with impacts and contacts that rest, for piles: the loops over spheres and their rows."""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.contacts.rest.complementarity import CHUNK, Complementarity
+from mpp_taichi.contacts.rest.contact_rows import ContactRows
+from mpp_taichi.types import Template
+from mpp_taichi.walls import _geometry
+
+ROOM = 1.25  # how much faster than the fastest a sphere may become before the rows are built again, wider
+PAIRS, WALLS, VIRIAL, LOST, PUSHED = 0, 1, 2, 3, 4
+
+
+@ti.data_oriented
+class RestingStep:
+    """What a drift does to each sphere, and the sums over them.
+
+    left      velocities at the end of the last drift
+    final     velocities at the end of this one
+    partner_e least restitution of the impacts that a sphere has part in, itself or through others
+    overlap   largest seen of each sphere, relative to the smaller radius
+    sums      for each chunk of spheres: impacts of pairs and with surfaces, virial, energy lost, impulse on each surface
+    """
+
+    def __init__(self, setup: ContactSetup, tolerance: float, wide: Any, compliance: float = 0.0):
+        """Allocate."""
+        self.rows = ContactRows(setup)
+        self.solver = Complementarity(self.rows, tolerance, wide, compliance)
+        self.particle_count = setup.particle_count
+        self.dimensions = setup.dimensions
+        self.surfaces = setup.enclosure.surfaces
+        self.wide = wide
+        restitutions = {float(e) for e in setup.restitution.ravel()} | {surface.restitution for surface in self.surfaces}
+        self.mixed = len(restitutions) > 1
+        builder = ti.FieldsBuilder()
+        self.left, self.final = (ti.Vector.field(self.dimensions, float) for _ in range(2))
+        self.partner_e, self.overlap = ti.field(float), ti.field(float)
+        for field in (self.left, self.final, self.partner_e, self.overlap):
+            builder.dense(ti.i, self.particle_count).place(field)
+        self._trees = [builder.finalize()]
+        builder = ti.FieldsBuilder()
+        self.sums = ti.Vector.field(PUSHED + len(self.surfaces), wide)
+        builder.dense(ti.i, self.solver.chunk_count).place(self.sums)
+        self._trees.append(builder.finalize())
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self.solver.destroy()
+        self.rows.destroy()
+        for tree in self._trees:
+            tree.destroy()
+
+    def forget(self) -> None:
+        """Know of no drift before."""
+        self.left.fill(0)
+        self.rows.start.fill(0)
+        self.rows.old_start.fill(0)
+
+    @ti.func
+    def measure(self, velocity: Template):
+        """total[0] becomes (largest speed, largest change since the last drift)."""
+        for i in range(self.particle_count):
+            v = velocity[i]
+            self.solver.terms[i] = ti.Vector([v.norm(), (v - self.left[i]).norm()])
+        self.solver.reduce_largest()
+
+    @ti.func
+    def begin_rows(self):
+        """Nothing counted yet."""
+        for i in range(self.particle_count):
+            self.rows.filled[i] = 0
+
+    @ti.func
+    def add_all_pairs(self, state: Template, bound, time, h, filling):
+        """Count, or fill in, what is near each sphere, by looking at all others."""
+        for i in range(self.particle_count):
+            for j in range(self.particle_count):
+                separation = self.rows.separation(state, i, j)
+                self.rows.add_sphere(i, j, separation, 2.0 * h * bound, filling)
+            self.rows.add_surfaces(state, i, bound, time, h, filling)
+
+    @ti.func
+    def find_impacts(self, state: Template, time, h, resting_speed):
+        """Mark them; total[0][0] becomes how many."""
+        for i in range(self.particle_count):
+            impacts = 0
+            for c in range(self.rows.start[i], self.rows.start[i + 1]):
+                self.overlap[i] = ti.max(self.overlap[i], -self.rows.gap[c] / self.rows.smaller_radius(i, c))
+                separation = self.rows.separation(state, i, ti.max(self.rows.other[c], 0))
+                self.rows.find_impact(state, separation, i, c, time, h, resting_speed)
+                impacts += self.rows.impact[c]
+            self.solver.terms[i] = ti.Vector([ti.cast(impacts, float), 0.0])
+            self.partner_e[i] = 1.0
+        self.solver.reduce_largest()
+
+    @ti.func
+    def begin_impacts(self, state: Template):
+        """Impacts alone, none of which may approach."""
+        for i in range(self.particle_count):
+            self.solver.base[i] = state.velocity[i]
+            for c in range(self.rows.start[i], self.rows.start[i + 1]):
+                if self.rows.impact[c] == 1:
+                    self.rows.impulse[c] = 0.0
+                    self.solver.offset[c] = 0.0
+
+    @ti.func
+    def spread_restitution(self):
+        """Take the least restitution of those one has an impact with; total[0][0] becomes 0 when nobody took any."""
+        for i in range(self.particle_count):
+            least = self.partner_e[i]
+            for c in range(self.rows.start[i], self.rows.start[i + 1]):
+                if self.rows.impact[c] == 1:
+                    least = ti.min(least, self._restitution(i, c))
+            changed = least < self.partner_e[i]
+            self.partner_e[i] = least
+            self.solver.terms[i] = ti.Vector([ti.cast(changed, float), 0.0])
+        self.solver.reduce_largest()
+
+    @ti.func
+    def _restitution(self, i, c):
+        """Of an impact, with what it is connected to."""
+        e = self.rows.restitution_of(i, c)
+        if ti.static(self.mixed):
+            j = self.rows.other[c]
+            if self.rows.inverse_mass[i].max() > 0.0:
+                e = ti.min(e, self.partner_e[i])
+            if j >= 0:
+                if self.rows.inverse_mass[j].max() > 0.0:
+                    e = ti.min(e, self.partner_e[j])
+        return e
+
+    @ti.func
+    def end_impacts(self):
+        """Rebound: 1 + e times the impulses that ended the approach."""
+        for i in range(self.particle_count):
+            change = ti.Vector.zero(float, self.dimensions)
+            for c in range(self.rows.start[i], self.rows.start[i + 1]):
+                if self.rows.impact[c] == 1:
+                    given = (1.0 + self._restitution(i, c)) * self.rows.impulse[c]
+                    self.rows.given[c] = given
+                    self.rows.impulse[c] = 0.0
+                    change += given * self.rows.normal[c]
+            self.solver.base[i] = self.solver.base[i] + self.rows.inverse_mass[i] * change
+
+    @ti.func
+    def begin_rest(self, state: Template, h, after_impacts):
+        """All entries: none may be closed further than its gap by the end of the drift."""
+        for i in range(self.particle_count):
+            if after_impacts == 0:
+                self.solver.base[i] = state.velocity[i]
+            for c in range(self.rows.start[i], self.rows.start[i + 1]):
+                self.solver.offset[c] = self.rows.gap[c] / h
+
+    @ti.func
+    def end_rest(self):
+        """The velocities are found; what would move the spheres so far is h times these."""
+        for i in range(self.particle_count):
+            self.final[i] = self.solver.velocity[i]
+            for c in range(self.rows.start[i], self.rows.start[i + 1]):
+                self.rows.resting[c] = self.rows.impulse[c]
+
+    @ti.func
+    def begin_ways(self, state: Template, h):
+        """Mean velocities: the old ones until the first impact of a sphere, then the new ones; what yielded stays so."""
+        for i in range(self.particle_count):
+            when = ti.cast(0.0, float)
+            hit = False
+            for c in range(self.rows.start[i], self.rows.start[i + 1]):
+                self.rows.impulse[c] = 0.0
+                if ti.static(self.solver.compliance > 0.0):
+                    self.solver.offset[c] = self.solver.offset[c] + self.solver.softness[0] * self.rows.resting[c]
+                if self.rows.given[c] > 0.0:
+                    when = ti.min(when, self.rows.when[c]) if hit else self.rows.when[c]
+                    hit = True
+            self.solver.base[i] = self.final[i] + (when / h) * (state.velocity[i] - self.final[i])
+
+    @ti.func
+    def move(self, state: Template, h):
+        """Count, and go h times the velocities that the solver ended with."""
+        for k in range(self.solver.chunk_count):
+            for i in range(k * CHUNK, ti.min((k + 1) * CHUNK, self.particle_count)):
+                self._count(state, k, i)
+        for i in range(self.particle_count):
+            state.velocity[i] = self.final[i]
+            self.left[i] = self.final[i]
+            state.position[i] = state.position[i] + h * self.solver.velocity[i]
+
+    @ti.func
+    def _count(self, state: Template, k, i):
+        """Add what sphere i went through to chunk k; a pair counts in the row of its greater number."""
+        for axis in ti.static(range(self.dimensions)):
+            w = ti.cast(self.rows.inverse_mass[i][axis], self.wide)
+            before = ti.cast(state.velocity[i][axis], self.wide)
+            after = ti.cast(self.final[i][axis], self.wide)
+            if w > 0.0:
+                self.sums[k][LOST] = self.sums[k][LOST] + 0.5 * (before - after) * (before + after) / w
+        for c in range(self.rows.start[i], self.rows.start[i + 1]):
+            j = self.rows.other[c]
+            impulse = ti.cast(self.rows.given[c] + self.rows.resting[c], self.wide)
+            hit = ti.cast(self.rows.given[c] > 0.0, ti.i32)
+            if 0 <= j and j < i:
+                self.sums[k][PAIRS] = self.sums[k][PAIRS] + hit
+                self.sums[k][VIRIAL] = self.sums[k][VIRIAL] + impulse * (self.rows.radius[i] + self.rows.radius[j])
+            for s in ti.static(range(len(self.surfaces))):
+                if j == -1 - s:
+                    wall = _geometry.surface_velocity(self.surfaces[s], self.rows.normal[c])
+                    work = impulse * self.rows.normal[c].dot(wall)
+                    self.sums[k][WALLS] = self.sums[k][WALLS] + hit
+                    self.sums[k][LOST] = self.sums[k][LOST] + work
+                    self.sums[k][PUSHED + s] = self.sums[k][PUSHED + s] + impulse

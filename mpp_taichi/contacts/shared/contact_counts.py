@@ -1,0 +1,170 @@
+"""What a solver counts: for each sphere while a drift is tried, and once it stands, in sums of a fixed order."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.contacts._base import ContactReport
+from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
+
+CHUNKS = 64  # of the spheres; fixed, so that sums do not depend on the threads
+STRIPES = 1024  # threads that add up what spheres counted, where each has totals of its own
+PAIRS, WALLS, ELASTIC, FAILED, GIVEN_UP = 0, 1, 2, 3, 4
+VIRIAL, LOST = 0, 1
+
+
+@ti.data_oriented
+class Tally:
+    """counted (pairs, walls, elastic, given up), summed (virial, dissipated energy), pushed (impulse on surfaces) per sphere.
+
+    Totals are those of CHUNKS of spheres, or `apart`, on a device of many threads: then each sphere has totals of its own, so
+    that no two threads write to one place, and STRIPES of them are added up before the host asks.
+    """
+
+    def __init__(
+        self, particle_count: int, surface_count: int, wide: Any, *, apart: bool | None = None, placed_by_caller: bool = False
+    ) -> None:
+        """Allocate; `wide` is the type of the sums; `apart` when absent: unless on the CPU.
+
+        `placed_by_caller`: `counted` and `summed` are left to be placed beside what else is of a sphere.
+        """
+        self.particle_count = particle_count
+        self.surface_count = surface_count
+        self.wide = wide
+        self.apart = not on_cpu() if apart is None else apart
+        self.rows = particle_count if self.apart else CHUNKS
+        seen = particle_count if self.apart else 1
+        self.counted = ti.Vector.field(4, ti.i32)
+        self.summed = ti.Vector.field(2, float)
+        self.pushed = ti.Vector.field(max(surface_count, 1), float)
+        self.total_count = ti.Vector.field(4, ti.i32)
+        self.total_sum = ti.Vector.field(2, wide)
+        self.total_push = ti.Vector.field(max(surface_count, 1), wide)
+        self.unresolved = ti.field(ti.i32)
+        self.overlap = ti.field(float)
+        builder = ti.FieldsBuilder()
+        builder.dense(ti.i, self.rows).place(self.total_count)
+        builder.dense(ti.i, seen).place(self.unresolved)
+        real_builder, wide_builder = ti.FieldsBuilder(), ti.FieldsBuilder()  # apart: see State._builder
+        if not placed_by_caller:
+            builder.dense(ti.i, particle_count).place(self.counted)
+            real_builder.dense(ti.i, particle_count).place(self.summed)
+        real_builder.dense(ti.i, particle_count if surface_count else 1).place(self.pushed)
+        real_builder.dense(ti.i, seen).place(self.overlap)
+        for field in (self.total_sum, self.total_push):
+            wide_builder.dense(ti.i, self.rows).place(field)
+        self._trees = [builder.finalize(), real_builder.finalize(), wide_builder.finalize()]
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        for tree in self._trees:
+            tree.destroy()
+
+    @ti.func
+    def begin_of(self, chunk):
+        """First sphere of a chunk; 64 bits, because the product may not fit 32."""
+        return ti.cast(ti.cast(chunk, ti.i64) * self.particle_count // CHUNKS, ti.i32)
+
+    @ti.func
+    def begin(self, i):
+        """Nothing counted yet for sphere i in this try."""
+        self.counted[i] = ti.Vector.zero(ti.i32, 4)
+        self.summed[i] = ti.Vector.zero(float, 2)
+        if ti.static(self.surface_count > 0):
+            self.pushed[i] = ti.Vector.zero(float, self.surface_count)
+
+    @ti.func
+    def add_pair(self, i, impulse, distance, lost, elastic):
+        """A contact of two spheres, kept with one of them; Δp·r is impulse times distance."""
+        self.counted[i] = self.counted[i] + ti.Vector([1, 0, elastic, 0])
+        self.summed[i] = self.summed[i] + ti.Vector([impulse * distance, lost])
+
+    @ti.func
+    def add_wall(self, i, surface, impulse, lost, elastic):
+        """A contact with a surface."""
+        self.counted[i] = self.counted[i] + ti.Vector([0, 1, elastic, 0])
+        self.summed[i] = self.summed[i] + ti.Vector([0.0, lost])
+        for s in ti.static(range(self.surface_count)):
+            if s == surface:
+                self.pushed[i][s] = self.pushed[i][s] + ti.abs(impulse)
+
+    @ti.func
+    def fail(self, i, contacts):
+        """Contacts of sphere i are given up in this try."""
+        self.counted[i] = self.counted[i] + ti.Vector([0, 0, 0, contacts])
+
+    @ti.func
+    def keep(self, chunk, i):
+        """Add what sphere i counted to a chunk's totals, or a sphere's own; each by one thread."""
+        self.total_count[chunk] = self.total_count[chunk] + self.counted[i]
+        self.total_sum[chunk] = self.total_sum[chunk] + ti.cast(self.summed[i], self.wide)
+        if ti.static(self.surface_count > 0):
+            self.total_push[chunk] = self.total_push[chunk] + ti.cast(self.pushed[i], self.wide)
+
+    @ti.func
+    def see_overlap(self, i, overlap):
+        """Seen by the thread of sphere i; the largest has no order."""
+        if ti.static(not self.apart):
+            if overlap > self.overlap[0]:
+                ti.atomic_max(self.overlap[0], overlap)
+        else:
+            self.overlap[i] = ti.max(self.overlap[i], overlap)
+
+    @ti.func
+    def give_up(self, i, contacts):
+        """Count contacts that the thread of sphere i leaves unresolved, whatever is tried."""
+        if ti.static(not self.apart):
+            ti.atomic_add(self.unresolved[0], contacts)
+        else:
+            self.unresolved[i] = self.unresolved[i] + contacts
+
+    @ti.kernel
+    def _take(self, counts: ti.types.ndarray(ndim=2), reals: ti.types.ndarray(ndim=2)):
+        """Hand out what each stripe of totals amounts to, and the largest overlap; all begin anew, in one launch."""
+        for stripe in range(counts.shape[0]):
+            count = ti.Vector.zero(ti.i32, 4)
+            total = ti.Vector.zero(self.wide, 2)
+            push = ti.Vector.zero(self.wide, self.total_push.n)
+            given_up = 0
+            overlap = ti.cast(0.0, float)
+            for turn in range((self.rows - stripe + STRIPES - 1) // STRIPES):
+                i = stripe + turn * STRIPES
+                count += self.total_count[i]
+                total += self.total_sum[i]
+                push += self.total_push[i]
+                self.total_count[i] = ti.Vector.zero(ti.i32, 4)
+                self.total_sum[i] = ti.Vector.zero(self.wide, 2)
+                self.total_push[i] = ti.Vector.zero(self.wide, self.total_push.n)
+                if ti.static(self.apart) or i == 0:
+                    given_up += self.unresolved[i]
+                    overlap = ti.max(overlap, self.overlap[i])
+                    self.unresolved[i] = 0
+                    self.overlap[i] = 0.0
+            for k in ti.static(range(4)):
+                counts[stripe, k] = count[k]
+            counts[stripe, 4] = given_up
+            for k in ti.static(range(2)):
+                reals[stripe, k] = total[k]
+            for k in ti.static(range(self.total_push.n)):
+                reals[stripe, 2 + k] = push[k]
+            reals[stripe, 2 + self.total_push.n] = ti.cast(overlap, self.wide)
+
+    def collect(self) -> ContactReport:
+        """Totals since it was last asked."""
+        stripes = min(STRIPES, self.rows)
+        whole = np.zeros((stripes, 5), np.int32)
+        reals = np.zeros((stripes, 2 + self.total_push.n + 1), np.float32 if self.wide == ti.f32 else np.float64)
+        self._take(whole, reals)
+        counts = whole.astype(np.int64).sum(0)
+        sums, pushes = reals[:, :2].sum(0), reals[:, 2:-1].sum(0)
+        return ContactReport(
+            pair_count=int(counts[PAIRS]),
+            wall_count=int(counts[WALLS]),
+            elastic_count=int(counts[ELASTIC]),
+            virial=float(sums[VIRIAL]),
+            wall_impulse=tuple(float(p) for p in pushes[: self.surface_count]),
+            dissipated_energy=float(sums[LOST]),
+            largest_overlap=float(reals[:, -1].max()),
+            unresolved=int(counts[FAILED] + counts[GIVEN_UP]),
+        )

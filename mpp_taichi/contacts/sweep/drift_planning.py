@@ -1,0 +1,284 @@
+"""How far spheres fly: into which pieces a drift is cut, and how far around a sphere partners are looked for."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.contacts.shared.contact_counts import CHUNKS
+from mpp_taichi.device.fast_taichi.serial_loops import loop_grain, on_cpu
+from mpp_taichi.types import Template
+
+SLACK = 1.25  # margin over the way that a sphere of the same speed makes: contacts make some faster
+TRAVEL_PER_GAP = 0.5  # root mean square way in a piece, at most, over the mean gap between spheres
+TRAVEL_PER_RADIUS = 0.25  # the same where they nearly touch
+LEAST_TRAVEL_PER_RADIUS = 0.02  # below this a piece is not cut because of its many contacts: they are there at any length
+CROWD = 0.3  # contacts per sphere, above which islands grow together and a piece is cut
+OUTLIER = 6.0  # root mean square speeds; margins of all spheres allow for that, faster ones have their own
+DRIFTS_PER_SKIN = 3  # for which a grid is kept, beyond that for which it was built
+SKIN_PER_RADIUS = 0.4  # at most
+SKIN_SLACK = 1.05  # for spheres that are made a little faster than the fastest
+DEVICE_CHUNKS = 4096  # of spheres, whose speeds are measured by a thread each
+ROUNDINGS = 16  # of a coordinate, by which a pair must not be missed
+
+
+class Piece(NamedTuple):
+    """A piece of a drift. (Plans are made with plain numbers: arrays of three cost more than what is computed with them.)
+
+    h        its length [time]
+    common   margin that every sphere has at least [length]
+    largest  that some sphere may have
+    lower, upper  bounding box of all positions
+    rounding part of every margin, for what rounding may make of a pair [length]
+    time     in which each sphere's own margin is flown through, with its slack [time]
+    skin     by which the cell grid is to reach farther, to be good for some drifts; 0: not worth it [length]
+    is_uniform  whether all margins are `common`
+    bounds   what the cell grid wants to know: the box, least and largest reach
+    """
+
+    h: float
+    common: float
+    largest: float
+    lower: Sequence[float]
+    upper: Sequence[float]
+    least_radius: float
+    largest_radius: float
+    speed: float
+    rms: float
+    reference: float
+    rounding: float
+    time: float = 0.0
+    skin: float = 0.0
+    tries: int = 0
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether all margins are `common`: no sphere is much faster than most, and none left its margin."""
+        return self.largest <= self.common
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray, float, float]:
+        """What the cell grid wants to know: the box, and between which two all reaches are."""
+        lower, upper = np.array(self.lower), np.array(self.upper)
+        return lower, upper, self.least_radius + self.common, self.largest_radius + self.largest
+
+
+class Motion(NamedTuple):
+    """What a drift is planned by.
+
+    lower, upper  bounding box of all positions
+    total         Σ v²
+    speed         the largest
+    farthest      the largest margin that is remembered [length]
+    way           the longest that a sphere came in the piece before, if that was measured [length]
+    """
+
+    lower: Sequence[float]
+    upper: Sequence[float]
+    total: float
+    speed: float
+    farthest: float
+    way: float
+
+
+@ti.data_oriented
+class Flight:
+    """Margins of the spheres of a state: reach = radius + margin.
+
+    A sphere's margin covers its own way with some slack, and that of ordinarily fast partners that may hit it. One that left
+    its margin is remembered with twice its way, and the piece is done again.
+    """
+
+    def __init__(self, setup: ContactSetup, state: Any) -> None:
+        """Allocate; needs a started Taichi."""
+        self.particle_count = setup.particle_count
+        self.dimensions = setup.dimensions
+        self.state = state
+        self.period = tuple(float(edge) for edge in setup.enclosure.period[: setup.dimensions])
+        self.shortest_period = min((edge for edge in self.period if edge > 0.0), default=math.inf)
+        radius = np.asarray(setup.radius, float)
+        self.mean_radius, self.least_radius, self.largest_radius = (
+            float(radius.mean()),
+            float(radius.min()),
+            float(radius.max()),
+        )
+        largest_two = float(np.sort(radius)[-2:].sum())
+        self.room = 0.5 * (self.shortest_period / 2.0 - largest_two)  # for a margin; beyond, another image may be nearer
+        if not self.room > 0.0:
+            raise ValueError(
+                f"a period of {self.shortest_period:g} is too short for spheres of radius {self.largest_radius:g}: "
+                f"two of them must fit into half of it"
+            )
+        config = ti.lang.impl.current_cfg()
+        self.epsilon = float(np.finfo(np.float32 if config.default_fp == ti.f32 else np.float64).eps)
+        self.on_cpu = on_cpu()
+        self.chunks = CHUNKS if self.on_cpu else DEVICE_CHUNKS
+        self.radius, self.reach, self.remembered = (ti.field(float) for _ in range(3))
+        self.measured = ti.Vector.field(2 * self.dimensions + 3, float)
+        builder = ti.FieldsBuilder()
+        for field in (self.radius, self.reach, self.remembered):
+            builder.dense(ti.i, self.particle_count).place(field)
+        builder.dense(ti.i, self.chunks).place(self.measured)
+        self.farthest = ti.field(float)
+        builder.dense(ti.i, 1).place(self.farthest)
+        self._tree = builder.finalize()
+        self.radius.from_numpy(radius.astype(self.radius.to_numpy().dtype))
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self._tree.destroy()
+
+    def plan(self, rest: float, motion: Motion) -> Piece:
+        """The next piece of a drift of which `rest` is left."""
+        speed = motion.speed
+        rms = math.sqrt(motion.total / self.particle_count)
+        room = 1.0 / self.particle_count
+        for low, high, period in zip(motion.lower, motion.upper, self.period, strict=True):
+            room *= period if period > 0.0 else max(high - low, 2.0 * self.mean_radius)
+        spacing = room ** (1.0 / self.dimensions)
+        travel = max(TRAVEL_PER_GAP * (spacing - 2.0 * self.mean_radius), TRAVEL_PER_RADIUS * self.mean_radius)
+        count = max(1.0, math.ceil(rms * rest / travel)) if travel > 0.0 else 1.0
+        if SLACK * speed * rest / count > 0.9 * self.room:
+            count = math.ceil(SLACK * speed * rest / (0.9 * self.room))
+        h = rest / count
+        is_ordinary = SLACK * speed * h <= 0.5 * max(spacing, self.mean_radius)
+        reference = speed if is_ordinary else min(speed, OUTLIER * rms)
+        rounding = ROUNDINGS * self.epsilon * max(map(abs, (*motion.lower, *motion.upper)))
+        radii = self.least_radius, self.largest_radius
+        piece = Piece(h, 0.0, 0.0, motion.lower, motion.upper, *radii, speed, rms, reference, rounding)
+        return self._with_margins(piece, motion.farthest)
+
+    def measure(self, position: Any, velocity: Any) -> Motion:
+        """How spheres move that are there, in whatever order."""
+        if self.on_cpu:
+            return self.motion(self._measure_at_once(position, velocity))
+        d = self.dimensions
+        self._measure(position, velocity)
+        found = self.measured.to_numpy().astype(float)
+        lower, upper, farthest = found[:, :d].min(0), found[:, d : 2 * d].max(0), float(self.farthest[0])
+        return Motion(lower, upper, float(found[:, 2 * d].sum()), float(found[:, 2 * d + 1].max()), farthest, 0.0)
+
+    def motion(self, whole: Sequence[float]) -> Motion:
+        """What `whole` says."""
+        d = self.dimensions
+        return Motion(whole[:d], whole[3 : 3 + d], *whole[6:])
+
+    def _with_margins(self, piece: Piece, farthest: float) -> Piece:
+        common = SLACK * piece.reference * piece.h + piece.rounding
+        largest = max(SLACK * piece.speed * piece.h + piece.rounding, farthest)
+        return piece._replace(common=common, largest=largest, time=SLACK * piece.h, skin=self._skin(piece, largest))
+
+    def _skin(self, piece: Piece, largest: float) -> float:
+        """Room for the fastest in some more drifts of this length, as far as that leaves the spheres few partners."""
+        way = SKIN_SLACK * piece.speed * piece.h
+        limit = min(SKIN_PER_RADIUS * self.mean_radius, 0.9 * self.room - largest)
+        return way * min(DRIFTS_PER_SKIN, math.floor(limit / way)) if 0.0 < way <= limit else 0.0
+
+    def shorten(self, piece: Piece) -> Piece:
+        """Half of it, with everything forgotten that was remembered."""
+        self.remembered.fill(0.0)
+        self.farthest.fill(0.0)
+        return self._with_margins(piece._replace(h=piece.h / 2.0, tries=0), 0.0)
+
+    def widen(self, piece: Piece) -> Piece:
+        """The same with margins for what is remembered, or half of it where that does not help."""
+        farthest = float(self.farthest[0])
+        if piece.tries >= 6 or farthest > 0.9 * self.room:
+            return self.shorten(piece)
+        return self._with_margins(piece._replace(tries=piece.tries + 1), farthest)
+
+    def is_crowded(self, piece: Piece, links: int) -> bool:
+        """Whether it has so many contacts that two halves cost less."""
+        return links > CROWD * self.particle_count and piece.rms * piece.h > LEAST_TRAVEL_PER_RADIUS * self.mean_radius
+
+    @ti.func
+    def remember(self, i, way):
+        """Give sphere i a wider margin when the piece is done again."""
+        self.remembered[i] = 2.0 * way
+        if ti.static(self.on_cpu):
+            ti.atomic_max(self.farthest[0], 2.0 * way)
+
+    @ti.kernel
+    def find_farthest(self):
+        """The largest margin that is remembered; on the CPU that is known."""
+        for i in range(self.particle_count):
+            if self.remembered[i] > self.farthest[0]:
+                ti.atomic_max(self.farthest[0], self.remembered[i])
+
+    def set_reaches(self, piece: Piece) -> None:
+        """Write down how far each sphere reaches, by the velocities of the state."""
+        self._set_reaches(piece.common, piece.time, piece.rounding)
+
+    @ti.kernel
+    def _set_reaches(self, common: float, time: float, rounding: float):
+        for i in range(self.particle_count):
+            self.reach[i] = self.radius[i] + self.margin(i, self.state.velocity[i], common, time, rounding)
+
+    @ti.func
+    def margin(self, i, v, common, time, rounding):
+        """Of sphere i, which flies with v; what is remembered is looked up where there is anything."""
+        result = ti.max(common, time * v.norm() + rounding)
+        if self.farthest[0] > 0.0:
+            result = ti.max(result, self.remembered[i])
+        return result
+
+    @ti.kernel
+    def _measure(self, position: Template, velocity: Template):
+        self._measure_all(position, velocity)
+
+    @ti.kernel
+    def _measure_at_once(self, position: Template, velocity: Template) -> ti.types.vector(10, ti.f64):
+        """The same, and what it comes to; one launch."""
+        self._measure_all(position, velocity)
+        return self.whole()
+
+    @ti.func
+    def _measure_all(self, position: Template, velocity: Template):
+        grain = ti.static(loop_grain())
+        for q in range(self.chunks * grain):
+            if q % grain == 0:
+                self.measure_chunk(q // grain, position, velocity, 0.0)
+
+    @ti.func
+    def measure_chunk(self, chunk, position: Template, velocity: Template, way):
+        """Note how the spheres of a chunk move, that came `way` at most in the piece before."""
+        lower = ti.Vector([ti.math.inf] * self.dimensions, float)
+        upper = -lower
+        total, largest = 0.0, 0.0
+        for i in range(self.begin_of(chunk), self.begin_of(chunk + 1)):
+            x, v = position[i], velocity[i]
+            lower = ti.min(lower, x)
+            upper = ti.max(upper, x)
+            total += v.norm_sqr()
+            largest = ti.max(largest, v.norm_sqr())
+        for axis in ti.static(range(self.dimensions)):
+            self.measured[chunk][axis] = lower[axis]
+            self.measured[chunk][self.dimensions + axis] = upper[axis]
+        self.measured[chunk][2 * self.dimensions] = total
+        self.measured[chunk][2 * self.dimensions + 1] = ti.sqrt(largest)
+        self.measured[chunk][2 * self.dimensions + 2] = way
+
+    @ti.func
+    def whole(self):
+        """What the chunks come to: lower and upper corner, Σ v², largest speed, margin and way; not inside a loop."""
+        lower, upper = ti.Vector([ti.math.inf] * 3, ti.f64), ti.Vector([-ti.math.inf] * 3, ti.f64)
+        total, speed, way = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
+        ti.loop_config(serialize=True)
+        for chunk in range(self.chunks):
+            found = ti.cast(self.measured[chunk], ti.f64)
+            for axis in ti.static(range(self.dimensions)):
+                lower[axis] = ti.min(lower[axis], found[axis])
+                upper[axis] = ti.max(upper[axis], found[self.dimensions + axis])
+            total += found[2 * self.dimensions]
+            speed = ti.max(speed, found[2 * self.dimensions + 1])
+            way = ti.max(way, found[2 * self.dimensions + 2])
+        farthest = ti.cast(self.farthest[0], ti.f64)
+        return ti.Vector([lower[0], lower[1], lower[2], upper[0], upper[1], upper[2], total, speed, farthest, way])
+
+    @ti.func
+    def begin_of(self, chunk):
+        """First sphere of a chunk; 64 bits, because the product may not fit 32."""
+        return ti.cast(ti.cast(chunk, ti.i64) * self.particle_count // self.chunks, ti.i32)

@@ -1,0 +1,251 @@
+"""Backends: the only place that starts Taichi. What is asked for is what runs, or an error says why not."""
+
+import contextlib
+import functools
+import io
+import logging
+import os
+import sys
+import tempfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mpp_taichi.device.availability import BACKENDS, availability, cpu_name, present, remembered
+from mpp_taichi.device.fast_taichi import worker_threads
+from mpp_taichi.device.thread_count import check_threads
+from mpp_taichi.errors import BackendError
+from mpp_taichi.missing_package import missing_packages_named
+from mpp_taichi.precision import PRECISIONS, carries_low_parts, number_type
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Probes:
+    """What a backend was seen to do, before anything is promised on it.
+
+    loop_limit     iterations one kernel thread may make, or None when a count to 70,000 was right
+    float64        f64 keeps 1 + 2⁻⁵²; its square root, its division and its sum of many terms are right to their rounding
+    compensation   what a sum loses is not optimised away
+    low_parts      the update of f32c and ds keeps what it loses, guarded where `compensation` is not so
+    finds_nan      the checks used for NaN and infinity fire
+    """
+
+    loop_limit: int | None
+    float64: bool
+    compensation: bool
+    low_parts: bool
+    finds_nan: bool
+
+
+@dataclass(frozen=True)
+class Device:
+    """A started backend. `generation` counts starts: fields die when it moves on."""
+
+    backend: str
+    name: str
+    precision: str
+    threads: int
+    probes: Probes
+    generation: int
+
+    @property
+    def on_cpu(self) -> bool:
+        """Whether kernels run on the CPU's own threads."""
+        return self.backend == "cpu"
+
+
+@dataclass
+class _Runtime:
+    device: Device | None = None
+    state: Any = None  # Taichi's own object of the runtime, another one after each ti.init and ti.reset
+    generation: int = 0
+    users: int = 0
+
+
+_runtime = _Runtime()  # Taichi has one runtime in a process; this mirrors it.
+
+
+def import_taichi() -> Any:
+    """Import Taichi quietly, after removing the TI_* variables that would override the program."""
+    for key in [key for key in os.environ if key.startswith("TI_") and key != "TI_SKIP_VERSION_CHECK"]:
+        log.warning("ignoring %s=%s: settings come from the scene and the command line", key, os.environ.pop(key))
+    os.environ["TI_SKIP_VERSION_CHECK"] = "ON"  # the check calls a server
+    os.environ["ENABLE_TAICHI_HEADER_PRINT"] = "False"
+    if os.name != "nt" and "HOME" not in os.environ and "XDG_CACHE_HOME" not in os.environ:
+        home = os.path.expanduser("~")
+        os.environ["HOME"] = home if os.path.isabs(home) else os.devnull  # without it Taichi ends the process
+    try:
+        with missing_packages_named():
+            import taichi
+    except ImportError as error:
+        raise BackendError(
+            f"taichi cannot be imported ({error}); it has wheels for Python 3.10–3.13 on Linux x86-64, Windows, macOS arm64"
+        ) from error
+    from mpp_taichi.device.fast_taichi.launch_cache import remember_launches
+    from mpp_taichi.device.fast_taichi.source_cache import remember_sources
+
+    remember_sources()
+    remember_launches()
+    return taichi
+
+
+def start(backend: str = "auto", precision: str | None = None, *, large: bool = False, threads: int | None = None) -> Device:
+    """Start a backend, or keep the one that runs if it is the same.
+
+    `auto` takes the GPU for a large scene where there is one that starts, else the CPU. Precision is f64 on the CPU and f32
+    elsewhere unless said. Raises BackendError when what was asked for does not start here, ArgumentError for too many threads.
+    """
+    _check_names(backend, precision)
+    threads = check_threads(threads)
+    chosen = _choose(large) if backend == "auto" else backend
+    if chosen != "cpu":
+        report = availability(chosen)
+        if not report["available"]:
+            here = ", ".join(present())
+            raise BackendError(f"backend {chosen} does not start here: {report['reason']}; here are: {here}")
+    precision = precision or ("f64" if chosen == "cpu" else "f32")
+    _forget_what_others_ended()
+    running = _runtime.device
+    if running and (running.backend, running.precision) == (chosen, precision) and threads in (None, running.threads):
+        return running
+    ti = import_taichi()
+    initialise(ti, chosen, precision, threads)
+    _forget()  # the start has ended what ran before
+    probes = _probe_here(ti, chosen)
+    if precision == "f64" and not probes.float64:
+        stop()
+        raise BackendError(f"backend {chosen} on this device has no true f64; use --precision f32")
+    if carries_low_parts(precision) and not probes.low_parts:
+        stop()
+        raise BackendError(f"backend {chosen} on this device loses what {precision} carries along; use --precision f32")
+    if not probes.finds_nan:
+        stop()
+        raise BackendError(f"backend {chosen} on this device does not detect NaN, so no result of it can be trusted")
+    name = cpu_name() if chosen == "cpu" else availability(chosen)["device"]
+    used = threads or os.cpu_count() or 1
+    _runtime.device = Device(chosen, name, precision, used if chosen == "cpu" else 0, probes, _runtime.generation)
+    _runtime.state = ti.lang.impl.get_runtime()
+    return _runtime.device
+
+
+def initialise(ti: Any, backend: str, precision: str, threads: int | None = None) -> None:
+    """The one call of `ti.init`. Taichi would fall back to the CPU in silence; this raises BackendError instead."""
+    options: dict[str, Any] = {"cpu_max_num_threads": threads} if threads and backend == "cpu" else {}
+    if not _is_writable(_cache_of_kernels(ti)):
+        # Taichi makes the folder at its end even without a cache, and ends the process where it cannot: it is given a folder
+        # that exists, in which nothing is left.
+        here = str(Path(__file__).parent)
+        options |= {"offline_cache": False, "offline_cache_file_path": here, "offline_cache_cleaning_policy": "never"}
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            ti.init(
+                arch=getattr(ti, backend),
+                default_fp=getattr(ti, number_type(precision)),
+                fast_math=False,  # one meaning of a float: NaN, division by zero and compensation survive
+                enable_fallback=False,
+                # This pass of Taichi 1.7.4 keeps a field's entry in a register across a branch that changes it: a
+                # Runge–Kutta step with its stages in a loop then loses the stages without a word.
+                cache_loop_invariant_global_vars=False,
+                log_level=ti.ERROR,
+                **options,
+            )
+    except Exception as error:  # Taichi raises bare RuntimeErrors and pybind errors of its own
+        raise BackendError(f"backend {backend} does not start here: {str(error).strip().splitlines()[0]}") from error
+    running = ti.lang.impl.current_cfg().arch
+    if backend != "cpu" and running != getattr(ti, backend):
+        raise BackendError(f"asked for backend {backend}, but Taichi started {running}")
+    if backend == "cpu":
+        worker_threads.hire()
+
+
+def _cache_of_kernels(ti: Any) -> str:
+    """The folder where Taichi keeps compiled kernels unless told otherwise."""
+    return ti.lang.impl.default_cfg().offline_cache_file_path
+
+
+@functools.cache
+def _is_writable(folder: str) -> bool:
+    """Whether a file can be made in a folder, which is made where it is missing; one warning where not."""
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError as error:
+        log.warning("compiled kernels are not kept: %s: %s", folder, error.strerror or error)
+        return False
+
+
+def widest_float(device: Device) -> Any:
+    """The Taichi type that energies are computed in."""
+    ti = import_taichi()
+    return ti.f64 if device.probes.float64 else ti.f32
+
+
+def stop() -> None:
+    """Reset Taichi; every field and kernel made since `start` is gone."""
+    if "taichi" in sys.modules:
+        sys.modules["taichi"].reset()
+    _forget()
+
+
+def _forget() -> None:
+    """No runtime of ours is there any more."""
+    _runtime.device = None
+    _runtime.state = None
+    _runtime.users = 0
+    _runtime.generation += 1
+
+
+def _forget_what_others_ended() -> None:
+    """Notice a ti.init or ti.reset of the program: Taichi has one runtime in a process, so ours has ended with it."""
+    if _runtime.device is not None and sys.modules["taichi"].lang.impl.get_runtime() is not _runtime.state:
+        _forget()
+
+
+def retain(device: Device) -> None:
+    """Count one more simulation that lives on the device."""
+    _runtime.users += 1
+
+
+def release(device: Device) -> None:
+    """Count one less; with the last one gone Taichi is reset, which gives memory and kernels back."""
+    if is_alive(device):
+        _runtime.users -= 1
+        if _runtime.users <= 0:
+            stop()
+
+
+def is_alive(device: Device) -> bool:
+    """Whether fields made under this device still exist."""
+    _forget_what_others_ended()
+    return _runtime.device is not None and _runtime.generation == device.generation
+
+
+def _probe_here(ti: Any, backend: str) -> Probes:
+    from mpp_taichi.device import probes
+
+    # What was found of other probes, or another update, says nothing.
+    sources = ("device/probes.py", "device/update_probe.py", "arithmetic/low_parts.py")
+    texts = [(Path(__file__).parents[1] / name).read_bytes() for name in sources]
+    name = f"probes-{zlib.crc32(b''.join(texts)):08x}-{backend}-{availability(backend)['device']}"
+    return Probes(**remembered(name, lambda: probes.run(ti, backend), keep=lambda report: True))
+
+
+def _choose(large: bool) -> str:
+    """A hardware GPU for a large scene, else the CPU: one thread of it beats any launch for a small scene."""
+    if large:
+        for backend in ("cuda", "metal", "vulkan"):
+            report = availability(backend)
+            if report["available"] and not report["software"]:
+                return backend
+    return "cpu"
+
+
+def _check_names(backend: str, precision: str | None) -> None:
+    if backend not in (*BACKENDS, "auto"):
+        raise BackendError(f"backend {backend!r} is unknown; there are auto, {', '.join(BACKENDS)}")
+    if precision not in (*PRECISIONS, None):
+        raise BackendError(f"precision {precision!r} is unknown; there are {', '.join(PRECISIONS)}")

@@ -1,0 +1,1 @@
+"""What goes around Taichi to make it faster."""

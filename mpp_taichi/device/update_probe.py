@@ -1,0 +1,60 @@
+"""Whether the update of positions and velocities in f32c and ds keeps, on the device that runs, what its rounding loses.
+
+It is the update of the runs themselves (`low_parts`), over fields and in a loop over particles and steps, as the steps have it.
+"""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.arithmetic.low_parts import drift_particle, kick_particle, step_parts
+from mpp_taichi.types import Template
+
+STEPS = 1000
+NUMBERS = (0.001, 1e-8 / 3)  # of a kick and of a drift: far below what an f32 of size 1 holds
+
+
+@ti.kernel
+def _move(state: Template, steps: ti.i32):
+    for i in range(state.total_count):
+        for _ in range(steps):
+            kick_particle(state, i, 0.0, 0, state.acceleration[i])
+            drift_particle(state, i, 0.0, 1)
+
+
+class _Particles:
+    """What the update asks of a State."""
+
+    dimensions, total_count, carries_low = 3, 4, True
+
+    def __init__(self, started: Any, *, guards_rounding: bool) -> None:
+        self.guards_rounding = guards_rounding
+        for name in ("position", "velocity", "position_low", "velocity_low", "acceleration"):
+            setattr(self, name, started.Vector.field(3, started.f32, shape=4))
+        self.step_parts = started.Vector.field(2, started.f32, shape=2)
+        self.nothing = started.field(started.i32, shape=())
+
+
+def keeps_low_parts(started: Any, *, guards_rounding: bool) -> bool:
+    """Let particles fall for STEPS steps from sizes 1 and 1000, and compare with exact arithmetic on the host.
+
+    x grows by 3e-6, every step of it below the rounding of x; a plain f32 stays where it was. The bound allows a rounding of
+    2⁻²⁴ of all that each step adds, and for each step 2⁻⁴⁸ of the number itself, which no low part holds.
+    """
+    state: Any = _Particles(started, guards_rounding=guards_rounding)
+    start = np.outer([1.0, -1.0, 1000.0, 1.0 / 3.0], [1.0, 0.7, -0.3]).astype(np.float32)
+    speed, pull = np.float32(np.abs(start)), np.float32(start * 1e-6)
+    for field, values in ((state.position, start), (state.velocity, speed), (state.acceleration, pull)):
+        field.from_numpy(values)
+    state.step_parts.from_numpy(step_parts(list(NUMBERS)))
+    _move(state, STEPS)
+    kick, drift = NUMBERS
+    number = np.arange(1, STEPS + 1)
+    v = np.float64(speed) + kick * STEPS * np.float64(pull)
+    x = np.float64(start) + drift * (STEPS * np.float64(speed) + kick * number.sum() * np.float64(pull))
+    found_v = state.velocity.to_numpy().astype(np.float64) + state.velocity_low.to_numpy()
+    found_x = state.position.to_numpy().astype(np.float64) + state.position_low.to_numpy()
+    allowed_v = 2.0**-24 * kick * STEPS * np.abs(pull) + STEPS * 2.0**-48 * np.abs(v)
+    allowed_x = 2.0**-24 * drift * STEPS * np.abs(v) + STEPS * 2.0**-48 * np.abs(x)
+    return bool((np.abs(found_v - v) <= allowed_v).all() and (np.abs(found_x - x) <= allowed_x).all())

@@ -1,0 +1,1 @@
+"""Energies of a system, their errors, and the balance along a run."""

@@ -1,0 +1,121 @@
+"""Energies, powers and momenta: terms on the device in its widest float, sums on the host in float64, in a fixed order."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.arithmetic.low_parts import wide_velocity
+from mpp_taichi.energy.mechanics import angular_momentum, kinetic_energies, mean_by_mass, momentum, total
+from mpp_taichi.forces._total_force import TotalForce
+from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.state.state import State
+
+BLOCK = 32  # particles that one thread sums up
+HISTORY_STEPS = 256  # most steps of a launch whose powers are kept
+HISTORY_ENTRIES = 2**18  # 6 MiB of them
+
+
+@ti.data_oriented
+class EnergyMeter:
+    """Potential energy of the first replica, one term per particle."""
+
+    def __init__(self, state: State, total_force: TotalForce):
+        """Bind the parts."""
+        self.state = state
+        self.total_force = total_force
+
+    @ti.kernel
+    def _measure(self, time: float, terms: ti.types.ndarray(ndim=1)):
+        for i in range(self.state.particle_count):
+            terms[i] = self.total_force.potential_energy_of(self.state, 0, i, time)
+
+    def potential_energy(self, time: float) -> float:
+        """Sum over all forces that have a potential."""
+        if not self.total_force.forces:
+            return 0.0
+        terms = np.empty(self.state.particle_count, np.float32 if self.state.wide == ti.f32 else np.float64)
+        self._measure(time, terms)
+        terms = terms.astype(np.float64)
+        if self.total_force.by_tree:
+            terms += self.total_force.tree_potential(self.state)
+        return total(terms)
+
+    def mechanics(self, snapshot: Snapshot, time: float) -> dict[str, Any]:
+        """The conserved quantities of a snapshot of this state, of the masses that its device keeps: forces are of those."""
+        kept = replace(snapshot, mass=self.state.as_kept(snapshot.mass))
+        return mechanics(kept, self.potential_energy(time))
+
+
+@ti.data_oriented
+class PowerMeter:
+    """Power dissipated, power of the driving forces [energy / time] and kinetic energy of the first replica, step by step.
+
+    `in_kernel`: a serial launch measures after each of its steps itself, one thread over all particles.
+    """
+
+    def __init__(self, state: State, total_force: TotalForce, *, in_kernel: bool):
+        """Allocate three numbers per block of particles and step of a launch."""
+        self.state = state
+        self.total_force = total_force
+        self.in_kernel = in_kernel
+        self.particle_count = state.particle_count
+        self.has_mass = "mass" in state.quantities  # it has not where no force acts
+        self.block = state.particle_count if in_kernel else BLOCK
+        self.block_count = (state.particle_count + self.block - 1) // self.block
+        self.longest_launch = max(1, min(HISTORY_STEPS, HISTORY_ENTRIES // self.block_count))
+        self.history = ti.Vector.field(3, state.wide, shape=(self.longest_launch, self.block_count))
+
+    def looks_at(self, state: State, total_force: TotalForce) -> bool:
+        """Whether these are what is measured."""
+        return self.state is state and self.total_force is total_force
+
+    @ti.func
+    def store(self, s, b, time):
+        """After step s of a launch, the sums over block b, one particle after the other."""
+        sums = ti.Vector.zero(self.state.wide, 3)
+        for i in range(b * self.block, ti.min((b + 1) * self.block, self.particle_count)):
+            kinetic = ti.cast(0.0, self.state.wide)
+            if ti.static(self.has_mass):
+                kinetic = wide_velocity(self.state, i).norm_sqr()
+                kinetic *= 0.5 * ti.cast(self.state.mass[i], self.state.wide)
+            powers = self.total_force.powers_of(self.state, i, time)
+            sums += ti.Vector([powers[0], powers[1], kinetic], self.state.wide)
+        self.history[s, b] = sums
+
+    @ti.kernel
+    def keep(self, s: ti.i32, time: float):
+        """Measure after step s of a launch."""
+        for b in range(self.block_count):
+            self.store(s, b, time)
+
+    def kept(self, steps: int) -> np.ndarray:
+        """The three after each of the `steps` of the last launch, shape (steps, 3)."""
+        blocks = self.history.to_numpy()[:steps].astype(np.float64)
+        return np.array([[total(column) for column in step.T] for step in blocks])
+
+
+def mechanics(snapshot: Snapshot, potential_energy: float) -> dict[str, Any]:
+    """The conserved quantities of a snapshot.
+
+    kinetic_energy ½ Σ m v², potential_energy, total_energy; momentum Σ m v, angular_momentum Σ m x × v (about the origin),
+    center_of_mass Σ m x / Σ m, each (3,); momentum_scale Σ m |v| and angular_momentum_scale Σ m |x| |v| to measure errors by.
+    Particles whose axes are all fixed are left out of the momenta: they belong to the laboratory.
+    """
+    kinetic = total(kinetic_energies(snapshot))
+    moving = np.where(snapshot.free.any(axis=1), np.abs(snapshot.mass), 0.0)
+    speed = np.linalg.norm(snapshot.velocity, axis=1)
+    distance = np.linalg.norm(snapshot.position, axis=1)
+    return {
+        "time": snapshot.time,
+        "step": snapshot.step,
+        "kinetic_energy": kinetic,
+        "potential_energy": potential_energy,
+        "total_energy": kinetic + potential_energy,
+        "momentum": momentum(snapshot),
+        "angular_momentum": angular_momentum(snapshot),
+        "center_of_mass": mean_by_mass(snapshot.position, snapshot.mass),
+        "momentum_scale": float(moving @ speed),
+        "angular_momentum_scale": float(moving @ (distance * speed)),
+    }

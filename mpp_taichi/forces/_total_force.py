@@ -1,0 +1,312 @@
+"""TotalForce: the composed sum of a scene's forces, and the only owner of the loops over particles, pairs and springs."""
+
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi import component
+from mpp_taichi.arithmetic.inverse_distance import change_of_inverse_distance, second_change_of_inverse_distance
+from mpp_taichi.arithmetic.low_parts import wide_velocity
+from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.types import Template
+
+# Half-springs of a particle that are summed side by side: an SSE register in f32, two in f64; twice as many are no faster.
+ROW_LANE_BITS = 2
+ROW_LANES = 1 << ROW_LANE_BITS
+
+
+def compose(spec: SceneSpec, snapshot: Snapshot) -> tuple[Force, ...]:
+    """Import and build the forces that a scene names, and its springs when it has some."""
+    forces = [component.build("forces", entry.name, entry.parameters) for entry in spec.forces]
+    if len(snapshot.springs):
+        damped = spec.damping_is_live or (snapshot.springs.damping != 0).any()
+        damping = spec.spring_damping if damped else "none"
+        forces.append(component.build("forces", "spring", {"damping": damping}))
+    return tuple(forces)
+
+
+@ti.data_oriented
+class TotalForce:
+    """The sum of the forces of a scene, as accelerations.
+
+    `shape` says how the loop over pairs runs: "serial" inside a serial loop, "parallel" at the top of a kernel. All other
+    loops are parallel or serial by where they stand. Only what the scene has is compiled: loops over absent kinds do not
+    exist.
+    """
+
+    def __init__(
+        self, forces: tuple[Force, ...], particle_count: int, dimensions: int, *, merges: bool = False, derivatives: int = 0
+    ):
+        """Sort the forces by the loop they need, and by whether they depend on velocity; `merges` is for AllPairs.
+
+        With `derivatives` accelerations are summed together with the jerk (1), or the jerk and the snap (2).
+        """
+        self.derivatives = derivatives
+        self.forces = forces
+        self.particle_count = particle_count
+        self.dimensions = dimensions
+        pairs = tuple(force for force in forces if isinstance(force, PairForce))
+        self.external = tuple(force for force in forces if isinstance(force, ExternalForce))
+        self.bonds = tuple(force for force in forces if isinstance(force, BondForce))
+        self.has_pairs = len(pairs) > 0 and particle_count > 1
+        self.pairs: Any = None
+        self.pair_sum: Any = None  # who loops over the pairs
+        by_tree = [force for force in pairs if getattr(force, "solver", "direct") == "tree"]
+        self.by_tree = self.has_pairs and len(by_tree) > 0
+        if self.by_tree:
+            from mpp_taichi.neighbors.tree import TreeSum  # only for scenes that want it
+
+            if len(pairs) > 1 or derivatives or merges:
+                raise TypeError("a tree sums gravity alone, without derivatives, over bodies that do not merge")
+            self.pair_sum = TreeSum(by_tree[0], particle_count, dimensions)
+        elif self.has_pairs:
+            from mpp_taichi.neighbors.all_pairs import AllPairs  # only for scenes that have pairs
+
+            self.pairs = AllPairs(pairs, particle_count, dimensions, merges=merges)
+            self.pair_sum = self.pairs
+        if self.pairs and derivatives:
+            from mpp_taichi.neighbors.pair_derivatives import PairDerivatives  # only for methods that want them
+
+            self.pair_sum = PairDerivatives(self.pairs, derivatives)
+        self.pair_forces = pairs
+        others = [force for force in forces if not isinstance(force, PairForce) and not force.depends_on_velocity]
+        self.has_pairs_alone = self.has_pairs and not others
+        self.sets_pairs = self.has_pairs_alone and self.pair_sum.sets_directly
+        self.pairs_in_tiles = self.has_pairs_alone and self.pair_sum is self.pairs and self.pairs.in_tiles
+        self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
+        self.has_velocity_independent = any(not force.depends_on_velocity for force in forces)
+
+    def pair_loops(self, state: Any) -> int:
+        """Parallel loops over pairs of one sum on the cores of a CPU."""
+        return self.pairs.symmetric_loops if self.pair_sum is self.pairs and self.pairs.is_symmetric(state) else 1
+
+    def is_symmetric_alone(self, state: Any) -> bool:
+        """Whether a launched sum of symmetric pairs is all there is, and need not be added to anything."""
+        return self.has_pairs_alone and self.pair_sum is self.pairs and bool(self.pairs.is_symmetric(state))
+
+    def destroy(self) -> None:
+        """Give back the memory that sums took."""
+        if self.by_tree:
+            self.pair_sum.destroy()
+        elif self.pairs is not None:
+            self.pairs.destroy()
+
+    @property
+    def longest_loop(self) -> int:
+        """Most iterations that a thread makes for one particle of the parallel plan."""
+        if self.by_tree:
+            return self.pair_sum.longest_loop
+        return self.particle_count if self.has_pairs else 0
+
+    @property
+    def conserves_energy(self) -> bool:
+        """Whether every force has a potential, so that energy may be asked to stay."""
+        return all(force.conserves_energy for force in self.forces)
+
+    @property
+    def gains_no_energy(self) -> bool:
+        """Whether every force has a potential or brakes, so that energy may be asked not to grow.
+
+        What has no potential and depends on velocity is taken for a brake; what has none and does not, for a drive.
+        """
+        return all(force.conserves_energy or force.depends_on_velocity for force in self.forces)
+
+    @property
+    def needs(self) -> frozenset:
+        """Union of what the forces need."""
+        return frozenset().union(*(force.needs for force in self.forces))
+
+    def tree_potential(self, state: Any) -> np.ndarray:
+        """Shares of the particles of the first replica in the potential energy that a tree sums, `by_tree`."""
+        return self.pair_sum.potential_terms(state)
+
+    @ti.func
+    def local_acceleration(self, state: Template, first, i, time, velocity_dependent: Template):
+        """Acceleration of particle i from external forces and springs, only those that do (or do not) depend on velocity.
+
+        `first` is the first particle of this replica; springs count from there.
+        """
+        result = ti.Vector.zero(float, state.dimensions)
+        for force in ti.static(self.external):
+            if ti.static(force.depends_on_velocity == velocity_dependent):
+                result += force.accelerate(state, i, state.velocity[i], time)
+        for bond in ti.static(self.bonds):
+            if ti.static(bond.depends_on_velocity == velocity_dependent):
+                result += self.row_sum(state, first, i, bond, False) * (1.0 / state.mass[i])
+        if ti.static(state.has_fixed_axes):
+            result = ti.select(state.free[i] != 0.0, result, 0.0)  # a product would make NaN of a held particle's F/0
+        return result
+
+    @ti.func
+    def acceleration_gained(self, state: Template, slopes: Template, h, first, i, time):
+        """How the acceleration of particle i changes when all velocities change by h times those of the state `slopes`.
+
+        Springs are asked for their friction alone, which is linear in velocity: they need neither stiffness nor length.
+        """
+        result = ti.Vector.zero(float, state.dimensions)
+        for force in ti.static(self.external):
+            if ti.static(force.depends_on_velocity):
+                before = state.velocity[i]
+                after = before + h * slopes.velocity[i]
+                result += force.accelerate(state, i, after, time) - force.accelerate(state, i, before, time)
+        for bond in ti.static(self.bonds):
+            if ti.static(bond.depends_on_velocity):
+                result += self.row_sum(slopes, first, i, bond, True) * (h / state.mass[i])
+        if ti.static(state.has_fixed_axes):
+            result = ti.select(state.free[i] != 0.0, result, 0.0)
+        return result
+
+    @ti.func
+    def half_spring(self, state: Template, i, j, h, bond: Template, friction: Template):
+        """Its force on particle i, or the friction alone."""
+        result = ti.Vector.zero(float, state.dimensions)
+        if ti.static(friction):
+            result += bond.friction(state, i, j, h)
+        else:
+            result += bond.force(state, i, j, h)
+        return result
+
+    @ti.func
+    def row_sum(self, state: Template, first, i, bond: Template, friction: Template):
+        """Force on particle i from its half-springs: four at a time, each lane with a sum of its own, then the rest.
+
+        LLVM makes vector instructions of the four, square roots and divisions above all. The order depends on the row alone.
+        """
+        begin = state.spring_start[i - first]
+        end = state.spring_start[i - first + 1]
+        blocks = (end - begin) >> ROW_LANE_BITS
+        lanes = [ti.Vector.zero(float, ROW_LANES) for axis in ti.static(range(state.dimensions))]
+        for block in range(blocks):
+            h = begin + block * ROW_LANES
+            forces = [
+                self.half_spring(state, i, first + state.spring_neighbor[h + lane], h + lane, bond, friction)
+                for lane in ti.static(range(ROW_LANES))
+            ]
+            for axis in ti.static(range(state.dimensions)):
+                lanes[axis] += ti.Vector([forces[lane][axis] for lane in ti.static(range(ROW_LANES))])
+        total = ti.Vector([lanes[axis].sum() for axis in ti.static(range(state.dimensions))])
+        for h in range(begin + blocks * ROW_LANES, end):
+            total += self.half_spring(state, i, first + state.spring_neighbor[h], h, bond, friction)
+        return total
+
+    @ti.func
+    def accumulate(self, state: Template, first, time, shape: Template):
+        """state.acceleration = everything that does not depend on velocity."""
+        if ti.static(shape == "serial" and self.sets_pairs):
+            self.pair_sum.set_serial(state, first)
+        else:
+            self.begin_sum(state, first, time)
+            if ti.static(self.has_pairs and shape == "serial"):
+                self.pair_sum.accumulate_serial(state, first)
+            if ti.static(self.has_pairs and shape != "serial"):
+                self.pair_sum.accumulate_parallel_gather(state)
+        if ti.static(self.has_pairs):
+            self.end_sum(state, first)
+
+    @ti.func
+    def begin_sum(self, state: Template, first, time):
+        """state.acceleration = external forces and springs."""
+        for i in range(first, first + self.particle_count):
+            if ti.static(self.has_pairs_alone):
+                for k in ti.static(range(self.dimensions)):
+                    state.acceleration[i][k] = 0.0
+            else:
+                state.acceleration[i] = self.local_acceleration(state, first, i, time, False)
+            if ti.static(self.derivatives > 0):
+                jerk, snap = self.local_derivatives(state, first, i, time)
+                state.jerk[i] = jerk
+                if ti.static(self.derivatives > 1):
+                    state.snap[i] = snap
+
+    @ti.func
+    def end_sum(self, state: Template, first):
+        """Take the pair forces off the axes that are held."""
+        if ti.static(state.has_fixed_axes):
+            for i in range(first, first + self.particle_count):
+                for k in ti.static(range(self.dimensions)):
+                    state.acceleration[i][k] = ti.select(state.free[i][k] != 0.0, state.acceleration[i][k], 0.0)
+                if ti.static(self.derivatives > 0):
+                    state.jerk[i] = ti.select(state.free[i] != 0.0, state.jerk[i], 0.0)
+                if ti.static(self.derivatives > 1):
+                    state.snap[i] = ti.select(state.free[i] != 0.0, state.snap[i], 0.0)
+
+    @ti.func
+    def local_derivatives(self, state: Template, first, i, time):
+        """Jerk and snap of particle i from external forces and springs, none of which depends on velocity."""
+        jerk = ti.Vector.zero(float, state.dimensions)
+        snap = ti.Vector.zero(float, state.dimensions)
+        for force in ti.static(self.external):
+            first_derivative, second_derivative = force.derivatives(state, i, time)
+            jerk += first_derivative
+            snap += second_derivative
+        for bond in ti.static(self.bonds):
+            for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
+                pull, second_pull = self.half_spring_derivatives(state, i, first + state.spring_neighbor[h], h, bond)
+                jerk += pull / state.mass[i]
+                snap += second_pull / state.mass[i]
+        if ti.static(state.has_fixed_axes):
+            jerk = ti.select(state.free[i] != 0.0, jerk, 0.0)
+            snap = ti.select(state.free[i] != 0.0, snap, 0.0)
+        return jerk, snap
+
+    @ti.func
+    def half_spring_derivatives(self, state: Template, i, j, h, bond: Template):
+        """Of its force on particle i in time: the first, and the second where it is wanted; none where both ends coincide."""
+        d = state.position[j] - state.position[i]
+        w = state.velocity[j] - state.velocity[i]
+        q = ti.Vector.zero(float, state.dimensions)
+        if ti.static(self.derivatives > 1):
+            q = state.estimate[j] - state.estimate[i]
+        squared, approach = d.dot(d), d.dot(w)
+        inverse = ti.select(squared > 0.0, 1.0 / ti.sqrt(squared), 0.0)
+        shape, slope = bond.shape(state, h, inverse), bond.slope(state, h, inverse)
+        rate = slope * change_of_inverse_distance(inverse, approach)
+        curve = slope * second_change_of_inverse_distance(inverse, approach, w.dot(w) + d.dot(q))
+        return shape * w + rate * d, shape * q + 2.0 * rate * w + curve * d
+
+    @ti.func
+    def powers_of(self, state: Template, i, time):
+        """Shares of particle i in the power dissipated and in the power of the driving forces, [energy / time], in f64.
+
+        Forces without a potential that depend on velocity dissipate, the others drive. A damped spring is split evenly between
+        its ends, so that what both ends share in their motion does not enter.
+        """
+        dissipated, driving = ti.cast(0.0, state.wide), ti.cast(0.0, state.wide)
+        for force in ti.static(self.external):
+            if ti.static(not force.conserves_energy):
+                # A particle without mass may be here only if it is held, and then no force works on it.
+                if state.mass[i] > 0.0:
+                    acceleration = force.accelerate(state, i, state.velocity[i], time)
+                    power = ti.cast(0.0, state.wide)
+                    velocity = wide_velocity(state, i)
+                    for k in ti.static(range(state.dimensions)):
+                        power += ti.cast(acceleration[k], state.wide) * velocity[k]
+                    power *= ti.cast(state.mass[i], state.wide)
+                    if ti.static(force.depends_on_velocity):
+                        dissipated -= power
+                    else:
+                        driving += power
+        for bond in ti.static(self.bonds):
+            if ti.static(not bond.conserves_energy):
+                for h in range(state.spring_start[i], state.spring_start[i + 1]):
+                    dissipated += 0.5 * bond.dissipation(state, i, state.spring_neighbor[h], h)
+        return ti.Vector([dissipated, driving], state.wide)
+
+    @ti.func
+    def potential_energy_of(self, state: Template, first, i, time):
+        """Share of particle i in the potential energy, in f64: a pair or a spring is split evenly between its ends.
+
+        What a tree sums is left out: `tree_potential` has it for all particles at once.
+        """
+        result = ti.cast(0.0, state.wide)
+        for force in ti.static(self.external):
+            result += force.potential(state, i, time)
+        for bond in ti.static(self.bonds):
+            for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
+                result += 0.5 * bond.potential(state, i, first + state.spring_neighbor[h], h)
+        if ti.static(self.has_pairs and not self.by_tree):
+            result += self.pairs.potential_energy_of(state, i)
+        return result

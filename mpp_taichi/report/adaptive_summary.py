@@ -1,0 +1,37 @@
+"""What the step control of an adaptive method did, for the summary of a run. Host side."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation.simulation import Simulation
+
+
+def step_control(simulation: "Simulation") -> dict[str, Any]:
+    """Steps taken and refused, evaluations of the force and the mean step of the phase that runs; {} for methods without it."""
+    integrator = simulation.integrator
+    if not integrator.adaptive or not simulation.step_count:
+        return {}
+    counts = integrator.counts(simulation.state)
+    steps = int(counts[:, integrator.STEPS].sum())
+    return {
+        "step_control": {
+            "steps": steps,
+            "refused": int(counts[:, integrator.REFUSED].sum()),
+            "force_evaluations": int(counts[:, integrator.EVALUATIONS].sum()),
+            "last_step": float(integrator.lengths(simulation.state)[0]),
+            "replicas": len(counts),
+        }
+    }
+
+
+def step_control_line(found: Mapping[str, Any]) -> str:
+    """`1,234 steps of its own, 2 refused, 27,148 evaluations of the force; the last is 0.0123 long`."""
+    control = found.get("step_control")
+    if not control:
+        return ""
+    several = f" in {control['replicas']:,} replicas" if control["replicas"] > 1 else ""
+    return (
+        f"{control['steps']:,} steps of its own{several}, {control['refused']:,} refused, "
+        f"{control['force_evaluations']:,} evaluations of the force; the last step is {control['last_step']:.3g}"
+    )

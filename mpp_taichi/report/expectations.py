@@ -1,0 +1,143 @@
+"""Expectations: a scene's own statements of physics, watched while it runs and judged at the end."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi import component
+from mpp_taichi.diagnostics._base import Diagnostic, NoResultError
+from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
+from mpp_taichi.scene.spec import Expectation
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation.simulation import Simulation
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One expectation and what came of it; `value` is None when the quantity was not defined, and `reason` says why."""
+
+    quantity: str
+    parameters: dict[str, Any]
+    value: float | None
+    bound: str
+    passed: bool
+    reason: str = ""
+
+    @property
+    def label(self) -> str:
+        """`orbital_period(of=1, around=0)`."""
+        inside = ", ".join(f"{key}={value}" for key, value in self.parameters.items() if value is not None)
+        return f"{self.quantity}({inside})" if inside else self.quantity
+
+
+class Watcher:
+    """The recorder that shows a run to the diagnostics its scene's `expect:` names; only those are imported.
+
+    They look at the start, every `every` steps, as often as they ask for, and at the end (`finish`).
+    """
+
+    def __init__(self, expectations: Sequence[Expectation], every: int) -> None:
+        """Import and build what is named."""
+        self.expectations = tuple(expectations)
+        self.every = every
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what was seen."""
+        self._diagnostics: dict[int, Diagnostic] = {}
+        self._failures: dict[int, str] = {}
+        for number, expectation in enumerate(self.expectations):
+            if expectation.quantity not in SUMMARY_QUANTITIES:
+                self._diagnostics[number] = component.build("diagnostics", expectation.quantity, expectation.parameters)
+        self._due_step: int | None = None
+        self._seen_step = -1
+
+    def steps_until_due(self, simulation: "Simulation") -> int:
+        """Until the earliest look that any diagnostic wants."""
+        if not self._diagnostics:
+            return 2**31
+        return 0 if self._due_step is None else self._due_step - simulation.step_count
+
+    def record(self, simulation: "Simulation") -> None:
+        """Show the particles to every diagnostic."""
+        snapshot = simulation.snapshot()
+        if self._seen_step < 0:
+            self._begin(simulation)
+        self._seen_step = simulation.step_count
+        for number, diagnostic in self._diagnostics.items():
+            try:
+                if number not in self._failures:
+                    if simulation.contacts is not None:
+                        diagnostic.observe_contacts(simulation.time, simulation.contact_report)
+                    diagnostic.observe(simulation.time, snapshot)
+            except NoResultError as error:
+                self._failures[number] = str(error)
+        watching = [diagnostic for number, diagnostic in self._diagnostics.items() if number not in self._failures]
+        shortest = min((diagnostic.interval for diagnostic in watching), default=math.inf)
+        steps = self.every if shortest == math.inf else min(self.every, max(1, int(shortest / simulation.dt)))
+        self._due_step = simulation.step_count + steps
+
+    def _begin(self, simulation: "Simulation") -> None:
+        for number, diagnostic in self._diagnostics.items():
+            try:
+                diagnostic.begin(simulation.spec, simulation.start)
+            except NoResultError as error:
+                self._failures[number] = str(error)
+
+    def finish(self, simulation: "Simulation") -> None:
+        """Look at the end, unless that was the last look."""
+        if self._diagnostics and self._seen_step != simulation.step_count:
+            self.record(simulation)
+
+    def verdicts(self, summary: Mapping[str, Any], precision: str) -> list[Verdict]:
+        """Judge every expectation; `summary` holds the quantities that every run measures anyway."""
+        rows = []
+        for number, expectation in enumerate(self.expectations):
+            value, reason = self._value(number, expectation, summary)
+            passed = value is not None and holds(expectation, value, precision)
+            bound = bound_text(expectation, precision)
+            rows.append(Verdict(expectation.quantity, dict(expectation.parameters), value, bound, passed, reason))
+        return rows
+
+    def _value(self, number: int, expectation: Expectation, summary: Mapping[str, Any]) -> tuple[float | None, str]:
+        if number not in self._diagnostics:
+            value = summary.get(expectation.quantity)
+            return (None, "it was not measured") if value is None else (float(value), "")
+        if number in self._failures:
+            return None, self._failures[number]
+        try:
+            return self._diagnostics[number].result(), ""
+        except NoResultError as error:
+            return None, str(error)
+
+
+def holds(expectation: Expectation, value: float, precision: str) -> bool:
+    """Whether the value is finite and within every bound of the expectation."""
+    if not math.isfinite(value):
+        return False
+    below, above, near, within = expectation.below, expectation.above, expectation.near, expectation.within
+    if below is not None and not abs(value) < below[precision]:
+        return False
+    if above is not None and not value > above[precision]:
+        return False
+    return near is None or abs(value - near) <= tolerance(near, within[precision] if within else 0.0)
+
+
+def tolerance(near: float, within: float) -> float:
+    """`within` is relative to `near`; around zero it is absolute."""
+    return within * abs(near) if near != 0.0 else within
+
+
+def bound_text(expectation: Expectation, precision: str) -> str:
+    """`< 1e-06`, `> 3`, `6.28 ± 1e-05 (relative)`."""
+    parts = []
+    if expectation.below is not None:
+        parts.append(f"< {expectation.below[precision]:.6g}")
+    if expectation.above is not None:
+        parts.append(f"> {expectation.above[precision]:.6g}")
+    if expectation.near is not None:
+        allowed = expectation.within[precision] if expectation.within else 0.0
+        parts.append(f"{expectation.near:.12g} ± {allowed:.3g}" + (" (relative)" if expectation.near != 0.0 else ""))
+    return " and ".join(parts)

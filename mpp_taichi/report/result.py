@@ -1,0 +1,159 @@
+"""Run a scene from Python as the command line does, and keep what came of it as arrays: `mpp_taichi.run`."""
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.errors import CapacityError, MppError
+from mpp_taichi.recorders.table import TableRecorder
+from mpp_taichi.report.expectations import Verdict, Watcher
+from mpp_taichi.report.summary import Stopwatch, lines, summarize
+from mpp_taichi.scene import timeline
+from mpp_taichi.scene.expectations import BALANCE_QUANTITIES
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.simulation import notebook
+from mpp_taichi.simulation.simulation import Recorder, Simulation
+from mpp_taichi.snapshot import Snapshot
+
+MOST_NUMBERS = 2**27  # of the positions and velocities that are kept, a gigabyte
+
+
+def run(
+    scene: str | Path | Mapping[str, Any] | SceneSpec,
+    *,
+    duration: float | None = None,
+    steps: int | None = None,
+    samples: int = 200,
+    overrides: Mapping[str, Any] | Sequence[str] = (),
+    backend: str = "auto",
+    precision: str | None = None,
+    recorders: Sequence[Recorder] = (),
+) -> "Result":
+    """Run a scene to its end, or for a `duration` or `steps`, and keep about `samples` moments of it.
+
+    Where it was run to the scene's own end, the scene's `expect:` is judged as well.
+
+    Raises:
+        MppError: as of Simulation and its run; CapacityError where the moments would need more than a gigabyte.
+    """
+    if samples < 1:
+        raise MppError(f"samples must be at least 1, got {samples}")
+    stopwatch = Stopwatch()
+    simulation = Simulation(scene, backend=backend, precision=precision, overrides=overrides)
+    try:
+        count = _step_count(simulation, duration, steps)
+        every = max(1, -(-count // samples))
+        kept = (count // every + 2) * simulation.start.particle_count * 6
+        if kept > MOST_NUMBERS:
+            raise CapacityError(f"{count // every + 2} moments are {kept:,} numbers, allowed: {MOST_NUMBERS:,}; fewer samples")
+        whole = duration is None and steps is None
+        watcher = Watcher(simulation.scene.expect if whole else (), every)
+        if any(each.quantity in BALANCE_QUANTITIES for each in watcher.expectations):
+            simulation.keep_energy_balance()
+        table, moments = TableRecorder(every), Moments(every)
+        simulation.run(duration, steps=steps, recorders=[table, moments, watcher, *recorders])
+        for look in (table, moments, watcher):
+            look.finish(simulation)
+        summary = summarize(simulation, table, stopwatch, plan_asked="auto")
+        verdicts = watcher.verdicts(summary, simulation.device.precision)
+        summary["status"] = "ok" if all(verdict.passed for verdict in verdicts) else "failed"
+        return Result(simulation, summary, verdicts, table, moments.seen)
+    except BaseException:
+        simulation.close()
+        raise
+
+
+def _step_count(simulation: Simulation, duration: float | None, steps: int | None) -> int:
+    """Steps that the run will take, for the distance between samples."""
+    wanted = simulation.scene.run
+    if steps is None and duration is None:
+        duration, steps = wanted.duration, wanted.steps if wanted.duration is None else None
+    return timeline.step_count(simulation.scene, duration) if duration is not None else int(steps or 0)
+
+
+class Moments:
+    """A recorder that keeps the particles as they were every `every` steps, and at the end."""
+
+    def __init__(self, every: int) -> None:
+        """Nothing is seen yet."""
+        self.every = every
+        self.seen: list[Snapshot] = []
+
+    def steps_until_due(self, simulation: Simulation) -> int:
+        """Until the next multiple."""
+        return self.seen[-1].step + self.every - simulation.step_count if self.seen else 0
+
+    def record(self, simulation: Simulation) -> None:
+        """Keep the present moment."""
+        self.seen.append(simulation.snapshot())
+
+    def finish(self, simulation: Simulation) -> None:
+        """Keep the last moment, unless that was just done."""
+        if self.seen[-1].step != simulation.step_count:
+            self.record(simulation)
+
+
+class Result:
+    """What came of a run: numbers and arrays, and a picture of its end where a notebook shows it.
+
+    simulation   still open, at the end of the run, to go on with; `close` it, or use the result as a context manager
+    summary      the facts of `--json`, name → value
+    verdicts     what became of each entry of `expect:`
+    table        column → array: time, energies and errors (sample_count,), momentum, … (sample_count, 3)
+    time         of each moment kept, (moment_count,)
+    position, velocity   of all particles at each moment, (moment_count, particle_count, 3)
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        summary: dict[str, Any],
+        verdicts: Sequence[Verdict],
+        table: TableRecorder,
+        moments: Sequence[Snapshot],
+    ) -> None:
+        """Of a run that has ended."""
+        self.simulation, self.summary, self.verdicts = simulation, summary, tuple(verdicts)
+        self.table: dict[str, np.ndarray] = table.columns()
+        self.moments = tuple(moments)
+        self.time = np.array([snapshot.time for snapshot in moments])
+        self.position = np.array([snapshot.position for snapshot in moments])
+        self.velocity = np.array([snapshot.velocity for snapshot in moments])
+
+    @property
+    def passed(self) -> bool:
+        """Whether every expectation was met; True without any."""
+        return all(verdict.passed for verdict in self.verdicts)
+
+    def __str__(self) -> str:
+        """The closing summary of the command line."""
+        return "\n".join(lines(self.summary, verdicts=self.verdicts))
+
+    __repr__ = __str__
+
+    def _repr_png_(self) -> bytes | None:
+        return notebook.png(self.simulation, earlier=self.moments[:-1]) if self._shows_its_end else None
+
+    def _repr_html_(self) -> str:
+        return notebook.figure(self._repr_png_(), f"<pre>{escape(str(self))}</pre>")
+
+    @property
+    def _shows_its_end(self) -> bool:
+        """Whether the simulation is still where the run left it."""
+        return self.simulation.step_count == self.moments[-1].step
+
+    def close(self) -> None:
+        """Give the device memory back; the arrays stay."""
+        self.simulation.close()
+
+    def __enter__(self) -> "Result":
+        """Use as a context manager."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """Close at the end of the block."""
+        self.close()

@@ -1,0 +1,68 @@
+"""How a simulation and a result show themselves in a notebook: a picture of the particles and a line of numbers.
+
+Jupyter asks an object for `_repr_html_` or `_repr_png_`; nothing here is imported before it does.
+"""
+
+import base64
+import io
+from collections.abc import Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image
+
+from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.views._base import Frame
+from mpp_taichi.views.wall_outline import outline_of
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation.simulation import Simulation
+
+SIZE = (960, 540)  # pixels
+
+
+def picture(simulation: "Simulation", size: tuple[int, int] = SIZE, *, earlier: Sequence[Snapshot] = ()) -> np.ndarray:
+    """The particles now, by the kernel renderer: uint8, shape (height, width, 3); `earlier` moments are where trails led."""
+    from mpp_taichi.views.renderer import Renderer  # the first import of Taichi, where nothing runs yet
+
+    spec = simulation.scene
+    walls = outline_of(spec, simulation.start.position)
+    view = Renderer(spec.view, size, dimensions=spec.dimensions)
+    for snapshot in earlier:
+        view.trails.add(Frame.of(snapshot, walls=walls))
+    acceleration = simulation.accelerations() if spec.view.wants_acceleration else None
+    return view.draw(Frame.of(simulation.snapshot(), title=spec.title, walls=walls, acceleration=acceleration))
+
+
+def png(simulation: "Simulation", *, earlier: Sequence[Snapshot] = ()) -> bytes | None:
+    """The picture as a PNG; None where the simulation has ended and can be asked no more."""
+    if not simulation.is_alive:
+        return None
+    stream = io.BytesIO()
+    Image.fromarray(picture(simulation, earlier=earlier)).save(stream, format="PNG", optimize=True)
+    return stream.getvalue()
+
+
+def html(simulation: "Simulation") -> str:
+    """The picture above the line, and the energy."""
+    energy = f"; energy {simulation.diagnostics()['total_energy']:.9g}" if simulation.is_alive else ""
+    return figure(png(simulation), escape(line(simulation) + energy))
+
+
+def figure(png: bytes | None, caption: str) -> str:
+    """A picture and what stands below it, as HTML."""
+    encoded = base64.b64encode(png).decode("ascii") if png else ""
+    image = f'<img src="data:image/png;base64,{encoded}" width="{SIZE[0] * 2 // 3}" alt="the particles now">' if png else ""
+    return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
+
+
+def line(simulation: "Simulation") -> str:
+    """Title, time, steps, particles and method, as they are known without asking the device."""
+    spec, device = simulation.spec, simulation.device
+    springs = f", {len(simulation.start.springs):,} springs" if len(simulation.start.springs) else ""
+    return (
+        f"{spec.title or spec.source}: t = {simulation.time:.6g}, {simulation.step_count:,} steps; "
+        f"{simulation.start.particle_count:,} particles{springs}; {spec.integrator.name}, dt {simulation.dt:.6g}, "
+        f"{device.precision} on {device.backend}" + ("" if simulation.is_alive else "; ended")
+    )

@@ -1,0 +1,1 @@
+"""From a checked scene to the particles that a run starts with."""

@@ -1,0 +1,109 @@
+"""Assembly: the entries of a scene → all its particles and springs, as one Snapshot."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.errors import PlacementError, SceneError
+from mpp_taichi.generators._base import Center, GeneratorContext, Group
+from mpp_taichi.networks._base import NetworkContext
+from mpp_taichi.scene.contacts import merges
+from mpp_taichi.scene.layout import ParticleLayout, build, layout_of
+from mpp_taichi.scene.network_warnings import warn_of_networks
+from mpp_taichi.scene.physics_checks import check_physics
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.snapshot import Snapshot, Springs
+from mpp_taichi.start.overlaps import start_of_contacts
+
+_PARTICLE_ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color", "free")
+_SPRING_ARRAYS = ("between", "stiffness", "damping", "rest_length", "color")
+
+
+def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot:
+    """Make every particle and spring; the same scene and seed give the same numbers.
+
+    A later phase of a timeline is `placed_as` the scene it began as, whose forces orbits were computed from. SceneError,
+    located at the entry, where they cannot be placed or physics does not allow them.
+    """
+    layout = layout_of(spec)
+    groups = _place(spec if placed_as is None else replace(spec, forces=placed_as.forces), layout)
+    arrays: dict[str, Any] = {key: np.concatenate([getattr(group, key) for group in groups]) for key in _PARTICLE_ARRAYS}
+    rest_position = np.concatenate([group.rest_position for group in groups])
+    names = tuple(name for group in groups for name in group.name)
+    arrays["velocity"] = np.where(arrays["free"], arrays["velocity"], 0.0)  # a held axis does not move, whatever was said
+    springs = _link(spec, layout, rest_position)
+    merged_into = np.full(len(names), -1, np.int32) if merges(spec) else None
+    snapshot = Snapshot(**arrays, name=names, springs=springs, merged_into=merged_into)
+    check_physics(spec, snapshot, layout, moved=placed_as is not None)
+    if placed_as is None:
+        warn_of_networks(spec, snapshot, layout)
+        if spec.contacts is not None:
+            snapshot = start_of_contacts(spec, snapshot, layout)
+    return _centered(snapshot) if spec.move_to_center_of_mass else snapshot
+
+
+def springs_of(spec: SceneSpec) -> Springs:
+    """The springs of a checked scene alone."""
+    layout = layout_of(spec)
+    return _link(spec, layout, np.concatenate([group.rest_position for group in _place(spec, layout)]))
+
+
+def rest_positions(spec: SceneSpec) -> np.ndarray:
+    """Where the particles of a checked scene are without their displacements [length], shape (particle_count, 3)."""
+    groups = _place(spec, layout_of(spec))
+    rest = np.concatenate([group.rest_position for group in groups])
+    if not spec.move_to_center_of_mass:
+        return rest
+    mass = np.concatenate([group.mass for group in groups])
+    return rest - (mass / mass.sum()) @ rest
+
+
+def _place(spec: SceneSpec, layout: ParticleLayout) -> list[Group]:
+    gravity = next((entry.parameters for entry in spec.forces if entry.name == "newtonian_gravity"), {})
+    groups: list[Group] = []
+
+    def find(index: int) -> Center:
+        number = layout.entry_of(index)
+        if number >= len(groups):
+            raise PlacementError(f"{layout.label(index)} is placed later, must come before in the list")
+        group, row = groups[number], index - layout.starts[number]
+        return Center(group.position[row], group.velocity[row], float(group.mass[row]))
+
+    for number, entry in enumerate(spec.particles):
+        random = np.random.default_rng([spec.seed, number])
+        context = GeneratorContext(
+            random, gravity.get("strength", 0.0), gravity.get("softening", 0.0), find, spec.dimensions, tuple(groups)
+        )
+        try:
+            group = build("generators", entry).generate(context)
+        except PlacementError as error:
+            raise SceneError(f"{entry.location}: particles[{number}].{entry.name}: {error}") from None
+        if spec.dimensions == 2 and (np.any(group.position[:, 2]) or np.any(group.velocity[:, 2])):
+            raise SceneError(f"{entry.location}: particles[{number}].{entry.name}: leaves the plane z = 0 of dimensions: 2")
+        groups.append(group)
+    return groups
+
+
+def _link(spec: SceneSpec, layout: ParticleLayout, rest_position: np.ndarray) -> Springs:
+    context = NetworkContext(rest_position, layout.lattice)
+    made = []
+    for number, entry in enumerate(spec.springs):
+        try:
+            made.append(build("networks", entry).generate(context))
+        except PlacementError as error:
+            raise SceneError(f"{entry.location}: springs[{number}].{entry.name}: {error}") from None
+    return _joined(made)
+
+
+def _joined(made: Iterable[Springs]) -> Springs:
+    parts = [Springs(), *made]
+    return Springs(**{key: np.concatenate([getattr(part, key) for part in parts]) for key in _SPRING_ARRAYS})
+
+
+def _centered(snapshot: Snapshot) -> Snapshot:
+    """With the centre of mass at rest at the origin."""
+    weight = snapshot.mass / snapshot.mass.sum()
+    position = snapshot.position - weight @ snapshot.position
+    return replace(snapshot, position=position, velocity=snapshot.velocity - weight @ snapshot.velocity)

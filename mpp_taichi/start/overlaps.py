@@ -1,0 +1,183 @@
+"""Overlaps of spheres with each other and with walls, on the host: what a start must not have, and how it is pushed apart."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mpp_taichi.errors import SceneError
+from mpp_taichi.scene.faults import FAULTS_SHOWN
+from mpp_taichi.scene.layout import ParticleLayout
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.start.contact_setup import ContactSetup, contact_setup
+from mpp_taichi.walls._base import Surface
+
+ALLOWED = 1e-9
+"""Overlap, in parts of the smaller radius, that rounding explains: such spheres touch."""
+LARGE = 4.0  # times the median radius: spheres that are compared with all others, so that cells may stay small
+MOST_ROUNDS = 10_000  # of pushing apart
+
+
+def overlapping_pairs(setup: ContactSetup, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs (m, 2) with i < j that are nearer than their radii, and how deep [length], (m,).
+
+    Cells of the largest diameter among the small spheres; the few large ones against all. Two held spheres are no pair: nothing
+    moves them.
+    """
+    radius = setup.radius
+    large = radius > LARGE * np.median(radius)
+    candidates = [_of_cells(setup, position, np.flatnonzero(~large & (radius > 0.0)))]
+    numbers = np.arange(len(radius))
+    for i in np.flatnonzero(large):
+        others = numbers[~large | (numbers > i)]
+        candidates.append(np.stack([np.full(len(others), i), others], axis=1))
+    pairs = np.sort(np.concatenate(candidates), axis=1)
+    depth = _depth(setup, position, pairs)
+    held = ~np.any(setup.inverse_mass, axis=1)
+    found = (depth > 0.0) & ~(held[pairs[:, 0]] & held[pairs[:, 1]])
+    pairs, depth = pairs[found], depth[found]
+    order = np.lexsort((pairs[:, 1], pairs[:, 0]))
+    return pairs[order], depth[order]
+
+
+def _separation(setup: ContactSetup, position: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """x_j − x_i, of the nearest copies where the box repeats."""
+    separation = position[pairs[:, 1]] - position[pairs[:, 0]]
+    for axis, period in enumerate(setup.enclosure.period):
+        if period > 0.0:
+            separation[:, axis] -= period * np.round(separation[:, axis] / period)
+    return separation
+
+
+def _depth(setup: ContactSetup, position: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    distance = np.linalg.norm(_separation(setup, position, pairs), axis=1)
+    return setup.radius[pairs[:, 0]] + setup.radius[pairs[:, 1]] - distance
+
+
+def _of_cells(setup: ContactSetup, position: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Pairs of the chosen spheres in the same cell or in neighbouring ones, each once."""
+    if len(chosen) < 2:
+        return np.zeros((0, 2), dtype=np.int64)
+    edge = 2.0 * setup.radius[chosen].max()
+    period = np.asarray(setup.enclosure.period)
+    places = position[chosen] - np.where(period > 0.0, setup.enclosure.origin, 0.0)
+    # A cell must not be narrower than the edge, and a whole number of them must fill a period.
+    whole = np.where(period > 0.0, np.maximum(np.floor(period / edge), 1.0), 0.0)
+    size = np.where(whole > 0.0, period / np.maximum(whole, 1.0), edge)
+    cells = np.floor(places / size).astype(np.int64)
+    cells = np.where(whole > 0.0, np.mod(cells, np.maximum(whole, 1.0).astype(np.int64)), cells - cells.min(axis=0))
+    counts = np.where(whole > 0.0, whole, cells.max(axis=0) + 1.0).astype(np.int64)
+
+    def key(of: np.ndarray) -> np.ndarray:
+        return (of[:, 0] * (counts[1] + 2) + of[:, 1]) * (counts[2] + 2) + of[:, 2]
+
+    keys = key(cells)
+    order = np.argsort(keys, kind="stable")
+    ordered = keys[order]
+    found = []
+    reach = [(-1, 0, 1) if count > 1 else (0,) for count in counts]
+    for offset in np.stack(np.meshgrid(*reach, indexing="ij"), axis=-1).reshape(-1, 3):
+        target = cells + offset
+        target = np.where(whole > 0.0, np.mod(target, counts), target)
+        inside = np.all((target >= 0) & (target < counts), axis=1)
+        first = np.searchsorted(ordered, key(target), side="left")
+        length = np.where(inside, np.searchsorted(ordered, key(target), side="right") - first, 0)
+        one = np.repeat(np.arange(len(chosen)), length)
+        other = order[np.repeat(first - np.cumsum(length) + length, length) + np.arange(length.sum())]
+        once = one < other
+        found.append(np.stack([chosen[one[once]], chosen[other[once]]], axis=1))
+    return np.unique(np.concatenate(found), axis=0)
+
+
+def surface_depth(
+    surface: Surface, position: np.ndarray, radius: np.ndarray, time: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far spheres reach into a wall [length], (n,), negative where they are clear, and the way out (n, 3)."""
+    point = np.asarray(surface.point) + time * np.asarray(surface.velocity)
+    direction = np.asarray(surface.direction)
+    offset = position - point
+    if surface.kind == "plane":
+        return radius - offset @ direction, np.broadcast_to(direction, offset.shape)
+    if surface.kind == "cylinder":
+        offset = offset - np.outer(offset @ direction, direction)
+    distance = np.linalg.norm(offset, axis=1)
+    outward = offset / np.maximum(distance, 1e-300)[:, None]
+    return (distance + radius - surface.radius, -outward) if surface.inside else (surface.radius + radius - distance, outward)
+
+
+def pushed_apart(setup: ContactSetup, position: np.ndarray) -> np.ndarray:
+    """Positions without overlaps: pairs moved along their line by shares of inverse mass, round after round.
+
+    ValueError where MOST_ROUNDS do not suffice: there is no room.
+    """
+    position = position.copy()
+    weight = setup.inverse_mass.max(axis=1)
+    for _ in range(MOST_ROUNDS):
+        pairs, depth = overlapping_pairs(setup, position)
+        change = np.zeros_like(position)
+        smaller = np.minimum(setup.radius[pairs[:, 0]], setup.radius[pairs[:, 1]])
+        deep = depth > ALLOWED * smaller
+        clear = not deep.any()
+        separation = _separation(setup, position, pairs)
+        distance = np.linalg.norm(separation, axis=1)
+        # Coincident centres have no direction: each pair takes one of its own, so that a heap of them opens on all sides.
+        turned = np.random.default_rng(len(pairs)).normal(size=separation.shape) * (np.arange(3) < setup.dimensions)
+        separation = np.where(distance[:, None] > 0.0, separation, turned)
+        normal = separation / np.linalg.norm(separation, axis=1)[:, None]
+        share = weight[pairs] / weight[pairs].sum(axis=1, keepdims=True)
+        for end, sign in ((0, -1.0), (1, 1.0)):
+            move = sign * (share[:, end] * depth)[:, None] * normal
+            np.add.at(change, pairs[:, end], move)
+        position += 0.5 * change * (setup.inverse_mass > 0.0)
+        for surface in setup.enclosure.surfaces:
+            into, out = surface_depth(surface, position, setup.radius)
+            clear &= not (into > ALLOWED * setup.radius).any()
+            position += np.maximum(into, 0.0)[:, None] * out * (setup.inverse_mass > 0.0)
+        if clear:
+            return position
+    raise ValueError("there is no room to push all spheres apart")
+
+
+def start_of_contacts(spec: SceneSpec, particles: Snapshot, layout: ParticleLayout) -> Snapshot:
+    """The particles of a scene with contacts as they may start: overlaps refused, the pair named, or pushed apart as it says.
+
+    Velocities stay as they are. Raises SceneError, located at the contacts.
+    """
+    assert spec.contacts is not None
+    setup = contact_setup(spec, particles)
+    place = f"{spec.contacts.solver.location}: contacts.hard_spheres"
+    _check_size(setup, layout)
+    faults = _overlaps(setup, particles.position, layout)
+    if faults and spec.contacts.overlap == "separate":
+        try:
+            return replace(particles, position=pushed_apart(setup, particles.position))
+        except ValueError as error:
+            raise SceneError(f"{place}.overlap: {error}: {faults[0]}") from None
+    if faults:
+        more = [f"… and {len(faults) - FAULTS_SHOWN} more overlaps"] if len(faults) > FAULTS_SHOWN else []
+        raise SceneError(*(f"{place}: {fault}" for fault in [*faults[:FAULTS_SHOWN], *more]))
+    return particles
+
+
+def _check_size(setup: ContactSetup, layout: ParticleLayout) -> None:
+    """Refuse spheres of which two could meet in two places of a box that repeats."""
+    periods = [period for period in setup.enclosure.period if period > 0.0]
+    largest = int(np.argmax(setup.radius))
+    if periods and 4.0 * setup.radius[largest] > min(periods):
+        size = f"has the radius {setup.radius[largest]:g}, must be at most a quarter of the shortest period {min(periods):g}"
+        raise SceneError(f"{layout.entries[layout.entry_of(largest)].location}: {layout.label(largest)} {size}")
+
+
+def _overlaps(setup: ContactSetup, position: np.ndarray, layout: ParticleLayout) -> list[str]:
+    faults = []
+    pairs, depth = overlapping_pairs(setup, position)
+    smaller = np.minimum(setup.radius[pairs[:, 0]], setup.radius[pairs[:, 1]])
+    for (i, j), deep in zip(pairs[depth > ALLOWED * smaller], depth[depth > ALLOWED * smaller]):
+        apart = f"overlap by {deep:.3g}, move them or say overlap: separate"
+        faults.append(f"{layout.label(int(i))} and {layout.label(int(j))} {apart}")
+    for surface in setup.enclosure.surfaces:
+        into, _ = surface_depth(surface, position, setup.radius)
+        for i in np.flatnonzero((into > ALLOWED * setup.radius) & np.any(setup.inverse_mass, axis=1)):
+            deep = f"reaches {into[i]:.3g} into {surface.label}, move it or say overlap: separate"
+            faults.append(f"{layout.label(int(i))} {deep}")
+    return faults

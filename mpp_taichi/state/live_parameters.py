@@ -1,0 +1,87 @@
+"""Live parameters: numbers of a force that kernels load from a field, so that they may change while compiled kernels run.
+
+What a scene fixes is a constant of its kernels, and costs nothing. A parameter that `sliders:` names is to change without a
+compiler. A force with such parameters is therefore an instance of a class made on the spot, whose property of that name gives
+a load from a field to a kernel that is being compiled, and the number to everybody else. The formula in the force's file is the
+same text for both.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.device import bulk_copy
+from mpp_taichi.scene.spec import ComponentSpec
+
+COMPONENTS = 3  # of a vector
+
+
+class LiveParameters:
+    """The live parameters of the forces of a scene, one field for all of them; `forces` are the forces that load it.
+
+    Numbers are kept in the run's precision, as constants of kernels are.
+    """
+
+    def __init__(self, entries: Sequence[ComponentSpec], forces: Sequence[Any]) -> None:
+        """Allocate; `entries` are those that the first of the `forces` were built from, one for each."""
+        self._places: dict[tuple[str, str], int] = {}
+        count = 0
+        for entry in entries:
+            for name in entry.live:
+                self._places[entry.name, name] = count
+                count += COMPONENTS
+        self._values = np.zeros(count)
+        self.forces = tuple(forces)
+        self._tree: Any = None
+        if count == 0:
+            return
+        builder = ti.FieldsBuilder()
+        self._field = ti.field(float)
+        builder.dense(ti.i, count).place(self._field)
+        self._tree = builder.finalize()
+        made = [self._loading(entry, force) for entry, force in zip(entries, forces)]
+        self.forces = (*made, *forces[len(entries) :])
+        self.write(entries)
+
+    def write(self, entries: Sequence[ComponentSpec]) -> None:
+        """Let the forces have the values of these entries from the next launch on."""
+        for entry in entries:
+            for name in entry.live:
+                value, place = entry.parameters[name], self._places[entry.name, name]
+                numbers = value if isinstance(value, tuple) else (value,)
+                self._values[place : place + len(numbers)] = numbers
+        if self._tree is not None:
+            dtype = np.float32 if self._field.dtype == ti.f32 else np.float64
+            bulk_copy.write([self._field], [self._values.astype(dtype)])
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        if self._tree is not None:
+            self._tree.destroy()
+
+    def _loading(self, entry: ComponentSpec, force: Any) -> Any:
+        """The force, with properties in place of its live parameters."""
+        if not entry.live:
+            return force
+        loads = {name: self._property(self._places[entry.name, name], entry.parameters[name]) for name in entry.live}
+        return _with_properties(force, loads)
+
+    def _property(self, place: int, example: Any) -> property:
+        def load(_: Any) -> Any:
+            if not ti.lang.impl.inside_kernel():
+                numbers = tuple(self._values[place : place + COMPONENTS].tolist())
+                return numbers if isinstance(example, tuple) else numbers[0]
+            loaded = [ti.lang.impl.subscript(None, self._field, place + k) for k in range(COMPONENTS)]
+            return tuple(loaded) if isinstance(example, tuple) else loaded[0]
+
+        return property(load)
+
+
+def _with_properties(force: Any, properties: Mapping[str, property]) -> Any:
+    """An object like `force` whose class has these properties in place of attributes."""
+    kind = type(force)
+    made: Any = object.__new__(type(kind.__name__, (kind,), {"__module__": kind.__module__, **properties}))
+    vars(made).update({name: value for name, value in vars(force).items() if name not in properties})
+    return made

@@ -1,0 +1,54 @@
+"""Accelerations of all particles at one moment, by the forces of a simulation, for those who look on."""
+
+import numpy as np
+import taichi as ti
+
+from mpp_taichi.snapshot import MERGED_ARRAYS, Snapshot
+from mpp_taichi.step.stepper import Stepper
+
+WRITTEN = ("position", "velocity", "position_low", "velocity_low", "acceleration", "jerk", "snap")
+"""Fields that a look sets or a sum of forces writes."""
+
+
+@ti.data_oriented
+class AccelerationMeter:
+    """What the forces of a step make of a state, dv/dt = F / m, friction included; the state keeps every bit."""
+
+    def __init__(self, stepper: Stepper) -> None:
+        """Bind the step; nothing is compiled before the first look."""
+        self.stepper = stepper
+        self.state, self.total_force = stepper.state, stepper.total_force
+        self.particle_count, self.dimensions = self.state.particle_count, self.state.dimensions
+        names = (*WRITTEN, *(MERGED_ARRAYS if self.state.merges else ()))
+        self._written = [getattr(self.state, name) for name in names if name in self.state.quantities]
+
+    def measure(self, snapshot: Snapshot) -> np.ndarray:
+        """Accelerations [length / time²] of the first replica where a snapshot has it, (particle_count, 3), in float64.
+
+        They are those of the smooth forces: 0 along an axis that is held, and without what contacts and walls do.
+        """
+        result = np.zeros((self.particle_count, 3))
+        if not self.total_force.forces:
+            return result
+        before = [field.to_numpy() for field in self._written]
+        if self.state.merges:
+            self.state.write_spheres(snapshot)
+        self.state.write(snapshot.position, snapshot.velocity)
+        self.stepper.sum_forces(self.total_force, snapshot.time)
+        found = np.empty(
+            (self.particle_count, self.dimensions), np.float32 if self.state.position.dtype == ti.f32 else np.float64
+        )
+        self._look(snapshot.time, found)
+        for field, values in zip(self._written, before, strict=True):
+            field.from_numpy(values)
+        result[:, : self.dimensions] = found
+        return result
+
+    @ti.kernel
+    def _look(self, time: float, result: ti.types.ndarray(ndim=2)):
+        for i in range(self.particle_count):
+            found = self.state.acceleration[i]
+            if ti.static(self.total_force.depends_on_velocity):
+                found += self.total_force.local_acceleration(self.state, 0, i, time, True)
+            for k in ti.static(range(self.dimensions)):
+                result[i, k] = found[k]

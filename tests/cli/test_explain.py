@@ -1,0 +1,123 @@
+"""`explain` counts and measures what really is: launches as Taichi's profiler sees them, shares that add up."""
+
+import json
+
+import pytest
+import yaml
+
+from mpp_taichi import Simulation, component
+from mpp_taichi.cli._costs import measure
+from mpp_taichi.cli.main import main
+from mpp_taichi.device import backends
+from mpp_taichi.scene.load import load_scene
+from scenes import KINDS_OF_STEP, cluster, everything, kepler
+
+
+def profiled_loops(simulation):
+    """Parallel loops that one step more starts, as Taichi's own profiler records them; the rest are single-thread preambles."""
+    import taichi as ti
+    from taichi.lang import impl
+
+    simulation.run(steps=2)
+    program = impl.get_runtime().prog
+
+    def loops(steps):
+        ti.sync()
+        program.clear_kernel_profiler()
+        simulation.stepper.advance(simulation.time, simulation.dt, steps)
+        ti.sync()
+        program.update_kernel_profiler()
+        return sum("range_for" in record.name for record in program.get_kernel_profiler_records())
+
+    return loops(3) - loops(2)
+
+
+@pytest.fixture
+def profiler(monkeypatch):
+    """Every start of Taichi in this test has its profiler on."""
+    ti = backends.import_taichi()
+    original = ti.init
+    monkeypatch.setattr(ti, "init", lambda *arguments, **options: original(*arguments, kernel_profiler=True, **options))
+
+
+IMPLICIT = [name for name in KINDS_OF_STEP if component.declaration("integrators", name).base == "Implicit"]
+# Of the methods made from a table, one of each way through its stages: kicks that end a step and begin the next, kicks alone,
+# drifts first, stages looked up; a Runge–Kutta step. Of implicit ones nothing is launched.
+COUNTED = ("leapfrog", "symplectic_euler", "velocity_verlet", "kahan_li6", "rk4", "hermite4", "chin4a", "janus", *IMPLICIT)
+
+
+@pytest.mark.sampled(8)
+@pytest.mark.parametrize(
+    ("scene", "integrator"), [*((everything, name) for name in COUNTED), (cluster, "leapfrog"), (cluster, "hermite4")]
+)
+def test_parallel_loops_are_those_that_the_profiler_counts(integrator, scene, profiler):
+    with Simulation(scene(integrator=integrator), backend="cpu", plan="parallel") as simulation:
+        told = simulation.stepper.launches_per_step()
+        assert told is None if simulation.integrator.implicit else told == profiled_loops(simulation)
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize(("count", "loops"), [(600, 1), (1100, 1), (4200, 3)])
+def test_what_one_thread_does_before_another_is_awake_starts_no_parallel_loop(count, loops, profiler):
+    with Simulation(cluster(count), backend="cpu", plan="parallel") as simulation:
+        assert simulation.stepper.launches_per_step() == profiled_loops(simulation) == loops
+
+
+def test_a_serial_step_starts_no_parallel_loop(profiler):
+    with Simulation(kepler(), backend="cpu", plan="serial") as simulation:
+        assert simulation.stepper.launches_per_step() == profiled_loops(simulation) == 0
+
+
+@pytest.mark.thorough
+def test_pair_forces_take_most_of_a_step_of_many_bodies():
+    with Simulation(load_scene(cluster(count=300)), backend="cpu", plan="serial") as simulation:
+        step, shares, absent = measure(simulation)
+    (gravity,) = shares
+    assert gravity.name == "newtonian_gravity" and 0.5 < gravity.seconds / step.seconds <= 1.0
+    assert {cost.name for cost in absent} == {"coulomb", "harmonic_drive", "linear_drag", "thrust", "uniform_gravity"}
+    cost = {entry.name: entry.seconds / step.seconds for entry in absent}
+    assert cost["coulomb"] > cost["uniform_gravity"]  # N² against N
+
+
+@pytest.fixture(scope="module")
+def costs():
+    """What was measured: all variants of a scene's forces are compiled for it."""
+    return []
+
+
+@pytest.fixture
+def measured_once(costs, monkeypatch):
+    """The costs of `everything` are measured for the first who asks."""
+
+    def asked(simulation):
+        if not costs:
+            costs.append(measure(simulation))
+        return costs[0]
+
+    monkeypatch.setattr("mpp_taichi.cli._costs.measure", asked)
+
+
+@pytest.mark.thorough
+def test_explain_tells_fields_and_effects(tmp_path, capsys, measured_once):
+    path = tmp_path / "everything.yaml"
+    path.write_text(yaml.safe_dump(everything()), encoding="utf-8")
+    assert main(["explain", str(path), "--json", "-q"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["effects"] == ["newtonian_gravity", "coulomb", "uniform_gravity", "linear_drag", "spring"]
+    assert [row["effect"] for row in found["shares"]] == found["effects"]
+    assert [row["effect"] for row in found["absent"]] == ["harmonic_drive", "thrust"]
+    assert found["fields"]["position"] == 5 * 3 * 8 and found["fields"]["spring_neighbor"] == 2 * 5 * 4
+    assert found["field_bytes"] == sum(found["fields"].values())
+    assert (
+        found["dt_limit"] >= found["dt_limit_any_arrangement"] > found["dt"]
+        and "the spring between" in found["dt_limit_set_by"]
+    )
+    assert found["seconds_per_step"] > 0
+
+
+def test_explain_says_it_in_words(tmp_path, capsys, measured_once):
+    path = tmp_path / "everything.yaml"
+    path.write_text(yaml.safe_dump(everything()), encoding="utf-8")
+    assert main(["explain", str(path), "-q"]) == 0
+    out = capsys.readouterr().out
+    assert "one launch holds many steps" in out and "linear_drag" in out and "leapfrog is stable up to" in out

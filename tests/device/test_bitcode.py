@@ -1,0 +1,22 @@
+"""Bitcode that is kept with its sources was made from them."""
+
+import hashlib
+from pathlib import Path
+
+import pytest
+
+from mpp_taichi.device.fast_taichi import bitcode, lane_arithmetic, prefetch, worker_threads
+
+SOURCES = lane_arithmetic.SOURCE, prefetch.SOURCE, worker_threads.SOURCE
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.name)
+def test_the_bitcode_is_that_of_the_source_beside_it(source):
+    digest = hashlib.sha256(source.read_bytes()).hexdigest()[:8]
+    assert [path.name for path in source.parent.glob(f"{source.stem}_*.bc")] == [f"{source.stem}_{digest}.bc"]
+    assert Path(bitcode.bitcode(source)).read_bytes()[:4] == b"BC\xc0\xde"
+
+
+def test_no_bitcode_is_without_a_source():
+    kept = {path.name for path in Path(bitcode.__file__).parent.rglob("*.bc")}
+    assert kept == {Path(bitcode.bitcode(source)).name for source in SOURCES}

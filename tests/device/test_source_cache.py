@@ -1,0 +1,73 @@
+"""What Taichi's front end remembers is what it would have found."""
+
+import pytest
+
+from mpp_taichi.device.backends import import_taichi
+from mpp_taichi.simulation.simulation import Simulation
+from scenes import cluster
+
+
+@pytest.fixture
+def plain(monkeypatch):
+    """The context that tells places in a source, with every answer compared with Taichi's own: how many there were."""
+    import_taichi()
+    from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
+
+    remembering, seen = ASTTransformerContext.get_pos_info, []
+
+    def compared(self, node):
+        found = remembering(self, node)
+        seen.append((found, remembering.__wrapped__(self, node)))
+        return found
+
+    monkeypatch.setattr(ASTTransformerContext, "get_pos_info", compared)
+    return seen
+
+
+def test_the_places_told_are_taichis_own(plain):
+    for integrator in ("leapfrog", "rk4"):  # the second finds much of the first remembered
+        with Simulation(cluster(3, integrator=integrator)) as simulation:
+            simulation.run(steps=1)
+    assert len(plain) > 1000
+    assert [pair for pair in plain if pair[0] != pair[1]] == []
+
+
+def test_a_mistake_in_a_kernel_is_told_at_its_place():
+    ti = import_taichi()
+    from taichi.lang.kernel_impl import getsourcelines
+
+    ti.init(arch=ti.cpu, log_level=ti.ERROR)
+
+    @ti.kernel
+    def wrong(x: ti.f32) -> ti.f32:
+        return x + unknown  # noqa: F821
+
+    for _ in range(2):  # first found, then remembered
+        with pytest.raises(
+            ti.TaichiNameError, match=r"(?s)test_source_cache\.py.*return x \+ unknown.*\^\^\^\^\^\^\^.*not defined"
+        ):
+            wrong(1.0)
+    assert getsourcelines.cache_info().hits > 0
+
+
+def test_a_field_knows_where_it_was_declared(monkeypatch):
+    ti = import_taichi()
+    from taichi.lang import impl, snode, util
+
+    told = []
+
+    def compared(stacklevel=1):
+        stack = util.get_traceback(stacklevel + 1).splitlines()
+        told.append((quick(stacklevel + 1).strip(), [line.strip() for line in stack if line.startswith("  File ")][-1]))
+        return told[-1][0]
+
+    quick = impl.get_traceback
+    assert quick is snode.get_traceback and quick is not util.get_traceback
+    for module in (impl, snode):
+        monkeypatch.setattr(module, "get_traceback", compared)
+    ti.init(arch=ti.cpu, log_level=ti.ERROR)
+    builder, field = ti.FieldsBuilder(), ti.field(ti.f32)
+    builder.dense(ti.i, 3).place(field)
+    builder.finalize()
+    assert len(told) >= 3 and all(found == plain for found, plain in told)
+    assert "test_source_cache.py" in told[1][0]

@@ -1,0 +1,73 @@
+"""A count of threads or processes is checked before any of them starts."""
+
+import os
+
+import numpy as np
+import pytest
+import yaml
+
+from mpp_taichi import MppError, Simulation
+from mpp_taichi.cli.main import main
+from mpp_taichi.device import backends
+from mpp_taichi.device.thread_count import most_threads
+from scenes import kepler
+
+REFUSED = ["1000000", "1e6", "0", "-3", "2.5", "nan", "inf", "two", "", "9" * 5000]
+
+
+@pytest.fixture
+def scene(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    content = {**kepler(dt=0.02), "run": {"duration": 0.1}}
+    (tmp_path / "kepler.yaml").write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+    return "kepler.yaml"
+
+
+@pytest.fixture
+def no_start(monkeypatch):
+    """Fail where a backend is started."""
+
+    def start(*_, **__):
+        raise AssertionError("a backend was started")
+
+    monkeypatch.setattr(backends, "initialise", start)
+    backends.stop()
+
+
+@pytest.mark.parametrize("count", REFUSED)
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", "kepler.yaml", "--headless", "--threads"],
+        ["record", "kepler.yaml", "--still", "a.png", "--threads"],
+        ["explain", "kepler.yaml", "--threads"],
+        ["check", "kepler.yaml", "--threads"],
+        ["check", "kepler.yaml", "--jobs"],
+        ["compare", "kepler.yaml", "--threads"],
+    ],
+    ids=lambda words: f"{words[0]} {words[-1]}",
+)
+def test_a_count_on_the_command_line_is_refused_before_anything_starts(scene, no_start, capsys, words, count):
+    assert main([*words[:-1], f"{words[-1]}={count}"]) == 2
+    said = capsys.readouterr().err.splitlines()[0]
+    assert words[-1] in said and f"must be a whole number from 1 on, at most {most_threads()}" in said
+
+
+@pytest.mark.parametrize("count", ["1000000", "0", "-3", "2.5", "two", "9" * 5000])
+def test_a_count_of_the_right_half_is_refused_before_anything_starts(scene, no_start, capsys, count):
+    assert main(["record", scene, "--still", "a.png", "--beside", f"threads={count}"]) == 2
+    assert f"must be a whole number from 1 on, at most {most_threads()}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("count", [10**6, 0, -3, 2.5, 2.0, float("nan"), "2", True, np.float64(2.0)])
+def test_a_count_in_python_is_refused_before_anything_starts(no_start, count):
+    for start in (lambda: Simulation(kepler(), backend="cpu", threads=count), lambda: backends.start("cpu", threads=count)):
+        with pytest.raises(MppError, match="threads=.* must be a whole number from 1 on") as caught:
+            start()
+        assert caught.value.exit_code == 2
+
+
+def test_as_many_threads_as_are_allowed_run():
+    with Simulation({**kepler(dt=0.02), "run": {"steps": 3}}, backend="cpu", threads=np.int64(most_threads())) as simulation:
+        simulation.run()
+        assert simulation.device.threads == most_threads() >= 4 * (os.cpu_count() or 1)

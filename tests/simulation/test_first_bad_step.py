@@ -1,0 +1,29 @@
+"""Whom a run that ended in NaN names: the particles that it began with."""
+
+import numpy as np
+import pytest
+
+from mpp_taichi import Simulation, StabilityError
+from mpp_taichi.device.fast_taichi import bitcode
+
+COUNT = 600  # each pair is evaluated once
+MEETING = (11, 400)  # in the second of two tiles of bodies that are taken together, and elsewhere
+
+
+@pytest.mark.parametrize("has_root", [True, False], ids=["as this processor does it", "written out"])
+def test_bodies_that_meet_exactly_are_named(monkeypatch, has_root):
+    """In the middle of the first step, at the origin; a body that shares a division with one of them is not blamed."""
+    if not has_root:
+        monkeypatch.setattr(bitcode, "has_avx512", lambda: False)
+    random = np.random.default_rng(1)
+    position, velocity = random.normal(size=(COUNT, 3)), np.zeros((COUNT, 3))
+    for body, sign in zip(MEETING, (-1.0, 1.0)):
+        position[body], velocity[body] = [0.5 * sign, 0.0, 0.0], [-sign, 0.0, 0.0]
+    places = zip(position.tolist(), velocity.tolist(), strict=True)
+    bodies = [{"body": {"mass": 1e-9, "position": x, "velocity": v}} for x, v in places]
+    scene = {"particles": bodies, "forces": [{"newtonian_gravity": {}}], "integrator": {"leapfrog": {"dt": 1.0}}}
+    with Simulation(scene, backend="cpu", precision="f64", force=True) as simulation:
+        with pytest.raises(StabilityError, match="particle 11 is no longer a finite number") as caught:
+            simulation.run(steps=3)
+        assert caught.value.step == 1 and caught.value.particle == MEETING[0]
+        assert np.isfinite(simulation.snapshot().position).all()

@@ -1,0 +1,102 @@
+"""docs/performance.md is what the benchmarks wrote: ratios the right way round, losses told, what is missing left out."""
+
+import subprocess
+import sys
+
+import pytest
+from conftest import ROOT
+
+sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "tools" / "benchmarks")]
+
+import measure_performance  # noqa: E402
+from performance_page import duration, page, ratio, size  # noqa: E402
+
+MACHINE = {"processor": "Abacus", "threads": 2, "system": "Beads", "taichi": "1.7.4", "numpy": "2.4", "python": "3.11"}
+
+
+def pair_row(speed, error=1e-7):
+    return {"per_second": speed, "error": error}
+
+
+FOUND = {
+    "pairs": {
+        "machine": MACHINE,
+        "results": {
+            "f32": {
+                "1024": {"composed": pair_row(1e9), "gather": pair_row(2e9, 3e-7), "c": pair_row(4e9), "numpy": pair_row(1e8)},
+                "2048": {"composed": pair_row(3e9), "gather": pair_row(2e9), "c": pair_row(3e9)},
+            }
+        },
+        "bars": [
+            {"bar": "f32: speed ÷ c, at least", "limit": 0.7, "value": 0.5, "held": False},
+            {"bar": "f32: speed ÷ numpy, at least", "limit": 10.0, "value": 20.0, "held": True},
+        ],
+    },
+    "compare scenes/ring.yaml": {
+        "scene": "scenes/ring.yaml",
+        "title": "Ring",
+        "particle_count": 3073,
+        "warnings": ["the machine was busy"],
+        "rows": [
+            {"label": "cpu", "precision": "f64", "verdict": "rounding", "status": "ok", "on_processor": True,
+             "step_seconds": 4e-3, "cold_compile_seconds": 2.0, "warm_compile_seconds": None,
+             "rates": {"interactions_per_second": 2.5e9, "share_of_peak_flops": 0.4}},
+            {"label": "cuda", "precision": None, "status": "missing", "reason": "no driver"},
+            {"label": "vulkan", "precision": "f64", "verdict": "rounding", "status": "ok", "on_processor": True,
+             "step_seconds": 0.1, "cold_compile_seconds": 0.2, "warm_compile_seconds": 0.1, "rates": {}},
+        ],
+    },
+}  # fmt: skip
+COMMANDS = {"pairs": "python tools/benchmarks/benchmark_pairs.py", "compare scenes/ring.yaml": "python -m mpp_taichi compare …"}
+
+
+@pytest.fixture(scope="module")
+def lines():
+    return page(FOUND, COMMANDS).splitlines()
+
+
+def test_ratios_are_ours_over_theirs_of_the_better_of_ours(lines):
+    assert "| f32: N | pairs/s | ÷ C, AVX-512 | ÷ NumPy | off |" in lines
+    assert "| 1,024 | 2 G | 0.5 | 20 | 3.0e-07 |" in lines  # by the sum for few bodies
+    assert "| 2,048 | 3 G | 1 | – | 1.0e-07 |" in lines
+
+
+def test_losses_machine_and_commands_are_told(lines):
+    text = "\n".join(lines)
+    assert "1 of 2 held." in text and "| pairs | f32: speed ÷ c, at least | 0.7 | 0.5 | **missed** |" in lines
+    assert "Abacus, 2 threads, Beads; taichi 1.7.4, numpy 2.4, python 3.11." in lines
+    assert "    python tools/benchmarks/benchmark_pairs.py" in lines
+
+
+def test_a_backend_that_is_missing_is_a_row_with_the_reason(lines):
+    assert "| cpu | f64 | rounding | 2 s | – | 4 ms | 2.5 G pairs/s | 40 % |" in lines
+    assert "| cuda |  | missing |  |  |  | no driver |  |" in lines
+    assert "**Not run on a GPU.**" in lines  # a software driver is none
+    assert "The machine was busy." in lines
+
+
+def test_numbers_are_short():
+    assert [size(870_000.0), size(12.0), ratio(0.0567), ratio(123.4), ratio(None)] == ["870 k", "12", "0.057", "123", "–"]
+    assert [duration(None), duration(0.0123), duration(4.5e-7)] == ["–", "12.3 ms", "450 ns"]
+
+
+def test_every_benchmark_that_is_run_is_there_and_takes_its_arguments(tmp_path):
+    for name, arguments in measure_performance.RUNS.items():
+        call, told = measure_performance.call_of(name, arguments[0], measure_performance.file_of(tmp_path, name))
+        assert told.startswith("python ")
+        if name.startswith("compare"):
+            assert (ROOT / call[4]).is_file()
+        else:
+            assert (ROOT / call[1]).is_file() and "--json" in call
+
+
+@pytest.mark.thorough
+def test_a_short_run_writes_the_page(tmp_path):
+    """The whole way once, with the benchmark that is over first."""
+    words = ["--short", "--only", "event_driven", "--folder", str(tmp_path), "--page", str(tmp_path / "page.md")]
+    ran = subprocess.run(
+        [sys.executable, "tools/measure_performance.py", *words], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    text = (tmp_path / "page.md").read_text(encoding="utf-8")
+    assert "## Contacts, event-driven" in text and "| 3D, 1,000 |" in text and "| event_driven | 3D, 1000 spheres" in text

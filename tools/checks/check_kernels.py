@@ -1,0 +1,83 @@
+"""Linter for Taichi code: rules whose breach gives wrong numbers or confusing errors, and that no general linter knows.
+
+Usage: python tools/checks/check_kernels.py [FOLDER]. Prints `file:line: rule` for each breach; exit code 1 if there is any.
+"""
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from mpp_taichi import component
+
+ONLY_STARTER = "backends.py"
+FIELD_MAKERS = {"field", "Vector.field", "Matrix.field", "ndarray"}
+
+
+def main() -> int:
+    """Check every module of the package, or of the folder named on the command line."""
+    root = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[2] / "mpp_taichi"
+    breaches = [breach for path in sorted(root.rglob("*.py")) for breach in check(path)]
+    sys.stdout.write("".join(f"{breach}\n" for breach in breaches))
+    return 1 if breaches else 0
+
+
+def check(path: Path) -> Iterator[str]:
+    """Every breach in one file."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    has_kernels = any(is_kernel(node) for node in ast.walk(tree))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module == "__future__" and has_kernels:
+            yield f"{path}:{node.lineno}: a __future__ import turns kernel annotations into strings"
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == "ti.init" and path.name != ONLY_STARTER:
+            yield f"{path}:{node.lineno}: ti.init belongs in {ONLY_STARTER}"
+        if is_kernel(node):
+            yield from check_kernel(path, node)
+    for node in tree.body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and makes_field(node.value):
+            yield f"{path}:{node.lineno}: a field at module level starts a device at import"
+    yield from check_component(path, tree)
+
+
+def is_kernel(node: ast.AST) -> bool:
+    """A function marked @ti.kernel or @ti.func."""
+    return isinstance(node, ast.FunctionDef) and any(
+        ast.unparse(mark) in ("ti.kernel", "ti.func") for mark in node.decorator_list
+    )
+
+
+def check_kernel(path: Path, kernel: ast.FunctionDef) -> Iterator[str]:
+    """Rules for the inside of a kernel."""
+    for node in ast.walk(kernel):
+        if isinstance(node, ast.Compare) and any(is_self_comparison(node.left, other) for other in node.comparators):
+            yield f"{path}:{node.lineno}: a comparison with itself is folded away; use ti.math.isnan"
+        if isinstance(node, ast.Compare) and any(isinstance(op, ast.In | ast.NotIn) for op in node.ops):
+            yield f"{path}:{node.lineno}: `in` does not work in a kernel"
+        if isinstance(node, ast.Return) and node is not kernel.body[-1]:
+            yield f"{path}:{node.lineno}: a kernel or func returns once, at its end"
+
+
+def is_self_comparison(left: ast.expr, right: ast.expr) -> bool:
+    """`x == x`, which was meant to find NaN."""
+    return not isinstance(left, ast.Constant) and ast.unparse(left) == ast.unparse(right)
+
+
+def makes_field(value: ast.expr | None) -> bool:
+    """A call of ti.field and its kin."""
+    return isinstance(value, ast.Call) and ast.unparse(value.func).removeprefix("ti.") in FIELD_MAKERS
+
+
+def check_component(path: Path, tree: ast.Module) -> Iterator[str]:
+    """A component file holds one class, named like the file."""
+    if path.parent.name not in component.KINDS or path.name.startswith("_"):
+        return
+    wanted = component.class_name_of(path.stem)
+    classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
+    if [node.name for node in classes] != [wanted]:
+        yield f"{path}:1: must hold exactly one class, {wanted}"
+    elif "component" not in [ast.unparse(mark) for mark in classes[0].decorator_list]:
+        yield f"{path}:{classes[0].lineno}: {wanted} is not marked @component"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,101 @@
+"""Does each scene notice a force that is one per cent too strong? Every force and all springs of a scene are so in turn.
+
+    python tools/checks/plant_errors.py [SCENE …] [--by 1.01] [--backend cpu] [--precision f32] [--json FILE]
+
+An error is caught where an expectation fails that held before. Scenes of hard spheres alone have no force to plant one in.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tools" / "benchmarks")]  # so that it also runs from a checkout that is not installed
+
+from verdicts import finish  # noqa: E402
+
+from mpp_taichi.scene.load import load_scene  # noqa: E402
+
+STRENGTHS = {
+    "newtonian_gravity": "strength",
+    "coulomb": "strength",
+    "uniform_gravity": "acceleration",
+    "linear_drag": "coefficient",
+    "harmonic_drive": "force",
+    "thrust": "exhaust_speed",
+}
+DEFAULTS = {"strength": 1.0}
+
+
+def errors_of(scene, by):
+    """Name of each effect, and the settings that make it wrong."""
+    resolved = load_scene(scene).resolved
+    for number, entry in enumerate(resolved.get("forces") or ()):
+        (name, given) = next(iter(entry.items())) if isinstance(entry, dict) else (entry, None)
+        key = STRENGTHS[name]
+        yield name, [f"forces[{number}].{name}.{key}={scaled((given or {}).get(key, DEFAULTS.get(key)), by)}"]
+    springs = resolved.get("springs") or ()
+    settings = [
+        f"springs[{number}].{kind}.stiffness={scaled(given['stiffness'], by)}"
+        for number, entry in enumerate(springs)
+        for kind, given in entry.items()
+        if "stiffness" in given
+    ]
+    settings += [
+        f"spring_types.{name}.stiffness={scaled(given['stiffness'], by)}"
+        for name, given in (resolved.get("spring_types") or {}).items()
+    ]
+    if settings:
+        yield "springs", settings
+
+
+def scaled(value, by):
+    """A number, an expression or a vector of them, as a setting."""
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(scaled(each, by) for each in value) + "]"
+    return f"{by} * ({value})"
+
+
+def run(scene, settings, device):
+    """The exit code of a run, and the expectations that failed."""
+    words = [sys.executable, "-m", "mpp_taichi", "run", str(scene), "--headless", "--json", "--quiet", *device]
+    for setting in settings:
+        words += ["--set", setting]
+    done = subprocess.run(words, capture_output=True, text=True, cwd=ROOT, check=False)
+    if not done.stdout.strip():
+        return done.returncode, [done.stderr.strip().splitlines()[-1] if done.stderr.strip() else ""]
+    found = json.loads(done.stdout)
+    return done.returncode, [row["label"] for row in found.get("expect", []) if not row["passed"]]
+
+
+def main():
+    """Run them all."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="*", type=Path, default=sorted((ROOT / "scenes").glob("*.yaml")))
+    parser.add_argument("--by", type=float, default=1.01)
+    parser.add_argument("--backend", default="cpu")
+    parser.add_argument("--precision", help="absent: that of the scene")
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    device = ["--backend", arguments.backend, *(["--precision", arguments.precision] if arguments.precision else [])]
+    rows, verdicts = [], []
+    for scene in arguments.scenes:
+        planted = list(errors_of(scene, arguments.by))
+        held = not planted or run(scene, [], device)[0] == 0  # what fails by itself catches nothing
+        if not held:
+            print(f"FAILS   {scene.stem}  as it is", flush=True)
+        for effect, settings in planted:
+            code, failed = run(scene, settings, device)
+            rows.append({"scene": scene.stem, "effect": effect, "code": code, "failed": failed})
+            caught = held and code == 4 and bool(failed)
+            verdicts.append(
+                (f"{scene.stem}: {effect} times {arguments.by}, expectations that fail, at least", len(failed), 1, caught)
+            )
+            print(f"{'caught' if caught else 'MISSED'}  {scene.stem}  {effect}  {code}  {', '.join(failed)}", flush=True)
+    return finish(verdicts, rows, arguments.json)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
