@@ -6,7 +6,11 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi import component
-from mpp_taichi.arithmetic.inverse_distance import change_of_inverse_distance, second_change_of_inverse_distance
+from mpp_taichi.arithmetic.inverse_distance import (
+    change_of_inverse_distance,
+    inverse_root,
+    second_change_of_inverse_distance,
+)
 from mpp_taichi.arithmetic.low_parts import wide_velocity
 from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
 from mpp_taichi.scene.spec import SceneSpec
@@ -261,7 +265,7 @@ class TotalForce:
         if ti.static(self.derivatives > 1):
             q = state.estimate[j] - state.estimate[i]
         squared, approach = d.dot(d), d.dot(w)
-        inverse = ti.select(squared > 0.0, 1.0 / ti.sqrt(squared), 0.0)
+        inverse = ti.select(squared > 0.0, inverse_root(squared), 0.0)
         shape, slope = bond.shape(state, h, inverse), bond.slope(state, h, inverse)
         rate = slope * change_of_inverse_distance(inverse, approach)
         curve = slope * second_change_of_inverse_distance(inverse, approach, w.dot(w) + d.dot(q))

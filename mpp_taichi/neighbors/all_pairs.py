@@ -13,6 +13,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.inverse_distance import inverse_distance, softened_square
 from mpp_taichi.arithmetic.low_parts import added, separation, wide_position
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors, require_components_apart
 from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
@@ -119,9 +120,9 @@ class AllPairs:
         on_j = 0.0
         distance_squared = self._apart(self._apart(distance_squared, state, i), state, j)
         for group in ti.static(self.groups):
-            inverse_distance = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
+            inverse = inverse_distance(distance_squared, group.softening_squared)
             for member in ti.static(group.members):
-                shape = member.force.shape(inverse_distance)
+                shape = member.force.shape(inverse)
                 on_i += member.force.response(state, i) * (member.force.source(state, j) * shape)
                 on_j += member.force.response(state, j) * (member.force.source(state, i) * shape)
         return on_i, on_j
@@ -168,10 +169,10 @@ class AllPairs:
         distance_squared = self._apart(d.dot(d), state, j)
         weight = 0.0
         for group in ti.static(self.groups):
-            inverse_distance = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
+            inverse = inverse_distance(distance_squared, group.softening_squared)
             for member in ti.static(group.members):
                 source = member.force.source(state, j)
-                weight += member.force.response(state, i) * (source * member.force.shape(inverse_distance))
+                weight += member.force.response(state, i) * (source * member.force.shape(inverse))
         return weight * d
 
     # Cores of a CPU, lanes of their vector units ---------------------------------------------------------------------
@@ -271,7 +272,9 @@ class AllPairs:
                 weight_k = ti.Vector.zero(float, self.lane_count)
                 for group in ti.static(self.groups):
                     inverse_j, inverse_k = inverse_roots(
-                        squared_j + group.softening_squared, squared_k + group.softening_squared, state.forces_see_low
+                        softened_square(squared_j, group.softening_squared),
+                        softened_square(squared_k, group.softening_squared),
+                        state.forces_see_low,
                     )
                     for member in ti.static(group.members):
                         weight_j = self._add_weight(weight_j, state, member, response, j, inverse_j)
@@ -293,7 +296,7 @@ class AllPairs:
             squared = self._apart(self.square(to_j) + own, state, j)
             weight = ti.Vector.zero(float, self.lane_count)
             for group in ti.static(self.groups):
-                inverse = 1.0 / ti.sqrt(squared + group.softening_squared)
+                inverse = inverse_distance(squared, group.softening_squared)
                 for member in ti.static(group.members):
                     weight = self._add_weight(weight, state, member, response, j, inverse)
             for axis in ti.static(range(self.dimensions)):
@@ -392,7 +395,7 @@ class AllPairs:
         energy = ti.cast(0.0, state.wide)
         distance_squared = self._apart(self._apart(separation.dot(separation), state, i), state, j)
         for group in ti.static(self.groups):
-            inverse = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
+            inverse = inverse_distance(distance_squared, group.softening_squared)
             for member in ti.static(group.members):
                 energy += member.force.potential(state, i, j, inverse)
         return energy

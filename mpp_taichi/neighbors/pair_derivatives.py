@@ -12,7 +12,11 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.inverse_distance import change_of_inverse_distance, second_change_of_inverse_distance
+from mpp_taichi.arithmetic.inverse_distance import (
+    change_of_inverse_distance,
+    inverse_distance,
+    second_change_of_inverse_distance,
+)
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors, is_elementwise, require_components_apart
 from mpp_taichi.device.fast_taichi.lane_arithmetic import multiply_add
 from mpp_taichi.neighbors.all_pairs import SMALLEST_BLOCK, AllPairs
@@ -68,7 +72,7 @@ class PairDerivatives:
         on_i = ti.Vector.zero(float, 3)
         on_j = ti.Vector.zero(float, 3)
         for group in ti.static(self.groups):
-            inverse = 1.0 / ti.sqrt(d.dot(d) + group.softening_squared)
+            inverse = inverse_distance(d.dot(d), group.softening_squared)
             change = change_of_inverse_distance(inverse, approach)
             second = second_change_of_inverse_distance(inverse, approach, spread)
             for member in ti.static(group.members):
@@ -205,7 +209,7 @@ class PairDerivatives:
         squared, approach, spread = self._dot(d, d) + apart, self._dot(d, w), self._dot(w, w) + self._dot(d, q)
         weight, rate, curve = squared, squared, squared
         for group in ti.static(self.groups):
-            inverse = 1.0 / ti.sqrt(squared + group.softening_squared)
+            inverse = inverse_distance(squared, group.softening_squared)
             change = change_of_inverse_distance(inverse, approach)
             second = second_change_of_inverse_distance(inverse, approach, spread)
             for member in ti.static(group.members):

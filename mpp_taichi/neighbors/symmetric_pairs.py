@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.inverse_distance import inverse_distance, softened_square
 from mpp_taichi.device.fast_taichi.lane_arithmetic import inverse_roots, multiply_add
 from mpp_taichi.types import Template
 
@@ -142,7 +143,9 @@ class SymmetricPairs:
             pull_two, push_two = ti.Vector.zero(float, self.lanes), ti.Vector.zero(float, self.lanes)
             for group in ti.static(self.pairs.groups):
                 inverse_one, inverse_two = inverse_roots(
-                    square_one + group.softening_squared, square_two + group.softening_squared, False
+                    softened_square(square_one, group.softening_squared),
+                    softened_square(square_two, group.softening_squared),
+                    False,
                 )
                 for member in ti.static(group.members):
                     pull_one, push_one = self._weigh(
@@ -184,7 +187,7 @@ class SymmetricPairs:
             square = self.pairs.square(way) + ti.max(1.0 - from_own * from_own, 0.0)
             pull, push = ti.Vector.zero(float, self.lanes), ti.Vector.zero(float, self.lanes)
             for group in ti.static(self.pairs.groups):
-                inverse = 1.0 / ti.sqrt(square + group.softening_squared)
+                inverse = inverse_distance(square, group.softening_squared)
                 for member in ti.static(group.members):
                     pull, push = self._weigh(state, member, response, source, j, inverse, pull, push)
             for axis in ti.static(range(self.dimensions)):

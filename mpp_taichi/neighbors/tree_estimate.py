@@ -17,6 +17,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.inverse_distance import softened_square
 from mpp_taichi.neighbors.tree_nodes import LEAF
 
 GROUP = 32  # bodies that share a walk; twice as many are no faster
@@ -53,7 +54,7 @@ class TreeEstimate:
             last = ti.min((group + 1) * GROUP, self.particle_count) - 1
             places = [self.nodes.body(ti.min(group * GROUP, last)), self.nodes.body(last)]
             size = 2.0 * self.nodes.radius(self.group_node(group))
-            blur = softening_squared + size * size
+            blur = softened_square(size * size, softening_squared)
             field = [ti.Vector.zero(float, self.dimensions) for place in ti.static(range(2))]
             strength = [0.0 for place in ti.static(range(2))]
             node = 0
@@ -92,7 +93,7 @@ class TreeEstimate:
         """Whether a node may be taken as a whole, at this squared distance from the group's box."""
         far = False
         if squared > radius * radius:
-            distance = ti.sqrt(squared + softening_squared)
+            distance = ti.sqrt(softened_square(squared, softening_squared))
             gap = distance - radius
             far = distance * distance * distance * (gap * gap) * limit > octupole
         return far

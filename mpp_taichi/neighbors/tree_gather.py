@@ -7,6 +7,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.inverse_distance import inverse_distance
 from mpp_taichi.neighbors.tree_estimate import GROUP, TreeEstimate
 from mpp_taichi.neighbors.tree_nodes import LEAF
 from mpp_taichi.types import Template
@@ -56,7 +57,7 @@ class TreeGather:
                 radius, octupole = self.nodes.radius(node), self.nodes.octupole(node)
                 if self.field.is_far(squared, radius, octupole, limit, softening_squared):
                     d = center - x
-                    inverse = 1.0 / ti.sqrt(d.dot(d) + softening_squared)
+                    inverse = inverse_distance(d.dot(d), softening_squared)
                     along, across, turned, depth = self.nodes.pull(
                         self.nodes.moments, node * self.nodes.moment_width, d, inverse
                     )
@@ -70,7 +71,7 @@ class TreeGather:
                         for j in range(first, ti.min(first + LEAF, self.order.particle_count)):
                             if j != slot:
                                 d = self.nodes.body(j) - x
-                                inverse = 1.0 / ti.sqrt(d.dot(d) + softening_squared)
+                                inverse = inverse_distance(d.dot(d), softening_squared)
                                 pull = self.order.mass[j] * inverse
                                 well += pull
                                 total += pull * (inverse * inverse) * d

@@ -12,6 +12,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.inverse_distance import inverse_root, softened_square
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
 from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
 from mpp_taichi.neighbors.tree_estimate import GROUP, TreeEstimate
@@ -152,7 +153,8 @@ class TreeWalk:
 
     @ti.func
     def _square(self, way: Template, softening_squared):
-        result = way[0] * way[0] + softening_squared
+        """ρ² of a tile's separations, given by components. The sum begins with ε², which rounds unlike a sum that ends so."""
+        result = softened_square(way[0] * way[0], softening_squared)
         for axis in ti.static(range(1, self.dimensions)):
             result = multiply_add(way[axis], way[axis], result)
         return result
@@ -169,7 +171,7 @@ class TreeWalk:
             way = self._way(j, position)
             from_own = lane_number - ti.cast(j - slot, float)
             own = ti.max(1.0 - from_own * from_own, 0.0)  # 1 in the body's own lane, 0 in the others
-            inverse = 1.0 / ti.sqrt(self._square(way, softening_squared) + own)
+            inverse = inverse_root(self._square(way, softening_squared) + own)
             pull = self.order.mass[j] * inverse
             if ti.static(potential):
                 well = well + pull * (1.0 - own)
