@@ -11,7 +11,7 @@ from mpp_taichi.arithmetic.inverse_distance import (
     inverse_root,
     second_change_of_inverse_distance,
 )
-from mpp_taichi.arithmetic.low_parts import wide_velocity
+from mpp_taichi.arithmetic.particle_update import wide_velocity
 from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot

@@ -14,7 +14,8 @@ from typing import Any
 import taichi as ti
 
 from mpp_taichi.arithmetic.inverse_distance import inverse_distance, softened_square
-from mpp_taichi.arithmetic.low_parts import added, separation, wide_position
+from mpp_taichi.arithmetic.low_parts import added
+from mpp_taichi.arithmetic.particle_update import separation, wide_position
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors, require_components_apart
 from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
 from mpp_taichi.neighbors._pair_groups import grouped
