@@ -53,6 +53,7 @@ class AllPairs:
         self.tile_count = -(-particle_count // self.lane_count)
         self.thread_count = config.cpu_max_num_threads
         self.has_work = particle_count > 1 and len(self.members) > 0
+        self.longest_loop = particle_count
         self._checked_state: Any = None
         self._symmetric: SymmetricPairs | None = None
         self.unrolled = particle_count * (particle_count - 1) // 2 <= UNROLLED_PAIRS
@@ -182,10 +183,9 @@ class AllPairs:
         """Whether `add_accelerations` evaluates each pair once; for few bodies that is no faster."""
         return self.particle_count >= SYMMETRIC_COUNT and not self.merges and not state.forces_see_low
 
-    @property
-    def symmetric_loops(self) -> int:
-        """Parallel loops of such a sum."""
-        return 2 if adds_in_parallel(self.particle_count) else 1
+    def loops(self, state: Any) -> int:
+        """Number of parallel loops of `add_accelerations`."""
+        return 2 if self.is_symmetric(state) and adds_in_parallel(self.particle_count) else 1
 
     def destroy(self) -> None:
         """Give back memory that sums took."""

@@ -32,6 +32,7 @@ class PairDerivatives:
     """
 
     sets_directly = False
+    in_tiles = False
 
     def __init__(self, pairs: AllPairs, derivatives: int) -> None:
         """Share forces, softenings and lanes with the sum of the accelerations; `derivatives` is 1 or 2."""
@@ -44,7 +45,30 @@ class PairDerivatives:
         self.tiles_in_serial = len(self.members) == 1 and not pairs.unrolled
         formulas = [getattr(type(m.force), name) for m in self.members for name in ("slope", "curvature")]
         self.elementwise = all(m.elementwise for m in self.members) and all(is_elementwise(f) for f in formulas)
+        self.longest_loop = pairs.longest_loop
         self._checked_state: Any = None
+
+    def is_symmetric(self, state: Any) -> bool:
+        """No: each body sums the pulls of all others."""
+        return False
+
+    def loops(self, state: Any) -> int:
+        """Number of parallel loops of `add_accelerations`."""
+        return 1
+
+    def destroy(self) -> None:
+        """Free the memory of the sums."""
+        self.pairs.destroy()
+
+    @ti.func
+    def potential_energy_of(self, state: Template, i):
+        """Half of the potential energy of body i with all others, as of AllPairs."""
+        return self.pairs.potential_energy_of(state, i)
+
+    @ti.func
+    def potential_between(self, state: Template, i, j, separation):
+        """Potential energy of the bodies i and j at a separation, as of AllPairs."""
+        return self.pairs.potential_between(state, i, j, separation)
 
     # One thread ------------------------------------------------------------------------------------------------------
 

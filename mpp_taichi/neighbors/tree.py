@@ -32,6 +32,7 @@ class TreeSum:
     """
 
     sets_directly = False
+    in_tiles = False
 
     def __init__(self, force: Any, particle_count: int, dimensions: int) -> None:
         """Allocate; needs a started Taichi."""
@@ -45,6 +46,14 @@ class TreeSum:
         self.nodes = TreeNodes(self.order)
         self.walk: Any = TreeWalk(self.order, self.nodes) if on_cpu else TreeGather(self.order, self.nodes)
         self.longest_loop = self.nodes.node_count + padded  # steps of a walk that opens every node
+
+    def is_symmetric(self, state: Any) -> bool:
+        """No: a tree evaluates the pull of each body on each other by itself."""
+        return False
+
+    def loops(self, state: Any) -> int:
+        """Number of parallel loops of `add_accelerations` that are counted: the walk."""
+        return 1
 
     def destroy(self) -> None:
         """Give the memory back."""
