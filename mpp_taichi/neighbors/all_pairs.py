@@ -18,11 +18,11 @@ from mpp_taichi.arithmetic.low_parts import added
 from mpp_taichi.arithmetic.particle_update import separation, wide_position
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors, require_components_apart
 from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
+from mpp_taichi.device.heavy_loops import CPU_GRAIN, heavy_index
 from mpp_taichi.neighbors._pair_groups import grouped
 from mpp_taichi.neighbors.symmetric_pairs import SymmetricPairs, adds_in_parallel
 from mpp_taichi.types import Template
 
-SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 GATHERED = 256  # bodies that a GPU's thread sums up before it adds to the whole
 BLOCK_PAIRS = 16  # that are summed up before their sum is added with its low part: a sum of thousands loses three bits
 SYMMETRIC_COUNT = 512  # bodies from which on it is faster to evaluate each pair once
@@ -232,9 +232,9 @@ class AllPairs:
         it may not, and `add_accelerations` is then up to five times faster.
         """
         if ti.static(self.has_work):
-            for block in range(self.thread_count * SMALLEST_BLOCK):
-                if block % SMALLEST_BLOCK == 0:
-                    thread = block // SMALLEST_BLOCK
+            for block in range(self.thread_count * CPU_GRAIN):
+                thread = heavy_index(block, CPU_GRAIN)
+                if thread >= 0:
                     begin = thread * self.tile_count // self.thread_count
                     end = (thread + 1) * self.tile_count // self.thread_count
                     for tile in range(begin, end):

@@ -4,8 +4,11 @@ import taichi as ti
 
 from mpp_taichi.device.fast_taichi.prefetch import prefetch
 from mpp_taichi.device.fast_taichi.serial_loops import loop_grain
-from mpp_taichi.neighbors.cell_grid import CHUNKS, CellGrid
+from mpp_taichi.device.heavy_loops import heavy_index
+from mpp_taichi.neighbors._sphere_grid import CHUNKS
+from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.plain_rows import is_plain, visit_rows
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
 PARTNERS_PER_SPHERE = 10  # for which there is room, on average over a chunk; each pair is partners of one of its two
@@ -30,15 +33,15 @@ class PartnerList:
         self.sharer_count = grid.sorter_count
         self.room = PARTNERS_PER_SPHERE * (self.particle_count // CHUNKS + 1) + 64
         self.begin, self.middle, self.earlier, self.partner, self.written = (ti.field(ti.i32) for _ in range(5))
-        builder = ti.FieldsBuilder()
-        builder.dense(ti.i, self.particle_count + 1).place(self.begin, self.middle, self.earlier)
-        for count, field in ((2 * CHUNKS * self.room, self.partner), (CHUNKS, self.written)):
-            builder.dense(ti.i, count).place(field)
-        self._tree = builder.finalize()
+        self._memory = FieldGroup(
+            (self.particle_count + 1, (self.begin, self.middle, self.earlier)),  # read together
+            (2 * CHUNKS * self.room, self.partner),
+            (CHUNKS, self.written),
+        )
 
     def destroy(self) -> None:
-        """Give the memory back."""
-        self._tree.destroy()
+        """Free the memory."""
+        self._memory.destroy()
 
     def write(self) -> bool:
         """Write down the candidates of the grid as it is built now; False if there is no room for them."""
@@ -51,8 +54,8 @@ class PartnerList:
     def _write(self, plain: Template) -> ti.i32:
         grain = ti.static(loop_grain())
         for q in range(CHUNKS * grain):
-            if q % grain == 0:
-                chunk = q // grain
+            chunk = heavy_index(q, grain)
+            if chunk >= 0:
                 begin = chunk * self.room
                 place, last = begin, begin + self.room - 1  # which is written to, but not counted
                 for slot in range(self.grid.begin_of(chunk), self.grid.begin_of(chunk + 1)):
@@ -81,7 +84,7 @@ class PartnerList:
         for other in range(begin, stop):
             self.partner[end] = other
             together = reach + self.grid.sorted_reach[other]
-            near = self.grid._square_distance(x, self.grid.sorted_position[other]) <= together * together
+            near = self.grid.square_distance(x, self.grid.sorted_position[other]) <= together * together
             end = ti.min(end + ti.cast(near, ti.i32), last)
         return end
 
@@ -96,8 +99,9 @@ class PartnerList:
         """Sort the pairs by their later slot."""
         grain = ti.static(loop_grain())
         for q in range(self.sharer_count * grain):
-            if q % grain == 0:
-                first, end = self._share(q // grain), self._share(q // grain + 1)
+            part = heavy_index(q, grain)
+            if part >= 0:
+                first, end = self._share(part), self._share(part + 1)
                 for slot in range(first, end):
                     self.earlier[slot] = 0
                 for slot in range(end):
@@ -114,8 +118,9 @@ class PartnerList:
             self.earlier[self.particle_count] = place
         # From the last slot back, so that in the end every count of places stands where they begin.
         for q in range(self.sharer_count * grain):
-            if q % grain == 0:
-                first, end = self._share(q // grain), self._share(q // grain + 1)
+            part = heavy_index(q, grain)
+            if part >= 0:
+                first, end = self._share(part), self._share(part + 1)
                 for back in range(1, end + 1):
                     slot = end - back
                     for k in range(self.begin[slot], self.middle[slot]):

@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
 MOST_PARTS = 4096
@@ -23,14 +24,11 @@ class PrefixSum:
         self.groups = max(1, min(MOST_PARTS, capacity // SHARE) // GROUP)
         self.parts = self.groups * GROUP
         self.part, self.group = ti.field(ti.i32), ti.field(ti.i32)
-        builder = ti.FieldsBuilder()
-        builder.dense(ti.i, self.parts).place(self.part)
-        builder.dense(ti.i, self.groups).place(self.group)
-        self._tree = builder.finalize()
+        self._memory = FieldGroup((self.parts, self.part), (self.groups, self.group))
 
     def destroy(self) -> None:
-        """Give the memory back."""
-        self._tree.destroy()
+        """Free the memory."""
+        self._memory.destroy()
 
     def run(self, length: Any, begin: Any, count: int) -> None:
         """Fill `begin`, count + 1 numbers of it."""

@@ -6,6 +6,8 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.inverse_distance import inverse_distance, softened_square
 from mpp_taichi.device.fast_taichi.lane_arithmetic import inverse_roots, multiply_add
+from mpp_taichi.device.heavy_loops import CPU_GRAIN, heavy_index
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
 BLOCK = 128  # bodies whose reactions stay in the first cache of a core; a multiple of every number of lanes
@@ -13,7 +15,6 @@ MOST_CHUNKS = 16  # sums that threads may work on at once
 BODIES_PER_CHUNK = 512
 SERIAL_SUMS = 1 << 14  # that are added up before another thread is awake
 MOST_SUMS = 1 << 22  # of one axis, of all chunks together
-SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 
 
 def chunk_count(count: int) -> int:
@@ -47,24 +48,23 @@ class SymmetricPairs:
         self.adds_in_parallel = adds_in_parallel(self.count)
         self.turns = -(-self.block_count // self.chunk_count)
         self.row = self.block_count * BLOCK // self.lanes  # tiles with room for every body
-        builder = ti.FieldsBuilder()
         self.sums, self.reactions = (ti.Vector.field(self.lanes, float) for _ in range(2))
         self.totals = ti.field(float)  # of the rows of reactions
-        builder.dense(ti.i, self.chunk_count * self.dimensions * self.row).place(self.sums)
-        builder.dense(ti.i, self.chunk_count * self.dimensions * BLOCK).place(self.reactions)
-        builder.dense(ti.i, self.chunk_count * self.dimensions * BLOCK).place(self.totals)
-        self._tree = builder.finalize()
+        self._memory = FieldGroup(
+            (self.chunk_count * self.dimensions * self.row, self.sums),
+            (self.chunk_count * self.dimensions * BLOCK, self.reactions, self.totals),
+        )
 
     def destroy(self) -> None:
-        """Give the memory back."""
-        self._tree.destroy()
+        """Free the memory."""
+        self._memory.destroy()
 
     @ti.kernel
     def sum_accelerations(self, state: Template, sets: Template):
         """All accelerations, in two loops, the second as `adds_in_parallel` says; added to what there is unless it `sets`."""
-        for q in range(self.chunk_count * SMALLEST_BLOCK):
-            if q % SMALLEST_BLOCK == 0:
-                chunk = q // SMALLEST_BLOCK
+        for q in range(self.chunk_count * CPU_GRAIN):
+            chunk = heavy_index(q, CPU_GRAIN)
+            if chunk >= 0:
                 for k in range(self.dimensions * self.row):
                     self._store(self.sums, chunk * self.dimensions * self.row + k, ti.Vector.zero(float, self.lanes))
                 for turn in range(self.turns):  # to and fro, as later blocks have more tiles before them

@@ -19,6 +19,7 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.inverse_distance import softened_square
 from mpp_taichi.neighbors.tree_nodes import LEAF
+from mpp_taichi.state.field_group import FieldGroup
 
 GROUP = 32  # bodies that share a walk; twice as many are no faster
 CANCELLATION = 0.03  # where pulls cancel, their sum is no measure: in the middle of a sphere no error is small beside it
@@ -38,13 +39,11 @@ class TreeEstimate:
         self.group_leaves = GROUP // LEAF
         self.first_group = nodes.offsets[self.group_leaves.bit_length() - 1]  # in the list of nodes by level
         self.limit = ti.field(float)
-        builder = ti.FieldsBuilder()
-        builder.dense(ti.i, self.group_count).place(self.limit)
-        self._tree = builder.finalize()
+        self._memory = FieldGroup((self.group_count, self.limit))
 
     def destroy(self) -> None:
-        """Give the memory back."""
-        self._tree.destroy()
+        """Free the memory."""
+        self._memory.destroy()
 
     @ti.kernel
     def estimate(self, softening_squared: float, tolerance: float):

@@ -10,6 +10,7 @@ import taichi as ti
 from mpp_taichi.arithmetic.inverse_distance import inverse_distance
 from mpp_taichi.neighbors.tree_estimate import GROUP, TreeEstimate
 from mpp_taichi.neighbors.tree_nodes import LEAF
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
 
@@ -24,15 +25,12 @@ class TreeGather:
         self.padded_count = order.padded_count
         self.field = TreeEstimate(order, nodes)
         self.total, self.well = ti.field(float), ti.field(float)
-        builder = ti.FieldsBuilder()
-        builder.dense(ti.i, self.padded_count * self.dimensions).place(self.total)
-        builder.dense(ti.i, self.padded_count).place(self.well)
-        self._tree = builder.finalize()
+        self._memory = FieldGroup((self.padded_count * self.dimensions, self.total), (self.padded_count, self.well))
 
     def destroy(self) -> None:
-        """Give the memory back."""
+        """Free the memory."""
         self.field.destroy()
-        self._tree.destroy()
+        self._memory.destroy()
 
     def run(self, softening: float, tolerance: float, *, potential: bool) -> None:
         """All sums; those of the potential only where they are asked for."""

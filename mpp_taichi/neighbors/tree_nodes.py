@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
 LEAF = 16
@@ -65,18 +66,12 @@ class TreeNodes:
         self.box_width = 2 * d
         self.skip, self.first_leaf, self.leaves, self.level_node = (ti.field(ti.i32) for _ in range(4))
         self.shape, self.moments, self.box = (ti.field(float) for _ in range(3))
-        builder = ti.FieldsBuilder()
-        for size, field in (
-            (self.node_count, self.skip),
-            (self.node_count, self.first_leaf),
-            (self.node_count, self.leaves),
-            (self.node_count, self.level_node),
+        self._memory = FieldGroup(
+            (self.node_count, self.skip, self.first_leaf, self.leaves, self.level_node),
             (self.node_count * self.shape_width, self.shape),
             (self.node_count * self.moment_width, self.moments),
             (self.node_count * self.box_width, self.box),
-        ):
-            builder.dense(ti.i, size).place(field)
-        self._tree = builder.finalize()
+        )
         for field, values in (
             (self.skip, skip),
             (self.first_leaf, first),
@@ -87,8 +82,8 @@ class TreeNodes:
         self.offsets = np.cumsum([0, *(len(level) for level in levels)]).tolist()
 
     def destroy(self) -> None:
-        """Give the memory back."""
-        self._tree.destroy()
+        """Free the memory."""
+        self._memory.destroy()
 
     def build(self) -> None:
         """All nodes from the leaves up."""

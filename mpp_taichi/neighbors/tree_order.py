@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.device.heavy_loops import CPU_GRAIN, heavy_index
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
-SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 CHUNKS = 256  # of a reduction; fixed, so that sums do not depend on the threads
 AXIS_BITS = 20  # of a coordinate
 DIGIT_BITS = 10  # of a key that one pass of the sort looks at
@@ -40,7 +41,7 @@ class TreeOrder:
         self.particle_count = particle_count
         self.padded_count = padded_count
         self.dimensions = dimensions
-        self.grain = SMALLEST_BLOCK if on_cpu else 1
+        self.grain = CPU_GRAIN if on_cpu else 1
         self.sorter_count = min(config.cpu_max_num_threads, 8) if on_cpu else 256
         self.buckets = 1 << DIGIT_BITS
         self.scan_count = 8
@@ -50,25 +51,21 @@ class TreeOrder:
         self.other_key = tuple(ti.field(ti.u32) for _ in range(self.words))
         self.tally, self.scan = ti.field(ti.i32), ti.field(ti.i32)
         self.position, self.mass, self.partial = ti.field(float), ti.field(float), ti.field(float)
-        builder = ti.FieldsBuilder()
-        for count, fields in (
-            (particle_count, (self.order, self.other_order, *self.key, *self.other_key)),
-            (self.sorter_count * self.buckets, (self.tally,)),
-            (self.scan_count + 1, (self.scan,)),
-            (padded_count * dimensions, (self.position,)),
-            (padded_count, (self.mass,)),
-            (CHUNKS * (2 * dimensions + 1), (self.partial,)),
-        ):
-            for field in fields:
-                builder.dense(ti.i, count).place(field)
-        self._tree = builder.finalize()
+        self._memory = FieldGroup(
+            (particle_count, self.order, self.other_order, *self.key, *self.other_key),
+            (self.sorter_count * self.buckets, self.tally),
+            (self.scan_count + 1, self.scan),
+            (padded_count * dimensions, self.position),
+            (padded_count, self.mass),
+            (CHUNKS * (2 * dimensions + 1), self.partial),
+        )
         self.center = np.zeros(3)
         self.length = 1.0
         self.mass_unit = 1.0
 
     def destroy(self) -> None:
-        """Give the memory back."""
-        self._tree.destroy()
+        """Free the memory."""
+        self._memory.destroy()
 
     def build(self, position: Any, mass: Any) -> bool:
         """Sort; False where a position or a mass is not finite, and nothing was sorted."""
@@ -102,8 +99,8 @@ class TreeOrder:
     @ti.kernel
     def _sum_up(self, position: Template, mass: Template):
         for q in range(CHUNKS * self.grain):
-            if q % self.grain == 0:
-                chunk = q // self.grain
+            chunk = heavy_index(q, self.grain)
+            if chunk >= 0:
                 total = ti.Vector.zero(float, self.dimensions)
                 weight = 0.0
                 for i in range(self._begin(chunk, CHUNKS), self._begin(chunk + 1, CHUNKS)):
@@ -118,8 +115,8 @@ class TreeOrder:
     def _deviate(self, position: Template, x: float, y: float, z: float):
         center = ti.Vector([x, y, z])
         for q in range(CHUNKS * self.grain):
-            if q % self.grain == 0:
-                chunk = q // self.grain
+            chunk = heavy_index(q, self.grain)
+            if chunk >= 0:
                 total = ti.Vector.zero(float, self.dimensions)
                 largest = ti.Vector.zero(float, self.dimensions)
                 for i in range(self._begin(chunk, CHUNKS), self._begin(chunk + 1, CHUNKS)):
@@ -184,24 +181,24 @@ class TreeOrder:
         for k in range(self.sorter_count * self.buckets):
             self.tally[k] = 0
         for q in range(self.sorter_count * self.grain):
-            if q % self.grain == 0:
-                sorter = q // self.grain
+            sorter = heavy_index(q, self.grain)
+            if sorter >= 0:
                 row = sorter * self.buckets
                 for slot in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
                     digit = ti.cast((self.key[word][slot] >> shift) & ti.cast(self.buckets - 1, ti.u32), ti.i32)
                     self.tally[row + digit] = self.tally[row + digit] + 1
         share = ti.static(self.buckets // self.scan_count)
         for q in range(self.scan_count * self.grain):
-            if q % self.grain == 0:
-                part = q // self.grain
+            part = heavy_index(q, self.grain)
+            if part >= 0:
                 total = 0
                 for bucket in range(part * share, (part + 1) * share):
                     for sorter in range(self.sorter_count):
                         total += self.tally[sorter * self.buckets + bucket]
                 self.scan[part + 1] = total
         for q in range(self.scan_count * self.grain):
-            if q % self.grain == 0:
-                part = q // self.grain
+            part = heavy_index(q, self.grain)
+            if part >= 0:
                 slot = 0
                 for earlier in range(part):
                     slot += self.scan[earlier + 1]
@@ -212,8 +209,8 @@ class TreeOrder:
                         self.tally[k] = slot
                         slot += here
         for q in range(self.sorter_count * self.grain):
-            if q % self.grain == 0:
-                sorter = q // self.grain
+            sorter = heavy_index(q, self.grain)
+            if sorter >= 0:
                 row = sorter * self.buckets
                 for slot in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
                     digit = ti.cast((self.key[word][slot] >> shift) & ti.cast(self.buckets - 1, ti.u32), ti.i32)

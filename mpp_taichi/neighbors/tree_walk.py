@@ -15,11 +15,12 @@ import taichi as ti
 from mpp_taichi.arithmetic.inverse_distance import inverse_root, softened_square
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
 from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
+from mpp_taichi.device.heavy_loops import CPU_GRAIN, heavy_index
 from mpp_taichi.neighbors.tree_estimate import GROUP, TreeEstimate
 from mpp_taichi.neighbors.tree_nodes import LEAF
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
-SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
 CHUNKS_PER_THREAD = 16  # pieces of the work, taken as threads get free
 LIST = 256  # even; entries of a list, worked off when it is full; those of nodes take 23 KiB of the cache
 
@@ -45,20 +46,17 @@ class TreeWalk:
         self.chunk_count = CHUNKS_PER_THREAD * config.cpu_max_num_threads
         self.total, self.well, self.cells = (ti.field(float) for _ in range(3))
         self.runs = ti.field(ti.i32)
-        builder = ti.FieldsBuilder()
-        for size, field in (
+        self._memory = FieldGroup(
             (self.padded_count * self.dimensions, self.total),
             (self.padded_count, self.well),
             (self.chunk_count * LIST * nodes.moment_width, self.cells),
             (self.chunk_count * LIST * 2, self.runs),
-        ):
-            builder.dense(ti.i, size).place(field)
-        self._tree = builder.finalize()
+        )
 
     def destroy(self) -> None:
-        """Give the memory back."""
+        """Free the memory."""
         self.field.destroy()
-        self._tree.destroy()
+        self._memory.destroy()
 
     def run(self, softening: float, tolerance: float, *, potential: bool) -> None:
         """All sums; those of the potential only where they are asked for."""
@@ -70,9 +68,9 @@ class TreeWalk:
 
     @ti.kernel
     def _walk(self, softening_squared: float, potential: Template):
-        for q in range(self.chunk_count * SMALLEST_BLOCK):
-            if q % SMALLEST_BLOCK == 0:
-                chunk = q // SMALLEST_BLOCK
+        for q in range(self.chunk_count * CPU_GRAIN):
+            chunk = heavy_index(q, CPU_GRAIN)
+            if chunk >= 0:
                 for group in range(self._begin(chunk), self._begin(chunk + 1)):
                     self._serve(chunk * LIST, group, softening_squared, potential)
 
