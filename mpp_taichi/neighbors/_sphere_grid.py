@@ -113,9 +113,8 @@ class SphereGrid:
         for b in self.bin_count:
             self.bin_count[b] = 0
         for i in range(self.particle_count):
-            ti.atomic_add(
-                self.bin_count[self._bin(reach[i] + skin, largest)], 1
-            )  # integers, so that the order of the additions does not matter
+            # A sum of integers does not depend on the order of the additions.
+            ti.atomic_add(self.bin_count[self._bin(reach[i] + skin, largest)], 1)
 
     @ti.func
     def _bin(self, reach, largest):

@@ -75,8 +75,9 @@ class DeviceGrid(SphereGrid):
 
     @ti.func
     def _bin(self, reach, largest):
-        """Bin of a reach, by a logarithm in f32, the only logarithm of Vulkan. A reach near the edge of two bins takes the bin of
-        the larger reaches.
+        """Bin of a reach, by a logarithm in f32, the only logarithm of Vulkan.
+
+        A reach near the edge of two bins takes the bin of the larger reaches.
         """
         below = ti.cast(BINS - 1, ti.f32)
         if reach > 0.0:
