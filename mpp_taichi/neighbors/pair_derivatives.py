@@ -28,21 +28,21 @@ from mpp_taichi.types import Template
 class PairDerivatives:
     """Direct sum over all pairs of accelerations and one or two of their derivatives in time; O(N²).
 
-    Reads `position`, `velocity` and, for the snap, `estimate`, the accelerations as far as they are known; adds to
-    `acceleration`, `jerk` and `snap`. Everything else is as in AllPairs: no atomics, one order of every sum.
+    Reads `position`, `velocity` and, for the snap, `estimate`, an estimate of the accelerations; adds to `acceleration`, `jerk`
+    and `snap`. As in AllPairs there are no atomics, and each sum has one order.
     """
 
     sets_directly = False
     in_tiles = False
 
     def __init__(self, pairs: AllPairs, derivatives: int) -> None:
-        """Share forces, softenings and lanes with the sum of the accelerations; `derivatives` is 1 or 2."""
+        """Take forces, softenings and lanes from the sum of the accelerations; `derivatives` is 1 or 2."""
         self.pairs = pairs
         self.derivatives = derivatives
         self.particle_count, self.dimensions = pairs.particle_count, pairs.dimensions
         self.lane_count, self.tile_count = pairs.lane_count, pairs.tile_count
         self.groups, self.members = pairs.groups, pairs.members
-        # A tile holds a body in each lane and reads every other once; below that many bodies its lanes are not worth filling.
+        # A tile holds a body in each lane and reads all other bodies once. For few bodies the lanes are not worth the work.
         self.tiles_in_serial = len(self.members) == 1 and not pairs.unrolled
         formulas = [getattr(type(m.force), name) for m in self.members for name in ("slope", "curvature")]
         self.elementwise = all(m.elementwise for m in self.members) and all(is_elementwise(f) for f in formulas)
@@ -75,7 +75,7 @@ class PairDerivatives:
 
     @ti.func
     def accumulate_serial(self, state: Template, first):
-        """Add all of particles first … first + N − 1; for use inside a serialized loop."""
+        """Add all sums of the particles first … first + N − 1; for use inside a serialized loop."""
         if ti.static(self.tiles_in_serial):
             for tile in range(self.tile_count):
                 self._accumulate_tile(state, first, tile)
@@ -88,7 +88,7 @@ class PairDerivatives:
 
     @ti.func
     def _factors(self, state: Template, i, j):
-        """(g, ġ, g̈) with responses and sources, of the pull of j on i and of i on j."""
+        """(g, ġ, g̈), times responses and sources, of the pull of j on i and of the pull of i on j."""
         d = state.position[j] - state.position[i]
         w = state.velocity[j] - state.velocity[i]
         approach, spread = d.dot(w), w.dot(w)
@@ -110,7 +110,7 @@ class PairDerivatives:
 
     @ti.func
     def _terms(self, state: Template, i, j, factors):
-        """Acceleration, jerk and snap that the separation of j from i makes with these factors, one row each."""
+        """Acceleration, jerk and snap from the separation of j from i and these factors, a row for each."""
         d = state.position[j] - state.position[i]
         w = state.velocity[j] - state.velocity[i]
         result = ti.Matrix.zero(float, self.derivatives + 1, self.dimensions)
@@ -137,7 +137,7 @@ class PairDerivatives:
 
     @ti.func
     def accumulate_parallel_gather(self, state: Template):
-        """Add all, one body per iteration of a parallel loop; for GPUs."""
+        """Add all sums, one body per iteration of a parallel loop; for GPUs."""
         for i in range(self.particle_count):
             total = ti.Matrix.zero(float, self.derivatives + 1, self.dimensions)
             for j in range(self.particle_count):
@@ -149,7 +149,7 @@ class PairDerivatives:
     # Cores of a CPU, lanes of their vector units ---------------------------------------------------------------------
 
     def add_accelerations(self, state: Any) -> None:
-        """Add all on the CPU in a launch of its own, compiled with explicit vectors.
+        """Add all sums on the CPU in a launch of its own, compiled with explicit vectors.
 
         Raises TypeError when the vectors of the state are not stored component by component.
         """
@@ -170,7 +170,7 @@ class PairDerivatives:
                     self._accumulate_tile(state, 0, tile)
 
     def _fields(self, state: Any) -> list:
-        """What is read of every body; without a snap the last stands for accelerations that the compiler leaves out."""
+        """The fields that are read of every body. Without a snap the last is the velocity, whose terms the compiler drops."""
         return [state.position, state.velocity, *([state.estimate] if self.derivatives > 1 else [])]
 
     @ti.func
@@ -183,7 +183,7 @@ class PairDerivatives:
 
     @ti.func
     def _accumulate_tile(self, state: Template, first, tile):
-        # As in AllPairs: the last tile is moved back to be full, and stores only what the tile before does not.
+        # As in AllPairs, the last tile is moved back to be full, and stores only the bodies that the tile before does not.
         begin = first + ti.min(tile * self.lane_count, self.particle_count - self.lane_count)
         own = [self._lanes(field, begin) for field in ti.static(self._fields(state))]
         response = [
@@ -197,7 +197,7 @@ class PairDerivatives:
         for order in range(first, first + self.particle_count - self.lane_count):
             j = order + ti.select(order >= begin, self.lane_count, 0)
             self._pull(state, j, own, response, nowhere, total, jerk, snap)
-        # A body's own lane gets a distance of one: there d, w and q are zero, and so is what they are multiplied by.
+        # In the lane of the body itself the squared distance gets a 1. There d, w and q are zero, and so are all terms.
         lane_number = ti.Vector([ti.cast(lane, float) for lane in ti.static(range(self.lane_count))])
         for step in range(self.lane_count):
             from_own = lane_number - ti.cast(step, float)
@@ -226,7 +226,7 @@ class PairDerivatives:
         jerk: Template,
         snap: Template,
     ):
-        """Add what body j is to the bodies of a tile, from which it is farther than it seems by `apart`, squared."""
+        """Add the terms of body j to the sums of a tile. `apart` is added to the squared distances, lane by lane."""
         fields = ti.static(self._fields(state))
         d = [state.position[j][axis] - own[0][axis] for axis in ti.static(range(self.dimensions))]
         w = [state.velocity[j][axis] - own[1][axis] for axis in ti.static(range(self.dimensions))]

@@ -1,4 +1,4 @@
-"""Which slots of a cell grid are candidate partners, written down once and read many times."""
+"""The candidate partners of each slot of a cell grid, in a list that is written once and read many times."""
 
 import taichi as ti
 
@@ -11,17 +11,17 @@ from mpp_taichi.neighbors.plain_rows import is_plain, visit_rows
 from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
-PARTNERS_PER_SPHERE = 10  # for which there is room, on average over a chunk; each pair is partners of one of its two
+PARTNERS_PER_SPHERE = 10  # room of the list, on average over a chunk; a pair takes one place
 
 
 @ti.data_oriented
 class PartnerList:
-    """The candidates that a grid shows for each slot: reading them takes a third of the time of looking for them.
+    """The candidate partners of each slot. To read the list takes a third of the time of a search in the grid.
 
-    Those that come later in the grid are looked for, in chunks of slots that are written in parallel, each into its own part
-    of the list. Those that come earlier are the same pairs once more, sorted by their second slot: each thread goes through
-    all pairs and keeps those of its share of slots. Both are in the order of slots whatever the number of threads. Where a
-    chunk has no room for its partners there is no list.
+    Later partners, which come after their slot in the grid, are searched in chunks of slots; the chunks run in parallel, and
+    each writes its own part of the list. Earlier partners are the same pairs again, sorted by their second slot: each thread
+    reads all pairs and keeps those of its share of slots. Both lists are in the order of the slots, whatever the number of
+    threads. Where a chunk has no room for its partners, there is no list.
 
     partner   later partners of slot k from begin[k] to middle[k], earlier ones from earlier[k] to earlier[k + 1]
     """
@@ -44,7 +44,7 @@ class PartnerList:
         self._memory.destroy()
 
     def write(self) -> bool:
-        """Write down the candidates of the grid as it is built now; False if there is no room for them."""
+        """Write the list for the grid as it was built last; False if there is no room for the partners."""
         if self._write(is_plain(self.grid)) > 0:
             return False
         self._turn_round()
@@ -57,7 +57,7 @@ class PartnerList:
             chunk = heavy_index(q, grain)
             if chunk >= 0:
                 begin = chunk * self.room
-                place, last = begin, begin + self.room - 1  # which is written to, but not counted
+                place, last = begin, begin + self.room - 1  # the last place may be written, but never counts
                 for slot in range(self.grid.begin_of(chunk), self.grid.begin_of(chunk + 1)):
                     self.begin[slot] = place
                     if ti.static(plain):
@@ -76,9 +76,9 @@ class PartnerList:
 
     @ti.func
     def _list_near(self, x, reach, place, last, begin, stop):
-        """Write who is near enough from `place` on, up to `last`; returns the place after it.
+        """Write the slots of a run that are near enough, from `place` on, up to `last`; returns the place after them.
 
-        Every slot of the run is written, and stays if it is near enough: no processor foresees which are.
+        Every slot of the run is written, and the place moves on if the slot is near enough: a branch would be mispredicted.
         """
         end = place
         for other in range(begin, stop):
@@ -96,7 +96,7 @@ class PartnerList:
 
     @ti.kernel
     def _turn_round(self):
-        """Sort the pairs by their later slot."""
+        """Write the earlier partners: all pairs, sorted by their later slot."""
         grain = ti.static(loop_grain())
         for q in range(self.sharer_count * grain):
             part = heavy_index(q, grain)
@@ -116,7 +116,7 @@ class PartnerList:
                 place += self.earlier[slot]
                 self.earlier[slot] = place
             self.earlier[self.particle_count] = place
-        # From the last slot back, so that in the end every count of places stands where they begin.
+        # From the last slot back, so that at the end `earlier` holds the first place of each slot.
         for q in range(self.sharer_count * grain):
             part = heavy_index(q, grain)
             if part >= 0:
@@ -136,13 +136,13 @@ class PartnerList:
 
     @ti.func
     def visit_later(self, slot, task: Template, first, second):
-        """task(slot, other slot, first, second) for each candidate partner of a slot that comes after it."""
+        """Call task(slot, other slot, first, second) for each candidate partner that comes after the slot."""
         for k in range(self.begin[slot], self.middle[slot]):
             task(slot, self.partner[k], first, second)
 
     @ti.func
     def visit(self, slot, task: Template, first, second):
-        """The same for every candidate partner."""
+        """Call task(slot, other slot, first, second) for each candidate partner of a slot."""
         begin, later, earlier = self.begin[slot], self.middle[slot], self.earlier[slot]
         split = later - begin
         for k in range(split + self.earlier[slot + 1] - earlier):
@@ -153,12 +153,12 @@ class PartnerList:
 
     @ti.func
     def count_of(self, slot):
-        """Number of candidate partners."""
+        """Number of candidate partners of a slot."""
         return self.middle[slot] - self.begin[slot] + self.earlier[slot + 1] - self.earlier[slot]
 
     @ti.func
     def partner_of(self, slot, k):
-        """The k-th of them."""
+        """The k-th candidate partner of a slot."""
         split = self.middle[slot] - self.begin[slot]
         place = self.begin[slot] + k
         if k >= split:
@@ -167,6 +167,6 @@ class PartnerList:
 
     @ti.func
     def fetch(self, slot):
-        """Have both lists of a slot fetched from memory."""
+        """Prefetch both parts of the list of a slot from memory."""
         prefetch(self.partner, self.begin[slot])
         prefetch(self.partner, self.earlier[slot])

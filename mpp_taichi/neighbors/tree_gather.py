@@ -1,6 +1,6 @@
 """Tree gather: the walk of `tree_walk.py` for GPUs, one thread for each body and no lists.
 
-Bodies of a group ask the same of every node, so threads that run together stay together.
+The bodies of a group make the same decision at each node, so that their threads stay together.
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ from mpp_taichi.types import Template
 
 @ti.data_oriented
 class TreeGather:
-    """Sums by slot, in the units of the frame with G = 1: what TreeWalk has, but for the order of the sums."""
+    """Sums by slot, in the units of the frame with G = 1; they differ from those of TreeWalk only by the order of the terms."""
 
     def __init__(self, order: Any, nodes: Any) -> None:
         """Allocate for the bodies of a TreeOrder and their TreeNodes."""
@@ -33,7 +33,7 @@ class TreeGather:
         self._memory.destroy()
 
     def run(self, softening: float, tolerance: float, *, potential: bool) -> None:
-        """All sums; those of the potential only where they are asked for."""
+        """Compute the accelerations, and the potential where `potential`."""
         self.field.estimate(softening * softening, tolerance)
         self._walk(softening * softening, potential)
 
