@@ -2,7 +2,7 @@
 
 A parameter that the scene fixes is a constant of its kernels, and costs nothing. A parameter that `sliders:` names must change
 without a compilation. A force with such parameters is therefore an instance of a class made at run time, with a property for
-each of them: in a kernel that is being compiled the property is a load from a field, and elsewhere it is the number. The formula
+each of them: in a kernel that is being compiled the property is a load from a field, elsewhere it is the number. The formula
 in the file of the force is the same text for both.
 """
 
