@@ -50,8 +50,8 @@ LARGE_GAS: dict[str, Any] = {
 }
 METHOD_BESIDE = {
     "event_driven": {"event_driven": {"dt": 0.01}},
-    "located": {"ias15": {}},
-}  # where leapfrog does not go with a solver
+    "located": {"ias15": {"dt": 0.01}},
+}  # solvers that leapfrog does not go with
 
 
 def cases() -> Iterator[tuple[str, Any, dict[str, Any]]]:
