@@ -49,7 +49,7 @@ class EventDriven(ContactSolver):
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Work on a state's `position` and `velocity`: vector fields of n entries. Raises ValueError for an impossible box."""
-        self.setup, self.state = setup, state
+        self.setup, self.state = setup.with_bounces(self.restitution, self.contact_time), state
         self.count, self.dimensions = setup.particle_count, setup.dimensions
         self.wide = getattr(state, "wide", ti.f64)
         position = state.position.to_numpy().astype(float)
@@ -64,7 +64,7 @@ class EventDriven(ContactSolver):
         self.queue = EventQueue(self.spheres, lines, builder)
         self.look_ahead = LookAhead(self.spheres, self.cells, self.queue, builder)
         self.prediction = Prediction(self.look_ahead, setup.enclosure.surfaces, lines)
-        self.collision = Collision(setup, self.spheres, self.cells, builder)
+        self.collision = Collision(self.setup, self.spheres, self.cells, builder)
         self.log = EventLog(self.log_capacity if self.logs else 0, builder, self.wide)
         self.event_time = ti.field(self.wide)
         self.culprits = ti.field(ti.i32)

@@ -7,6 +7,7 @@ import taichi as ti
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts.shared.bounce import Bounce
 from mpp_taichi.contacts.shared.contact_counts import CHUNKS, Tally
+from mpp_taichi.contacts.shared.restitution import restitution_at
 from mpp_taichi.device.fast_taichi.serial_loops import loop_grain
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.plain_rows import is_plain, visit_rows
@@ -226,7 +227,8 @@ class Overlaps:
             w_i, w_j = self.bounce.inverse_mass[i], self.bounce.inverse_mass[j]
             u = self.state.velocity[j] - self.state.velocity[i]
             if n.dot(u) < 0.0:
-                e, elastic = self._restitution(self.bounce.restitution_of(i, j), i, j, time)
+                nominal = self.bounce.restitution_of(i, j)
+                e, elastic = restitution_at(time, nominal, i, j, self.last_contact, self.contact_time)
                 result = self.bounce.pair_impulse(i, j, n, u, e)
                 self.state.velocity[i] = self.state.velocity[i] - result[0] * (w_i * n)
                 self.state.velocity[j] = self.state.velocity[j] + result[0] * (w_j * n)
@@ -271,7 +273,8 @@ class Overlaps:
                 u = self.state.velocity[i] - _geometry.surface_velocity(self.bounce.surfaces[s], x)
                 yielding = (n * n).dot(w)
                 if n.dot(u) < 0.0 and yielding > 0.0:
-                    e, elastic = self._restitution(ti.static(self.bounce.surfaces[s].restitution), i, i, time)
+                    nominal = ti.static(self.bounce.surfaces[s].restitution)
+                    e, elastic = restitution_at(time, nominal, i, i, self.last_contact, self.contact_time)
                     result = self.bounce.wall_impulse(i, n, u, e)
                     self.state.velocity[i] = self.state.velocity[i] + result[0] * (w * n)
                     self.tally.begin(i)
@@ -279,16 +282,3 @@ class Overlaps:
                     self.tally.keep(chunk, i)
                 if yielding > 0.0:
                     self.state.position[i] = self.state.position[i] - (gap / yielding) * (w * n)
-
-    @ti.func
-    def _restitution(self, nominal, i, j, time):
-        """E of a contact, 1 shortly after another (TC model), and whether that made it elastic."""
-        e = ti.cast(nominal, float)
-        elastic = 0
-        if ti.static(self.contact_time > 0.0):
-            if time - ti.max(self.last_contact[i], self.last_contact[j]) < self.contact_time and e < 1.0:
-                e = 1.0
-                elastic = 1
-            self.last_contact[i] = time
-            self.last_contact[j] = time
-        return e, elastic

@@ -9,6 +9,7 @@ import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.shared.contact_counts import CHUNKS
+from mpp_taichi.contacts.shared.field_trees import FieldTrees
 from mpp_taichi.device.fast_taichi.serial_loops import loop_grain, on_cpu
 from mpp_taichi.types import Template
 
@@ -66,7 +67,7 @@ class Piece(NamedTuple):
         return lower, upper, self.least_radius + self.common, self.largest_radius + self.largest
 
 
-class Motion(NamedTuple):
+class MotionSummary(NamedTuple):
     """What a drift is planned by.
 
     lower, upper  bounding box of all positions
@@ -85,7 +86,7 @@ class Motion(NamedTuple):
 
 
 @ti.data_oriented
-class Flight:
+class DriftPlanner:
     """Margins of the spheres of a state: reach = radius + margin.
 
     A sphere's margin covers its own way with some slack, and that of ordinarily fast partners that may hit it. One that left
@@ -118,20 +119,22 @@ class Flight:
         self.chunks = CHUNKS if self.on_cpu else DEVICE_CHUNKS
         self.radius, self.reach, self.remembered = (ti.field(float) for _ in range(3))
         self.measured = ti.Vector.field(2 * self.dimensions + 3, float)
-        builder = ti.FieldsBuilder()
-        for field in (self.radius, self.reach, self.remembered):
-            builder.dense(ti.i, self.particle_count).place(field)
-        builder.dense(ti.i, self.chunks).place(self.measured)
         self.farthest = ti.field(float)
-        builder.dense(ti.i, 1).place(self.farthest)
-        self._tree = builder.finalize()
+        self.violations = ti.field(ti.i32)
+        self._trees = FieldTrees()
+        for field in (self.radius, self.reach, self.remembered):
+            self._trees.place(self.particle_count, field)
+        self._trees.place(self.chunks, self.measured)
+        self._trees.place(1, self.farthest)
+        self._trees.place(1, integers=[self.violations])
+        self._trees.finish()
         self.radius.from_numpy(radius.astype(self.radius.to_numpy().dtype))
 
     def destroy(self) -> None:
         """Give the memory back."""
-        self._tree.destroy()
+        self._trees.destroy()
 
-    def plan(self, rest: float, motion: Motion) -> Piece:
+    def plan(self, rest: float, motion: MotionSummary) -> Piece:
         """The next piece of a drift of which `rest` is left."""
         speed = motion.speed
         rms = math.sqrt(motion.total / self.particle_count)
@@ -151,7 +154,7 @@ class Flight:
         piece = Piece(h, 0.0, 0.0, motion.lower, motion.upper, *radii, speed, rms, reference, rounding)
         return self._with_margins(piece, motion.farthest)
 
-    def measure(self, position: Any, velocity: Any) -> Motion:
+    def measure(self, position: Any, velocity: Any) -> MotionSummary:
         """How spheres move that are there, in whatever order."""
         if self.on_cpu:
             return self.motion(self._measure_at_once(position, velocity))
@@ -159,12 +162,12 @@ class Flight:
         self._measure(position, velocity)
         found = self.measured.to_numpy().astype(float)
         lower, upper, farthest = found[:, :d].min(0), found[:, d : 2 * d].max(0), float(self.farthest[0])
-        return Motion(lower, upper, float(found[:, 2 * d].sum()), float(found[:, 2 * d + 1].max()), farthest, 0.0)
+        return MotionSummary(lower, upper, float(found[:, 2 * d].sum()), float(found[:, 2 * d + 1].max()), farthest, 0.0)
 
-    def motion(self, whole: Sequence[float]) -> Motion:
+    def motion(self, whole: Sequence[float]) -> MotionSummary:
         """What `whole` says."""
         d = self.dimensions
-        return Motion(whole[:d], whole[3 : 3 + d], *whole[6:])
+        return MotionSummary(whole[:d], whole[3 : 3 + d], *whole[6:])
 
     def _with_margins(self, piece: Piece, farthest: float) -> Piece:
         common = SLACK * piece.reference * piece.h + piece.rounding
@@ -195,8 +198,9 @@ class Flight:
         return links > CROWD * self.particle_count and piece.rms * piece.h > LEAST_TRAVEL_PER_RADIUS * self.mean_radius
 
     @ti.func
-    def remember(self, i, way):
-        """Give sphere i a wider margin when the piece is done again."""
+    def note_violation(self, i, way):
+        """Note that sphere i has left its margin by going so far, and give it a wider one when the piece is done again."""
+        self.violations[0] = 1
         self.remembered[i] = 2.0 * way
         if ti.static(self.on_cpu):
             ti.atomic_max(self.farthest[0], 2.0 * way)

@@ -72,6 +72,11 @@ class Islands:
             self.link_time[k] = time
 
     @ti.func
+    def wish(self, i, j):
+        """Note that i and j, which are played already, shall be in one island when it is played again."""
+        self.link(i, j, ti.math.inf)
+
+    @ti.func
     def form(self):
         """Join what was linked, and list as pending all islands that changed; inside a serialized loop."""
         for k in range(self.count[self.PENDING]):
