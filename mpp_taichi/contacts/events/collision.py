@@ -7,7 +7,7 @@ import taichi as ti
 
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts.events.cells import EventCells
-from mpp_taichi.contacts.events.spheres import Spheres
+from mpp_taichi.contacts.events.spheres import FlyingSpheres
 from mpp_taichi.contacts.shared.bounce import impulse_along
 from mpp_taichi.contacts.shared.restitution import restitution_after
 from mpp_taichi.walls._geometry import gap, normal, surface_velocity
@@ -22,7 +22,7 @@ STALLED_ELASTIC = 1000
 class Collision:
     """Impulses along the normal, and sums over them."""
 
-    def __init__(self, setup: ContactSetup, spheres: Spheres, cells: EventCells, builder: Any) -> None:
+    def __init__(self, setup: ContactSetup, spheres: FlyingSpheres, cells: EventCells, builder: Any) -> None:
         """Of these spheres; sums start at 0."""
         self.spheres, self.cells = spheres, cells
         self.surfaces = setup.enclosure.surfaces
