@@ -53,7 +53,7 @@ class Machine:
         self.simulation = Simulation(spec, backend=backend, precision=precision)
         self.integrator, self.contacts = self.simulation.integrator, self.simulation.contacts
         self.backend, self.precision = backend, precision
-        self.energy_meter = self._direct_meter() if self.simulation.total_force.by_tree else self.simulation.energy_meter
+        self.energy_meter = self._direct_meter() if self.simulation.total_force.by_tree else self.simulation.phase.energy_meter
         self._own_tolerance = getattr(self.integrator, self.integrator.controlled_by) if self.integrator.adaptive else None
         self.extent = float(np.abs(problem.start.position).max()) + problem.span * float(np.abs(problem.start.velocity).max())
         self._begin()
@@ -181,7 +181,7 @@ class Machine:
         """Seconds per step, from launches that grow until the clock can tell them."""
         if self.integrator.adaptive:
             return TRIAL * self._launch(0.0, self.problem.span / LOOKS / TRIAL, 1)
-        steps, limit = 1, self.simulation.launch_limit
+        steps, limit = 1, self.simulation.phase.launch_limit
         dt = self.problem.own_dt if self.integrator.implicit or self.contacts else TINY * self.problem.own_dt
         if self.contacts is not None:  # beyond the span there may be what nobody asks for
             limit = min(limit, max(4, int(self.problem.span / dt)))
@@ -200,7 +200,7 @@ class Machine:
         implicit = self.integrator.implicit
         while done < stop:
             budget.check()
-            most = max(1, min(self.simulation.launch_limit, int(LAUNCH_SECONDS / self.seconds_per_step)))
+            most = max(1, min(self.simulation.phase.launch_limit, int(LAUNCH_SECONDS / self.seconds_per_step)))
             if self.contacts is not None:
                 most = min(most, STEPS_WITH_CONTACTS)
             count = min(stop - done, most)
@@ -241,14 +241,17 @@ class Machine:
         if not rows:
             return
         first, simulation = rows[0], self.simulation
-        if simulation.conserves_energy:
+        if simulation.phase.conserves_energy:
             largest = max(row["kinetic_energy"] + abs(row["potential_energy"]) for row in rows)
             energy = abs(first["total_energy"])
             scale = energy if energy > ZERO_ENERGY * largest else largest
             sample.times = [row["time"] for row in rows]
             sample.energy_errors = [_ratio(abs(row["total_energy"] - first["total_energy"]), scale) for row in rows]
             sample.energy = max(sample.energy_errors)
-        kept = {"momentum": simulation.conserves_momentum, "angular_momentum": simulation.conserves_angular_momentum}
+        kept = {
+            "momentum": simulation.phase.conserves_momentum,
+            "angular_momentum": simulation.phase.conserves_angular_momentum,
+        }
         for name in (name for name, stays in kept.items() if stays):
             scale = max(row[f"{name}_scale"] for row in rows)
             setattr(sample, name, max(_ratio(float(np.linalg.norm(row[name] - first[name])), scale) for row in rows))

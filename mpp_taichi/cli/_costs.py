@@ -150,7 +150,7 @@ def _spread(values: list[float]) -> float:
 def _steps_for(simulation: "Simulation") -> int:
     """Steps that take `SAMPLE_SECONDS`; the first of them compiles."""
     _time(simulation, 1)
-    steps, limit = 1, simulation.launch_limit
+    steps, limit = 1, simulation.phase.launch_limit
     while steps < limit and (seconds := _time(simulation, steps) * steps) < SAMPLE_SECONDS:
         steps = min(limit, steps * max(2, min(16, int(SAMPLE_SECONDS / max(seconds, 1e-6)))))
     return steps

@@ -68,7 +68,7 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "force_evaluations_per_step": None if simulation.integrator.implicit else simulation.integrator.evaluations,
         "plan": simulation.plan,
         "plan_reason": plan_reason(simulation, plan_asked),
-        "work_per_step": simulation.step_work,
+        "work_per_step": simulation.phase.work,
         "crossover_work": plans.CROSSOVER_WORK,
         "launches_per_step": simulation.stepper.launches_per_step(),
         "fields": fields,
@@ -76,7 +76,7 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "dt": simulation.dt,
         **(advice.facts() if advice is not None else {"dt_limit": None}),
         "dt_said": advice.line() if advice is not None else "nothing in this scene limits it",
-        "conserves_energy": simulation.conserves_energy,
+        "conserves_energy": simulation.phase.conserves_energy,
         **network_facts(
             simulation.spec,
             simulation.start,

@@ -49,7 +49,7 @@ class TaichiContender:
             "plan": self.simulation.plan,
             "evaluations": None if self.simulation.integrator.implicit else self.simulation.integrator.evaluations,
             "launches_per_step": self.simulation.stepper.launches_per_step(),
-            "setup_seconds": self.simulation.setup_seconds,
+            "setup_seconds": self.simulation.timings.setup_seconds,
             "compile_seconds": max(0.0, first - again),
         }
         self._forces: Any = None
