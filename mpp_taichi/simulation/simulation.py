@@ -47,8 +47,8 @@ class Simulation:
     beyond what the springs allow, `event_log` lets event-driven contacts note every collision. Raises SceneError,
     ArgumentError, BackendError or CapacityError before anything is allocated, StabilityError when it is run.
 
-    What depends on the phase (`spec`, `dt`, `integrator`, `total_force`, `state`, …) is that of the present one, `phase_number`
-    in `phases`; `scene` is the whole, with its timeline and all that was set.
+    `phase` is the present phase, compiled; its parts (`spec`, `integrator`, `total_force`, `state`, …) are read through the
+    simulation as well. `scene` is the whole scene, with its timeline and all that was set.
     """
 
     def __init__(
@@ -142,12 +142,9 @@ class Simulation:
         return self._runner.guard.advice(self.dt)
 
     def check_step(self, steps: int | None = None) -> None:
-        """Warn of a step near its limit, and refuse one beyond it unless this simulation was made with `force`.
+        """Warn of a step near its limit; StabilityError for a step beyond it, unless this simulation was made with `force`.
 
         `steps` is the length of the run, for methods whose oscillations grow whatever the step is. Done once for each dt.
-
-        Raises:
-            StabilityError: the step cannot hold.
         """
         self._runner.guard.check(self.dt, steps)
 
@@ -156,32 +153,25 @@ class Simulation:
     def set(self, changes: str | Mapping[str, Any], value: Any = None) -> None:
         """Change parameters from now on: a path and its value, or a mapping of several, as `timeline:` takes them.
 
-        Positions, velocities and the time stay, bit for bit. What the scene's `sliders:` move within their ranges is a number
-        that kernels load: nothing is compiled, and the next step is with it. Anything else that a timeline may change is
-        compiled anew, as numbers are part of the kernels: forces, springs, walls, contacts, the integrator and its step,
-        constants, and of particles all but their places; at time 0 all of the scene. A step that springs do not allow any more
-        is refused by `run`. The change becomes an event of `scene`, so that `restart`, or a Simulation of `scene`, goes through
-        it again, bit for bit.
+        Positions, velocities and the time stay, bit for bit. Kernels load the parameters that the scene's `sliders:` move:
+        within the range of a slider nothing is compiled. Other numbers are part of the kernels, so that a change compiles them
+        anew: forces, springs, walls, contacts, the integrator and its step, constants, and of particles all but their places;
+        at time 0 all of the scene. `run` refuses a step that the springs do not allow any more. The change becomes an event of
+        `scene`, so that `restart`, or a Simulation of `scene`, goes through it again, bit for bit.
 
         Raises:
-            MppError: there is no such parameter, or it cannot be what it is set to; nothing has changed then.
+            MppError: there is no such parameter, or it cannot have this value; nothing has changed then.
         """
         self._require_life()
         self._runner.change({changes: value} if isinstance(changes, str) else dict(changes))
 
     def parameter_change(self) -> AbstractContextManager[None]:
-        """A block in which parameters, fields or forces are replaced between two steps.
-
-        An energy balance books what that does to the energy as work.
-        """
+        """A block in which parameters, fields or forces are replaced; an energy balance books the change of energy as work."""
         self._require_life()
         return self._runner.parameter_change()
 
     def restart(self, *, as_written: bool = False) -> None:
-        """Go back to the start; the run then goes through every change of parameters again, at its time.
-
-        With `as_written` the changes are forgotten instead; only sliders stay where they are.
-        """
+        """Go back to the start; changes of parameters come again at their times, or are forgotten, but for sliders, `as_written`."""
         self._require_life()
         self._runner.restart_as_written() if as_written else self._runner.restart()
 
@@ -196,9 +186,9 @@ class Simulation:
         self._runner.return_to(mark)
 
     def try_steps(self, steps: int, dt: float | None = None) -> bool:
-        """Advance without recorders and accounts; False, and no error, where a number is not finite or a step not solved.
+        """Advance without recorders and accounts, by steps of the run's dt or of another; False where the state is not sound.
 
-        `dt` is the length of these steps, where it is not that of the run.
+        A sound state has finite numbers only, and every implicit step that led to it was solved.
         """
         self._require_life()
         return self._launches.try_steps(self.phase, steps, self.dt if dt is None else dt)
@@ -209,10 +199,10 @@ class Simulation:
         return self._runner.bookmark()
 
     def go_back(self, bookmark: Bookmark) -> None:
-        """Go back to a moment, bit for bit, with the parameters of then; what was set since is forgotten.
+        """Go back to a moment, bit for bit, with its parameters; later changes are forgotten.
 
         Raises:
-            MppError: parameters were set since that replaced the kernels of that moment.
+            MppError: a later change has replaced the kernels of that moment.
         """
         self._require_life()
         self._runner.go_back(bookmark)
@@ -243,10 +233,7 @@ class Simulation:
         return self._runner.mechanics()
 
     def diagnostics(self) -> dict[str, Any]:
-        """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`.
-
-        With an energy balance also dissipated_energy, work, energy_balance_residual and energy_turnover.
-        """
+        """As `mechanics`; with an energy balance also dissipated_energy, work, energy_balance_residual and energy_turnover."""
         found = self.mechanics()
         if self.energy_balance is not None:
             found |= self.energy_balance.account(self._runner, found["total_energy"])
@@ -262,11 +249,7 @@ class Simulation:
         replace(self.snapshot(), dt=self.dt).save(path)
 
     def picture(self, size: tuple[int, int] = (960, 540)) -> np.ndarray:
-        """What a window would show now: red, green, blue as uint8, shape (height, width, 3).
-
-        Raises:
-            MppError: the simulation has ended.
-        """
+        """The picture that a window would show now: red, green, blue as uint8, shape (height, width, 3)."""
         from mpp_taichi.simulation import notebook
 
         return notebook.picture(self, size)
@@ -319,8 +302,6 @@ class Simulation:
         """Simulated time until the timeline changes something; infinite in the last phase."""
         return self._runner.time_to_next_phase
 
-    # --- the present phase, compiled ------------------------------------------------------------------------------------
-
     @property
     def phase(self) -> CompiledPhase:
         """The present phase on its device."""
@@ -360,8 +341,6 @@ class Simulation:
     def stepper(self) -> Any:
         """The kernels of a step."""
         return self.phase.stepper
-
-    # --- accounts -------------------------------------------------------------------------------------------------------
 
     @property
     def phase_work(self) -> list[float]:
