@@ -171,7 +171,7 @@ class Simulation:
         return self._runner.parameter_change()
 
     def restart(self, *, as_written: bool = False) -> None:
-        """Go back to the start; changes of parameters come again at their times, or are forgotten, but for sliders, `as_written`."""
+        """Go back to the start, and through all changes again; or, `as_written`, forget the changes, but for the sliders."""
         self._require_life()
         self._runner.restart_as_written() if as_written else self._runner.restart()
 
