@@ -10,6 +10,7 @@ from mpp_taichi.contacts._base import ContactReport, ContactSolver
 from mpp_taichi.device import backends
 from mpp_taichi.device.backends import Device
 from mpp_taichi.errors import MppError
+from mpp_taichi.integrators._trouble import Trouble
 from mpp_taichi.simulation import first_bad_step
 from mpp_taichi.simulation.first_bad_step import Mark
 from mpp_taichi.simulation.phases import CompiledPhase, Phase
@@ -37,7 +38,7 @@ class Motion:
         self._closed = False
         self.compile_seconds = 0.0
         self.advance_seconds = 0.0
-        self.kernel_calls = 0  # of the stepper; under the serial plan each is one launch
+        self.kernel_calls = 0  # of the launcher; under the serial plan each is one launch
         self.solver_report = SolverReport()
         self.contact_report = ContactReport()
         self.energy_balance: EnergyBalance | None = None
@@ -47,7 +48,7 @@ class Motion:
         self.spec, self._particles = phase.spec, phase.particles
         self.integrator, self.dt = compiled.integrator, float(phase.spec.integrator.parameters["dt"])
         self.total_force, self.plan, self.step_work = compiled.total_force, compiled.plan, compiled.work
-        self.state, self.stepper, self.energy_meter = compiled.state, compiled.stepper, compiled.energy_meter
+        self.state, self.launcher, self.energy_meter = compiled.state, compiled.launcher, compiled.energy_meter
         self.contacts, self.launch_limit = compiled.contacts, compiled.launch_limit
         self._compiled_phase = compiled
         self._launch_steps = 1
@@ -55,14 +56,13 @@ class Motion:
     def _write(self, position: np.ndarray, velocity: np.ndarray) -> None:
         """Set positions and velocities of all particles, as the method can hold them."""
         self.state.write(position, velocity)
-        self.integrator.adopt(self.state)  # as others are to see it from now on
+        self.integrator.adopt(self.state, self.dt)  # as others are to see it from now on
         self._start_afresh()
 
     def _start_afresh(self) -> None:
         """After positions and velocities were set: neither forces kept nor a method's history hold any more."""
         self._prepared = False
-        if self.integrator.implicit:
-            self.stepper.solver_report()  # what was counted before does not belong to what comes
+        self.launcher.collect()  # the counts so far do not belong to the steps that come
 
     # --- time -----------------------------------------------------------------------------------------------------------
 
@@ -93,20 +93,16 @@ class Motion:
         saved, prepared = self._saved(), self._prepared
         began = clock.perf_counter()
         self._launch(steps, dt, self.energy_balance)
-        particle = self.stepper.first_bad_particle()  # waits for the device
+        report = self.launcher.collect()
+        trouble = self.launcher.trouble()  # waits for the device
         seconds = clock.perf_counter() - began
-        if self.integrator.implicit:
-            report = self.stepper.solver_report()
-            if report.unsolved:
-                self._give_up(saved, report, dt)
+        if trouble is not None and trouble.is_located:
+            self._give_up(saved, trouble, report, dt)
+        if report is not None:
             self.solver_report.add(report)
-        if self.integrator.adaptive and (stalled := self.stepper.stalled_particle()) >= 0:
-            raise first_bad_step.stalled(
-                self.snapshot(), stalled % self.state.particle_count, step=self.step_count, time=self.stepper.adaptive_time()
-            )
         if self.contacts is not None:
             self._count_contacts(self.contacts, saved)
-        if particle >= 0:
+        if trouble is not None:
             self._fail(saved, steps, dt)
         if prepared:
             self.advance_seconds += seconds
@@ -126,12 +122,15 @@ class Motion:
 
     def _launch(self, steps: int, dt: float, balance: "EnergyBalance | None" = None) -> None:
         if not self._prepared:
-            self.stepper.prepare(self.time)
+            self.launcher.prepare(self.time, self.dt)
             self._prepared = True
         origin, first = self._origin_time, self._steps_since_origin
         if dt != self.dt or first + steps > MOST_STEPS_COUNTED:
             origin, first = self.time, 0
-        self.stepper.advance(origin, dt, steps, None if balance is None else balance.meter, first=first)
+        if balance is None:
+            self.launcher.advance(origin, dt, first, first + steps)
+        else:
+            self.launcher.advance_metered(origin, dt, first, first + steps, balance.meter)
         self.kernel_calls += 1
 
     def _count_contacts(self, contacts: ContactSolver, saved: Any) -> None:
@@ -142,15 +141,18 @@ class Motion:
             raise first_bad_step.unresolved(found.unresolved, contacts, step=self.step_count, time=self.time)
         self.contact_report += found
 
-    def _give_up(self, saved: Any, report: SolverReport, dt: float) -> None:
-        """Go back to the last step whose equations were solved, and say which were not."""
-        particle = self.stepper.least_solved_particle() % self.state.particle_count
+    def _give_up(self, saved: Any, trouble: Trouble, report: SolverReport | None, dt: float) -> None:
+        """Go back to the last step that a method could take, and say which step it could not take."""
+        particle = trouble.particle % self.state.particle_count
+        if trouble.kind == "stalled":
+            raise first_bad_step.stalled(self.snapshot(), particle, step=self.step_count, time=trouble.time)
         self._restore(saved)
-        if report.fewest_steps:
-            self._launch(report.fewest_steps, dt)
-            self.stepper.solver_report()
-        self._move_clock(report.fewest_steps, dt)
-        self.solver_report.add(report)
+        if trouble.steps:
+            self._launch(trouble.steps, dt)
+            self.launcher.collect()
+        self._move_clock(trouble.steps, dt)
+        if report is not None:
+            self.solver_report.add(report)
         raise first_bad_step.unsolved(self.snapshot(), particle, step=self.step_count + 1, time=self.time + dt)
 
     def _fail(self, saved: Any, steps: int, dt: float) -> None:
@@ -159,7 +161,7 @@ class Motion:
 
         def advance(count: int) -> bool:
             self._launch(count, dt)
-            return self.stepper.first_bad_particle() < 0
+            return self.launcher.first_bad_particle() < 0
 
         def keep() -> None:
             stored[0] = self._saved()
@@ -171,16 +173,13 @@ class Motion:
         self._move_clock(bad_step - 1, dt)
         before = self.snapshot()
         self._launch(1, dt)
-        found, lost = self.stepper.first_bad_particle(), self.stepper.lost_particle()
-        particle, reason = found % self.state.particle_count, self.integrator.left_lattice(self.state, found)
+        self.launcher.collect()
+        trouble = self.launcher.trouble()
+        assert trouble is not None
         rewind()
-        if reason:
-            raise first_bad_step.left_lattice(before, particle, reason, step=self.step_count + 1, time=self.time + dt)
-        if lost >= 0:
-            lost %= self.state.particle_count
-            raise first_bad_step.unsolved_orbit(before, lost, step=self.step_count + 1, time=self.time + dt)
         singular = any(force.softening == 0.0 for force in self.total_force.pair_forces)
-        raise first_bad_step.diagnose(before, particle, step=self.step_count + 1, time=self.time + dt, pairs_singular=singular)
+        particle, where = trouble.particle % self.state.particle_count, (self.step_count + 1, self.time + dt)
+        raise first_bad_step.explained(before, trouble, particle, step=where[0], time=where[1], pairs_singular=singular)
 
     def _saved(self) -> tuple[tuple, bool]:
         """The state, and whether a step finds in it what it wants to find."""
@@ -192,10 +191,7 @@ class Motion:
         self._start_afresh()
         if self.integrator.memory:
             self._prepared = saved[1]
-        if self.integrator.implicit:
-            unsolved: Any = getattr(self.state, "unsolved")  # noqa: B009 — a work field, there by its name
-            unsolved.fill(0)
-            self._prepared = saved[1]
+        self.launcher.clear_trouble()
 
     # --- back and forth -------------------------------------------------------------------------------------------------
 
@@ -222,8 +218,8 @@ class Motion:
             self._launch(count, dt)
             self._move_clock(count, dt)
             steps -= count
-        solved = not (self.integrator.implicit and self.stepper.solver_report().unsolved)
-        return solved and self.stepper.first_bad_particle() < 0
+        self.launcher.collect()
+        return self.launcher.trouble() is None
 
     # --- looking --------------------------------------------------------------------------------------------------------
 
@@ -237,11 +233,11 @@ class Motion:
     def snapshot_ahead(self, offset: float) -> Snapshot:
         """The particles an `offset` < dt later, by the motion that the step goes on with: x + v offset, or along orbits."""
         self._require_life()
-        if self.integrator.own_state and offset != 0.0:
+        if self.launcher.moves_between_steps and offset != 0.0:
             saved = self._saved()
             if not self._prepared:
-                self.stepper.prepare(self.time)
-            self.stepper.look_ahead(self.dt, offset / self.dt)
+                self.launcher.prepare(self.time, self.dt)
+            self.launcher.look_ahead(self.dt, offset / self.dt)
             found = self.snapshot()
             self._restore(saved)
             return found.moved(position=found.position, velocity=found.velocity, time=self.time + offset, step=found.step)

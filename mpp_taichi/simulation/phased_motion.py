@@ -163,7 +163,7 @@ class PhasedMotion(Motion):
             self._set_clock(phase.at, step)
             if self.state is not earlier:
                 self.state.take_over(earlier, phase.particles.free)
-            self.integrator.adopt(self.state)
+            self.integrator.adopt(self.state, self.dt)
             self._start_afresh()
         if not self._guard.knows(self.spec, phase.particles.springs, self.integrator):
             self._guard_step(self.snapshot())

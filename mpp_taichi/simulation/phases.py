@@ -139,7 +139,7 @@ class CompiledPhase:
         from mpp_taichi.forces._total_force import TotalForce, compose
         from mpp_taichi.state.live_parameters import LiveParameters
         from mpp_taichi.state.state import State
-        from mpp_taichi.step.stepper import Stepper
+        from mpp_taichi.step.choose import launcher_for, settle_plan
 
         spec, start, self.phase = phase.spec, phase.particles, phase
         self.work = plans.step_work(spec, start.particle_count, len(start.springs))
@@ -155,17 +155,15 @@ class CompiledPhase:
         )
         check_sines(spec, self.total_force.forces, device)
         replica_count = max(1, len(replica_starts))
-        self.plan = plan if plan != "auto" else plans.choose(self.work, on_cpu=device.on_cpu, replica_count=replica_count)
-        if self.integrator.on_cpu_only and not device.on_cpu:
-            raise UnsupportedError(f"{spec.integrator.name} runs on the CPU only, not on {device.backend}; use --backend cpu")
-        if self.integrator.adaptive or self.integrator.own_state:
-            self._check_one_thread(plan, spec)
-        if self.total_force.by_tree:
-            self._check_parallel(plan, replica_count)
-        if self.plan not in plans.PLANS or (replica_count > 1) != (self.plan == "replicas"):
-            raise BackendError(
-                f"plan {plan!r} does not fit; there are auto, serial and parallel for one copy, replicas for several"
-            )
+        self.plan = settle_plan(
+            plan,
+            name=spec.integrator.name,
+            integrator=self.integrator,
+            total_force=self.total_force,
+            device=device,
+            work=self.work,
+            replica_count=replica_count,
+        )
         work_fields = self.integrator.work_fields(self.total_force, start, plan=self.plan, on_cpu=device.on_cpu)
         scratch_count = self.integrator.scratch_count(self.total_force.depends_on_velocity)
         if carries_low_parts(device.precision):
@@ -196,7 +194,7 @@ class CompiledPhase:
         if solver is not None:
             solver.bind(contact_setup(spec, start, force_free=not self.total_force.forces), self.state)
         self.contacts = solver
-        self.stepper = Stepper(
+        self.launcher = launcher_for(
             self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=device.on_cpu, contacts=self.contacts
         )
         self.energy_meter = EnergyMeter(self.state, self.total_force)
@@ -209,7 +207,7 @@ class CompiledPhase:
         """Of these forces; its kernels are compiled at its first look."""
         from mpp_taichi.step.acceleration import AccelerationMeter  # only for those who ask
 
-        return AccelerationMeter(self.stepper)
+        return AccelerationMeter(self.state, self.total_force, self.launcher.force_sum)
 
     def adopt(self, phase: Phase) -> None:
         """Take on the numbers of a phase that these kernels serve."""
@@ -227,20 +225,6 @@ class CompiledPhase:
             self.contacts.destroy()
         self.total_force.destroy()
         self.state.destroy()
-
-    def _check_one_thread(self, plan: str, spec: SceneSpec) -> None:
-        """One thread for each copy takes steps until it is there, or orbits are solved: loops without a bound known before."""
-        if plan == "parallel":
-            raise BackendError(f"{spec.integrator.name} has no parallel plan; there are serial and replicas")
-        self.plan = "serial" if self.plan == "parallel" else self.plan
-
-    def _check_parallel(self, plan: str, replica_count: int) -> None:
-        """A tree is built and walked by all threads together."""
-        if plan == "serial" or replica_count > 1:
-            raise BackendError(
-                "newtonian_gravity with solver: tree has the parallel plan alone, for one copy; use solver: direct"
-            )
-        self.plan = "parallel" if plan == "auto" else plan
 
     def _contact_solver(self, spec: SceneSpec, device: Device, count: int, *, event_log: bool) -> ContactSolver:
         """The scene's contact solver, not yet bound to its spheres."""
@@ -266,7 +250,7 @@ class CompiledPhase:
             longest = self.total_force.longest_loop
             allowed = 2**31 - 1
         else:
-            longest = self.stepper.loop_iterations_per_step()
+            longest = self.launcher.loop_iterations_per_step()
             allowed = limit // longest
         if longest > limit:
             raise CapacityError(
