@@ -1,4 +1,4 @@
-"""Own state: many steps in one launch of a method that keeps the motion in coordinates of its own, and then shows the particles."""
+"""Own state: many steps in one launch of a method that keeps the motion in coordinates of its own."""
 
 import taichi as ti
 
