@@ -105,7 +105,7 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "steps_per_second": rate,
         "pair_interactions_per_second": rate * pairs if rate is not None and pairs else None,
         "launches_per_step": launches_per_step(simulation),
-        **(_solver(simulation) if simulation.integrator.implicit else {}),
+        **_solver(simulation),
         **control,
         **contact_facts(simulation),
         "conserves_energy": simulation.phase.conserves_energy and all(row["conserves_energy"] for row in table.rows),
@@ -119,10 +119,13 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
 
 
 def _solver(simulation: "Simulation") -> dict[str, Any]:
-    """What solving the steps' equations took."""
+    """What solving the equations of implicit steps took; {} for methods that solve none."""
     report, steps = simulation.solver_report, max(1, simulation.solver_report.steps)
+    linear_solver = simulation.launcher.facts().get("linear_solver")
+    if linear_solver is None:
+        return {}
     return {
-        "linear_solver": type(simulation.integrator.newton.linear).__name__,
+        "linear_solver": linear_solver,
         "newton_iterations_per_step": report.newton_iterations / steps,
         "newton_iterations_most": report.most_newton_iterations,
         "linear_iterations_per_step": report.linear_iterations / steps,
@@ -157,7 +160,7 @@ def damping_of_method(simulation: "Simulation", table: "TableRecorder") -> dict[
     closed = simulation.phase.conserves_energy
     if (
         not table.rows
-        or simulation.integrator.adaptive
+        or simulation.integrator.controlled_by
         or (closed and simulation.integrator.symplectic)
         or not (closed or balance is not None)
     ):
@@ -174,7 +177,7 @@ def launches_per_step(simulation: "Simulation") -> float | None:
     if done <= 0:
         return None
     if simulation.plan == "parallel":
-        launches = simulation.stepper.launches_per_step()
+        launches = simulation.launcher.launches_per_step()
         return None if launches is None else float(launches)
     return simulation.timings.launch_count / done
 

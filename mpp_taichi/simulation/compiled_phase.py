@@ -51,7 +51,7 @@ class CompiledPhase:
         from mpp_taichi.energy.energy_meter import EnergyMeter
         from mpp_taichi.forces._total_force import TotalForce, compose
         from mpp_taichi.state.live_parameters import LiveParameters
-        from mpp_taichi.step.stepper import Stepper
+        from mpp_taichi.step.choose import launcher_for, settle_plan
 
         spec, start = phase.spec, phase.particles
         self.phase, self.device, self.replica_starts = phase, device, replica_starts
@@ -67,13 +67,21 @@ class CompiledPhase:
         )
         refusals.check_sines(spec, self.total_force.forces, device)
         self.replica_count = max(1, len(replica_starts))
-        self.plan = refusals.plan_that_fits(plan, phase, self.integrator, self.total_force, device, self.replica_count)
+        self.plan = settle_plan(
+            plan,
+            name=spec.integrator.name,
+            integrator=self.integrator,
+            total_force=self.total_force,
+            device=device,
+            work=self.work,
+            replica_count=self.replica_count,
+        )
         self.contacts, self.state = self._allocate(event_log)
         if any(target.kind == "springs" for slider in spec.sliders for target in slider.targets):
             self.state.write_springs(start)  # so that the kernels that write them are compiled before a slider moves
         if self.contacts is not None:
             self.contacts.bind(contact_setup(spec, start, force_free=not self.total_force.forces), self.state)
-        self.stepper = Stepper(
+        self.launcher = launcher_for(
             self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=device.on_cpu, contacts=self.contacts
         )
         self.energy_meter = EnergyMeter(self.state, self.total_force)
@@ -130,7 +138,7 @@ class CompiledPhase:
         if limit is None:
             return 2**31 - 1
         in_one_launch = self.plan != "parallel"
-        longest = self.stepper.loop_iterations_per_step() if in_one_launch else self.total_force.longest_loop
+        longest = self.launcher.loop_iterations_per_step() if in_one_launch else self.total_force.longest_loop
         if longest > limit:
             raise CapacityError(
                 f"this device ({self.device.name}) stops a kernel thread after {limit:,} loop iterations, and one step of "
@@ -165,8 +173,8 @@ class CompiledPhase:
             self.state.write_springs(phase.particles)
         self.phase = phase
 
-    def place(self, start: Snapshot) -> None:
-        """Put all particles where a snapshot has them, or each replica where its own start has them."""
+    def place(self, start: Snapshot, dt: float) -> None:
+        """Put all particles where a snapshot has them, or each replica where its own start has them, for steps of `dt`."""
         if self.replica_starts:
             position = np.concatenate([each.position for each in self.replica_starts])
             velocity = np.concatenate([each.velocity * each.free for each in self.replica_starts])
@@ -175,23 +183,22 @@ class CompiledPhase:
             if self.state.merges:
                 self.state.write_spheres(start)
         self.state.write(position, velocity)
-        self.begin_afresh()
+        self._begin_afresh(dt)
 
-    def take_over(self, earlier: "CompiledPhase") -> None:
-        """Go on from the state of an earlier phase, bit for bit; an axis that is held from now on stops."""
+    def take_over(self, earlier: "CompiledPhase", dt: float) -> None:
+        """Go on from the state of an earlier phase, bit for bit, with steps of `dt`; an axis that is held from now on stops."""
         if earlier is not self:
             self.state.take_over(earlier.state, self.particles.free)
-        self.begin_afresh()
+        self._begin_afresh(dt)
 
-    def begin_afresh(self) -> None:
-        """Forget forces and history: positions and velocities were set, as the method is to round them."""
-        self.integrator.adopt(self.state)
+    def _begin_afresh(self, dt: float) -> None:
+        """Round positions and velocities as the method has them, and forget forces and history."""
+        self.integrator.adopt(self.state, dt)
         self._forget()
 
     def _forget(self) -> None:
         self.prepared = False
-        if self.integrator.implicit:
-            self.stepper.solver_report()  # counts of earlier steps do not belong to later ones
+        self.launcher.collect()  # counts of earlier steps do not belong to later ones
 
     def save(self) -> SavedFields:
         """The state now, for `restore`."""
@@ -203,16 +210,14 @@ class CompiledPhase:
         self._forget()
         if self.integrator.memory:
             self.prepared = saved.prepared
-        if self.integrator.implicit:
-            self.state.unsolved.fill(0)
-            self.prepared = saved.prepared
+        self.launcher.clear_trouble()
 
     # --- steps ----------------------------------------------------------------------------------------------------------
 
-    def prepare(self, time: float) -> None:
+    def prepare(self, clock: Clock) -> None:
         """Compute the forces and the history that the next step begins with, unless they are there."""
         if not self.prepared:
-            self.stepper.prepare(time)
+            self.launcher.prepare(clock.time, clock.dt)
             self.prepared = True
 
     def snapshot(self, clock: Clock, replica: int = 0) -> Snapshot:
@@ -223,11 +228,11 @@ class CompiledPhase:
 
     def snapshot_ahead(self, clock: Clock, offset: float) -> Snapshot:
         """The particles at a time `offset` < dt after now: at x + v offset, or along the orbits that the method drifts on."""
-        if self.integrator.own_state and offset != 0.0:
+        if self.launcher.moves_between_steps and offset != 0.0:
             saved = self.save()
             if not self.prepared:
-                self.stepper.prepare(clock.time)
-            self.stepper.look_ahead(clock.dt, offset / clock.dt)
+                self.launcher.prepare(clock.time, clock.dt)
+            self.launcher.look_ahead(clock.dt, offset / clock.dt)
             found = self.snapshot(clock)
             self.restore(saved)
             return found.moved(position=found.position, velocity=found.velocity, time=clock.time + offset, step=found.step)
@@ -242,7 +247,7 @@ class CompiledPhase:
         """Meter of the accelerations by these forces; its kernels are compiled when it first measures."""
         from mpp_taichi.step.acceleration import AccelerationMeter  # needed by few runs
 
-        return AccelerationMeter(self.stepper)
+        return AccelerationMeter(self.state, self.total_force, self.launcher.force_sum)
 
     def power_meter(self) -> "PowerMeter":
         """A new meter of the powers of these forces, for an energy balance."""

@@ -57,7 +57,7 @@ class PhaseRunner:
             self.enter(self.course.first)
             self._guard_step(start)
         self.clock.set(start.time, start.step)
-        self.phase.place(start)
+        self.phase.place(start, self.clock.dt)
         self.accounts.restart()
 
     def restart_as_written(self) -> None:
@@ -116,7 +116,7 @@ class PhaseRunner:
         with self.parameter_change():
             self.enter(number)
             self.clock.set(begun.at, step)
-            self.phase.take_over(earlier)
+            self.phase.take_over(earlier, self.clock.dt)
         if not self.guard.knows(begun.spec, begun.particles.springs, self.phase.integrator):
             self._guard_step(self.phase.snapshot(self.clock))
         after = self.accounts.phase_energy = self._total_energy()

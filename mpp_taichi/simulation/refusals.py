@@ -5,44 +5,14 @@ from typing import Any
 
 from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.device.backends import Device
-from mpp_taichi.errors import BackendError, CapacityError, PrecisionError, SceneError, UnsupportedError
+from mpp_taichi.errors import CapacityError, PrecisionError, SceneError, UnsupportedError
 from mpp_taichi.precision import forces_see_low_parts
 from mpp_taichi.scene.estimate import LARGEST_COUNT, available_bytes
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
-from mpp_taichi.simulation.course import Phase
-from mpp_taichi.step import plans
 
 NUMBERS_PER_ENTRY = {"scalar": 1, "wide": 1, "index": 0.5, "pair": 2, "wide_pair": 2, "vector4": 4, "vector8": 8}
 """Numbers of the size of an f64 in one entry of a work field, by the kind of the field."""
-
-
-def plan_that_fits(asked: str, phase: Phase, integrator: Any, total_force: Any, device: Device, replica_count: int) -> str:
-    """The execution plan of a phase: the plan that was asked for, or with `auto` the plan for its work per step.
-
-    Raises:
-        UnsupportedError: the method does not run on this device.
-        BackendError: the phase cannot run under the plan that was asked for.
-    """
-    method = phase.spec.integrator.name
-    plan = asked if asked != "auto" else plans.choose(phase.work, on_cpu=device.on_cpu, replica_count=replica_count)
-    if integrator.on_cpu_only and not device.on_cpu:
-        raise UnsupportedError(f"{method} runs on the CPU only, not on {device.backend}; use --backend cpu")
-    if integrator.adaptive or integrator.own_state:  # loops whose length is not known before: one thread for each copy
-        if asked == "parallel":
-            raise BackendError(f"{method} has no parallel plan; there are serial and replicas")
-        plan = "serial" if plan == "parallel" else plan
-    if total_force.by_tree:  # all threads build and walk the tree together
-        if asked == "serial" or replica_count > 1:
-            raise BackendError(
-                "newtonian_gravity with solver: tree has the parallel plan alone, for one copy; use solver: direct"
-            )
-        plan = "parallel" if asked == "auto" else plan
-    if plan not in plans.PLANS or (replica_count > 1) != (plan == "replicas"):
-        raise BackendError(
-            f"plan {asked!r} does not fit; there are auto, serial and parallel for one copy, replicas for several"
-        )
-    return plan
 
 
 def check_contacts(spec: SceneSpec, solver: ContactSolver, count: int, *, device: Device, logs: bool) -> None:

@@ -338,9 +338,9 @@ class Simulation:
         return self.phase.contacts
 
     @property
-    def stepper(self) -> Any:
-        """The kernels of a step."""
-        return self.phase.stepper
+    def launcher(self) -> Any:
+        """The kind of step, as kernels that are launched."""
+        return self.phase.launcher
 
     @property
     def phase_work(self) -> list[float]:

@@ -4,6 +4,7 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
+from mpp_taichi.integrators._trouble import Trouble
 from mpp_taichi.simulation import first_bad_step
 from mpp_taichi.simulation.accounts import Accounts
 from mpp_taichi.simulation.clock import Clock
@@ -51,39 +52,43 @@ class WatchedLaunches:
 
     def launch(self, phase: CompiledPhase, steps: int, dt: float, meter: Any = None) -> None:
         """Launch so many steps of the length `dt`; the clock stays, and nothing is judged."""
-        phase.prepare(self._clock.time)
+        phase.prepare(self._clock)
         origin, first = self._clock.origin_of(steps, dt)
-        phase.stepper.advance(origin, dt, steps, meter, first=first)
+        if meter is None:
+            phase.launcher.advance(origin, dt, first, first + steps)
+        else:
+            phase.launcher.advance_metered(origin, dt, first, first + steps, meter)
         self.timings.launch_count += 1
 
     def try_steps(self, phase: CompiledPhase, steps: int, dt: float) -> bool:
-        """Go on without accounts; False where a number is not finite or an implicit step is not solved."""
+        """Go on without accounts; False where the run could not go on from there."""
         while steps > 0:
             count = min(steps, phase.launch_limit)
             self.launch(phase, count, dt)
             self._clock.move(count, dt)
             steps -= count
-        solved = not (phase.integrator.implicit and phase.stepper.solver_report().unsolved)
-        return solved and phase.stepper.first_bad_particle() < 0
+        phase.launcher.collect()
+        return phase.launcher.trouble() is None
 
     def advance(self, phase: CompiledPhase, steps: int, dt: float) -> None:
         """Make one launch, time it, and judge the state that it leaves.
 
         Raises:
-            StabilityError: a number is not finite, or a step could not be solved; the last good state stands.
+            StabilityError: the run cannot go on; the last good state stands.
         """
         saved, balance = phase.save(), self._accounts.energy_balance
         began = time.perf_counter()
         self.launch(phase, steps, dt, None if balance is None else balance.meter)
-        bad_particle = phase.stepper.first_bad_particle()  # waits for the device
+        report = phase.launcher.collect()
+        trouble = phase.launcher.trouble()  # waits for the device
         seconds = time.perf_counter() - began
-        if phase.integrator.implicit:
-            self._count_solver(phase, saved, dt)
-        if phase.integrator.adaptive:
-            self._check_steps_of_method(phase)
+        if trouble is not None and trouble.is_located:
+            self._give_up(phase, saved, trouble, report, dt)
+        if report is not None:
+            self._accounts.solver_report.add(report)
         if phase.contacts is not None:
             self._count_contacts(phase, saved)
-        if bad_particle >= 0:
+        if trouble is not None:
             self._fail(phase, saved, steps, dt)
         self._note(seconds, steps, compiled=not saved.prepared)
         self._clock.move(steps, dt)
@@ -97,28 +102,22 @@ class WatchedLaunches:
         if steps == self.steps_of_next:
             self.steps_of_next = max(1, min(steps * GROWTH, int(steps * LAUNCH_SECONDS / max(seconds, 1e-6))))
 
-    def _count_solver(self, phase: CompiledPhase, saved: SavedFields, dt: float) -> None:
-        """Add the counts of the solver of implicit steps; a step that is not solved ends the run before it."""
-        report: SolverReport = phase.stepper.solver_report()
-        if not report.unsolved:
-            self._accounts.solver_report.add(report)
-            return
-        particle = phase.stepper.least_solved_particle() % phase.state.particle_count
+    def _give_up(
+        self, phase: CompiledPhase, saved: SavedFields, trouble: Trouble, report: SolverReport | None, dt: float
+    ) -> None:
+        """Go back to the last step that the method could take, and name the step that it could not take."""
+        particle = trouble.particle % phase.state.particle_count
+        if trouble.kind == "stalled":
+            now = phase.snapshot(self._clock)
+            raise first_bad_step.stalled(now, particle, step=self._clock.step_count, time=trouble.time)
         phase.restore(saved)
-        if report.fewest_steps:
-            self.launch(phase, report.fewest_steps, dt)
-            phase.stepper.solver_report()
-        self._clock.move(report.fewest_steps, dt)
-        self._accounts.solver_report.add(report)
+        if trouble.steps:
+            self.launch(phase, trouble.steps, dt)
+            phase.launcher.collect()
+        self._clock.move(trouble.steps, dt)
+        if report is not None:
+            self._accounts.solver_report.add(report)
         raise first_bad_step.unsolved(phase.snapshot(self._clock), particle, **self._next_step(dt))
-
-    def _check_steps_of_method(self, phase: CompiledPhase) -> None:
-        """End the run where a method that chooses its steps cannot go on."""
-        stalled = phase.stepper.stalled_particle()
-        if stalled >= 0:
-            particle, now = stalled % phase.state.particle_count, phase.snapshot(self._clock)
-            time_of_stall = phase.stepper.adaptive_time()
-            raise first_bad_step.stalled(now, particle, step=self._clock.step_count, time=time_of_stall)
 
     def _count_contacts(self, phase: CompiledPhase, saved: SavedFields) -> None:
         """Add the counts of the contact solver; a contact that it gave up on ends the run where the launch began."""
@@ -136,7 +135,7 @@ class WatchedLaunches:
 
         def advance(count: int) -> bool:
             self.launch(phase, count, dt)
-            return phase.stepper.first_bad_particle() < 0
+            return phase.launcher.first_bad_particle() < 0
 
         def keep() -> None:
             stored[0] = phase.save()
@@ -146,17 +145,15 @@ class WatchedLaunches:
 
         bad_step = first_bad_step.first_bad_step(steps, advance, keep, rewind)
         self._clock.move(bad_step - 1, dt)
-        before, count = phase.snapshot(self._clock), phase.state.particle_count
+        before = phase.snapshot(self._clock)
         self.launch(phase, 1, dt)
-        found, lost = phase.stepper.first_bad_particle(), phase.stepper.lost_particle()
-        reason = phase.integrator.left_lattice(phase.state, found)
+        phase.launcher.collect()
+        trouble = phase.launcher.trouble()
+        assert trouble is not None
         rewind()
-        if reason:
-            raise first_bad_step.left_lattice(before, found % count, reason, **self._next_step(dt))
-        if lost >= 0:
-            raise first_bad_step.unsolved_orbit(before, lost % count, **self._next_step(dt))
+        particle = trouble.particle % phase.state.particle_count
         singular = any(force.softening == 0.0 for force in phase.total_force.pair_forces)
-        raise first_bad_step.diagnose(before, found % count, **self._next_step(dt), pairs_singular=singular)
+        raise first_bad_step.explained(before, trouble, particle, **self._next_step(dt), pairs_singular=singular)
 
     def _next_step(self, dt: float) -> dict[str, Any]:
         """Number of the next step, and the time at its end."""
