@@ -31,7 +31,7 @@ INIT, RESET = "ti.init(arch=ti.cpu, default_fp=ti.f32, fast_math=True, log_level
 def run(code):
     """What a program prints; it ends in good order and says nothing else."""
     command = [sys.executable, "-c", BEGIN + code]
-    done = subprocess.run(command, cwd=ROOT / "tests", capture_output=True, text=True, timeout=200, check=False)
+    done = subprocess.run(command, cwd=ROOT / "tests" / "support", capture_output=True, text=True, timeout=200, check=False)
     assert done.returncode == 0 and not done.stderr, done.stderr[-2000:]
     return [line for line in done.stdout.splitlines() if not line.startswith("[Taichi]")]
 
