@@ -47,7 +47,7 @@ def check_threads(threads: Any) -> int | None:
 def require_threads(count: int) -> None:
     """Start as many threads as Taichi is going to start for `count` of them, and end them again.
 
-    Taichi aborts the process where the system refuses to start one of its threads. The trial takes 20 µs for each thread.
+    Taichi aborts the process where the system refuses to start one of its threads. The trial takes 0.2 ms for each thread.
 
     Raises:
         CapacityError: the system does not start them.

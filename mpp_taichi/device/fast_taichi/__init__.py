@@ -26,7 +26,6 @@ serve the parts above and replace nothing.
 """  # noqa: E501
 
 import importlib
-import os
 from typing import Any
 
 from mpp_taichi.device.fast_taichi import switch
@@ -43,7 +42,7 @@ def install(taichi: Any) -> None:
     """
     if switch.is_decided():
         return
-    in_use = switch.decide(os.environ.get(switch.VARIABLE, ""), taichi.__version__)
+    in_use = switch.decide(switch.variable(), taichi.__version__)
     for name in REPLACING:
         if name in in_use:
             importlib.import_module(f"{__name__}.{name}").install()

@@ -1,5 +1,6 @@
 """Which parts of fast_taichi are in use in this process, and which are off and why."""
 
+import os
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -41,6 +42,16 @@ def is_on(name: str) -> bool:
 def is_decided() -> bool:
     """Whether this process has decided which parts are in use."""
     return _parts.decided
+
+
+def variable() -> str:
+    """The value of the environment variable; empty where it is not set."""
+    return os.environ.get(VARIABLE, "")
+
+
+def check_variable() -> None:
+    """Raise ArgumentError where the environment variable has a name that no part has; Taichi is not imported."""
+    parts_off(variable(), KNOWN_TAICHI)
 
 
 def parts_off(text: str, version: tuple[int, ...]) -> tuple[tuple[str, ...], str]:
