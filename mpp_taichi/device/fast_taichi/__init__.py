@@ -52,4 +52,4 @@ def start_threads() -> None:
     """Give the runtime that Taichi has just started on the CPU its worker threads."""
     from mpp_taichi.device.fast_taichi import worker_threads
 
-    worker_threads.hire()
+    worker_threads.start()

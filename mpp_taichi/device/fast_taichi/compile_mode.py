@@ -1,8 +1,10 @@
 """Compile mode: two options of Taichi's compiler, set together for the kernels that are first called inside.
 
 `opt_level` 0 leaves out Taichi's own optimisation (quick_compilation.py); `real_matrix_scalarize` False keeps vectors whole
-(explicit_vectors.py). A kernel compiled with both computes wrong numbers without a message. Therefore a mode always sets both
-options: of two modes, one inside the other, the inner mode alone holds, and no kernel is compiled with both.
+(explicit_vectors.py). An early form of the Taylor step, compiled with both, computed wrong numbers without a message. The pair
+sum, the tree and the steps of today give the same bits with both, but Taichi tests no such kernel. Therefore a mode always sets
+both options: of two modes, one inside the other, the inner mode alone holds, and no kernel is compiled with both.
+
 Both options are part of the key under which Taichi's offline cache keeps a kernel.
 """
 
@@ -27,10 +29,10 @@ class CompileMode:
         """Set the options from now on.
 
         Raises:
-            ValueError: kernels compiled with these two options compute wrong numbers.
+            ValueError: the mode would leave out Taichi's own optimisation and keep vectors whole.
         """
         if opt_level == 0 and not real_matrix_scalarize:
-            raise ValueError("vectors that are kept whole need Taichi's own optimisation")
+            raise ValueError("kernels that keep vectors whole are compiled with Taichi's own optimisation")
         self._options = opt_level, real_matrix_scalarize
 
     def __enter__(self) -> None:

@@ -7,7 +7,8 @@ vector from end to end, for any processor: the pair sum becomes three to four ti
 Taichi's code generator lacks part of this mode, and ends the process where a kernel needs the missing part: a transcendental
 function, `abs`, a cast, the result of a comparison, a unary minus or `+=` on a whole vector, and a load or store of a whole
 vector of a field. Hence the mode is switched on only while a kernel written for it is compiled, never for a scene's other
-kernels. It also needs Taichi's own optimisation, so it cannot hold together with `quick_compilation` (see compile_mode.py).
+kernels. It does not hold together with `quick_compilation` (see compile_mode.py). A load or store of a component of a vector
+field whose components are interleaved is wrong in this mode without a message (`require_components_apart` refuses such fields).
 A component of a vector field that keeps its vectors together is reached by `field.get_scalar_field(lane)[i]` only; eight
 components are then one load.
 """

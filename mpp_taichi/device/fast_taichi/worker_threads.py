@@ -28,14 +28,14 @@ def install() -> None:
 
     @functools.wraps(plain)
     def reset() -> None:
-        dismiss()
+        stop()
         plain()
 
     impl.reset = reset
-    atexit.register(dismiss)
+    atexit.register(stop)
 
 
-def hire() -> None:
+def start() -> None:
     """Start the threads in the Taichi runtime that has just been started.
 
     Another system or processor keeps Taichi's own threads, and so does a process in which this part is off.
@@ -46,18 +46,18 @@ def hire() -> None:
         return
     threads = int(ti.lang.impl.current_cfg().cpu_max_num_threads)
     address = _installer()(threads - 1, PATIENCE if threads <= len(os.sched_getaffinity(0)) else 0)
-    _Hired.leave = ctypes.CFUNCTYPE(None)(address)
+    _Running.stop = ctypes.CFUNCTYPE(None)(address)
 
 
-def dismiss() -> None:
+def stop() -> None:
     """End the threads; Taichi holds their code, and its reset removes the code."""
-    leave, _Hired.leave = _Hired.leave, None
-    if leave is not None:
-        leave()
+    stop_running, _Running.stop = _Running.stop, None
+    if stop_running is not None:
+        stop_running()
 
 
-class _Hired:
-    leave: Callable[[], None] | None = None
+class _Running:
+    stop: Callable[[], None] | None = None  # ends the threads that run; None where none run
 
 
 @functools.cache
@@ -66,10 +66,10 @@ def _installer() -> Any:
     import taichi as ti
 
     @ti.kernel
-    def install(workers: ti.i32, patience: ti.i32) -> ti.i64:
-        wanted, nanoseconds, leave = workers, patience, ti.i64(0)
-        ti.static(bitcode.call(SOURCE, "prepare", wanted, nanoseconds, leave))
+    def hand_over(workers: ti.i32, patience: ti.i32) -> ti.i64:
+        wanted, nanoseconds, address_of_stop = workers, patience, ti.i64(0)
+        ti.static(bitcode.call(SOURCE, "prepare", wanted, nanoseconds, address_of_stop))
         ti.lang.impl.call_internal("do_nothing")
-        return leave
+        return address_of_stop
 
-    return install
+    return hand_over
