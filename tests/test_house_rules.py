@@ -178,13 +178,20 @@ def inverse_of_a_root(node):
 
 
 def drift_or_kick(node):
-    """x + h v or v + h a, of fields or of arguments with these names."""
+    """A function of Taichi with x + h v or v + h a, of fields or of arguments with these names."""
+    if not (isinstance(node, ast.FunctionDef) and any(ast.unparse(mark).startswith("ti.") for mark in node.decorator_list)):
+        return False
+    return any(grows_by_its_rate(part) for part in ast.walk(node))
+
+
+def grows_by_its_rate(node):
     if not (isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add)):
         return False
     if not (isinstance(node.right, ast.BinOp) and isinstance(node.right.op, ast.Mult)):
         return False
-    grows_with = {"position": "velocity", "velocity": "acceleration"}.get(name_of(node.left))
-    return grows_with in (name_of(node.right.left), name_of(node.right.right))
+    rates = {"position": "velocity", "velocity": "acceleration"}
+    factors = {name_of(node.right.left), name_of(node.right.right)}
+    return any(name_of(node.left).endswith(name) and any(f.endswith(rate) for f in factors) for name, rate in rates.items())
 
 
 def name_of(node):
@@ -230,8 +237,8 @@ def test_a_law_is_written_in_one_file(home, law):
     [
         (added_softening, "inverse = rsqrt(squared + group.softening_squared)"),
         (inverse_of_a_root, "inverse = 1.0 / ti.sqrt(d.dot(d) + 0.01)"),
-        (drift_or_kick, "state.position[i] = state.position[i] + h * state.velocity[i]"),
-        (drift_or_kick, "state.velocity[i][k] = state.velocity[i][k] + state.acceleration[i][k] * h"),
+        (drift_or_kick, "@ti.func\ndef f(i):\n    state.position[i] = state.position[i] + h * state.velocity[i]"),
+        (drift_or_kick, "@ti.kernel\ndef f(h: float):\n    v = self.velocity[i][k] + self.acceleration[i][k] * h"),
         (least_iterations_of_a_thread, "if q % self.grain == 0:\n    chunk = q // self.grain"),
         (least_iterations_of_a_thread, "SMALLEST_BLOCK = 512"),
     ],
