@@ -31,7 +31,7 @@ from mpp_taichi.recorders.modes import ModeRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
 from mpp_taichi.recorders.speed_histogram import SpeedHistogram
 from mpp_taichi.recorders.still import StillRecorder
-from mpp_taichi.recorders.table import TableRecorder
+from mpp_taichi.recorders.table import TableRecorder, asked_columns
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
@@ -156,7 +156,7 @@ class _Run:
         self.total_steps, self.rewound = total_steps, rewound
         sparse = simulation.total_force.has_pairs and simulation.plan == "parallel"
         self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps, sparse=sparse)
-        self.table = TableRecorder(self.every)
+        self.table = TableRecorder(self.every, asked_columns(simulation) if request.diagnostics is not None else None)
         self.blow_up = BlowUpWatch(self.table)
         simulation.when_phase_begins.append(lambda _: self.blow_up.restart())  # a change may add energy
         self.watchdog = EnergyWatchdog(self.table)

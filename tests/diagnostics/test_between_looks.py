@@ -7,7 +7,7 @@ import pytest
 from compiled import snapshot_of
 
 from mpp_taichi import component
-from mpp_taichi.diagnostics._base import NoResultError
+from mpp_taichi.quantities._base import NoResultError
 
 STEP = 1e-3
 

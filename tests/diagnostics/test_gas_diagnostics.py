@@ -8,7 +8,7 @@ import pytest
 
 from mpp_taichi import Simulation, component
 from mpp_taichi.contacts._report import ContactReport
-from mpp_taichi.diagnostics._base import NoResultError
+from mpp_taichi.quantities._base import NoResultError
 from mpp_taichi.diagnostics._gas import Total, box_of
 from mpp_taichi.diagnostics.mean_square_displacement import shortest
 from mpp_taichi.kinetic_theory import gas_in_box, kolmogorov_smirnov

@@ -8,7 +8,7 @@ from compiled import snapshot_of
 from scipy.spatial import cKDTree
 
 from mpp_taichi import component
-from mpp_taichi.diagnostics._base import NoResultError
+from mpp_taichi.quantities._base import NoResultError
 from mpp_taichi.diagnostics.nearest_neighbor_distance import nearest_distances
 
 

@@ -10,7 +10,7 @@ from reference import truss
 from scipy.optimize import brentq
 
 from mpp_taichi import Simulation, component
-from mpp_taichi.diagnostics._base import NoResultError
+from mpp_taichi.quantities._base import NoResultError
 
 SCENES = Path(__file__).parents[2] / "scenes"
 

@@ -8,7 +8,7 @@ import pytest
 
 from mpp_taichi import OutputError, Simulation, Snapshot
 from mpp_taichi.atomic_file import whole_file
-from mpp_taichi.diagnostics._base import NoResultError
+from mpp_taichi.quantities._base import NoResultError
 from mpp_taichi.diagnostics.orbital_period import OrbitalPeriod
 from mpp_taichi.diagnostics.return_error import ReturnError
 from mpp_taichi.recorders.film import FilmRecorder
