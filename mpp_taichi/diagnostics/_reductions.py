@@ -206,8 +206,10 @@ class Mean(Diagnostic):
         return float(np.sum(np.diff(times) * 0.5 * (values[1:] + values[:-1]))) / span if span > 0.0 else float(values[-1])
 
 
-def reduced(quantity: Quantity, *, when: str, at: float | None, after: float | None, until: float | None) -> Diagnostic:
-    """The reduction that the keys of an expectation ask for; scene.expectations has refused keys that do not go together."""
+def reduced(
+    quantity: Quantity, *, when: str = "end", at: float | None = None, after: float | None = None, until: float | None = None
+) -> Diagnostic:
+    """The reduction that the keys of an expectation ask for; scene.expectations has refused keys that exclude each other."""
     if at is not None:
         return AtTime(quantity, at) if quantity.has_rate else AtEnd(quantity, until=at)
     if when == "end":

@@ -1,12 +1,12 @@
-"""Periods, turning points and ends of a coordinate, from looks at known motions."""
+"""Periods, turning points, ends and means of a coordinate, from samples of known motions."""
 
 import math
 
 import numpy as np
 import pytest
 from compiled import snapshot_of
+from measured import MadeUpSample, measuring
 
-from mpp_taichi import component
 from mpp_taichi.quantities._base import NoResultError
 
 STEP = 1e-3
@@ -14,13 +14,13 @@ STEP = 1e-3
 
 def watched(name, motion, duration, *, step=STEP, **parameters):
     """The result for x(t), v(t) on the second particle's z, looked at as seldom as the diagnostic allows; and the looks."""
-    diagnostic = component.build("diagnostics", name, {"of": 1, "axis": "z", **parameters})
+    diagnostic = measuring(name, of=(1, 1) if name == "position" else 1, axis="z", **parameters)
     time, looks, last = 0.0, 0, -1.0
     while last < duration:
         value, rate = motion(time)
         position, velocity = np.full((2, 3), 7.0), np.full((2, 3), 7.0)
         position[1, 2], velocity[1, 2] = value, rate
-        diagnostic.observe(time, snapshot_of(position, velocity=velocity))
+        diagnostic.observe(MadeUpSample(snapshot_of(position, velocity=velocity), time))
         looks, last = looks + 1, time
         time = min(duration, time + max(step, math.floor(min(diagnostic.interval, 1e3) / step) * step))
     return diagnostic.result(), looks
@@ -61,18 +61,18 @@ def test_the_lowest_turning_point_lies_between_looks():
 
 
 def test_the_end_is_the_last_look():
-    diagnostic = component.build("diagnostics", "end_position", {"of": 0, "axis": "y"})
+    diagnostic = measuring("end_position", of=0, axis="y")
     with pytest.raises(NoResultError):
         diagnostic.result()
     for time in (0.0, 1.0, 2.0):
-        diagnostic.observe(time, snapshot_of([[0.0, 5.0 - time, 0.0]]))
+        diagnostic.observe(MadeUpSample(snapshot_of([[0.0, 5.0 - time, 0.0]]), time))
     assert diagnostic.result() == 3.0
 
 
 def test_the_distance_of_two_on_an_ellipse_is_that_of_its_ends():
     e, found = 0.6, {}
     for when in ("smallest", "largest", "end"):
-        diagnostic = component.build("diagnostics", "distance", {"between": (0, 1), "when": when})
+        diagnostic = measuring("distance", between=(0, 1), when=when)
         with pytest.raises(NoResultError):
             diagnostic.result()
         anomaly, looks, last = 1.0, 0, -1.0
@@ -81,7 +81,7 @@ def test_the_distance_of_two_on_an_ellipse_is_that_of_its_ends():
             place = np.array([math.cos(anomaly) - e, 0.8 * math.sin(anomaly), 0.0])
             motion = rate * np.array([-math.sin(anomaly), 0.8 * math.cos(anomaly), 0.0])
             both = ([[5.0, 5.0, 5.0], 5.0 + place], [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0] + motion])
-            diagnostic.observe(anomaly - e * math.sin(anomaly), snapshot_of(both[0], velocity=both[1]))
+            diagnostic.observe(MadeUpSample(snapshot_of(both[0], velocity=both[1]), anomaly - e * math.sin(anomaly)))
             looks, last = looks + 1, anomaly
             anomaly = min(7.5, anomaly + max(STEP, min(diagnostic.interval, 1.0) * rate * 0.9))
         found[when] = diagnostic.result()
@@ -95,11 +95,12 @@ def test_the_distance_of_two_on_an_ellipse_is_that_of_its_ends():
 def test_a_distance_is_watched_until_the_time_that_is_asked_for():
     found, looks = {}, {}
     for when in ("end", "largest"):
-        diagnostic = component.build("diagnostics", "distance", {"between": (0, 1), "when": when, "until": 0.5})
+        diagnostic = measuring("distance", between=(0, 1), when=when, until=0.5)
         time = looks[when] = 0
         while time < 2.0:
             apart, speed = 1.0 + time, 1.0
-            diagnostic.observe(time, snapshot_of([[0.0, 0, 0], [apart, 0, 0]], velocity=[[0.0, 0, 0], [speed, 0, 0]]))
+            both = snapshot_of([[0.0, 0, 0], [apart, 0, 0]], velocity=[[0.0, 0, 0], [speed, 0, 0]])
+            diagnostic.observe(MadeUpSample(both, time))
             if time < 0.5:
                 with pytest.raises(NoResultError, match="before time 0.5"):
                     diagnostic.result()
@@ -122,14 +123,14 @@ def test_a_position_at_a_time_lies_on_the_cubic_between_the_looks_around_it():
 def test_a_position_at_a_time_that_the_run_does_not_see_is_none():
     with pytest.raises(NoResultError, match=r"at times 0 and 2, not at 2\.001"):
         watched("position", swing(1.0), 2.0, at=2.001)
-    late = component.build("diagnostics", "position", {"of": 0, "axis": "x", "at": 0.5})
+    late = measuring("position", of=(0, 1), axis="x", at=0.5)
     with pytest.raises(NoResultError, match="never"):
         late.result()
-    late.observe(1.0, snapshot_of([[0.0, 0.0, 0.0]]))
+    late.observe(MadeUpSample(snapshot_of([[0.0, 0.0, 0.0]]), 1.0))
     with pytest.raises(NoResultError, match=r"at times 1 and 1, not at 0\.5"):
         late.result()
     # Steps of 0.1 do not add up to 1 in the last bit: the end of a run is reached all the same.
-    end = component.build("diagnostics", "position", {"of": 0, "axis": "x", "at": 1.0})
+    end = measuring("position", of=(0, 1), axis="x", at=1.0)
     for step in range(11):
-        end.observe(min(step * 0.1, math.nextafter(1.0, 0.0)), snapshot_of([[float(step), 0.0, 0.0]]))
+        end.observe(MadeUpSample(snapshot_of([[float(step), 0.0, 0.0]]), min(step * 0.1, math.nextafter(1.0, 0.0))))
     assert end.result() == 10.0
