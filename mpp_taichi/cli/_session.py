@@ -22,7 +22,7 @@ from mpp_taichi.errors import MppError, OutputError, StabilityError
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
 from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.recorders.blow_up import BlowUpWatch
-from mpp_taichi.recorders.event_log import EventLog
+from mpp_taichi.recorders.event_log import EventLogRecorder
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.recorders.frames import FrameRecorder
 from mpp_taichi.recorders.html import HtmlRecorder
@@ -168,7 +168,9 @@ class _Run:
         self.modes = ModeRecorder(simulation, spec.modes, self.every) if follows else None
         self.inspection = self._inspection()
         self.speeds = SpeedHistogram(simulation) if request.speeds is not None else None
-        self.events = EventLog([wall.label for wall in simulation.surfaces], self.every) if request.events is not None else None
+        self.events = (
+            EventLogRecorder([wall.label for wall in simulation.surfaces], self.every) if request.events is not None else None
+        )
         if request.energy_balance or any(each.quantity in BALANCE_QUANTITIES for each in self.watcher.expectations):
             simulation.keep_energy_balance()
         self.glass: Any = None

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mpp_taichi.diagnostics._base import Diagnostic
-from mpp_taichi.modes.frequency_meter import FrequencyMeter, Measured
+from mpp_taichi.modes.frequency_meter import FrequencyMeter, MeasuredFrequency
 from mpp_taichi.modes.mode_set import ModeReading
 from mpp_taichi.quantities._base import NoResultError, RunSample, Setting
 from mpp_taichi.quantities.mode_amplitude import ModeAmplitude
@@ -52,7 +52,7 @@ class OfMode(Diagnostic):
         """The numbers of the mode."""
         return self._amplitude.found.label
 
-    def measured(self) -> Measured:
+    def measured(self) -> MeasuredFrequency:
         """ω as measured.
 
         Raises:

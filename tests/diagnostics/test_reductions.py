@@ -7,7 +7,13 @@ import pytest
 from compiled import snapshot_of
 from measured import MadeUpSample, measuring
 
+from mpp_taichi import SceneError, Simulation
 from mpp_taichi.quantities._base import NoResultError
+from mpp_taichi.recorders.inspection import InspectionRecorder
+from mpp_taichi.recorders.inspector import Inspector
+from mpp_taichi.report.expectations import Watcher
+from mpp_taichi.scene.load import load_scene
+from scenes import kepler
 
 STEP = 1e-3
 
@@ -134,3 +140,68 @@ def test_a_position_at_a_time_that_the_run_does_not_see_is_none():
     for step in range(11):
         end.observe(MadeUpSample(snapshot_of([[float(step), 0.0, 0.0]]), min(step * 0.1, math.nextafter(1.0, 0.0))))
     assert end.result() == 10.0
+
+
+def test_the_mean_and_the_largest_of_a_part_of_a_run_take_only_its_samples():
+    """A speed of 1 + t: on average 2.5 over 1 … 2, largest, 3, in the first sample from 2 on."""
+    found = {}
+    for when, part in {
+        "mean": {"after": 1.0, "until": 2.0},
+        "largest": {"until": 2.0},
+        "smallest": {"after": 1.0},
+        "end": {"until": 1.5},
+    }.items():
+        diagnostic, time = measuring("speed", of=(0, 1), when=when, **part), 0.0
+        while time < 4.0:
+            diagnostic.observe(MadeUpSample(snapshot_of([[0.0, 0, 0]], velocity=[[0.0, 1.0 + time, 0]]), time))
+            time += min(diagnostic.interval, 0.4)
+        found[when] = diagnostic.result()
+    # Samples meet the ends of the part, so that the trapezoidal rule is exact for a straight line.
+    assert found == {"mean": pytest.approx(2.5), "largest": pytest.approx(3.0), "smallest": 2.0, "end": pytest.approx(2.5)}
+
+
+def test_a_quantity_without_a_rate_is_taken_of_the_first_sample_from_a_time_on():
+    diagnostic = measuring("resting_speed", at=1.1)
+    for time in (0.0, 1.0, 2.0, 3.0):
+        diagnostic.observe(MadeUpSample(snapshot_of([[0.0, 0, 0]], velocity=[[time, 0, 0]]), time))
+    assert diagnostic.result() == 2.0
+
+
+def test_every_quantity_is_a_key_of_expect_and_is_measured_as_its_panel_measures_it():
+    scene = {
+        **kepler(0.3),
+        "run": {"steps": 50},
+        "inspect": [{"y": [{"angular_momentum": {"of": 1, "axis": "z"}}, "potential_energy"]}],
+        "expect": {
+            "angular_momentum": {"of": 1, "axis": "z", "above": -9},
+            "potential_energy": [{"when": "smallest", "above": -9}, {"at": 0.2, "above": -9}],
+        },
+    }
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        watcher, inspector = Watcher(simulation.spec.expect, every=1), Inspector(simulation)
+        recorder = InspectionRecorder(inspector, every=1)
+        simulation.run(recorders=[watcher, recorder])
+        watcher.finish(simulation)
+        recorder.finish(simulation)
+        values = [verdict.value for verdict in watcher.verdicts({}, "f64")]
+        time, turning, potential = (inspector.samples.column(k) for k in range(3))
+    assert values == [turning[-1], potential.min(), potential[np.searchsorted(time, 0.2)]]
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("when: mean, at: 1", r":5:18: expect.speed.when: cannot be beside at:"),
+        ("after: 1", r":5:18: expect.speed.after: belongs to when: largest, smallest or mean"),
+        ("when: mean, after: 2, until: 1", r":5:40: expect.speed.until: must be later than after:, 2"),
+        ("when: last", r"expect.speed.when: 'last' is unknown.* allowed: end, largest, mean, smallest"),
+    ],
+)
+def test_keys_that_exclude_each_other_are_refused_at_their_place(tmp_path, keys, message):
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        "particles: [{body: {mass: 1, position: [0, 0, 0]}}]\nintegrator: {leapfrog: {dt: 1}}\nrun: {steps: 3}\nexpect:\n"
+        f"  speed: {{of: 0, {keys}, below: 1}}\n"
+    )
+    with pytest.raises(SceneError, match=message):
+        load_scene(path)
