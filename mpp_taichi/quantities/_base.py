@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -95,6 +95,10 @@ class Quantity(ABC):
     """Whether the number depends on the samples before, so that every sample must be measured."""
     has_rate = False
     """Whether `rate` is known."""
+    if TYPE_CHECKING:
+
+        def __init__(self, **parameters: Any) -> None:
+            """`@component` gives each quantity the parameters that it declares."""
 
     def begin(self, setting: Setting) -> None:  # noqa: B027 most have nothing to prepare
         """Prepare for a scene, before the first sample.

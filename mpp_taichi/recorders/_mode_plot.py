@@ -1,7 +1,6 @@
 """Mode plot: amplitudes against time, the shares of the energy, and the spectra against theory."""
 
 import importlib.util
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -21,7 +20,7 @@ class RecordedModes(Protocol):
     """Modes along a run: `ModeRecorder`."""
 
     title: str
-    units: Mapping[str, str]
+    units: dict[str, str]
     modes: ModeSet
 
     def columns(self) -> dict[str, np.ndarray]:
