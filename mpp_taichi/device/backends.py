@@ -228,7 +228,8 @@ def _probe_here(ti: Any, backend: str) -> Probes:
     from mpp_taichi.device import probes
 
     # What was found of other probes, or another update, says nothing.
-    sources = ("device/probes.py", "device/update_probe.py", "arithmetic/low_parts.py")
+    updates = ("arithmetic/low_parts.py", "arithmetic/particle_update.py")
+    sources = ("device/probes.py", "device/update_probe.py", *updates)
     texts = [(Path(__file__).parents[1] / name).read_bytes() for name in sources]
     name = f"probes-{zlib.crc32(b''.join(texts)):08x}-{backend}-{availability(backend)['device']}"
     return Probes(**remembered(name, lambda: probes.run(ti, backend), keep=lambda report: True))

@@ -1,6 +1,7 @@
 """Whether the update of positions and velocities in f32c and ds keeps, on the device that runs, what its rounding loses.
 
-It is the update of the runs themselves (`low_parts`), over fields and in a loop over particles and steps, as the steps have it.
+The probe runs the drift and the kick of the runs themselves (arithmetic/particle_update.py), over fields and in a loop over
+particles and steps, as a step runs them.
 """
 
 from typing import Any
@@ -8,7 +9,8 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import drift_particle, kick_particle, step_parts
+from mpp_taichi.arithmetic.low_parts import step_parts
+from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle
 from mpp_taichi.types import Template
 
 STEPS = 1000

@@ -32,7 +32,7 @@ class Integrator:
     takes_time       goes beside forces that depend on time by themselves; said and checked in the same way
     on_cpu_only      wants what other backends lack
     memory           work fields that a step hands on to the next
-    takes_low_parts  moves particles by `low_parts`, so that it runs in f32c and ds; it says its `step_numbers`
+    takes_low_parts  moves particles by `particle_update`, so that it runs in f32c and ds; it says its `step_numbers`
 
     Subclasses may make any of them a property; here they must stay plain attributes, or Taichi would take these instead.
     """

@@ -282,7 +282,7 @@ class Stepper:
         """Accelerations by the forces that do not depend on velocity, all particles at once."""
         if self.launches_stages and total_force.has_pairs:
             if self.pairs_alone and total_force is self.total_force:
-                total_force.pairs.set_accelerations(self.state)
+                total_force.pair_sum.set_accelerations(self.state)
             else:
                 with self.stage_loops:
                     self._begin_sum(total_force, time)
