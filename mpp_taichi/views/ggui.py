@@ -16,11 +16,12 @@ import taichi as ti
 
 from mpp_taichi.errors import BackendError
 from mpp_taichi.scene.spec import ViewSpec
-from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
+from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, View
 from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
 from mpp_taichi.views.legend import draw_labels, draw_legend
+from mpp_taichi.views.trails import Trails
 
 PROBE_SECONDS = 60.0
 PROBE = """

@@ -12,7 +12,7 @@ import taichi as ti
 
 from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 from mpp_taichi.scene.spec import ViewSpec
-from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
+from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, View
 from mpp_taichi.views._display import CURVE
 from mpp_taichi.views._pixels import draw_pixels
 from mpp_taichi.views._primitives import Primitives, Screen, at_least_one, bin_into_tiles, lines, spheres
@@ -24,6 +24,7 @@ from mpp_taichi.views.sky import Sky
 from mpp_taichi.views.srgb import linear_from_srgb
 from mpp_taichi.views.surfaces import Surfaces, SurfaceTables
 from mpp_taichi.views.textures import LEVELS
+from mpp_taichi.views.trails import Trails
 
 logger = logging.getLogger(__name__)
 

@@ -16,7 +16,7 @@ import taichi as ti
 
 from mpp_taichi.errors import BackendError, OutputError
 from mpp_taichi.scene.spec import RecordSpec, ViewSpec
-from mpp_taichi.views._base import Frame, Trails
+from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import caption_lines, draw_caption
 from mpp_taichi.views.controls import BUTTONS, HELP, Controls
@@ -29,6 +29,7 @@ from mpp_taichi.views.picking import discs, pick
 from mpp_taichi.views.picture import save_picture
 from mpp_taichi.views.scene_list import SceneList
 from mpp_taichi.views.slider_panel import SliderPanel
+from mpp_taichi.views.trails import Trails
 from mpp_taichi.views.window_mark import WindowMark
 from mpp_taichi.views.window_panels import WindowPanels
 
