@@ -16,18 +16,18 @@ WALL_WIDTH = 1.5  # pixels of a picture of 720 rows
 class Frame:
     """One moment of a scene as a view draws it; plain host arrays, so that no view knows a simulation or a device.
 
-    position     [length], shape (particle_count, 3); not a number for what is not there
+    position     [length], shape (particle_count, 3); NaN for a particle that has merged into another
     radius       [length], shape (particle_count,)
     color        red, green, blue in 0…1 as displayed (sRGB), shape (particle_count, 3)
     between      particle indices of the two ends of each spring, shape (spring_count, 2)
     spring_color as `color`, shape (spring_count, 3)
     center       what a camera without a target looks at [length]; the middle of the bounding box when None
-    velocity     [length / time], shape (particle_count, 3); tells a camera without a position in which plane things move
+    velocity     [length / time], shape (particle_count, 3); shows a camera without a position in which plane particles move
     acceleration [length / time²], shape (particle_count, 3); None where no view asks for it
     extra        one more line of caption, such as the energy error
     outline      segments of walls [length], shape (count, 2, 3)
-    mass, charge, name   of the particles, shape (particle_count,); None, or no names, where nobody knows them
-    rest_length, stiffness   of the springs, shape (spring_count,); None where nobody knows them
+    mass, charge, name   of the particles, shape (particle_count,); None, or no names, where they are unknown
+    rest_length, stiffness   of the springs, shape (spring_count,); None where they are unknown
     """
 
     position: np.ndarray

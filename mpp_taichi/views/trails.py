@@ -10,12 +10,13 @@ from mpp_taichi.views._base import Frame
 class Trails:
     """The last positions of every particle, as line segments that fade into the background.
 
-    `length` counts frames. A frame at the same time as the last one (a paused simulation) adds nothing; one at an earlier
-    time takes back what came after it, and one with another number of particles starts afresh.
+    `length` is a number of frames. A frame at the same time as the last frame (a paused simulation) adds no position. A
+    frame at an earlier time removes the positions after that time. A frame with another number of particles begins new
+    trails.
     """
 
     def __init__(self, length: int) -> None:
-        """Keep nothing yet."""
+        """Begin without positions."""
         self.length = length
         self._positions: list[np.ndarray] = []
         self._times: list[float] = []
@@ -26,7 +27,7 @@ class Trails:
         self._times.clear()
 
     def add(self, frame: Frame) -> None:
-        """Remember where the particles of a frame are."""
+        """Add the positions of a frame."""
         if self.length < 1 or (self._times and frame.time == self._times[-1]):
             return
         if self._positions and len(self._positions[-1]) != len(frame.position):
