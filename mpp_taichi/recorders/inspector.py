@@ -40,7 +40,7 @@ class SimulationLook:
     @cached_property
     def potential_energy(self) -> float:
         """Of all forces that have one."""
-        return self._simulation.energy_meter.potential_energy(self.time)
+        return self._simulation.phase.energy_meter.potential_energy(self.time)
 
 
 class Inspector:
