@@ -158,7 +158,7 @@ class _Run:
         self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps, sparse=sparse)
         self.table = TableRecorder(self.every, asked_columns(simulation) if request.diagnostics is not None else None)
         self.blow_up = BlowUpWatch(self.table)
-        simulation.when_phase_begins.append(lambda _: self.blow_up.restart())  # a change may add energy
+        simulation.when_phase_begins.append(self.blow_up.restart)  # a change may add energy
         self.watchdog = EnergyWatchdog(self.table)
         self.watcher = Watcher(spec.expect if goal.whole else (), self.every)
         self.network = network_facts(
@@ -169,7 +169,9 @@ class _Run:
         self.inspection = self._inspection()
         self.speeds = SpeedHistogram(simulation) if request.speeds is not None else None
         self.events = (
-            EventLogRecorder([wall.label for wall in simulation.surfaces], self.every) if request.events is not None else None
+            EventLogRecorder([wall.label for wall in simulation.phase.surfaces], self.every)
+            if request.events is not None
+            else None
         )
         if request.energy_balance or any(each.quantity in BALANCE_QUANTITIES for each in self.watcher.expectations):
             simulation.keep_energy_balance()
@@ -280,7 +282,7 @@ class _Run:
 
     def _energy_error(self) -> float | None:
         rows = self.table.rows
-        return rows[-1]["relative_energy_error"] if rows and self.simulation.conserves_energy else None
+        return rows[-1]["relative_energy_error"] if rows and self.simulation.phase.conserves_energy else None
 
     def _caption(self) -> str:
         error = self._energy_error()

@@ -30,7 +30,7 @@ class SimulationSample:
         """The sum over all forces that have a potential."""
         if "mechanics" in vars(self):
             return self.mechanics["potential_energy"]
-        return self._simulation.energy_meter.potential_energy(self.time)
+        return self._simulation.phase.energy_meter.potential_energy(self.time)
 
     @cached_property
     def mechanics(self) -> dict[str, Any]:

@@ -107,7 +107,10 @@ class TableRecorder:
             if not self.rows:
                 self._remember_start(simulation)
             self._phase_number = simulation.phase_number
-            kept = {"conserves_energy": simulation.conserves_energy, "conserves_momentum": simulation.conserves_momentum}
+            kept = {
+                "conserves_energy": simulation.phase.conserves_energy,
+                "conserves_momentum": simulation.phase.conserves_momentum,
+            }
             self.rows.append({**row, **self._errors(row, simulation), **kept})
             if self.asked is not None:
                 self.rows[-1]["asked"] = self.asked.measure(sample)

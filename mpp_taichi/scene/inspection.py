@@ -8,8 +8,9 @@ from pydantic import Field as Describe
 from pydantic_core import core_schema
 
 from mpp_taichi import component
+from mpp_taichi.scene.did_you_mean import choices
 from mpp_taichi.scene.document import Node
-from mpp_taichi.scene.faults import Faults, choices, shown
+from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.fields import Context, Field, Flag, ListOf, Number, PerParticle, Text, Whole
 from mpp_taichi.scene.parameters import STRICT
 from mpp_taichi.scene.spec import ComponentSpec, PanelSpec

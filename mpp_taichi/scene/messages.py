@@ -9,8 +9,9 @@ from pydantic import BaseModel, ValidationError
 
 from mpp_taichi import component
 from mpp_taichi.scene import expectations
+from mpp_taichi.scene.did_you_mean import allowed, choices, suggestion
 from mpp_taichi.scene.document import Node
-from mpp_taichi.scene.faults import Faults, allowed, choices, shown, suggestion
+from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.model import KIND_OF_KEY, available
 

@@ -5,9 +5,10 @@ from typing import Any
 
 from mpp_taichi.component import Declaration, declaration
 from mpp_taichi.errors import PlacementError
+from mpp_taichi.scene.did_you_mean import choices
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.expectations import kind_of
-from mpp_taichi.scene.faults import Faults, choices, shown
+from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.layout import ParticleLayout, build, particle_layout
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.model import KIND_OF_KEY
