@@ -31,8 +31,8 @@ class BlowUpWatch:
     that the run could turn over, K₀ + max (U₀ − U), the kinetic energy at the start and the potential energy released. Springs
     at rest that nothing moves, and spheres that lie and yield, have neither, so a share of their energy at strain 1 is added.
     Beyond `ALARM` the run is taken back to the last sound sample and bisected to the first step that gains more than `ONSET`.
-    Where a drive may add energy, only the length of the springs and finite numbers are watched. Costs a copy of the state for each
-    sample. Massless particles have no part in this energy, and a watch of their own.
+    Where a drive may add energy, only the length of the springs and finite numbers are watched. The watch costs a copy of
+    the state for each sample. Massless particles have no part in this energy, and a watch of their own.
 
     It must come after its table in the list of recorders.
     """
@@ -129,7 +129,7 @@ class BlowUpWatch:
         """Go back to the last sound step; the error says at which step, and how, the run left it.
 
         An oscillation that a step hardly resolves swings in its energy, so that sound and unsound steps may alternate at first.
-        The run is therefore followed once more, in `LOOKS` strides, to the last sound sample before the alarm, and bisected there.
+        The run is therefore followed again, in `LOOKS` strides, to the last sound sample before the alarm, and bisected there.
         """
         assert self._sound is not None and self._start is not None
         stored = [self._sound]

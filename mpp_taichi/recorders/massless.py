@@ -98,7 +98,7 @@ class MasslessWatch:
         return self._exceeds(np.abs(now.energy - self._reference.energy), now, ONSET * self._mean_kinetic(now))
 
     def _exceeds(self, change: np.ndarray, now: SpecificEnergies, limit: np.ndarray) -> np.ndarray:
-        """Whether a change exceeds limit and rounding in both frames, (n,); energies about two attractors are not compared."""
+        """Whether a change exceeds limit and rounding in both frames, (n,); two attractors are not compared."""
         sizes = now.kinetic + np.abs(now.potential) + self._reference.kinetic + np.abs(self._reference.potential)
         above = change > limit + ROUNDING * self._epsilon * sizes
         above[1] |= now.attractor != self._reference.attractor
