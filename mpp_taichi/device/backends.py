@@ -230,8 +230,9 @@ def is_alive(device: Device) -> bool:
 def _probe_here(ti: Any, backend: str) -> Probes:
     from mpp_taichi.device import probes
 
-    # The name has a digest of the probes, so that the results of older probes are not used.
-    sources = ("device/probes.py", "device/update_probe.py", "arithmetic/low_parts.py")
+    # The name has a digest of the probes and of the update, so that the results of older ones are not used.
+    updates = ("arithmetic/low_parts.py", "arithmetic/particle_update.py")
+    sources = ("device/probes.py", "device/update_probe.py", *updates)
     texts = [(Path(__file__).parents[1] / name).read_bytes() for name in sources]
     name = f"probes-{zlib.crc32(b''.join(texts)):08x}-{backend}-{availability(backend)['device']}"
     return Probes(**remembered(name, lambda: probes.run(ti, backend), keep=lambda report: True))

@@ -1,6 +1,7 @@
 """Whether the update of positions and velocities in f32c and ds keeps its rounding errors on the device that runs.
 
-The probe calls the same update as a run (`low_parts`), on fields and in a loop over particles and steps, as a step does.
+The probe runs the drift and the kick of the runs themselves (arithmetic/particle_update.py), over fields and in a loop over
+particles and steps, as a step runs them.
 """
 
 from typing import Any
@@ -8,7 +9,8 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import drift_particle, kick_particle, step_parts
+from mpp_taichi.arithmetic.low_parts import step_parts
+from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle
 from mpp_taichi.types import Template
 
 STEPS = 1000

@@ -6,7 +6,7 @@ import pytest
 from mpp_taichi.device import backends
 from mpp_taichi.device.fast_taichi.serial_loops import SerialLoops, loop_grain
 from mpp_taichi.simulation.simulation import Simulation
-from mpp_taichi.step import stepper
+from mpp_taichi.step import choose
 
 ti = backends.import_taichi()
 COUNT, WORK = 1 << 18, 50  # so much that another thread is awake long before the end, on a busy machine too
@@ -62,8 +62,8 @@ def test_spheres_move_by_the_same_bits(solver, monkeypatch):
         "integrator": {"leapfrog": {"dt": 5e-3}},
     }
     ends, counts = [], []
-    for few in (stepper.FEW, 0):
-        monkeypatch.setattr(stepper, "FEW", few)
+    for few in (choose.FEW, 0):
+        monkeypatch.setattr(choose, "FEW", few)
         with Simulation(scene, backend="cpu", precision="f64", plan="parallel") as simulation:
             start = simulation.start
             simulation.state.write(start.position, np.random.default_rng(1).normal(size=start.position.shape))
