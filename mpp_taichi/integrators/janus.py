@@ -6,14 +6,16 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi import component as components
 from mpp_taichi.component import component, param
 from mpp_taichi.errors import SceneError
 from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.integrators.kahan_li6 import KahanLi6
+from mpp_taichi.integrators.leapfrog import Leapfrog
+from mpp_taichi.integrators.pefrl import Pefrl
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
-TABLES = {2: "leapfrog", 4: "pefrl", 6: "kahan_li6"}
+TABLES = {2: Leapfrog, 4: Pefrl, 6: KahanLi6}
 """Methods that begin and end with a drift and read the same backwards, by their order."""
 BITS = 53  # of the largest coordinate at the start, as in a number of f64; of 63, the rest is room to fly apart
 SLOWEST = 1 / 128  # of the largest coordinate per dt: the speed that a scene is at least taken to have, one at rest as well
@@ -55,7 +57,7 @@ class Janus(Integrator):
     @property
     def table(self) -> Any:
         """The splitting of this order."""
-        return components.build("integrators", TABLES[self.order], {"dt": self.dt})
+        return TABLES[self.order](dt=self.dt)
 
     @property
     def nodes(self) -> tuple:
