@@ -15,13 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from mpp_taichi.accuracy.budget import Budget
-from mpp_taichi.accuracy.force_solvers import GRAVITY
-from mpp_taichi.accuracy.front import Row
+from mpp_taichi.accuracy.front import StudyRow
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import pose, with_integrator
-from mpp_taichi.accuracy.sample import Configuration, Measured
+from mpp_taichi.accuracy.sample import Configuration, MeasuredError
 from mpp_taichi.accuracy.store import Store, identity
-from mpp_taichi.accuracy.study import Study, Wishes
+from mpp_taichi.accuracy.study import Study, StudyWishes
 from mpp_taichi.accuracy.verdict import duration
 from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.atomic_file import whole_file
@@ -36,7 +35,7 @@ TOO_GOOD = 3.0  # times smaller an error than asked for: a coarser step is tried
 TRIALS = 3  # runs with the step chosen, each corrected by the one before
 MOST_TRIED, ALIKE = 3, 1.5  # offers that are run, if they seem no more than so many times slower than the first
 REPEATS = 3
-Tried = tuple[Configuration, float, Measured, float]  # with its step, its error and its seconds
+Tried = tuple[Configuration, float, MeasuredError, float]  # with its step, its error and its seconds
 LOOKS_OF_ADAPTIVE = 1000  # in a run, of a method that needs no step
 
 
@@ -83,7 +82,7 @@ class Choice:
 
 def _resolved(entry: Any, force: ComponentSpec) -> Any:
     """What the scene says of a force, with the solver that was chosen for gravity."""
-    if force.name != GRAVITY:
+    if not force.flag("forces", "can_use_tree"):
         return entry
     said = (entry.get(force.name) or {}) if isinstance(entry, Mapping) else {}
     given = {key: value for key, value in said.items() if key not in ("solver", "accuracy")}
@@ -152,7 +151,7 @@ def choose(
             return known
     tell(f"accuracy {target.error:g}: choosing integrator, step and precision by pilot runs, about {seconds:.0f} s")
     devices = [("cpu", precision) for precision in precisions]
-    wishes = Wishes(integrators, devices, quantity=target.quantity, aim=SAFETY * target.error)
+    wishes = StudyWishes(integrators, devices, quantity=target.quantity, aim=SAFETY * target.error)
     store = Store(folder, identity(problem, problem.span, __version__))
     study = Study(problem, store, Budget(seconds, look), wishes)
     study.run()
@@ -211,9 +210,9 @@ def _decide(study: Study, target: float, asked: str | None, precisions: Sequence
     raise StabilityError(f"{place}: nothing that was tried reaches {target:g} of {quantity}; the best was {best:.1e}")
 
 
-def offers_for(rows: Sequence[Row], quantity: str, aim: float) -> list[Offer]:
+def offers_for(rows: Sequence[StudyRow], quantity: str, aim: float) -> list[Offer]:
     """What each method and precision would take to reach the aim, where its runs lie on both sides of it, or all reach it."""
-    groups: dict[tuple[str, str, str], list[Row]] = {}
+    groups: dict[tuple[str, str, str], list[StudyRow]] = {}
     for row in rows:
         configuration = row.sample.configuration
         if row.sample.status == "ok" and row.seconds is not None and math.isfinite(row.error(quantity).bound):
@@ -227,7 +226,7 @@ def offers_for(rows: Sequence[Row], quantity: str, aim: float) -> list[Offer]:
     return offers
 
 
-def _between(coarse: Row | None, fine: Row, quantity: str, aim: float) -> tuple[float, float, float | None]:
+def _between(coarse: StudyRow | None, fine: StudyRow, quantity: str, aim: float) -> tuple[float, float, float | None]:
     """Fineness and seconds where the error is the aim, as powers of each other, and the power of the error."""
     assert fine.seconds is not None
     finest = fine.sample.configuration.fineness
@@ -273,7 +272,9 @@ def _tried(study: Study, offer: Offer, quantity: str, allowed: float) -> Tried |
     return reached and reached[1]
 
 
-def _why(offers: Sequence[Offer], tried: Sequence[tuple[Offer, Tried]], chosen: Offer, error: Measured, study: Study) -> str:
+def _why(
+    offers: Sequence[Offer], tried: Sequence[tuple[Offer, Tried]], chosen: Offer, error: MeasuredError, study: Study
+) -> str:
     measured = {offer: found[3] for offer, found in tried}
     part = "" if study.problem.span == study.whole else f" over the first t = {study.problem.span:.4g}"
     said = f"its error was {error}{part}, in {duration(measured[chosen])}"

@@ -4,7 +4,7 @@ import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.methods import LOOKS
-from mpp_taichi.accuracy.reference import MEANING, Reference, distance, lost_at, size_of
+from mpp_taichi.accuracy.reference import MEANING, ReferenceSolution, distance, lost_at, size_of
 from mpp_taichi.accuracy.sample import Sample
 from mpp_taichi.accuracy.workbench import Machine
 
@@ -12,7 +12,7 @@ SHIFT = 1e-14  # of the size of the system: some 50 roundings, as a flight betwe
 SEED = 20261121
 
 
-def fly(machine: Machine, budget: Budget) -> tuple[Reference, Sample] | None:
+def fly(machine: Machine, budget: Budget) -> tuple[ReferenceSolution, Sample] | None:
     """Positions at the end; their bar is what a random shift of the start by ±SHIFT has become until then.
 
     A collision enlarges a shift by the free path over the radius, some tens to hundreds of times, so that positions in a gas
@@ -35,7 +35,7 @@ def fly(machine: Machine, budget: Budget) -> tuple[Reference, Sample] | None:
         differences.append(distance(other.end, sample.end, size))
         lost.append(lost_at(trace, shifted, size))
     largest, rms = (max(pair[part] for pair in differences) for part in (0, 1))
-    found = Reference(
+    found = ReferenceSolution(
         integrator=machine.name,
         order=0,
         steps=LOOKS,

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mpp_taichi.accuracy.sample import Measured, Sample
+from mpp_taichi.accuracy.sample import MeasuredError, Sample
 
 QUANTITIES = ("position", "energy")
 LEAST_ROWS = 3  # of a front that a price is read off
@@ -13,18 +13,18 @@ ENERGY_BAR = 1e-15  # to which a sum of energies is rounded, relative
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class StudyRow:
     """A sample with its errors as far as they can be told."""
 
     sample: Sample
-    position: Measured  # largest over the particles, relative to the size of the system
-    position_rms: Measured
-    energy: Measured
-    momentum: Measured
-    angular_momentum: Measured
+    position: MeasuredError  # largest over the particles, relative to the size of the system
+    position_rms: MeasuredError
+    energy: MeasuredError
+    momentum: MeasuredError
+    angular_momentum: MeasuredError
     is_own: bool = False
 
-    def error(self, quantity: str) -> Measured:
+    def error(self, quantity: str) -> MeasuredError:
         """Of one of QUANTITIES."""
         return self.position if quantity == "position" else self.energy
 
@@ -49,19 +49,19 @@ def front(points: Sequence[tuple[float, float]]) -> list[int]:
     return kept
 
 
-def time_front(rows: Sequence[Row], quantity: str) -> list[Row]:
+def time_front(rows: Sequence[StudyRow], quantity: str) -> list[StudyRow]:
     """The front in error and median seconds, coarse to fine."""
     told = [row for row in rows if _counts(row, quantity) and row.seconds is not None]
     return [told[index] for index in front([(row.error(quantity).bound, row.seconds or math.inf) for row in told])]
 
 
-def evaluation_front(rows: Sequence[Row], quantity: str) -> list[Row]:
+def evaluation_front(rows: Sequence[StudyRow], quantity: str) -> list[StudyRow]:
     """The front in error and force evaluations, coarse to fine; evaluations of one precision and backend cost alike."""
     told = [row for row in rows if _counts(row, quantity)]
     return [told[index] for index in front([(row.error(quantity).bound, float(row.sample.evaluations)) for row in told])]
 
 
-def _counts(row: Row, quantity: str) -> bool:
+def _counts(row: StudyRow, quantity: str) -> bool:
     return row.sample.status == "ok" and row.error(quantity).bound < COARSEST
 
 

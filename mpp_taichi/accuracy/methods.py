@@ -22,7 +22,7 @@ LOOKS = 64  # at energies and positions in a run; a reference takes a multiple o
 
 
 @dataclass(frozen=True)
-class Method:
+class StudyMethod:
     """One integrator, for one scene; its name may have a tree in it, see force_solvers.
 
     evaluations    forces per step; a guess for implicit methods, 1 for adaptive ones
@@ -46,7 +46,7 @@ class Method:
         return self.tolerance is not None
 
 
-def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, Method]:
+def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, StudyMethod]:
     """Integrators that advance by steps, take the scene's forces and need nothing else to be said; its own among them.
 
     Gravity is summed directly; by a tree as well in methods that are `asked` for, and with the scene's own where it may pay.
@@ -54,7 +54,7 @@ def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, Method]:
     import_taichi()
     if problem.spec.contacts is not None:
         order = orders()
-        return {name: Method(name, order[name], True, False, 1.0, 1) for name in solvers(problem.spec)}
+        return {name: StudyMethod(name, order[name], True, False, 1.0, 1) for name in solvers(problem.spec)}
     found = {}
     own, layout = problem.spec.integrator.name, layout_of(problem.spec)
     for name in dict.fromkeys((own, *component.names("integrators"))):
@@ -73,7 +73,7 @@ def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, Method]:
     return found
 
 
-def _method(problem: Problem, name: str) -> Method:
+def _method(problem: Problem, name: str) -> StudyMethod:
     spec = with_integrator(problem.spec, name, problem.own_dt)
     made: Any = component.build("integrators", name, spec.integrator.parameters)
     advice = advise(spec, problem.start, made, problem.own_dt)
@@ -82,10 +82,10 @@ def _method(problem: Problem, name: str) -> Method:
         fewest = math.ceil(problem.span / (LIMIT_SHARE * advice.limit))
     evaluations = ITERATIONS if made.implicit else max(1.0, float(made.evaluations))
     control = (made.controlled_by, float(getattr(made, made.controlled_by))) if made.adaptive else ()
-    return Method(name, made.order, bool(made.symplectic), bool(made.implicit), evaluations, fewest, *control)
+    return StudyMethod(name, made.order, bool(made.symplectic), bool(made.implicit), evaluations, fewest, *control)
 
 
-def for_reference(found: dict[str, Method]) -> list[Method]:
+def for_reference(found: dict[str, StudyMethod]) -> list[StudyMethod]:
     """Explicit methods with direct sums whose step can be halved, the most promising first.
 
     By order, symplectic, and more forces a step.
@@ -95,23 +95,23 @@ def for_reference(found: dict[str, Method]) -> list[Method]:
     return sorted(halved, key=_promise, reverse=True)
 
 
-def rank(found: dict[str, Method], method: Method) -> int:
+def rank(found: dict[str, StudyMethod], method: StudyMethod) -> int:
     """How many methods of the same order promise more; so that the best of every order come first."""
     return sum(other.order == method.order and _promise(other) > _promise(method) for other in found.values())
 
 
-def _promise(method: Method) -> tuple[int, bool, float]:
+def _promise(method: StudyMethod) -> tuple[int, bool, float]:
     return method.order, method.symplectic, method.evaluations
 
 
-def equal_cost(problem: Problem, method: Method, own: Method) -> float:
+def equal_cost(problem: Problem, method: StudyMethod, own: StudyMethod) -> float:
     """Steps with which a method spends as many forces as the scene's own setting; the looks of an adaptive one."""
     if method.adaptive:
         return float(LOOKS)
     return problem.own_steps * own.evaluations / method.evaluations
 
 
-def first_steps(problem: Problem, method: Method, own: Method) -> int:
+def first_steps(problem: Problem, method: StudyMethod, own: StudyMethod) -> int:
     """Steps for the first run of a reference: a quarter as dear as the scene's own setting; coarse runs show convergence too.
 
     A multiple of the looks, or a power of two below, so that runs of twice the steps are looked at at the same times.

@@ -7,7 +7,7 @@ from typing import Any
 from mpp_taichi import component
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.methods import LOOKS
-from mpp_taichi.accuracy.reference import Reference, distance
+from mpp_taichi.accuracy.reference import ReferenceSolution, distance
 from mpp_taichi.accuracy.workbench import Machine
 
 TOLERANCES = (1e-9, 3e-10, 1e-10)  # steps of 1, 0.84 and 0.72: each at round-off, and each with roundings of its own
@@ -19,7 +19,7 @@ def method() -> str:
     return component.marked("integrators", "reference_method")[0]
 
 
-def finer(machine: Machine, known: Reference, budget: Budget, *, add: Any) -> Reference:
+def finer(machine: Machine, known: ReferenceSolution, budget: Budget, *, add: Any) -> ReferenceSolution:
     """The reference that IAS15 gives, or the known one where it is no better or contradicts it.
 
     Its bar is the largest difference of three runs with different steps, whose roundings are independent of one another; and

@@ -16,7 +16,7 @@ import numpy as np
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.problem import Problem
-from mpp_taichi.accuracy.sample import Measured, Sample
+from mpp_taichi.accuracy.sample import MeasuredError, Sample
 from mpp_taichi.accuracy.workbench import Machine, Trace
 
 ROUND_OFF = 1e-13  # of the size of the system: differences below are rounding, or next to it
@@ -26,7 +26,7 @@ MEANING = 1e-3  # of the size of the system: an error from which positions mean 
 
 
 @dataclass(eq=False)
-class Reference:
+class ReferenceSolution:
     """Positions at the end that others are measured against.
 
     size         of the system: root mean square distance of the moving particles from their mean, over the run [length]
@@ -49,12 +49,12 @@ class Reference:
     control: str = ""  # of an adaptive method, as in Configuration
     tolerance: float | None = None
 
-    def errors(self, sample: Sample) -> tuple[Measured, Measured]:
+    def errors(self, sample: Sample) -> tuple[MeasuredError, MeasuredError]:
         """Position of a sample at the end, largest and root mean square over the particles, relative to the size."""
         if sample.end is None:
-            return Measured(None), Measured(None)
+            return MeasuredError(None), MeasuredError(None)
         largest, rms = distance(sample.end, self.end, self.size)
-        return Measured.against(largest, self.bar), Measured.against(rms, self.bar_rms)
+        return MeasuredError.against(largest, self.bar), MeasuredError.against(rms, self.bar_rms)
 
     @property
     def positions_mean_something(self) -> bool:
@@ -122,7 +122,7 @@ class Convergence:
         stalls = len(found) > 1 and found[-1] > found[-2] / FALLING and found[-2] < FLOOR
         return stalls or (found[-1] < ROUND_OFF and len(found) > 1)
 
-    def reference(self) -> Reference:
+    def reference(self) -> ReferenceSolution:
         """The finer run of the last pair, or of the pair before where that one agreed better, with its bar."""
         found = self.differences
         best = len(found) - 1
@@ -132,7 +132,7 @@ class Convergence:
         bar = tuple(self._bar(best, part) for part in (0, 1))
         end = sample.end
         assert end is not None
-        return Reference(
+        return ReferenceSolution(
             integrator=sample.configuration.integrator,
             order=self.order,
             steps=sample.configuration.steps,

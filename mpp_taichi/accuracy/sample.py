@@ -85,18 +85,18 @@ class Sample:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredError:
     """An error as far as it can be told: `value`, or no value but `at_most`, the bar of what it was measured against."""
 
     value: float | None
     at_most: float | None = None
 
     @staticmethod
-    def against(value: float | None, bar: float) -> "Measured":
+    def against(value: float | None, bar: float) -> "MeasuredError":
         """An error is told where it is above the bar."""
         if value is None or not math.isfinite(value):
-            return Measured(None)
-        return Measured(value) if value > bar else Measured(None, bar)
+            return MeasuredError(None)
+        return MeasuredError(value) if value > bar else MeasuredError(None, bar)
 
     @property
     def bound(self) -> float:

@@ -10,14 +10,14 @@ from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.chaos import Chaos
 from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.force_solvers import split
-from mpp_taichi.accuracy.front import ENERGY_BAR, Row, time_front
+from mpp_taichi.accuracy.front import ENERGY_BAR, StudyRow, time_front
 from mpp_taichi.accuracy.ladder import COARSEST, Ladder
-from mpp_taichi.accuracy.methods import LOOKS, Method, equal_cost, first_steps, for_reference, methods
+from mpp_taichi.accuracy.methods import LOOKS, StudyMethod, equal_cost, first_steps, for_reference, methods
 from mpp_taichi.accuracy.problem import Problem
-from mpp_taichi.accuracy.reference import Reference, converge
-from mpp_taichi.accuracy.sample import Configuration, Measured, Sample
+from mpp_taichi.accuracy.reference import ReferenceSolution, converge
+from mpp_taichi.accuracy.sample import Configuration, MeasuredError, Sample
 from mpp_taichi.accuracy.store import Store
-from mpp_taichi.accuracy.sweep import Sweep, timed
+from mpp_taichi.accuracy.sweep import StepSweep, timed
 from mpp_taichi.accuracy.workbench import Machine, Workbench
 from mpp_taichi.errors import BackendError, MppError
 
@@ -43,7 +43,7 @@ ROUNDED_ERROR = 1e-8  # of runs in f64 that one in f32 could replace
 
 
 @dataclass(frozen=True)
-class Wishes:
+class StudyWishes:
     """What is asked of a study: integrators to try, None for all, and (backend, precision) pairs in turn.
 
     quantity   what methods are to be compared by, None for what can be; of energies no reference is needed
@@ -64,7 +64,7 @@ class Study:
     """
 
     def __init__(
-        self, problem: Problem, store: Store, budget: Budget, wishes: Wishes, tell: Callable[[str], None] = lambda _: None
+        self, problem: Problem, store: Store, budget: Budget, wishes: StudyWishes, tell: Callable[[str], None] = lambda _: None
     ) -> None:
         """Nothing is run yet; a store that knows the scene says over what span it was looked at."""
         self.whole = problem.span
@@ -72,7 +72,7 @@ class Study:
         self.store, self.budget, self.wishes, self.tell = store, budget, wishes, tell
         self.methods = methods(problem, wishes.integrators or ())
         self.own = self.methods[problem.own_method]
-        self.reference: Reference | None = None
+        self.reference: ReferenceSolution | None = None
         self.chaos: Chaos | None = None
         self.status = "unfinished"
         self.cut: dict[tuple[str, str], int] = {}  # ladders of steps that the budget cut short
@@ -107,7 +107,7 @@ class Study:
             return "position"
         return "energy" if self.conserves_energy and asked != "position" else None
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[StudyRow]:
         """Every sample, with errors as far as they can be told; in the order of method, precision and step."""
         own = self.own_configuration.key
         made = sorted(self.store, key=lambda each: (each.configuration.integrator, each.configuration.precision, -each.dt))
@@ -123,17 +123,17 @@ class Study:
     def _own_steps(self) -> int:
         return LOOKS if self.own.adaptive else self.problem.own_steps
 
-    def _row(self, sample: Sample, is_own: bool) -> Row:
-        position = position_rms = Measured(None)
+    def _row(self, sample: Sample, is_own: bool) -> StudyRow:
+        position = position_rms = MeasuredError(None)
         if self.reference is not None and self.reference.positions_mean_something:
             position, position_rms = self.reference.errors(sample)
         kept = (sample.energy, sample.momentum, sample.angular_momentum)
-        energy, momentum, angular_momentum = (Measured.against(error, ENERGY_BAR) for error in kept)
-        return Row(sample, position, position_rms, energy, momentum, angular_momentum, is_own)
+        energy, momentum, angular_momentum = (MeasuredError.against(error, ENERGY_BAR) for error in kept)
+        return StudyRow(sample, position, position_rms, energy, momentum, angular_momentum, is_own)
 
-    def error(self, sample: Sample, quantity: str) -> Measured:
+    def error(self, sample: Sample, quantity: str) -> MeasuredError:
         """Of a sample, one of QUANTITIES; infinite for a run that broke."""
-        return self._row(sample, False).error(quantity) if sample.status == "ok" else Measured(None)
+        return self._row(sample, False).error(quantity) if sample.status == "ok" else MeasuredError(None)
 
     def _error(self, sample: Sample) -> float:
         return float("inf") if self.quantity is None else self.error(sample, self.quantity).bound
@@ -212,7 +212,7 @@ class Study:
             asked = (known["control"], known["tolerance"])
             kept = self.store.get(Configuration(known["integrator"], known["steps"], REFERENCE[1], REFERENCE[0], *asked))
             if kept is not None and kept.end is not None:
-                self.reference = Reference(**known, end=kept.end)
+                self.reference = ReferenceSolution(**known, end=kept.end)
                 self.conserves_energy = kept.energy is not None
                 return
         exact = next((name for name in exact_solvers() if name in self.methods), None)
@@ -278,7 +278,7 @@ class Study:
         bench.shorten(problem)
         self.store.span = problem.span
 
-    def _finer(self, bench: Workbench, known: Reference) -> Reference:
+    def _finer(self, bench: Workbench, known: ReferenceSolution) -> ReferenceSolution:
         """One by IAS15, where round-off has spoilt the one that is known for what is asked, and there is time for it."""
         enough = WELL_KNOWN if self.wishes.aim is None else self.wishes.aim * WITHIN_AIM
         if not known.trusted or known.bar <= enough or radau_reference.method() not in self.methods:
@@ -336,7 +336,7 @@ class Study:
         if self.quantity is None:
             return
         self.tell(f"{bench.backend} {bench.precision}: {', '.join(names)}")
-        sweep = Sweep(bench, self.store, self.budget, self.methods, self._error)
+        sweep = StepSweep(bench, self.store, self.budget, self.methods, self._error)
         for machine in bench.machines.values():
             sweep.learn(machine)
         ladders = [self._ladder(self.methods[name]) for name in names]
@@ -345,7 +345,7 @@ class Study:
         self.store.save()
         self.cut[bench.backend, bench.precision] = sweep.left_out
 
-    def _ladder(self, method: Method) -> Ladder:
+    def _ladder(self, method: StudyMethod) -> Ladder:
         anchor = equal_cost(self.problem, method, self.own)
         floor = ENERGY_BAR
         if self.quantity == "position" and self.reference is not None:

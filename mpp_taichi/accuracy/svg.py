@@ -15,7 +15,7 @@ TICKS = 8  # on a linear axis at most
 
 
 @dataclass(frozen=True)
-class Mark:
+class PlotMark:
     """A point of a plot, in its own units, with what is said of it under the pointer."""
 
     x: float
@@ -31,7 +31,7 @@ class Series:
 
     name: str
     number: int
-    points: Sequence[Mark]
+    points: Sequence[PlotMark]
     joined: bool = True
     marked: bool = True
     dashed: bool = False
@@ -97,7 +97,7 @@ def _cross(r: float, *, turned: bool) -> list[tuple[float, float]]:
     return [(half * (x - y), half * (x + y)) for x, y in arms]
 
 
-class _Scale:
+class _LogScale:
     """An axis: from values to its length, 0…1, and its ticks."""
 
     def __init__(self, values: Sequence[float], *, linear: bool) -> None:
@@ -134,10 +134,10 @@ class _Frame:
         self.plot = plot
         marks = [mark for series in plot.series for mark in series.points if self.shows(mark)]
         self.shown = bool(marks)
-        self.x_axis = _Scale([mark.x for mark in marks] or [1.0], linear=plot.linear_x)
-        self.y_axis = _Scale([mark.y for mark in marks] or [1.0], linear=plot.linear_y)
+        self.x_axis = _LogScale([mark.x for mark in marks] or [1.0], linear=plot.linear_x)
+        self.y_axis = _LogScale([mark.y for mark in marks] or [1.0], linear=plot.linear_y)
 
-    def shows(self, mark: Mark) -> bool:
+    def shows(self, mark: PlotMark) -> bool:
         """Whether a point has a place on both axes."""
         given = ((mark.x, self.plot.linear_x), (mark.y, self.plot.linear_y))
         return all(math.isfinite(value) and (linear or value > 0.0) for value, linear in given)

@@ -7,7 +7,7 @@ from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.force_solvers import by_tree
 from mpp_taichi.accuracy.ladder import Ladder
-from mpp_taichi.accuracy.methods import Method, rank
+from mpp_taichi.accuracy.methods import StudyMethod, rank
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.workbench import Machine, Workbench
@@ -23,7 +23,7 @@ FIRST_ORDER_LAST = 8.0  # methods of first order are begun as if they were so ma
 HOPELESS = 100.0  # a rung is left when another row is as good for so many times fewer force evaluations
 
 
-class Sweep:
+class StepSweep:
     """One backend and precision of a study; `error_of` gives the error of a sample that decides where ladders end."""
 
     def __init__(
@@ -31,7 +31,7 @@ class Sweep:
         bench: Workbench,
         store: Store,
         budget: Budget,
-        methods: dict[str, Method],
+        methods: dict[str, StudyMethod],
         error_of: Callable[[Sample], float],
     ) -> None:
         """Nothing is run yet."""

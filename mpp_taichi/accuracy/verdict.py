@@ -4,12 +4,12 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from mpp_taichi.accuracy.front import Row, evaluation_front, price_of_a_digit, time_front
+from mpp_taichi.accuracy.front import StudyRow, evaluation_front, price_of_a_digit, time_front
 
 ALIKE = 1.1  # times as long: medians on a busy machine tell no finer
 
 
-def verdict(rows: Sequence[Row], quantity: str | None, target: float) -> dict[str, Any]:
+def verdict(rows: Sequence[StudyRow], quantity: str | None, target: float) -> dict[str, Any]:
     """The numbers that the sentence is made of.
 
     time_per_digit, evaluations_per_digit   factors for ten times less error, along the front
@@ -40,7 +40,7 @@ def verdict(rows: Sequence[Row], quantity: str | None, target: float) -> dict[st
     return found
 
 
-def choice(rows: Sequence[Row], quantity: str, target: float) -> Row | None:
+def choice(rows: Sequence[StudyRow], quantity: str, target: float) -> StudyRow | None:
     """The fastest row that reaches the target, by its median; of those as fast within ALIKE that with the smallest error."""
     reached = [row for row in rows if row.sample.status == "ok" and row.seconds and row.error(quantity).bound <= target]
     if not reached:
@@ -50,7 +50,7 @@ def choice(rows: Sequence[Row], quantity: str, target: float) -> Row | None:
     return min(alike, key=lambda row: (row.error(quantity).bound, row.sample.evaluations, row.seconds))
 
 
-def step_ratio(own: Row, rows: Sequence[Row], quantity: str, target: float) -> float | None:
+def step_ratio(own: StudyRow, rows: Sequence[StudyRow], quantity: str, target: float) -> float | None:
     """The step that the scene's own method needs for the target over the scene's own step.
 
     Between two measured steps of the method, errors are taken as a power of the step; None where the target is not between two.
@@ -70,7 +70,7 @@ def step_ratio(own: Row, rows: Sequence[Row], quantity: str, target: float) -> f
     return None
 
 
-def _described(row: Row, quantity: str) -> dict[str, Any]:
+def _described(row: StudyRow, quantity: str) -> dict[str, Any]:
     configuration, error = row.sample.configuration, row.error(quantity)
     return {
         "key": configuration.key,

@@ -17,7 +17,7 @@ from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, pu
 from mpp_taichi.precision import PRECISIONS
 
 if TYPE_CHECKING:
-    from mpp_taichi.accuracy.study import Study, Wishes
+    from mpp_taichi.accuracy.study import Study, StudyWishes
 
 BUDGET_SECONDS = 60.0
 TARGET = 1e-6
@@ -125,9 +125,9 @@ def _report(found: dict[str, Any], study: "Study", arguments: argparse.Namespace
         put(f"\nwrote {', '.join(found['files'])}")
 
 
-def _wishes(arguments: argparse.Namespace, kind: str) -> "Wishes":
+def _wishes(arguments: argparse.Namespace, kind: str) -> "StudyWishes":
     """Of integrators, or in a scene with contacts of their solvers."""
-    from mpp_taichi.accuracy.study import Wishes
+    from mpp_taichi.accuracy.study import StudyWishes
     from mpp_taichi.device.availability import BACKENDS
 
     allowed = {"integrators": component.names(kind), "precisions": list(PRECISIONS), "backends": list(BACKENDS)}
@@ -136,7 +136,7 @@ def _wishes(arguments: argparse.Namespace, kind: str) -> "Wishes":
             if _without_tree(name) not in known:
                 raise UsageError(f"--{option} {name}: allowed are {', '.join(known)}")
     devices = [(backend, precision) for backend in arguments.backends for precision in arguments.precisions]
-    return Wishes(arguments.integrators, devices)
+    return StudyWishes(arguments.integrators, devices)
 
 
 def _without_tree(name: str) -> str:
@@ -149,7 +149,7 @@ def _without_tree(name: str) -> str:
         raise UsageError(f"--integrators {name}: {error}") from None
 
 
-def _check_methods(wishes: "Wishes", suited: list[str], tell: Callable[[str], None]) -> None:
+def _check_methods(wishes: "StudyWishes", suited: list[str], tell: Callable[[str], None]) -> None:
     """Say which of those asked for the scene cannot have; UsageError where none is left."""
     unsuited = [name for name in wishes.integrators or () if name not in suited]
     if not unsuited:

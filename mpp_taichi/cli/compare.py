@@ -16,7 +16,7 @@ from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, pu
 from mpp_taichi.cli.accuracy import names, span_of_time
 
 if TYPE_CHECKING:
-    from mpp_taichi.compare.comparison import Wishes
+    from mpp_taichi.compare.comparison import ComparisonWishes
 
 BUDGET_SECONDS = 60.0
 BUG_CODE = 4
@@ -97,8 +97,8 @@ def _report(found: dict[str, Any], arguments: argparse.Namespace) -> None:
         put(f"\nwrote {', '.join(found['files'])}")
 
 
-def _wishes(arguments: argparse.Namespace) -> "Wishes":
-    from mpp_taichi.compare.comparison import ALL_BACKENDS, Wishes
+def _wishes(arguments: argparse.Namespace) -> "ComparisonWishes":
+    from mpp_taichi.compare.comparison import ALL_BACKENDS, ComparisonWishes
     from mpp_taichi.compare.course import ROUNDING
 
     arguments.backends = arguments.backends or list(ALL_BACKENDS)
@@ -107,4 +107,4 @@ def _wishes(arguments: argparse.Namespace) -> "Wishes":
             if name not in known:
                 raise UsageError(f"--{option} {name}: allowed are {', '.join(known)}")
     parts = (arguments.threads, arguments.scaling, arguments.ladder, arguments.steps)
-    return Wishes(arguments.backends, arguments.precisions, *parts)
+    return ComparisonWishes(arguments.backends, arguments.precisions, *parts)

@@ -12,10 +12,10 @@ from mpp_taichi import component
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.compare import neighbors
 from mpp_taichi.compare.certificate import Judge, verdict
-from mpp_taichi.compare.course import COPIES, Course, Finding
+from mpp_taichi.compare.course import COPIES, Finding, ReferenceCourse
 from mpp_taichi.compare.evidence import Evidence
 from mpp_taichi.compare.numpy_reference import DIRECT, ROUNDINGS
-from mpp_taichi.compare.row import Row
+from mpp_taichi.compare.row import BackendRow
 from mpp_taichi.scene.estimate import estimate
 
 Ask = Callable[..., dict[str, Any] | None]  # a row, a command and its fields; None where the row has failed
@@ -43,10 +43,10 @@ class Agreement:
         """`files` is a folder for what workers read and write."""
         self.judge, self._files, self._ask, self._budget, self._tell = judge, files, ask, budget, tell
         self.remarks: list[str] = []
-        self._reasons: dict[Row, str] = {}  # why a row is not judged, where the scene is not to blame
+        self._reasons: dict[BackendRow, str] = {}  # why a row is not judged, where the scene is not to blame
         self.steps = 0  # of the longest trajectory compared
 
-    def certify(self, rows: Sequence[Row], precisions: Sequence[str], most_steps: int | None, end: float) -> None:
+    def certify(self, rows: Sequence[BackendRow], precisions: Sequence[str], most_steps: int | None, end: float) -> None:
         """Judge every row; `end` is when of the budget it should be done."""
         judge, began = self.judge, self._budget.spent
         share = max(0.0, NUMPY_SHARE * (end - began))
@@ -57,7 +57,7 @@ class Agreement:
             self._tell(f"following the reference for {looks[-1]:,} steps")
             course = judge.follow(precisions, looks)
         found = self._gather_all(rows, looks, share)
-        findings: dict[Row, list[Finding]] = {}
+        findings: dict[BackendRow, list[Finding]] = {}
         for row, evidence in found.items():
             self._tell(f"judging {row.name}")
             has_forces = len(evidence.position) > 0 and judge.force_refusal is None
@@ -88,7 +88,7 @@ class Agreement:
             return []
         return spread(1, int(max(1, min(usual, share / self.judge.step_seconds()))))
 
-    def _gather_all(self, rows: Sequence[Row], looks: Sequence[int], share: float) -> dict[Row, Evidence]:
+    def _gather_all(self, rows: Sequence[BackendRow], looks: Sequence[int], share: float) -> dict[BackendRow, Evidence]:
         places, speeds = (np.stack(column) for column in zip(*self.judge.states()))
         np.savez(self._files / "states.npz", position=places, velocity=speeds)
         found = {}
@@ -98,7 +98,7 @@ class Agreement:
                 found[row] = evidence
         return found
 
-    def _gather(self, row: Row, states: str | None, looks: Sequence[int]) -> Evidence | None:
+    def _gather(self, row: BackendRow, states: str | None, looks: Sequence[int]) -> Evidence | None:
         """What a row did; the forces at the states too, where they are named."""
         self._tell(f"looking at {row.name}")
         file = self._files / "evidence.npz"
@@ -113,8 +113,8 @@ class Agreement:
 
     def _follow_neighbors(
         self,
-        found: dict[Row, Evidence],
-        findings: dict[Row, list[Finding]],
+        found: dict[BackendRow, Evidence],
+        findings: dict[BackendRow, list[Finding]],
         precisions: Sequence[str],
         usual: int,
         end: float,
@@ -164,7 +164,9 @@ class Agreement:
             findings[base] = [replace(each, looked_at=f"{each.looked_at}: {mate.name}") for each in findings[mate]]
         self.remarks.append(f"trajectories of up to {looks[-1]:,} steps were compared with that of {base.name}")
 
-    def _course_of(self, base: Row, felt: Evidence, precisions: Sequence[str], looks: Sequence[int]) -> Course | None:
+    def _course_of(
+        self, base: BackendRow, felt: Evidence, precisions: Sequence[str], looks: Sequence[int]
+    ) -> ReferenceCourse | None:
         judge = self.judge
         self._tell(f"following {base.name} and its neighbors for {looks[-1]:,} steps")
         push = np.zeros_like(judge.start.position)
@@ -200,6 +202,6 @@ def spread(first: int, last: int) -> list[int]:
     return sorted({round(first * (last / first) ** (k / (LOOKS - 1))) for k in range(LOOKS)})
 
 
-def affordable(looks: Sequence[int], row: Row, seconds: float) -> list[int]:
+def affordable(looks: Sequence[int], row: BackendRow, seconds: float) -> list[int]:
     """The looks that a row reaches in a time, the first of them in any case."""
     return [look for look in looks if look == looks[0] or look * row.seconds_per_step <= seconds]

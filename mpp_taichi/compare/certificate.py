@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.compare import numpy_reference, numpy_steps, tree_forces
-from mpp_taichi.compare.course import AMPLITUDE, CHANCE, COPIES, ROUNDING, Course, Finding, ratios
+from mpp_taichi.compare.course import AMPLITUDE, CHANCE, COPIES, ROUNDING, Finding, ReferenceCourse, ratios
 from mpp_taichi.compare.evidence import Evidence, shaken
 from mpp_taichi.compare.numpy_reference import (
     ROUNDINGS,
     Limits,
-    Reference,
+    NumpyForces,
     bodies,
     kept,
     norm,
@@ -52,7 +52,7 @@ class Judge:
         self.free = start.free.astype(float)
         self.free[:, spec.dimensions :] = 0.0
         self.size = size_of(start.position)
-        self.course: Course | None = None
+        self.course: ReferenceCourse | None = None
         tree = tree_of(spec)
         self.tree_accuracy = None if tree is None else float(tree.parameters["accuracy"] or DEFAULT_ACCURACY)
 
@@ -61,9 +61,9 @@ class Judge:
         position, velocity = self.start.position, self.start.velocity * self.start.free
         return [(position, velocity), shaken(position, velocity, self.free, self.size)]
 
-    def reference(self, precision: str) -> Reference:
+    def reference(self, precision: str) -> NumpyForces:
         """The forces on the particles as that precision keeps them."""
-        return Reference(self.spec, bodies(self.start, self.spec.dimensions, [precision]))
+        return NumpyForces(self.spec, bodies(self.start, self.spec.dimensions, [precision]))
 
     # --- forces -------------------------------------------------------------------------------------------------------------
 
@@ -102,7 +102,7 @@ class Judge:
         return findings
 
     def _allowed(
-        self, reference: Reference, place: np.ndarray, speed: np.ndarray, rows: np.ndarray, precision: str
+        self, reference: NumpyForces, place: np.ndarray, speed: np.ndarray, rows: np.ndarray, precision: str
     ) -> tuple[np.ndarray, float]:
         """What rounding may do to each acceleration, (rows, 3); and at most how many roundings of its terms that is."""
         terms = reference.most_terms()
@@ -166,7 +166,7 @@ class Judge:
                 return seen[0]
         return max(seen[1] - seen[0], CLOCK_GRAIN) / TRIAL_STEPS
 
-    def follow(self, precisions: Sequence[str], looks: Sequence[int]) -> Course:
+    def follow(self, precisions: Sequence[str], looks: Sequence[int]) -> ReferenceCourse:
         """Run the reference, once for the numbers that each precision keeps, and its copies beside it."""
         random = np.random.default_rng(1)
         method = self.spec.integrator.name
@@ -174,7 +174,7 @@ class Judge:
         last = numpy_reference.Bodies(**{**vars(given), **{key: getattr(given, key)[-1:] for key in PER_COPY}})
         near = numpy_reference.perturbed(last, AMPLITUDE, self.roundings, COPIES, random)
         everyone = {key: np.concatenate([getattr(given, key), getattr(near, key)]) for key in PER_COPY}
-        reference = Reference(self.spec, numpy_reference.Bodies(**{**vars(given), **everyone}), threads=os.cpu_count() or 1)
+        reference = NumpyForces(self.spec, numpy_reference.Bodies(**{**vars(given), **everyone}), threads=os.cpu_count() or 1)
         position, velocity = self.start.position, self.start.velocity * self.start.free
         places = np.stack([*(kept(position, precision) for precision in precisions), *[position] * (1 + COPIES)])
         speeds = np.stack([*(kept(velocity, precision) for precision in precisions), *[velocity] * (1 + COPIES)])
@@ -190,7 +190,7 @@ class Judge:
         steps.start(places, speeds)
         return self._course(steps, precisions, looks)
 
-    def _course(self, steps: NumpySteps, precisions: Sequence[str], looks: Sequence[int]) -> Course:
+    def _course(self, steps: NumpySteps, precisions: Sequence[str], looks: Sequence[int]) -> ReferenceCourse:
         done, seen = 0, []
         count = len(precisions)
         for look in looks:
@@ -201,7 +201,7 @@ class Judge:
             seen.append((steps.position[:count].copy(), steps.velocity[:count].copy(), *growth))
         places, speeds, place_growth, speed_growth = (np.stack(column) for column in zip(*seen))
         typical = float(np.sqrt(np.mean(np.sum(speeds * speeds, axis=3)))) or 1.0
-        return Course(
+        return ReferenceCourse(
             tuple(precisions),
             np.asarray(looks, int),
             places.swapaxes(0, 1),

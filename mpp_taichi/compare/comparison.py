@@ -17,7 +17,7 @@ from mpp_taichi.compare.agreement import Agreement
 from mpp_taichi.compare.certificate import Judge
 from mpp_taichi.compare.course import CHANCE
 from mpp_taichi.compare.process import WorkerError, WorkerProcess, empty_cache
-from mpp_taichi.compare.row import Row, described, peak_of
+from mpp_taichi.compare.row import BackendRow, described, peak_of
 from mpp_taichi.compare.work import work_of
 from mpp_taichi.device.availability import BACKENDS, TAICHI_VERSION, availability, cpu_name
 from mpp_taichi.scene.spec import SceneSpec
@@ -45,7 +45,7 @@ def pyopencl_version() -> str | None:
 
 
 @dataclass(frozen=True)
-class Wishes:
+class ComparisonWishes:
     """What is compared."""
 
     backends: Sequence[str] = ALL_BACKENDS
@@ -59,12 +59,12 @@ class Wishes:
 class Comparison:
     """Runs the parts in turn; `facts` has what there is at any time."""
 
-    def __init__(self, spec: SceneSpec, wishes: Wishes, budget: Budget, tell: Callable[[str], None]) -> None:
+    def __init__(self, spec: SceneSpec, wishes: ComparisonWishes, budget: Budget, tell: Callable[[str], None]) -> None:
         """Make the start that all begin with."""
         self.spec, self.wishes, self.budget, self._tell = spec, wishes, budget, tell
         self.start = assemble(spec)
         self.judge = Judge(spec, self.start, float(spec.integrator.parameters["dt"]))
-        self.rows: list[Row] = []
+        self.rows: list[BackendRow] = []
         self.agreement: Agreement | None = None
         self.remarks: list[str] = []
         self.load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
@@ -93,7 +93,7 @@ class Comparison:
                     row.process = None
 
     @property
-    def running(self) -> list[Row]:
+    def running(self) -> list[BackendRow]:
         """Rows whose process is there."""
         return [row for row in self.rows if row.process is not None]
 
@@ -109,13 +109,13 @@ class Comparison:
             if not precisions:
                 reason = f"computes in {', '.join(PRECISIONS[backend])} alone"
             if reason:
-                self.rows.append(Row(backend, "", "missing", reason))
+                self.rows.append(BackendRow(backend, "", "missing", reason))
                 continue
             for variant in ("", *(LADDER.get(backend, ()) if self.wishes.ladder else ())):
                 for precision in precisions:
-                    self._open(Row(backend, precision, variant=variant))
+                    self._open(BackendRow(backend, precision, variant=variant))
 
-    def _open(self, row: Row) -> None:
+    def _open(self, row: BackendRow) -> None:
         self._tell(f"starting {row.name}")
         self.rows.append(row)
         try:
@@ -124,11 +124,11 @@ class Comparison:
         except WorkerError as error:
             row.give_up(str(error), "missing")
 
-    def _process(self, row: Row) -> WorkerProcess:
+    def _process(self, row: BackendRow) -> WorkerProcess:
         cache = self._files / f"cache-{row.name.replace(' ', '-')}"
         return WorkerProcess(self._files, cache if cache.is_dir() else empty_cache(cache), self.budget.look)
 
-    def _build(self, row: Row, scene: dict | None = None) -> dict[str, Any]:
+    def _build(self, row: BackendRow, scene: dict | None = None) -> dict[str, Any]:
         assert row.process is not None
         answer = row.process.ask(
             "build",
@@ -202,7 +202,7 @@ class Comparison:
             self.remarks.append(f"no scaling: {reason}")
             return
         left = self.running
-        walls: dict[Row, list[float]] = {row: [] for row in left}
+        walls: dict[BackendRow, list[float]] = {row: [] for row in left}
         for count in scaling.COUNTS:
             for row in list(left):
                 began = self.budget.spent
@@ -219,7 +219,7 @@ class Comparison:
                     self.remarks.append(f"{row.name} with {count:,} particles: {error}")
                     left.remove(row)
 
-    def _ask(self, row: Row, command: str, **fields: Any) -> dict[str, Any] | None:
+    def _ask(self, row: BackendRow, command: str, **fields: Any) -> dict[str, Any] | None:
         """The answer; None, and the reason in the row, where there is none."""
         assert row.process is not None
         try:
@@ -235,7 +235,7 @@ class Comparison:
     # --- what was found -----------------------------------------------------------------------------------------------------
 
     @property
-    def bugs(self) -> list[Row]:
+    def bugs(self) -> list[BackendRow]:
         """Rows that differ by more than rounding."""
         return [row for row in self.rows if row.certificate.get("verdict") == "bug"]
 

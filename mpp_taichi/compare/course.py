@@ -45,7 +45,7 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class ReferenceCourse:
     """The reference run: (precisions, looks, N, 3), and σ of positions and velocities, (looks, N), for roundings of size 1."""
 
     precisions: tuple[str, ...]

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mpp_taichi.compare.course import AMPLITUDE, CHANCE, COPIES, Course
+from mpp_taichi.compare.course import AMPLITUDE, CHANCE, COPIES, ReferenceCourse
 from mpp_taichi.compare.numpy_reference import kept, norm
 from mpp_taichi.contacts._base import TOUCHING_POWER
 from mpp_taichi.snapshot import Snapshot
@@ -48,7 +48,7 @@ def course(
     size: float,
     given_by: str,
     limits: np.ndarray | None = None,
-) -> Course:
+) -> ReferenceCourse:
     """Of what the backend did from the starts, (starts, looks, N, 3) each; `updates` of a position or velocity in a step."""
     count = len(precisions)
     steps = np.asarray(looks, int)
@@ -57,7 +57,7 @@ def course(
         apart = norm(values[-COPIES:] - values[count]).max(axis=0) / AMPLITUDE
         growth.append(np.maximum.accumulate(apart, axis=0) * (updates * steps)[:, None])
     typical = float(np.sqrt(np.mean(np.sum(speeds[:count] ** 2, axis=3)))) or 1.0
-    return Course(
+    return ReferenceCourse(
         tuple(precisions), steps, places[:count], speeds[:count], growth[0], growth[1], size, typical, given_by, limits
     )
 

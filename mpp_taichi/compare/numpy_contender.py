@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.compare import numpy_reference, numpy_steps
-from mpp_taichi.compare.numpy_reference import Reference, bodies, kept, pair_forces
+from mpp_taichi.compare.numpy_reference import NumpyForces, bodies, kept, pair_forces
 from mpp_taichi.compare.numpy_steps import NumpySteps
 from mpp_taichi.compare.peaks import numpy_peaks
 from mpp_taichi.errors import BackendError
@@ -33,7 +33,7 @@ class NumpyContender:
         if refused:
             raise BackendError(refused)
         self._start, self._precision = start, precision
-        self._reference = Reference(spec, bodies(start, spec.dimensions, [precision]))
+        self._reference = NumpyForces(spec, bodies(start, spec.dimensions, [precision]))
         dt = float(spec.integrator.parameters["dt"])
         self._steps = NumpySteps(self._reference, spec.integrator.name, np.array([dt]))
         self.restart()

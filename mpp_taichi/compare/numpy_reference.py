@@ -100,7 +100,7 @@ def pair_forces(spec: SceneSpec) -> int:
     return sum(component.declaration("forces", name).base == "PairForce" for name in direct)
 
 
-class Reference:
+class NumpyForces:
     """The forces of a scene on some copies of its particles."""
 
     def __init__(self, spec: SceneSpec, given: Bodies, *, threads: int = 1) -> None:

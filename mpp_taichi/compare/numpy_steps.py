@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpp_taichi.compare.numpy_reference import DIRECT, Reference
+from mpp_taichi.compare.numpy_reference import DIRECT, NumpyForces
 from mpp_taichi.scene.spec import SceneSpec
 
 CUBE_ROOT = 2.0 ** (1.0 / 3.0)
@@ -64,7 +64,7 @@ def refusal(spec: SceneSpec) -> str | None:
 class NumpySteps:
     """Copies of a scene on their way; `dt` has one entry for each copy."""
 
-    def __init__(self, reference: Reference, method: str, dt: np.ndarray, noise: "Noise | None" = None) -> None:
+    def __init__(self, reference: NumpyForces, method: str, dt: np.ndarray, noise: "Noise | None" = None) -> None:
         """Bind the forces, the method and the steps."""
         self.reference, self.method, self.noise = reference, method, noise
         self.dt = np.asarray(dt, float)[:, None, None]

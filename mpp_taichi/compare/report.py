@@ -7,7 +7,7 @@ from xml.sax.saxutils import escape
 
 from mpp_taichi.accuracy import svg
 from mpp_taichi.accuracy.report import framed
-from mpp_taichi.accuracy.svg import Mark, Plot, Series
+from mpp_taichi.accuracy.svg import Plot, PlotMark, Series
 from mpp_taichi.compare import table
 from mpp_taichi.compare.words import EXPLANATION, circumstances, machine
 
@@ -50,7 +50,7 @@ def _plots(found: dict[str, Any], numbers: dict[str, int]) -> list[Plot]:
             f"{row['label']} {row['precision']}",
             numbers[row["label"]],
             [
-                Mark(point["particle_count"], 1.0 / point["step_seconds"], f"{row['label']} {row['precision']}")
+                PlotMark(point["particle_count"], 1.0 / point["step_seconds"], f"{row['label']} {row['precision']}")
                 for point in row["scaling"]
             ],
             dashed=row["precision"] != "f64",
@@ -67,8 +67,8 @@ def _plots(found: dict[str, Any], numbers: dict[str, int]) -> list[Plot]:
 def _apart(row: dict[str, Any], numbers: dict[str, int]) -> list[Series]:
     looks = [*row.get("looks", ()), *row.get("looks_beside", {}).get("looks", ())]
     name, number = f"{row['label']} {row['precision']}", numbers[row["label"]]
-    apart = [Mark(look["steps"], _finite(look["distance"]), name) for look in looks]
-    allowed = [Mark(look["steps"], _finite(look["allowed"])) for look in looks]
+    apart = [PlotMark(look["steps"], _finite(look["distance"]), name) for look in looks]
+    allowed = [PlotMark(look["steps"], _finite(look["allowed"])) for look in looks]
     return [
         Series(name, number, apart),
         Series(f"{name}: allowed", number, allowed, marked=False, dashed=True),

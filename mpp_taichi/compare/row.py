@@ -9,7 +9,7 @@ from mpp_taichi.compare.work import Work
 
 
 @dataclass(eq=False)
-class Row:
+class BackendRow:
     """See the module. `precision` is empty where the backend as a whole is missing.
 
     variant    what it was told to run, a rung of the ladder; nothing where it chooses by itself
@@ -67,7 +67,7 @@ class Row:
         self.process = None
 
 
-def described(row: Row, work: Work, peak: dict[str, float]) -> dict[str, Any]:
+def described(row: BackendRow, work: Work, peak: dict[str, float]) -> dict[str, Any]:
     """A row as plain data; `peak` has the `flops` and `bytes` per second that its device reaches in its precision."""
     seconds, found = row.step_seconds, {}
     if seconds:
@@ -103,7 +103,7 @@ def described(row: Row, work: Work, peak: dict[str, float]) -> dict[str, Any]:
     }
 
 
-def peak_of(rows: list[Row], row: Row) -> dict[str, float]:
+def peak_of(rows: list[BackendRow], row: BackendRow) -> dict[str, float]:
     """The best of the probes of all backends on the device of this one: flops in its precision, bytes in any."""
     mates = [mate for mate in rows if mate.status == "ok" and mate.device_kind == row.device_kind and mate.peaks]
     flops = [mate.peaks["flops"] for mate in mates if mate.precision == row.precision]

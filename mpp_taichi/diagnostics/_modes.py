@@ -3,8 +3,8 @@
 import numpy as np
 
 from mpp_taichi.diagnostics._base import Diagnostic, NoResultError
-from mpp_taichi.modes.frequency_meter import FrequencyMeter, Measured
-from mpp_taichi.modes.mode_set import ModeError, ModeSet, Reading, find_modes
+from mpp_taichi.modes.frequency_meter import FrequencyMeter, MeasuredFrequency
+from mpp_taichi.modes.mode_set import ModeError, ModeReading, ModeSet, find_modes
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
@@ -19,7 +19,7 @@ class OneMode(Diagnostic):
     along: str | None
     after: float | None
     _modes: ModeSet
-    _reading: Reading | None = None
+    _reading: ModeReading | None = None
 
     def begin(self, spec: SceneSpec, start: Snapshot) -> None:
         """Find the mode."""
@@ -38,7 +38,7 @@ class OneMode(Diagnostic):
             self._meter.observe(time, float(reading.amplitude[0]), float(reading.rate[0]))
             self.look(reading)
 
-    def look(self, reading: Reading) -> None:
+    def look(self, reading: ModeReading) -> None:
         """See what is in the mode and what is not."""
 
     @property
@@ -51,7 +51,7 @@ class OneMode(Diagnostic):
         """ω of the mode by theory [radians time⁻¹]."""
         return self._modes.modes[0].angular_frequency
 
-    def measured(self) -> Measured:
+    def measured(self) -> MeasuredFrequency:
         """ω as it was.
 
         Raises:

@@ -3,7 +3,7 @@
 from mpp_taichi.component import Lattice, ModeNumbers, component, param
 from mpp_taichi.diagnostics._base import NoResultError
 from mpp_taichi.diagnostics._modes import OneMode
-from mpp_taichi.modes.mode_set import Reading
+from mpp_taichi.modes.mode_set import ModeReading
 
 
 @component
@@ -19,7 +19,7 @@ class ModeLeakage(OneMode):
     after: float = param(None, optional=True, minimum=0.0, unit="time", help="look from this time on; absent: from the start")
     _leaked: float | None = None
 
-    def look(self, reading: Reading) -> None:
+    def look(self, reading: ModeReading) -> None:
         """Compare the energies."""
         if reading.total_energy > 0.0:
             self._leaked = max(self._leaked or 0.0, 1.0 - float(reading.share[0]))

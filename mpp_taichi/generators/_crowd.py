@@ -17,7 +17,7 @@ JITTER = 0.999  # of the room between two neighbours of a lattice
 
 
 @dataclass(frozen=True, eq=False)
-class Spheres:
+class PlacedSpheres:
     """Spheres that are there already: position (n, 3), radius (n,)."""
 
     position: np.ndarray
@@ -63,7 +63,7 @@ def _expanded(begin: np.ndarray, count: np.ndarray, order: np.ndarray) -> Iterat
         start = stop
 
 
-def overlapping(position: np.ndarray, radius: np.ndarray, others: Spheres) -> np.ndarray:
+def overlapping(position: np.ndarray, radius: np.ndarray, others: PlacedSpheres) -> np.ndarray:
     """True for the spheres that overlap one of the others, shape (n,)."""
     hit = np.zeros(len(position), dtype=bool)
     if len(position) and len(others.radius):
@@ -87,7 +87,7 @@ def _overlap(separation: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
 
 def at_random(
-    random: np.random.Generator, lower: np.ndarray, upper: np.ndarray, radius: np.ndarray, obstacles: Sequence[Spheres]
+    random: np.random.Generator, lower: np.ndarray, upper: np.ndarray, radius: np.ndarray, obstacles: Sequence[PlacedSpheres]
 ) -> np.ndarray | None:
     """Random addition of spheres that are whole within `lower` … `upper`, the large ones first; None where it gets stuck.
 
@@ -106,7 +106,7 @@ def at_random(
         size = radius[row][:, None] * axes
         drawn = lower + size + random.random((len(row), 3)) * (upper - lower - 2.0 * size)
         free = ~_overlapping_earlier(drawn, radius[row])
-        for each in (Spheres(position[placed], radius[placed]), *obstacles):
+        for each in (PlacedSpheres(position[placed], radius[placed]), *obstacles):
             kept = np.flatnonzero(free)
             free[kept] = ~overlapping(drawn[kept], radius[row[kept]], each)
         found, where = np.unique(row[free], return_index=True)
@@ -117,7 +117,7 @@ def at_random(
 
 
 def on_lattice(
-    random: np.random.Generator, lower: np.ndarray, upper: np.ndarray, radius: np.ndarray, obstacles: Sequence[Spheres]
+    random: np.random.Generator, lower: np.ndarray, upper: np.ndarray, radius: np.ndarray, obstacles: Sequence[PlacedSpheres]
 ) -> np.ndarray | None:
     """Places on a lattice that is stretched to fill the box, and shaken; None where none has room enough.
 

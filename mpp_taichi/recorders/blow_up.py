@@ -11,7 +11,6 @@ from mpp_taichi.recorders.massless import MasslessWatch
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.simulation import first_bad_step
 from mpp_taichi.snapshot import Snapshot
-from mpp_taichi.stability.network import Network
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.first_bad_step import Mark
@@ -225,7 +224,7 @@ def _worst(simulation: "Simulation", state: Snapshot) -> tuple[int, str]:
             index = int(np.argmax(np.nan_to_num(springs.stiffness * (length - springs.rest_length) ** 2, nan=np.inf)))
             moving = int(max(springs.between[index], key=lambda end: kinetic[end]))
             change = f"{length[index]:.3g} long there, at rest {springs.rest_length[index]:.3g}"
-            return moving, f"{Network(simulation.spec, state).describe_spring(index)}, {change}"
+            return moving, f"{SpringNetwork(simulation.spec, state).describe_spring(index)}, {change}"
         particle = int(np.argmax(kinetic))
         return particle, f"{first_bad_step.label(state, particle)} at speed {np.linalg.norm(state.velocity[particle]):.3g}"
 

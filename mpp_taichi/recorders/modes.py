@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpp_taichi.atomic_file import whole_file
-from mpp_taichi.modes.frequency_meter import FrequencyMeter, Measured
-from mpp_taichi.modes.mode_set import ModeError, ModeSet, Reading, find_modes
+from mpp_taichi.modes.frequency_meter import FrequencyMeter, MeasuredFrequency
+from mpp_taichi.modes.mode_set import ModeError, ModeReading, ModeSet, find_modes
 from mpp_taichi.scene.spec import ModesSpec
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class ModeRecorder:
     def restart(self) -> None:
         """Forget every sample."""
         self.times: list[float] = []
-        self.readings: list[Reading] = []
+        self.readings: list[ModeReading] = []
         self._meters = [FrequencyMeter() for _ in self.modes.modes]
         self._shares = np.zeros(len(self._meters))
         self._leakage = 0.0
@@ -70,7 +70,7 @@ class ModeRecorder:
         steps = max(1, int(wish / simulation.dt)) if wish < math.inf else self.every
         self._due_step = simulation.step_count + steps
 
-    def _take(self, time: float, reading: Reading) -> None:
+    def _take(self, time: float, reading: ModeReading) -> None:
         for meter, amplitude, rate in zip(self._meters, reading.amplitude, reading.rate):
             meter.observe(time, float(amplitude), float(rate))
         if reading.total_energy > 0.0:
@@ -89,7 +89,7 @@ class ModeRecorder:
         if self._seen_step != simulation.step_count:
             self.record(simulation)
 
-    def measured(self) -> list[Measured | None]:
+    def measured(self) -> list[MeasuredFrequency | None]:
         """Frequency of each mode; None for one that is not excited or has not crossed zero three times."""
         inertia = np.sqrt(self.modes.modal_mass)
         sizes = inertia * [meter.largest for meter in self._meters]
