@@ -11,6 +11,7 @@ from mpp_taichi.recorders.massless import MasslessWatch
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.simulation import first_bad_step
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.stability.network import SpringNetwork
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.first_bad_step import Mark
