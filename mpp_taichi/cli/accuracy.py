@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Measure, say, write; the code is 0 also when the budget ended first."""
+    """Measure, print and write; the exit code is 0 also when the time budget ended first."""
     from mpp_taichi.accuracy.problem import pose
     from mpp_taichi.scene.load import load_scene
 
@@ -97,7 +97,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _write(folder: Path, found: dict[str, Any], study: "Study") -> list[str]:
-    """accuracy.json and accuracy.html."""
+    """Write accuracy.json and accuracy.html."""
     from mpp_taichi.accuracy.report import page
     from mpp_taichi.atomic_file import whole_file
 
@@ -126,7 +126,7 @@ def _report(found: dict[str, Any], study: "Study", arguments: argparse.Namespace
 
 
 def _wishes(arguments: argparse.Namespace, kind: str) -> "StudyWishes":
-    """Of integrators, or in a scene with contacts of their solvers."""
+    """The methods to try: integrators, or the solvers of a scene with contacts."""
     from mpp_taichi.accuracy.study import StudyWishes
     from mpp_taichi.device.availability import BACKENDS
 
@@ -140,7 +140,7 @@ def _wishes(arguments: argparse.Namespace, kind: str) -> "StudyWishes":
 
 
 def _without_tree(name: str) -> str:
-    """The integrator of a method."""
+    """The integrator of a method, without its tree."""
     from mpp_taichi.accuracy.force_solvers import split
 
     try:
@@ -150,7 +150,7 @@ def _without_tree(name: str) -> str:
 
 
 def _check_methods(wishes: "StudyWishes", suited: list[str], tell: Callable[[str], None]) -> None:
-    """Say which of those asked for the scene cannot have; UsageError where none is left."""
+    """Print which of the requested methods the scene does not support; UsageError where none is left."""
     unsuited = [name for name in wishes.integrators or () if name not in suited]
     if not unsuited:
         return
@@ -161,7 +161,7 @@ def _check_methods(wishes: "StudyWishes", suited: list[str], tell: Callable[[str
 
 
 def names(text: str) -> list[str]:
-    """`a,b,c`."""
+    """The names of a list `a,b,c`."""
     found = [name.strip() for name in text.split(",") if name.strip()]
     if not found:
         raise argparse.ArgumentTypeError(f"{text!r} names nothing")

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Compare, say, write."""
+    """Compare, print and write."""
     from mpp_taichi.scene.load import load_scene
 
     wishes = _wishes(arguments)
@@ -74,7 +74,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _write(folder: Path, found: dict[str, Any]) -> list[str]:
-    """compare.json and compare.html."""
+    """Write compare.json and compare.html."""
     from mpp_taichi.atomic_file import whole_file
     from mpp_taichi.compare.report import page
 

@@ -9,7 +9,7 @@ from mpp_taichi.errors import PlacementError
 from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make_group
 from mpp_taichi.generators._crowd import PlacedSpheres, at_random, on_lattice
 
-RANDOM_PACKING = {2: 0.36, 3: 0.2}  # random addition jams for good at 0.547 and 0.38, and is slow long before
+RANDOM_PACKING = {2: 0.36, 3: 0.2}  # random addition cannot continue beyond 0.547 and 0.38, and is slow long before
 CLOSEST_PACKING = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
 
 
@@ -39,7 +39,7 @@ class Gas(Generator):
     color: Color = param((0.6, 0.8, 1.0), help="red, green, blue in 0…1")
 
     def particle_count(self) -> int:
-        """As said."""
+        """The parameter `count`."""
         return self.count
 
     def generate(self, context: GeneratorContext) -> Group:

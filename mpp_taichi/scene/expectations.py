@@ -5,7 +5,7 @@ from typing import Any
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.spec import Expectation
 
-# What every run measures anyway, without a diagnostic of that name.
+# Quantities that every run measures, so that no diagnostic of their name is needed.
 SUMMARY_QUANTITIES = {
     "relative_energy_error_max": "largest change of the total energy, relative to that at the start; friction and drives count",
     "total_energy_initial": "kinetic and potential energy at the start [energy]: a force of a wrong strength has another",
@@ -20,7 +20,7 @@ SUMMARY_QUANTITIES = {
     "time": "time reached",
 }
 BALANCE_QUANTITIES = frozenset({"energy_balance_error_max", "dissipated_energy", "work"})
-"""Of these, the ones for which an energy balance is kept."""
+"""The quantities among them for which an energy balance is kept."""
 BOUNDS = ("below", "above", "near", "within")
 
 

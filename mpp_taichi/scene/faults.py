@@ -23,7 +23,7 @@ class Faults:
     _settled: set[Location] = field(default_factory=set)
 
     def settle(self, location: Location, message: str) -> None:
-        """Note that the value here cannot be read; whatever else is said about it later would only mislead."""
+        """Note that the value at this place cannot be read, so that later faults of the same value are not reported."""
         self.add(location, "", message)
         self._settled.add(location)
 
@@ -97,7 +97,7 @@ def choices(word: str, known: Iterable[str]) -> str:
 
 
 def allowed(known: Iterable[str]) -> str:
-    """`allowed: a, b, c`, or what to say when there is none."""
+    """`allowed: a, b, c`, or the given text when nothing is allowed."""
     words = sorted(known)
     text = ", ".join(words[:40]) + (", …" if len(words) > 40 else "")
     return f"allowed: {text}" if words else "none is allowed here"
