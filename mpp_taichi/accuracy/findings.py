@@ -1,4 +1,4 @@
-"""Findings: all that a study found as plain data, for reports and files."""
+"""Findings: all results of a study as plain data, for reports and files."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from mpp_taichi.accuracy.verdict import sentence, verdict
 
 
 def findings(study: Study, target: float) -> dict[str, Any]:
-    """Everything found, and what it says about a target."""
+    """All results, and the verdict for a target."""
     reference, chaos = study.reference, study.chaos
     rows = study.rows()
     said = verdict(rows, study.quantity, target)

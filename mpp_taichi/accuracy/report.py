@@ -61,7 +61,7 @@ def page(found: dict[str, Any], rows: Sequence[StudyRow]) -> str:
 
 
 def framed(title: str, sentence: str, circumstances: Sequence[str], body: Sequence[str], machine: str) -> str:
-    """A page of a report: its title, the sentence that sums it up, what it was found under, the body, and where."""
+    """A page of a report: its title, the sentence that sums it up, the circumstances, the body, and the machine."""
     parts = [
         "<!DOCTYPE html>",
         '<html lang="en" xmlns="http://www.w3.org/1999/xhtml"><head><meta charset="utf-8"/>',
@@ -79,7 +79,7 @@ def framed(title: str, sentence: str, circumstances: Sequence[str], body: Sequen
 
 
 def circumstances(found: dict[str, Any]) -> list[str]:
-    """What the reference is, what chaos there is, and what was left undone: lines for a person."""
+    """The reference, the chaos and the omissions of a study: lines for a person."""
     reference, chaos = found["reference"], found["chaos"]
     span = f"Over t = {found['span']:.6g}"
     if found["span"] < found["whole_span"]:
@@ -162,7 +162,7 @@ def _work(rows: Sequence[StudyRow], numbers: dict[str, int], quantity: str, fron
 
 
 def _drift(rows: Sequence[StudyRow], numbers: dict[str, int], verdict: dict[str, Any]) -> Plot:
-    """The largest energy error up to each time, of some rows, and what round-off alone would leave."""
+    """The largest energy error up to each time, for some rows, and the error by round-off alone."""
     shown = _some(rows, verdict)
     series = []
     for row in shown:
@@ -219,7 +219,7 @@ def _table(rows: Sequence[StudyRow], verdict: dict[str, Any]) -> str:
 
 
 def style_sheet() -> str:
-    """Of a page, with the colours of its series in light and dark."""
+    """The style sheet of a page, with the colours of its series in light and dark."""
     light, dark = (" ".join(f"--s{k}: {color};" for k, color in enumerate(colors)) for colors in (LIGHT, DARK))
     series = "".join(f".c{k} {{ fill: var(--s{k}); stroke: var(--s{k}) }} .l{k} {{ stroke: var(--s{k}) }}\n" for k in range(8))
     return STYLE.replace("%%", "%").replace("%s", light, 1).replace("%s", dark, 1) + series + ".hollow { fill: var(--paper) }"

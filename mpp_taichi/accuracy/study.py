@@ -26,28 +26,28 @@ log = logging.getLogger(__name__)
 REFERENCE = ("cpu", "f64")
 REFERENCE_SHARE = 0.3  # of the budget
 LEAST_REFERENCE_SHARE = 0.15
-CHAOS_SHARE = 0.5  # of what is left for the first backend and precision
-FIRST_SHARE = 0.65  # until the end of the first backend and precision, where there are others
-ALL_SHARE = 0.96  # the rest is for writing
-WORTH_RETURNING = 0.2  # of the budget: so much left is used where ladders were cut short
-REPEATS_SHARE = 0.25  # of a backend's and precision's own time
-OWN_SHARE = 1.0 / 60.0  # of the budget that the scene's own setting may take once; a longer scene is looked at in part
+CHAOS_SHARE = 0.5  # of the time left for the first backend and precision
+FIRST_SHARE = 0.65  # of the budget, until the end of the first backend and precision, where others follow
+ALL_SHARE = 0.96  # of the budget; the rest is for writing the report
+WORTH_RETURNING = 0.2  # of the budget: a larger rest is spent on ladders that were cut short
+REPEATS_SHARE = 0.25  # of the time for a backend and precision
+OWN_SHARE = 1.0 / 60.0  # of the budget, for one run with the scene's own setting; only a part of a longer scene is studied
 FEWEST_OWN_STEPS = 64
-WELL_KNOWN = 1e-12  # a bar below which no better reference is looked for
-WITHIN_AIM = 0.1  # or below so much of an aim
-WELL_BEFORE = 0.6  # of the time until which positions mean something: there round-off has still to grow by 10⁻³ and more
-FEWEST_COLLISIONS = 10  # in the part of a run with contacts that is looked at
-AROUND = 100.0  # times an aim: coarser steps than of such an error are of no interest to it
+WELL_KNOWN = 1e-12  # an error bar below which no better reference is tried
+WITHIN_AIM = 0.1  # of an aim: no better reference is tried below this error bar
+WELL_BEFORE = 0.6  # of the time at which positions lose their meaning: earlier, the effect of round-off is still small
+FEWEST_COLLISIONS = 10  # in the part of a run with contacts that is studied
+AROUND = 100.0  # times an aim: steps with larger errors are not tried
 MOST_ROUNDED = 4  # methods that are tried in a second precision: the best of the first
-ROUNDED_ERROR = 1e-8  # of runs in f64 that one in f32 could replace
+ROUNDED_ERROR = 1e-8  # of runs in f64: above it a run in f32 may be as accurate
 
 
 @dataclass(frozen=True)
 class StudyWishes:
-    """What is asked of a study: integrators to try, None for all, and (backend, precision) pairs in turn.
+    """The options of a study: integrators to try, None for all, and (backend, precision) pairs in turn.
 
-    quantity   what methods are to be compared by, None for what can be; of energies no reference is needed
-    aim        the only error that is of interest: methods are tried around it, and those of first order not at all
+    quantity   the quantity whose errors are compared, None for a choice by the scene; energies need no reference
+    aim        the only error of interest: methods are tried around it, and methods of first order are not tried
     """
 
     integrators: Sequence[str] | None = None
@@ -58,7 +58,7 @@ class StudyWishes:
 
 
 class Study:
-    """Runs what a budget allows and knows at any time what was found so far.
+    """Runs as many samples as a budget allows; its results are available at any time.
 
     `tell` is given a line for a person whenever something new begins.
     """
@@ -66,7 +66,7 @@ class Study:
     def __init__(
         self, problem: Problem, store: Store, budget: Budget, wishes: StudyWishes, tell: Callable[[str], None] = lambda _: None
     ) -> None:
-        """Nothing is run yet; a store that knows the scene says over what span it was looked at."""
+        """Begin without a run; the store may hold the span over which the scene was studied before."""
         self.whole = problem.span
         self.problem = problem if store.span is None else problem.shortened(store.span)
         self.store, self.budget, self.wishes, self.tell = store, budget, wishes, tell
@@ -80,7 +80,7 @@ class Study:
         self.conserves_energy = False
 
     def run(self) -> None:
-        """Do it; what is not done when the budget ends, or an exception passes, is left for the next time."""
+        """Run the study; after the end of the budget, or an exception, the next call continues it."""
         try:
             self._go()
             self.status = "complete" if not self.remarks else "partial"
@@ -93,7 +93,7 @@ class Study:
 
     @property
     def remarks(self) -> list[str]:
-        """What was left undone."""
+        """The parts of the study that were left out, one line each."""
         short = [
             f"{' '.join(device)}: the budget cut {count} ladders of steps short" for device, count in self.cut.items() if count
         ]
@@ -101,14 +101,14 @@ class Study:
 
     @property
     def quantity(self) -> str | None:
-        """What methods are compared by: positions where they mean something at the end, else the energy where it is kept."""
+        """The quantity that is compared: positions where their final values have a meaning, else a conserved energy."""
         asked = self.wishes.quantity
         if asked != "energy" and self.reference is not None and self.reference.positions_mean_something:
             return "position"
         return "energy" if self.conserves_energy and asked != "position" else None
 
     def rows(self) -> list[StudyRow]:
-        """Every sample, with errors as far as they can be told; in the order of method, precision and step."""
+        """Every sample with its errors, as far as the reference shows them; in the order of method, precision and step."""
         own = self.own_configuration.key
         made = sorted(self.store, key=lambda each: (each.configuration.integrator, each.configuration.precision, -each.dt))
         return [self._row(sample, sample.configuration.key == own) for sample in made]
@@ -132,7 +132,7 @@ class Study:
         return StudyRow(sample, position, position_rms, energy, momentum, angular_momentum, is_own)
 
     def error(self, sample: Sample, quantity: str) -> MeasuredError:
-        """Of a sample, one of QUANTITIES; infinite for a run that broke."""
+        """The error of a sample in one of QUANTITIES; infinite for a run that broke off."""
         return self._row(sample, False).error(quantity) if sample.status == "ok" else MeasuredError(None)
 
     def _error(self, sample: Sample) -> float:
@@ -158,7 +158,7 @@ class Study:
             self._sweep_each([device for device in self.wishes.devices if self.cut.get(device)])
 
     def _sweep_each(self, devices: Sequence[tuple[str, str]]) -> None:
-        """Share out what is left of the budget; a backend that does not start is left out."""
+        """Divide the rest of the budget among backends and precisions; a backend that does not start is left out."""
         for number, (backend, precision) in enumerate(devices):
             begin = self.budget.spent / self.budget.seconds
             end = begin + (ALL_SHARE - begin) / (len(devices) - number)
@@ -171,7 +171,7 @@ class Study:
                 self.tell(self._remarks[-1])
 
     def _names(self) -> list[str]:
-        """Those asked for; else all, implicit ones only where springs or drag limit the steps of the others."""
+        """The methods asked for; else all methods, implicit ones only where springs or drag limit the steps of the others."""
         if self.wishes.integrators is not None:
             return [name for name in self.methods if name in self.wishes.integrators]
         if self.problem.spec.contacts is not None:
@@ -182,7 +182,7 @@ class Study:
         return list(dict.fromkeys((self.own.name, *suits)))
 
     def _best_names(self) -> list[str]:
-        """Methods for another precision: those asked for, else the scene's own and those on the front where rounding allows."""
+        """Methods for another precision: those asked for, else the scene's own and the front's where rounding permits."""
         if self.wishes.integrators is not None:
             return self._names()
         found = [self.own.name]
@@ -240,7 +240,7 @@ class Study:
                 )
 
     def _fly(self, bench: Workbench, exact: str) -> bool:
-        """Spheres that fly exactly are a reference by themselves, over the part of the run that round-off does not decide.
+        """Use exact flight as the reference, over the part of the run in which round-off does not decide the collisions.
 
         Where too little happens in that part, it is the whole, for energies. Whether the scene can be flown at all.
         """
@@ -273,13 +273,13 @@ class Study:
         return True
 
     def _look_at(self, bench: Workbench, problem: Problem) -> None:
-        """From now on at this part of the run."""
+        """Study this part of the run from now on."""
         self.problem = problem
         bench.shorten(problem)
         self.store.span = problem.span
 
     def _finer(self, bench: Workbench, known: ReferenceSolution) -> ReferenceSolution:
-        """One by IAS15, where round-off has spoilt the one that is known for what is asked, and there is time for it."""
+        """Replace the reference by that of `radau_reference`, where round-off limits the known one and time is left."""
         enough = WELL_KNOWN if self.wishes.aim is None else self.wishes.aim * WITHIN_AIM
         if not known.trusted or known.bar <= enough or radau_reference.method() not in self.methods:
             return known

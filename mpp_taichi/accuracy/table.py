@@ -31,7 +31,7 @@ def cells(row: StudyRow, fronts: dict[str, Sequence[str]]) -> tuple[str, ...]:
 
 
 def lines(rows: Sequence[StudyRow], fronts: dict[str, Sequence[str]]) -> list[str]:
-    """The table, columns aligned; a reason may be as long as it is."""
+    """The table, columns aligned; the width of reasons is not limited."""
     table = [HEAD, *(cells(row, fronts) for row in rows)]
     full = [row for row in table if len(row) == len(HEAD)]
     widths = [max(len(row[column]) for row in full) for column in range(len(HEAD))]

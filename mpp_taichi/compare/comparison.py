@@ -1,4 +1,4 @@
-"""Comparison: a scene on every backend, each in its own process: first whether they agree, then what each takes."""
+"""Comparison: a scene on every backend, each in its own process: first whether they agree, then their times."""
 
 import importlib.metadata
 import os
@@ -24,20 +24,20 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.start.assemble import assemble
 
 ALL_BACKENDS = (*BACKENDS, "opencl", "numpy")
-PRECISIONS = {"numpy": ("f64",)}  # of a backend that has not both
-# Ways to sum over pairs, the plainest first, besides the one that a backend takes by itself.
+PRECISIONS = {"numpy": ("f64",)}  # of a backend that has only one of them
+# Ways to sum over pairs, the simplest first, besides the default of a backend.
 LADDER = {"cpu": ("serial", "parallel"), "opencl": ("naive", "tiled", "vectors", "third_law")}
 REPEATS = 7
 LEAST_REPEATS = 3
 PATIENCE = 60.0  # seconds beyond the budget that a worker may take to answer
-LEAST_LEFT = 0.25  # of the budget, however long starting took
-# Until when, as shares of what starting has left of the budget, certificate, times and (with it) scaling may last.
+LEAST_LEFT = 0.25  # of the budget, however long the start of the backends took
+# The ends of certificate, times and (where asked for) scaling, as shares of the budget left after the start.
 SHARES = {False: (0.55, 0.75, 1.0), True: (0.15, 0.3, 0.9)}
 NOT_FOR_WORKERS = ("timeline", "accuracy", "expect", "record", "inspect", "sliders", "view")
 
 
 def pyopencl_version() -> str | None:
-    """None where it is not installed."""
+    """The version of pyopencl; None where it is not installed."""
     try:
         return importlib.metadata.version("pyopencl")
     except importlib.metadata.PackageNotFoundError:
@@ -46,7 +46,7 @@ def pyopencl_version() -> str | None:
 
 @dataclass(frozen=True)
 class ComparisonWishes:
-    """What is compared."""
+    """The options of a comparison."""
 
     backends: Sequence[str] = ALL_BACKENDS
     precisions: Sequence[str] = ("f64", "f32")
@@ -57,10 +57,10 @@ class ComparisonWishes:
 
 
 class Comparison:
-    """Runs the parts in turn; `facts` has what there is at any time."""
+    """Runs the parts in turn; `facts` are available at any time."""
 
     def __init__(self, spec: SceneSpec, wishes: ComparisonWishes, budget: Budget, tell: Callable[[str], None]) -> None:
-        """Make the start that all begin with."""
+        """Make the initial state of all backends."""
         self.spec, self.wishes, self.budget, self._tell = spec, wishes, budget, tell
         self.start = assemble(spec)
         self.judge = Judge(spec, self.start, float(spec.integrator.parameters["dt"]))
@@ -72,7 +72,7 @@ class Comparison:
         self.folder = str(Path(spec.source).resolve().parent)
 
     def run(self) -> None:
-        """All of it; every process that was started has ended afterwards."""
+        """Run all parts; afterwards every process has ended."""
         with tempfile.TemporaryDirectory(prefix="mpp-compare-", ignore_cleanup_errors=True) as folder:
             self._files = Path(folder)
             try:
@@ -94,7 +94,7 @@ class Comparison:
 
     @property
     def running(self) -> list[BackendRow]:
-        """Rows whose process is there."""
+        """Rows whose process is running."""
         return [row for row in self.rows if row.process is not None]
 
     # --- the parts ----------------------------------------------------------------------------------------------------------
@@ -154,7 +154,7 @@ class Comparison:
         self.remarks += self.agreement.remarks
 
     def _time(self, end: float) -> None:
-        """Steps and copies, all rows in turn, round after round."""
+        """Time steps and copies, all rows in turn, round after round."""
         for repeat in range(REPEATS):
             self._tell(f"timing, round {repeat + 1} of {REPEATS}")
             for row in self.running:
@@ -179,7 +179,7 @@ class Comparison:
             row.process = None
 
     def _warm(self) -> None:
-        """The same start again, with what the compilers kept of the first."""
+        """Time the same start again, with the compilers' caches of the first start."""
         for row in self.rows:
             if row.status != "ok" or row.backend == "numpy":
                 continue
@@ -220,7 +220,7 @@ class Comparison:
                     left.remove(row)
 
     def _ask(self, row: BackendRow, command: str, **fields: Any) -> dict[str, Any] | None:
-        """The answer; None, and the reason in the row, where there is none."""
+        """The answer of a row's process; None without an answer, with the reason in the row."""
         assert row.process is not None
         try:
             return row.process.ask(command, self._patience, **fields)

@@ -13,17 +13,17 @@ from mpp_taichi.errors import BackendError
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
-MOST_PAIRS = 1e9  # of a step: some ten seconds, and arrays that no cache holds
+MOST_PAIRS = 1e9  # of a step: some ten seconds, and arrays larger than any cache
 
 
 class NumpyContender:
-    """NumPy, one thread of array operations after another."""
+    """The NumPy reference as a backend, in one thread."""
 
     def __init__(self, spec: SceneSpec, start: Snapshot, precision: str) -> None:
         """Bind the scene.
 
         Raises:
-            BackendError: NumPy has no text of this scene, or none in this precision.
+            BackendError: the NumPy reference lacks an effect of this scene, or this precision.
         """
         refused = numpy_reference.refusal(spec) or numpy_steps.refusal(spec)
         if refused is None and precision != "f64":
@@ -79,4 +79,4 @@ class NumpyContender:
         return numpy_peaks()
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no device is held."""

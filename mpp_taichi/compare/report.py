@@ -76,7 +76,7 @@ def _apart(row: dict[str, Any], numbers: dict[str, int]) -> list[Series]:
 
 
 def _finite(value: float | None) -> float:
-    """A number to draw; what is not finite has come as None, and is left out of plots."""
+    """A number to draw; None stands for a number that is not finite, which plots leave out."""
     return math.nan if value is None else value
 
 
@@ -118,7 +118,7 @@ def _html_table(head: Sequence[str], body: Sequence[tuple[Sequence[str], str]]) 
     rows = []
     for texts, style in body:
         tags = [f"<td>{escape(text)}</td>" for text in texts]
-        if len(texts) < len(head):  # the last text has the rest of the row for itself
+        if len(texts) < len(head):  # the last text has the rest of the row
             tags[-1] = f'<td colspan="{len(head) - len(texts) + 1}" style="text-align: left">{escape(texts[-1])}</td>'
         rows.append(f'<tr class="{style}">{"".join(tags)}</tr>')
     return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
