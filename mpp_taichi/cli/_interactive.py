@@ -134,7 +134,7 @@ class _Steered:
 
     def restart(self) -> None:
         """Return to the start; sliders keep their values."""
-        self.simulation.begin_anew()
+        self.simulation.restart(as_written=True)
         for recorder in self.recorders:
             recorder.restart()
         if self.history is not None:
