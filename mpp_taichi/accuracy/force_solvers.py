@@ -9,7 +9,6 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import DEFAULT_ACCURACY, check_tree, tree_of
 from mpp_taichi.snapshot import Snapshot
 
-GRAVITY = "newtonian_gravity"
 MARK = "+tree-"
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5)
 FEWEST_BODIES = 3000  # below, the direct sum is both exact and faster (docs/gravity.md)
@@ -21,7 +20,8 @@ def split(name: str) -> tuple[str, float | None]:
     integrator, mark, text = name.partition(MARK)
     if not mark:
         return name, None
-    (limits,) = (parameter for parameter in component.declaration("forces", GRAVITY).parameters if parameter.name == "accuracy")
+    gravity = component.declaration("forces", component.marked("forces", "can_use_tree")[0])
+    (limits,) = (parameter for parameter in gravity.parameters if parameter.name == "accuracy")
     least, most = limits.minimum or 0.0, limits.maximum or 1.0
     try:
         accuracy = float(text)
@@ -55,7 +55,8 @@ def with_force_solver(spec: SceneSpec, accuracy: float | None) -> SceneSpec:
     """The scene with gravity summed by a tree of this accuracy, or directly."""
     chosen = {"solver": "direct" if accuracy is None else "tree", "accuracy": accuracy}
     forces = tuple(
-        replace(force, parameters={**force.parameters, **chosen}) if force.name == GRAVITY else force for force in spec.forces
+        replace(force, parameters={**force.parameters, **chosen}) if force.flag("forces", "can_use_tree") else force
+        for force in spec.forces
     )
     return replace(spec, forces=forces)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from mpp_taichi import component
 from mpp_taichi.accuracy import force_solvers
-from mpp_taichi.accuracy.contact_methods import EXACT, ORDERS, solvers
+from mpp_taichi.accuracy.contact_methods import orders, solvers
 from mpp_taichi.accuracy.problem import Problem, defaults, with_integrator
 from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.scene.integrator_checks import suits
@@ -53,13 +53,13 @@ def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, Method]:
     """
     import_taichi()
     if problem.spec.contacts is not None:
-        orders = {**ORDERS, EXACT: 0}
-        return {name: Method(name, orders[name], True, False, 1.0, 1) for name in solvers(problem.spec)}
+        order = orders()
+        return {name: Method(name, order[name], True, False, 1.0, 1) for name in solvers(problem.spec)}
     found = {}
     own, layout = problem.spec.integrator.name, layout_of(problem.spec)
     for name in dict.fromkeys((own, *component.names("integrators"))):
         declared = component.declaration("integrators", name)
-        takes_steps = name != "event_driven" and any(parameter.name == "dt" for parameter in declared.parameters)
+        takes_steps = not declared.flags.get("flies") and any(parameter.name == "dt" for parameter in declared.parameters)
         if refused_friction(name, problem.spec, problem.start):
             continue
         if not takes_steps or (name != own and defaults(name) is None):

@@ -78,9 +78,9 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
     place = spec.integrator.location
     if merges(spec):
         raise SceneError(f"{place}: accuracy does not measure scenes in which spheres merge")
-    if spec.contacts is not None and spec.contacts.solver.name == "located":
-        name = spec.integrator.name
-        raise SceneError(f"{place}: accuracy compares steps, and located contacts have those of {name}: vary its tolerance")
+    if spec.contacts is not None and spec.contacts.solver.flag("contacts", "leads"):
+        name, solver = spec.integrator.name, spec.contacts.solver.name
+        raise SceneError(f"{place}: accuracy compares steps, and {solver} contacts have those of {name}: vary its tolerance")
     if spec.timeline:
         raise SceneError(f"{place}: accuracy does not measure scenes with a timeline; measure each of its phases as a scene")
     if "dt" not in spec.integrator.parameters:

@@ -4,14 +4,19 @@ import itertools
 from dataclasses import replace
 from typing import Any
 
+from mpp_taichi import component
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.reference import Reference, distance
 from mpp_taichi.accuracy.workbench import Machine
 
-NAME = "ias15"
 TOLERANCES = (1e-9, 3e-10, 1e-10)  # steps of 1, 0.84 and 0.72: each at round-off, and each with roundings of its own
 MIDDLE = 1
+
+
+def method() -> str:
+    """The integrator that gives the reference."""
+    return component.marked("integrators", "reference_method")[0]
 
 
 def finer(machine: Machine, known: Reference, budget: Budget, *, add: Any) -> Reference:
@@ -34,7 +39,7 @@ def finer(machine: Machine, known: Reference, budget: Budget, *, add: Any) -> Re
         return known
     return replace(
         known,
-        integrator=NAME,
+        integrator=method(),
         order=machine.order,
         steps=LOOKS,
         end=ends[MIDDLE],

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
-from mpp_taichi.accuracy.contact_methods import EXACT
+from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.sample import Measured, Sample
 from mpp_taichi.accuracy.workbench import Machine, Trace
@@ -65,7 +65,7 @@ class Reference:
     def told(self) -> str:
         """`pefrl in f64, 12,800 steps, good to 3e-14 of the system's size`."""
         good = f"good to {self.bar:.0e} of the system's size" if self.trusted else "not shown to have converged"
-        if self.integrator == EXACT:
+        if self.integrator in exact_solvers():
             return f"event-driven flight in f64, {good if self.trusted else 'whose end round-off decides'}"
         how = f"{self.steps:,} steps" if self.tolerance is None else f"{self.control} = {self.tolerance:.2g}"
         return f"{self.integrator} in f64, {how}, {good}"

@@ -8,7 +8,7 @@ from mpp_taichi.accuracy import chaos as chaos_of
 from mpp_taichi.accuracy import flight_reference, radau_reference
 from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.chaos import Chaos
-from mpp_taichi.accuracy.contact_methods import EXACT
+from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.force_solvers import split
 from mpp_taichi.accuracy.front import ENERGY_BAR, Row, time_front
 from mpp_taichi.accuracy.ladder import COARSEST, Ladder
@@ -175,7 +175,7 @@ class Study:
         if self.wishes.integrators is not None:
             return [name for name in self.methods if name in self.wishes.integrators]
         if self.problem.spec.contacts is not None:
-            return [name for name in self.methods if name != EXACT]
+            return [name for name in self.methods if name not in exact_solvers()]
         is_stiff = any(method.fewest_steps > 1 for method in self.methods.values())
         least = 1 if self.wishes.aim is None else 2
         suits = [name for name, method in self.methods.items() if (is_stiff or not method.implicit) and method.order >= least]
@@ -215,7 +215,8 @@ class Study:
                 self.reference = Reference(**known, end=kept.end)
                 self.conserves_energy = kept.energy is not None
                 return
-        if EXACT in self.methods and self._fly(bench):
+        exact = next((name for name in exact_solvers() if name in self.methods), None)
+        if exact is not None and self._fly(bench, exact):
             return
         machine, steps = self._reference_machine(bench)
         if known is not None and known["integrator"] == machine.name:
@@ -238,13 +239,13 @@ class Study:
                     "the reference was not shown to have converged; a longer budget, or a second call, goes on"
                 )
 
-    def _fly(self, bench: Workbench) -> bool:
+    def _fly(self, bench: Workbench, exact: str) -> bool:
         """Spheres that fly exactly are a reference by themselves, over the part of the run that round-off does not decide.
 
         Where too little happens in that part, it is the whole, for energies. Whether the scene can be flown at all.
         """
         try:
-            machine, whole = bench.machine(EXACT), self.problem
+            machine, whole = bench.machine(exact), self.problem
         except BackendError:
             raise
         except MppError as error:
@@ -280,16 +281,16 @@ class Study:
     def _finer(self, bench: Workbench, known: Reference) -> Reference:
         """One by IAS15, where round-off has spoilt the one that is known for what is asked, and there is time for it."""
         enough = WELL_KNOWN if self.wishes.aim is None else self.wishes.aim * WITHIN_AIM
-        if not known.trusted or known.bar <= enough or radau_reference.NAME not in self.methods:
+        if not known.trusted or known.bar <= enough or radau_reference.method() not in self.methods:
             return known
         if self.wishes.reference is not None or 2.0 * self.budget.spent > FIRST_SHARE * self.budget.seconds:
             return known
         try:
-            machine = bench.machine(radau_reference.NAME)
+            machine = bench.machine(radau_reference.method())
         except BackendError:
             raise
         except MppError as error:
-            log.info("%s is no reference here: %s", radau_reference.NAME, error)
+            log.info("%s is no reference here: %s", radau_reference.method(), error)
             return known
 
         def add(sample: Sample) -> None:

@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable
 
 from mpp_taichi.accuracy.budget import Budget
-from mpp_taichi.accuracy.contact_methods import EXACT
+from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.force_solvers import by_tree
 from mpp_taichi.accuracy.ladder import Ladder
 from mpp_taichi.accuracy.methods import Method, rank
@@ -128,7 +128,9 @@ class Sweep:
         """Tell the ladder; where others are as good for far less, it ends above."""
         error = self.error_of(sample)
         ladder.note(rung, error)
-        others = [each for each in self._mine() if each.configuration.integrator != EXACT]  # against that all are hopeless
+        others = [
+            each for each in self._mine() if each.configuration.integrator not in exact_solvers()
+        ]  # against that all are hopeless
         if any(sample.evaluations > HOPELESS * each.evaluations and self.error_of(each) <= error for each in others):
             ladder.closed_above = True
 

@@ -11,7 +11,8 @@ from mpp_taichi.scene.estimate import available_bytes, estimate
 from mpp_taichi.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
-    from mpp_taichi.cli._request import Goal, Request
+    from mpp_taichi.cli._goal import Goal
+    from mpp_taichi.cli._request import Request
 
 MOST_FRAMES = 10**6  # names of pictures in a folder have six digits; as a film it lasts nine hours at 30 frames a second
 BYTES_PER_PIXEL = 120  # measured: memory that drawing and encoding take, from 640 x 360 to 2560 x 1440 pixels

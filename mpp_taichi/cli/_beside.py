@@ -13,7 +13,8 @@ from mpp_taichi.cli._terminal import UsageError, say
 from mpp_taichi.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
-    from mpp_taichi.cli._request import Goal, Request
+    from mpp_taichi.cli._goal import Goal
+    from mpp_taichi.cli._request import Request
     from mpp_taichi.simulation.simulation import Simulation
 
 OPTIONS = ("backend", "precision", "plan", "threads", "force")

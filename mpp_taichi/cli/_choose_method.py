@@ -17,12 +17,11 @@ def settled(spec: "SceneSpec", arguments: argparse.Namespace) -> tuple["SceneSpe
     from dataclasses import asdict
 
     from mpp_taichi.accuracy.choice import choose
-    from mpp_taichi.cli._request import OUTPUT_FOLDER
     from mpp_taichi.cli._signals import Interruption
 
     tell = (lambda _: None) if arguments.quiet else say
     precisions = (arguments.precision,) if arguments.precision else ("f64", "f32")
-    folder = OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.accuracy"
+    folder = _options.OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.accuracy"
     with Interruption() as interruption:
         found = choose(spec, folder, precisions=precisions, look=interruption.raise_if_any, tell=tell)
     tell(found.line())

@@ -81,15 +81,15 @@ def _without(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
         for number, force in enumerate(spec.forces)
     ]
     if spec.springs:
-        variants.append(("spring", replace(spec, springs=())))
+        variants.append((component.marked("forces", "acts_on_springs")[0], replace(spec, springs=())))
     if spec.contacts is not None and not _flies(spec):
         variants.append(("hard_spheres", replace(spec, contacts=None, walls=())))
     return variants
 
 
 def _flies(spec: SceneSpec) -> bool:
-    """Whether contacts move the particles themselves, so that there is no step without them, and no force but gravity."""
-    return spec.integrator.name == "event_driven"
+    """Whether the contact solver moves the particles, so that no step is possible without it, and no force but gravity."""
+    return bool(spec.integrator.flag("integrators", "flies"))
 
 
 def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
@@ -99,7 +99,7 @@ def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
         declared = component.declaration("forces", name)
         if declared.base == "BondForce" or any(force.name == name for force in spec.forces):
             continue
-        if _flies(spec) and name != "uniform_gravity":
+        if _flies(spec) and not declared.flags.get("is_uniform"):
             continue
         if declared.base == "PairForce" and tree_of(spec) is not None:  # which stands beside no other
             continue

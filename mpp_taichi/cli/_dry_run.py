@@ -5,8 +5,9 @@ from typing import Any
 
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._amounts import check_amounts
+from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._phases import described, phase_line
-from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
+from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._terminal import explain_error, output_reserved, put, put_json
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.scene.estimate import Estimate, check_capacity, estimate
@@ -23,7 +24,7 @@ def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
     needed = estimate(spec)
     names = ("until", "steps", "video", "html", "trajectory", "every")
     request = Request(**{name: getattr(arguments, name) for name in names})
-    goal = Goal.of(spec, request)
+    goal = Goal.of(spec, request.until, request.steps)
     dt = float(spec.integrator.parameters["dt"])
     found = {
         "scene": spec.source,
@@ -72,7 +73,7 @@ def _check_step(spec: SceneSpec, arguments: argparse.Namespace, goal: Goal, foun
     method treats an oscillator is written in its own file, beside its step, and is not written a second time.
     """
     scenes = (spec, *(event.scene for event in spec.timeline))
-    if not any(scene.springs or any(force.name == "linear_drag" for force in scene.forces) for scene in scenes):
+    if not any(scene.springs or scene.forces_with("is_linear_drag") for scene in scenes):
         return None
     from mpp_taichi.cli._step_check import advice_of, spans, steps_in
     from mpp_taichi.device.backends import import_taichi
@@ -111,5 +112,5 @@ def _files(spec: SceneSpec, arguments: argparse.Namespace) -> list[str]:
     names = ("video", "html", "trajectory", "snapshot", "diagnostics", "modes", "speeds", "events")
     files = [str(getattr(arguments, name)) for name in names if getattr(arguments, name) is not None]
     if not arguments.headless and arguments.video is None and arguments.html is None:
-        files.append(f"{OUTPUT_FOLDER / _options.output_stem(spec.source)}.mp4, unless a window opens")
+        files.append(f"{_options.OUTPUT_FOLDER / _options.output_stem(spec.source)}.mp4, unless a window opens")
     return files

@@ -14,7 +14,7 @@ from mpp_taichi.views._base import Frame
 from mpp_taichi.views.wall_outline import outline_of
 
 if TYPE_CHECKING:
-    from mpp_taichi.cli._request import Goal
+    from mpp_taichi.cli._goal import Goal
     from mpp_taichi.cli._signals import Interruption
     from mpp_taichi.recorders.inspection import InspectionRecorder
     from mpp_taichi.simulation.history import History

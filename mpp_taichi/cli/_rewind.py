@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mpp_taichi.cli._options import output_stem
-from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal
+from mpp_taichi.cli._goal import Goal
+from mpp_taichi.cli._options import OUTPUT_FOLDER, output_stem
 from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.scene import timeline
 from mpp_taichi.scene.spec import SceneSpec

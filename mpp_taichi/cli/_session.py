@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 from mpp_taichi.beside.settings import BesideError
 from mpp_taichi.cli._amounts import check_amounts
 from mpp_taichi.cli._beside import RightHalf
-from mpp_taichi.cli._options import output_stem
-from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
+from mpp_taichi.cli._goal import Goal
+from mpp_taichi.cli._options import OUTPUT_FOLDER, output_stem
+from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._start_simulation import start, start_another
 from mpp_taichi.cli._step_check import check_steps
@@ -83,7 +84,7 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
     request.check()
     if request.inspect and not spec.inspect and request.beside is None:
         raise UsageError(f"--inspect {request.inspect[0]}: {spec.source} has no inspect:, so there are no panels to write")
-    goal = Goal.of(spec, request)
+    goal = Goal.of(spec, request.until, request.steps)
     goal.check(spec, may_be_endless=request.window)
     check_amounts(spec, request, goal)
     with ExitStack() as stack:

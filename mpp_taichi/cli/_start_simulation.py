@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpp_taichi.cli._request import Goal, Request
+from mpp_taichi.cli._goal import Goal
+from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._step_check import check_steps
 from mpp_taichi.errors import MppError, StateError
 from mpp_taichi.scene.load import load_scene
@@ -41,7 +42,7 @@ def start_another(file: Path, *, device: "Device", request: Request) -> "Simulat
     from mpp_taichi.simulation.simulation import Simulation
 
     spec = load_scene(file)
-    goal = Goal.of(spec, Request(window=True))
+    goal = Goal.of(spec, None, None)
     goal.check(spec, may_be_endless=True)
     where: dict[str, Any] = {"backend": device.backend, "precision": device.precision, "threads": request.threads}
     simulation = Simulation(spec, **where, plan=request.plan, force=request.force)

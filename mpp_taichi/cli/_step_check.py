@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import component
-from mpp_taichi.cli._request import Goal
+from mpp_taichi.cli._goal import Goal
 from mpp_taichi.scene import timeline
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation.phases import Phase

@@ -18,7 +18,7 @@ from mpp_taichi.views.desk import Desk
 from mpp_taichi.views.slider_panel import Knob
 
 if TYPE_CHECKING:
-    from mpp_taichi.cli._request import Goal
+    from mpp_taichi.cli._goal import Goal
     from mpp_taichi.simulation.simulation import Simulation
 
 

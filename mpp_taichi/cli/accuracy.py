@@ -64,11 +64,10 @@ def execute(arguments: argparse.Namespace) -> int:
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
     wishes = _wishes(arguments, "integrators" if spec.contacts is None else "contacts")
     problem = pose(spec, arguments.until)
-    from mpp_taichi.cli._request import OUTPUT_FOLDER
     from mpp_taichi.cli._signals import Interrupted, Interruption
     from mpp_taichi.recorders._lock import OutputLock
 
-    folder = arguments.out or OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.accuracy"
+    folder = arguments.out or _options.OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.accuracy"
     code = 0
     with output_reserved(arguments.json), Interruption() as interruption:
         from mpp_taichi.accuracy.budget import Budget

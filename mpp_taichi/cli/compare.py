@@ -51,13 +51,12 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.ladder and not any(component.declaration("forces", force.name).base == "PairForce" for force in spec.forces):
         raise UsageError("--ladder is of sums over pairs, and the scene has no force between all particles")
     from mpp_taichi.accuracy.budget import Budget
-    from mpp_taichi.cli._request import OUTPUT_FOLDER
     from mpp_taichi.cli._signals import Interruption
     from mpp_taichi.compare.comparison import Comparison
     from mpp_taichi.compare.words import sentence
     from mpp_taichi.recorders._lock import OutputLock
 
-    folder = arguments.out or OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.compare"
+    folder = arguments.out or _options.OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.compare"
     with output_reserved(arguments.json), Interruption() as interruption:
         lock = OutputLock(folder / "compare.json")
         try:

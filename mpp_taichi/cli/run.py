@@ -84,7 +84,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
     """The request that the options make, with the window or the film that goes without saying."""
-    from mpp_taichi.cli._request import OUTPUT_FOLDER, Request
+    from mpp_taichi.cli._request import Request
 
     names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "html", "trajectory", "snapshot")
     more = (
@@ -110,7 +110,7 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
     problem = no_window()
     if not problem:
         return Request(**given, window=True)
-    film = OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.mp4"
+    film = _options.OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.mp4"
     if spec.run.duration is None and spec.run.steps is None and arguments.until is None and arguments.steps is None:
         raise UsageError(f"{problem}, and a film needs an end: --until T or --steps N")
     say(f"{problem}: making a film instead, {film}")

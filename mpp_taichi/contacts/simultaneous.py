@@ -24,3 +24,4 @@ class Simultaneous(SweepSolver):
     )
 
     sweep_kind = GroupSweep
+    order = 2

@@ -28,6 +28,7 @@ class Swept(SweepSolver):
     )
 
     most_elsewhere = None
+    order = 2
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""

@@ -44,6 +44,7 @@ class Hermite(Integrator):
     """
 
     takes_velocity = False
+    typical_evaluations = 6
 
     @property
     def nodes(self) -> tuple:

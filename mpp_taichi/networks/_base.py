@@ -25,6 +25,8 @@ class NetworkContext:
 class Network(ABC):
     """Links particles. Parameters are those that the file declares."""
 
+    links_lattice = False  # True: links the neighbours in the lattice that the parameter `of` names, with a `prestretch`
+
     @abstractmethod
     def spring_count(self, lattice: Callable[[str], tuple[int, tuple[int, int, int]]]) -> int:
         """How many springs there will be, found without making them."""

@@ -32,6 +32,7 @@ class LatticeLinks(Network):
     damping: float = param(0.0, slider=True, minimum=0.0, unit="force time length⁻¹", help="c")
     prestretch: float = param(1.0, above=0.0, slider=True, help="placed length over rest length")
     color: Color = param((0.4, 0.4, 1.0), help="red, green, blue in 0…1")
+    links_lattice = True
 
     def spring_count(self, lattice: Callable[[str], tuple[int, tuple[int, int, int]]]) -> int:
         """Along every step that links go, one for each particle that has a partner there."""

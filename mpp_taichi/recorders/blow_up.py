@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpp_taichi import component
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.recorders.massless import MasslessWatch
 from mpp_taichi.recorders.table import TableRecorder
@@ -234,7 +235,8 @@ def _cure(simulation: "Simulation") -> str:
     if advice is None:
         return f"the step is too large for what happens there: try dt = {0.5 * simulation.dt:.3g}, or a softening"
     if advice.never_stable:
-        return f"no step of {advice.integrator} keeps an oscillation: take leapfrog or rk4"
+        instead = " or ".join(component.proposed("integrators", "oscillation"))
+        return f"no step of {advice.integrator} keeps an oscillation: take {instead}"
     if not advice.is_unlimited and simulation.dt > advice.safe_limit:
         return f"{advice.integrator} allows {advice.limit:.6g}; dt = {advice.holding_step:.6g} holds"
     return f"the springs allow dt = {simulation.dt:.6g}, something else does not: try {advice.holding_step:.6g}"

@@ -28,7 +28,7 @@ from mpp_taichi.scene.faults import Faults, printable, shown
 from mpp_taichi.scene.fields import Context, Whole, Wrong
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.model import scene_model, select
-from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec, default_integrator
 
 _Overrides = Mapping[str, Any] | Sequence[str]
 
@@ -163,17 +163,18 @@ def _specification(validated: Any, tree: Node, name: str, context: Context, faul
 
 
 def _integrator(validated: Any, tree: Node, faults: Faults) -> ComponentSpec:
-    """The integrator; event-driven contacts bring their own, which looks LOOKS times in a run if not told how often."""
-    event_driven = contacts.is_event_driven(validated.contacts)
+    """The integrator; a contact solver that flies brings its own, which looks LOOKS times in a run where no dt is given."""
     if validated.integrator is not None:
         entry = _entry(validated.integrator, tree.value["integrator"])
-    elif event_driven:
-        entry = ComponentSpec("event_driven", {"dt": None}, tree.value["contacts"].place)
+    elif contacts.fly(validated.contacts):  # the integrator that goes with them has their name
+        entry = ComponentSpec(validated.contacts.hard_spheres.solver, {"dt": None}, tree.value["contacts"].place)
     elif validated.accuracy is not None and validated.run.duration is not None:
-        entry = ComponentSpec("leapfrog", {"dt": validated.run.duration / contacts.LOOKS}, tree.value["accuracy"].place)
+        entry = ComponentSpec(
+            default_integrator(), {"dt": validated.run.duration / contacts.LOOKS}, tree.value["accuracy"].place
+        )
     else:
         faults.add(tree.location, "integrator", "missing key 'integrator' (the method that advances time)")
-        return ComponentSpec("leapfrog", {"dt": 1.0}, tree.location)
+        return ComponentSpec(default_integrator(), {"dt": 1.0}, tree.location)
     if entry.parameters["dt"] is None:  # of methods without steps of their own it is the time between two looks
         if validated.run.duration is None:
             faults.add(
@@ -196,7 +197,7 @@ def _entry(entry: BaseModel, node: Node) -> ComponentSpec:
 
 
 def _with_gravity(entry: ComponentSpec, strength: float | None) -> ComponentSpec:
-    """Gravity whose strength is not said has that of the scene's units, or 1."""
-    if entry.name != "newtonian_gravity" or entry.parameters.get("strength") is not None:
+    """Gravity without a given strength gets the strength of the scene's units, or 1."""
+    if not entry.flag("forces", "gravitates") or entry.parameters.get("strength") is not None:
         return entry
     return ComponentSpec(entry.name, {**entry.parameters, "strength": strength}, entry.location)

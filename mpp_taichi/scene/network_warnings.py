@@ -43,9 +43,9 @@ def _without_direction(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayo
 
 def _without_linear_modes(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[str]:
     """Flat lattices, held all round, without prestretch, that start across themselves."""
-    pulled = any(entry.name == "uniform_gravity" for entry in spec.forces)  # what hangs through is taut
+    pulled = bool(spec.forces_with("is_uniform"))  # what hangs through is taut
     for number, entry in enumerate(spec.springs):
-        if entry.name != "lattice_links" or entry.parameters["prestretch"] != 1.0 or pulled:
+        if not entry.flag("networks", "links_lattice") or entry.parameters["prestretch"] != 1.0 or pulled:
             continue
         name = entry.parameters["of"]
         taut = any(other.parameters.get("of") == name and other.parameters["prestretch"] > 1.0 for other in spec.springs)

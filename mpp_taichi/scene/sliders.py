@@ -124,7 +124,7 @@ def _movable(spec: SceneSpec, validated: Any, tree: Node) -> Iterator[tuple[str,
 
 def _forces_may_move(spec: SceneSpec, method: component.Declaration) -> bool:
     """Not where orbits or flights are solved by constants made of them."""
-    return method.flags.get("takes_sliders", True) and method.name != "event_driven"
+    return bool(method.flags.get("takes_sliders", True))
 
 
 def _of_type(spec: SceneSpec, name: str, parameter: str, tree: Node) -> Iterator[SliderTarget]:

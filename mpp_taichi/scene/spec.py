@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
+from mpp_taichi import component
 from mpp_taichi.scene.expressions import Formula
 from mpp_taichi.scene.fields import Counts, ListOf, Number, Reference, Settings, Text, Whole
 from mpp_taichi.scene.location import Location
@@ -20,6 +21,11 @@ _CLOSED = ConfigDict(extra="forbid")
 _COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
 
 
+def default_integrator() -> str:
+    """The integrator of a scene that names none."""
+    return component.marked("integrators", "default_of_kind")[0]
+
+
 @dataclass(frozen=True, eq=False)
 class ComponentSpec:
     """One component that the scene names, with every parameter checked and defaults filled in."""
@@ -28,6 +34,10 @@ class ComponentSpec:
     parameters: dict[str, Any]
     location: Location
     live: tuple[str, ...] = ()  # parameters that sliders move while kernels run
+
+    def flag(self, kind: str, key: str) -> Any:
+        """The literal value that the component, of this kind, gives to an attribute; None where it gives none."""
+        return component.flag(kind, self.name, key)
 
 
 @dataclass(frozen=True)
@@ -232,8 +242,12 @@ class SceneSpec:
         """Whether springs without damping may come to have some."""
         return any(slider.steps[-1] == "damping" for slider in self.sliders)
 
+    def forces_with(self, key: str) -> list[ComponentSpec]:
+        """The forces whose flag `key` is true, in the order of the scene."""
+        return [force for force in self.forces if force.flag("forces", key)]
+
     def effects(self, spring_count: int) -> list[str]:
         """What acts, as scenes call it: forces, springs where there are some, contacts and walls."""
-        names = [entry.name for entry in self.forces] + (["spring"] if spring_count else [])
+        names = [entry.name for entry in self.forces] + (component.marked("forces", "acts_on_springs") if spring_count else [])
         contacts = ["hard_spheres"] if self.contacts is not None else []
         return names + contacts + list(dict.fromkeys(wall.name for wall in self.walls))

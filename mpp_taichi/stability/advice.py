@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from mpp_taichi import component
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -154,7 +155,8 @@ class StepAdvice:
             f"of {self.culprit} grow by {per_oscillation:.3g} % each time, and no step keeps an undamped one"
         )
         if growth > ABSURD_GROWTH:
-            self._refuse(f"{text}, and {growth:.1e}-fold in {steps:,} steps; leapfrog or rk4 would hold it", force)
+            instead = " or ".join(component.proposed("integrators", "oscillation"))
+            self._refuse(f"{text}, and {growth:.1e}-fold in {steps:,} steps; {instead} would hold it", force)
         else:
             log.warning("%s, %.3g-fold in %s steps", text, growth, f"{steps:,}")
 

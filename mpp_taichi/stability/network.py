@@ -23,7 +23,7 @@ class Rates:
 
 def drag_of(spec: SceneSpec) -> float:
     """The coefficient of the scene's linear drag [mass / time]."""
-    return sum(float(force.parameters["coefficient"]) for force in spec.forces if force.name == "linear_drag")
+    return sum(float(force.parameters["coefficient"]) for force in spec.forces_with("is_linear_drag"))
 
 
 class Network:

@@ -61,7 +61,7 @@ def rest_positions(spec: SceneSpec) -> np.ndarray:
 
 
 def _place(spec: SceneSpec, layout: ParticleLayout) -> list[Group]:
-    gravity = next((entry.parameters for entry in spec.forces if entry.name == "newtonian_gravity"), {})
+    gravity = next((entry.parameters for entry in spec.forces_with("gravitates")), {})
     groups: list[Group] = []
 
     def find(index: int) -> Center:

@@ -55,7 +55,7 @@ def contact_setup(spec: SceneSpec, particles: Snapshot, *, force_free: bool = Fa
     material, restitution = _materials(particles.particle_count, spec.contacts)
     with np.errstate(divide="ignore"):
         inverse = np.where(particles.free, 1.0 / particles.mass[:, None], 0.0)
-    gravity = next((force.parameters["acceleration"] for force in spec.forces if force.name == "uniform_gravity"), (0.0,) * 3)
+    gravity = next((force.parameters["acceleration"] for force in spec.forces_with("is_uniform")), (0.0,) * 3)
     return ContactSetup(
         dimensions=spec.dimensions,
         radius=particles.radius,

@@ -18,26 +18,13 @@ WORK_PER_PARTICLE = 4
 WORK_PER_HALF_SPRING = 4
 
 
-# Force evaluations of a step, roughly, by the family of its integrator: enough to choose a plan by, and known without Taichi.
-# An implicit step is many sweeps over the particles, but a launch and a look at its sums for each: the sweep is what counts.
-TYPICAL_EVALUATIONS = {
-    "Splitting": 1,
-    "RungeKutta": 2,
-    "Implicit": 1,
-    "Adaptive": 1,
-    "Embedded": 1,
-    "Hermite": 6,
-    "Integrator": 1,
-}
-
-
 def step_work(spec: SceneSpec, particle_count: int, spring_count: int) -> int:
     """Work of one step in the units of CROSSOVER_WORK, before anything of the scene is imported."""
     has_pairs = any(component.declaration("forces", force.name).base == "PairForce" for force in spec.forces)
     pairs = particle_count * (particle_count - 1) // 2 if has_pairs else 0
     if tree_of(spec) is not None:
         pairs = min(pairs, VISITS_OF_A_TREE * particle_count)
-    evaluations = TYPICAL_EVALUATIONS[component.declaration("integrators", spec.integrator.name).base]
+    evaluations: int = component.flag("integrators", spec.integrator.name, "typical_evaluations", 1)
     return evaluations * (pairs + WORK_PER_HALF_SPRING * 2 * spring_count + WORK_PER_PARTICLE * particle_count)
 
 

@@ -54,6 +54,8 @@ class Enclosure:
 class Wall:
     """A kind of wall: parameters → surfaces or a period."""
 
+    repeats = False  # True: the wall is a periodic box; scenes are checked by this literal value
+
     def enclosure(self, dimensions: int, label: str) -> Enclosure:
         """What it adds; `label` is what the scene calls it."""
         raise NotImplementedError
