@@ -42,7 +42,7 @@ class Embedded(Adaptive):
     error_order = 0  # k
     tolerance: float
     controlled_by = "tolerance"
-    launch = replace(Adaptive.launchers, quickly=True)
+    launchers = replace(Adaptive.launchers, quickly=True)
     VECTORS = ("start_position", "start_velocity", "start_acceleration", "position_rest", "velocity_rest")
     memory = ("clock", "tally", "judged", "slope", *VECTORS)
 

@@ -122,7 +122,7 @@ class Simulation(PhasedMotion, Shown):
 
     def look_at_multiples_of(self, interval: float) -> None:
         """Where contacts fly and a step is a mere look: let looks fall on multiples of `interval`, no rarer than so far."""
-        if self.contacts is not None and self.contacts.flies:
+        if not self.launcher.takes_steps:
             self.dt = interval / math.ceil(interval / self.dt)
 
     def _leg(self, span: float, left: float) -> tuple[float, float, bool]:
