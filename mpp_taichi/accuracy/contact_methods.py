@@ -25,7 +25,7 @@ def orders() -> dict[str, int]:
 
 
 def flies_exactly(spec: SceneSpec) -> bool:
-    """Whether the scene can be run without steps: spheres under uniform gravity at most."""
+    """Whether the scene can be run without steps: no effect but contacts and uniform gravity."""
     return spec.contacts is not None and not spec.springs and all(force.flag("forces", "is_uniform") for force in spec.forces)
 
 
@@ -38,7 +38,7 @@ def solvers(spec: SceneSpec) -> list[str]:
 
 
 def with_solver(spec: SceneSpec, name: str, dt: float) -> SceneSpec:
-    """The scene with a contact solver and a step; what solvers have in common is taken from the scene's own."""
+    """The scene with a contact solver and a step; parameters that both solvers have are those of the scene's own solver."""
     assert spec.contacts is not None
     own, integrator = spec.contacts.solver, spec.integrator
     if own.name != name:

@@ -12,7 +12,7 @@ from mpp_taichi.snapshot import Snapshot
 MARK = "+tree-"
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5)
 FEWEST_BODIES = 3000  # below, the direct sum is both exact and faster (docs/gravity.md)
-MOST_BODIES = 100_000  # whose direct sums, of some seconds, a reference can be made of
+MOST_BODIES = 100_000  # whose direct sums take some seconds, few enough for a reference
 
 
 def split(name: str) -> tuple[str, float | None]:
@@ -38,7 +38,7 @@ def by_tree(name: str) -> bool:
 
 
 def joined(integrator: str, accuracy: float | None) -> str:
-    """`leapfrog+tree-1e-3`; of the same numbers always the same text."""
+    """`leapfrog+tree-1e-3`; equal numbers always give the same text."""
     if accuracy is None:
         return integrator
     digits, _, power = f"{accuracy:.5e}".partition("e")
@@ -62,7 +62,7 @@ def with_force_solver(spec: SceneSpec, accuracy: float | None) -> SceneSpec:
 
 
 def variants(spec: SceneSpec, start: Snapshot, asked: Sequence[str]) -> list[str]:
-    """Methods by a tree: those asked for, and where it may pay the scene's own integrator with several accuracies."""
+    """Methods by a tree: those asked for, and for many particles the scene's own integrator with several accuracies."""
     names = [own_name(spec), *asked]
     if start.particle_count >= FEWEST_BODIES:
         names += [joined(spec.integrator.name, accuracy) for accuracy in ACCURACIES]

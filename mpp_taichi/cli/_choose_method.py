@@ -1,4 +1,4 @@
-"""Scenes with an `accuracy:`: what is chosen for them before they run."""
+"""Scenes with an `accuracy:`: the choice of integrator, step and precision before they run."""
 
 import argparse
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def settled(spec: "SceneSpec", arguments: argparse.Namespace) -> tuple["SceneSpec", str | None, dict[str, Any]]:
-    """The scene as it is to be run, its precision, and the facts of the choice; as they are where a scene has no target."""
+    """The scene with the chosen method, its precision, and the facts of the choice; unchanged for a scene without a target."""
     if spec.accuracy is None:
         return spec, arguments.precision, {}
     from dataclasses import asdict

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
 
 ROUNDS = 11
-SAMPLE_SECONDS = 0.02  # one timing is at least so long, against the clock's own grain
-LONG_SECONDS = 6.0  # of timing altogether; two rounds are the least
-ALMOST_NOTHING = 1e-30  # a strength that moves nothing, yet is no zero that a compiler may fold away
+SAMPLE_SECONDS = 0.02  # seconds: the least length of one timing, far above the resolution of the clock
+LONG_SECONDS = 6.0  # seconds of all timings together; at least two rounds are made
+ALMOST_NOTHING = 1e-30  # a strength without visible effect that is not zero, so that the compiler cannot remove the force
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class StepTime:
 
 @dataclass(frozen=True)
 class EffectCost:
-    """What an effect takes of a step, in seconds, and two standard errors of that."""
+    """The part of a step that an effect takes, in seconds, and two standard errors of this time."""
 
     name: str
     seconds: float
@@ -75,7 +75,7 @@ def _start(spec: SceneSpec, like: "Simulation", plan: str) -> "Simulation":
 
 
 def _without(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
-    """The scene less one effect, for each of them."""
+    """The scene without one of its effects, for each effect."""
     variants = [
         (force.name, replace(spec, forces=spec.forces[:number] + spec.forces[number + 1 :]))
         for number, force in enumerate(spec.forces)
@@ -93,7 +93,7 @@ def _flies(spec: SceneSpec) -> bool:
 
 
 def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
-    """The scene and one force more, for each force it does not name; springs need ends and cannot be added by themselves."""
+    """The scene with one more force, for each force that it does not name; springs need two ends and cannot be added alone."""
     variants = []
     for name in component.names("forces"):
         declared = component.declaration("forces", name)
@@ -101,7 +101,7 @@ def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
             continue
         if _flies(spec) and not declared.flags.get("is_uniform"):
             continue
-        if declared.base == "PairForce" and tree_of(spec) is not None:  # which stands beside no other
+        if declared.base == "PairForce" and tree_of(spec) is not None:  # a tree allows no other pair force
             continue
         parameters = _slight(declared)
         if parameters is not None:
@@ -111,11 +111,11 @@ def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
 
 
 def _slight(declared: Declaration) -> dict[str, Any] | None:
-    """Parameters with which a force acts as little as it can; None where one cannot be guessed."""
+    """Parameters with which a force acts as weakly as possible; None where a parameter cannot be guessed."""
     found = {}
     for parameter in declared.parameters:
         value = _slight_value(parameter)
-        if value is None and not (parameter.optional and parameter.type == "Particles"):  # absent, it means all of them
+        if value is None and not (parameter.optional and parameter.type == "Particles"):  # an absent group means all particles
             return None
         found[parameter.name] = value
     return found
@@ -150,7 +150,7 @@ def _spread(values: list[float]) -> float:
 def _steps_for(simulation: "Simulation") -> int:
     """Steps that take `SAMPLE_SECONDS`; the first of them compiles."""
     _time(simulation, 1)
-    steps, limit = 1, simulation.launch_limit
+    steps, limit = 1, simulation.phase.launch_limit
     while steps < limit and (seconds := _time(simulation, steps) * steps) < SAMPLE_SECONDS:
         steps = min(limit, steps * max(2, min(16, int(SAMPLE_SECONDS / max(seconds, 1e-6)))))
     return steps

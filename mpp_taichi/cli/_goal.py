@@ -19,7 +19,7 @@ class Goal:
 
     until: float | None
     steps: int | None
-    whole: bool  # the scene's own full duration, of which its expectations speak
+    whole: bool  # the full duration of the scene, for which its expectations hold
     begin: float = 0.0  # time at which the run starts
 
     @staticmethod
@@ -33,7 +33,7 @@ class Goal:
 
     @property
     def endless(self) -> bool:
-        """Whether nothing says where to stop."""
+        """Whether the run has no end."""
         return self.until is None and self.steps is None
 
     def span(self, spec: SceneSpec) -> float:
@@ -54,11 +54,11 @@ class Goal:
         return self.steps is not None and simulation.step_count >= self.steps
 
     def check(self, spec: SceneSpec, *, may_be_endless: bool) -> None:
-        """Refuse a run without an end, and one of more steps than anybody waits for.
+        """Refuse a run without an end, and a run of more than MOST_STEPS steps.
 
         Raises:
-            UsageError: nothing says how long.
-            CapacityError: too many steps.
+            UsageError: neither the scene nor the command line gives an end.
+            CapacityError: the run takes too many steps.
         """
         if self.endless and not may_be_endless:
             raise UsageError(f"{spec.source}: the scene has no run.duration: say how long, --until T or --steps N")

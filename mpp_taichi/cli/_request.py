@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked of a run beside the scene itself; the names are those of the options."""
+    """The options of a run beside the scene itself; each attribute has the name of its option."""
 
     backend: str = "auto"
     precision: str | None = None
@@ -65,19 +65,19 @@ class Request:
         return any(path is not None for path in (self.video, self.frames, self.still, self.html))
 
     def frame_count(self, spec: SceneSpec) -> int:
-        """Frames of the film."""
+        """The number of frames of the film."""
         return round((self.fps or spec.record.fps) * (self.film_seconds or spec.record.seconds))
 
     def for_another_scene(self) -> "Request":
-        """What holds of it for a scene that was opened in its window: how it runs, and no file that it asks for."""
+        """The part of the request that holds for a scene opened in its window: how to run, without any file."""
         kept = ("backend", "precision", "plan", "threads", "quiet", "allow_inaccurate", "energy_balance", "window", "force")
         return Request(**{name: getattr(self, name) for name in kept})
 
     def check(self) -> None:
-        """Refuse what cannot be written, before anything is computed.
+        """Refuse files that cannot be written, before anything is computed.
 
         Raises:
-            UsageError: a suffix that is no format of that file.
+            UsageError: the suffix of a file is no format that the file may have.
             OutputError: a film is wanted and no encoder can write it.
             BackendError: a plot is wanted and there is no matplotlib.
         """

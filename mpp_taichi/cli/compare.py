@@ -16,7 +16,7 @@ from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, pu
 from mpp_taichi.cli.accuracy import names, span_of_time
 
 if TYPE_CHECKING:
-    from mpp_taichi.compare.comparison import Wishes
+    from mpp_taichi.compare.comparison import ComparisonWishes
 
 BUDGET_SECONDS = 60.0
 BUG_CODE = 4
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Compare, say, write."""
+    """Compare, print and write."""
     from mpp_taichi.scene.load import load_scene
 
     wishes = _wishes(arguments)
@@ -74,7 +74,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _write(folder: Path, found: dict[str, Any]) -> list[str]:
-    """compare.json and compare.html."""
+    """Write compare.json and compare.html."""
     from mpp_taichi.atomic_file import whole_file
     from mpp_taichi.compare.report import page
 
@@ -97,8 +97,8 @@ def _report(found: dict[str, Any], arguments: argparse.Namespace) -> None:
         put(f"\nwrote {', '.join(found['files'])}")
 
 
-def _wishes(arguments: argparse.Namespace) -> "Wishes":
-    from mpp_taichi.compare.comparison import ALL_BACKENDS, Wishes
+def _wishes(arguments: argparse.Namespace) -> "ComparisonWishes":
+    from mpp_taichi.compare.comparison import ALL_BACKENDS, ComparisonWishes
     from mpp_taichi.compare.course import ROUNDING
 
     arguments.backends = arguments.backends or list(ALL_BACKENDS)
@@ -107,4 +107,4 @@ def _wishes(arguments: argparse.Namespace) -> "Wishes":
             if name not in known:
                 raise UsageError(f"--{option} {name}: allowed are {', '.join(known)}")
     parts = (arguments.threads, arguments.scaling, arguments.ladder, arguments.steps)
-    return Wishes(arguments.backends, arguments.precisions, *parts)
+    return ComparisonWishes(arguments.backends, arguments.precisions, *parts)

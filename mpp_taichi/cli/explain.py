@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Measure, and say."""
+    """Measure, and print."""
     from mpp_taichi.scene.load import load_scene
 
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
@@ -68,7 +68,7 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "force_evaluations_per_step": simulation.integrator.evaluations_per_step,
         "plan": simulation.plan,
         "plan_reason": plan_reason(simulation, plan_asked),
-        "work_per_step": simulation.step_work,
+        "work_per_step": simulation.phase.work,
         "crossover_work": plans.CROSSOVER_WORK,
         "launches_per_step": simulation.launcher.launches_per_step(),
         "fields": fields,
@@ -76,7 +76,7 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "dt": simulation.dt,
         **(advice.facts() if advice is not None else {"dt_limit": None}),
         "dt_said": advice.line() if advice is not None else "nothing in this scene limits it",
-        "conserves_energy": simulation.conserves_energy,
+        "conserves_energy": simulation.phase.conserves_energy,
         **network_facts(
             simulation.spec,
             simulation.start,
@@ -138,7 +138,7 @@ def _is_too_large(found: dict[str, Any]) -> bool:
 
 
 def _share(row: dict[str, Any], of_what: str = "") -> str:
-    """What an effect takes; less than nothing is noise, however sure of it the timings look."""
+    """The share of an effect; a negative share is noise, even where its error is small."""
     if row["share"] <= row["noise"]:
         return f"not measurable (timings differ by {100 * row['noise']:.0f} %)"
     return f"{100 * row['share']:.0f} % ± {100 * row['noise']:.0f} %, {_seconds(row['seconds'])}{of_what}"

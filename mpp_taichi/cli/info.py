@@ -1,6 +1,7 @@
 """Show what this machine has: backends that really start, OpenCL and Vulkan devices, encoder, display, versions."""
 
 import argparse
+import contextlib
 import importlib.metadata
 import json
 import os
@@ -11,11 +12,12 @@ from typing import Any
 
 from mpp_taichi import __version__
 from mpp_taichi.cli._terminal import output_reserved, put, put_json
-from mpp_taichi.errors import MppError, OutputError
+from mpp_taichi.device.fast_taichi import switch
+from mpp_taichi.errors import BackendError, MppError, OutputError
 
 PACKAGES = ("taichi", "numpy", "pydantic", "PyYAML", "pillow", "rich", "imageio-ffmpeg", "pyopencl")
 CHILD_SECONDS = 60
-# Asked in a child process: a broken OpenCL driver may end it.
+# Run in a child process, which a broken OpenCL driver may crash.
 OPENCL_CHILD = """
 import json
 import pyopencl
@@ -45,14 +47,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Look, and say."""
+    """Examine the machine, and print the findings."""
     with output_reserved(arguments.json):
+        off = _parts_off()
         found = {
             "mpp_taichi": __version__,
             "python": platform.python_version(),
             "system": f"{platform.system()} {platform.release()} {platform.machine()}",
             "cpu_threads": os.cpu_count(),
             "packages": {name: _version(name) for name in PACKAGES},
+            **off,
             "backends": _backends(),
             "vulkan_devices": _ask_child(VULKAN_CHILD),
             "opencl_devices": _ask_child(OPENCL_CHILD),
@@ -73,8 +77,17 @@ def _version(package: str) -> str | None:
         return None
 
 
+def _parts_off() -> dict[str, Any]:
+    """The parts of fast_taichi that are off; Taichi itself may be broken, which the backends then say."""
+    from mpp_taichi.device.backends import import_taichi
+
+    with contextlib.suppress(BackendError):
+        import_taichi()
+    return switch.facts()
+
+
 def _backends() -> dict[str, Any]:
-    """Every backend, tried in a process of its own, and what it was seen to do when it starts."""
+    """Every backend, started in a process of its own, with the capabilities found there."""
     from mpp_taichi.device import backends
     from mpp_taichi.device.availability import BACKENDS, availability
 
@@ -93,7 +106,7 @@ def _backends() -> dict[str, Any]:
 
 
 def _ask_child(program: str) -> dict[str, Any]:
-    """Run a small program that prints JSON; whatever happens to it is said, not raised."""
+    """Run a small program that prints JSON; a failure of the program is returned as a text, not raised."""
     try:
         done = subprocess.run(
             [sys.executable, "-c", program], stdin=subprocess.DEVNULL, capture_output=True, timeout=CHILD_SECONDS, check=False
@@ -127,6 +140,8 @@ def _lines(found: dict[str, Any]) -> list[str]:
     python = f"Python {found['python']}, {found['system']}, {found['cpu_threads']} CPU threads"
     rows = [f"mpp_taichi {found['mpp_taichi']}, {python}"]
     rows.append("  " + ", ".join(f"{name} {version or 'not installed'}" for name, version in found["packages"].items()))
+    if off := switch.line(found):
+        rows.append(f"off     {off}")
     rows.append("backends")
     for name, report in found["backends"].items():
         rows.append(f"  {name:8s}{_backend_line(report)}")
@@ -157,5 +172,5 @@ def _backend_line(report: dict[str, Any]) -> str:
 
 
 def _words(device: dict[str, Any]) -> list[str]:
-    """The values, and yes or no with its name."""
+    """The values in words; a truth value becomes yes or no with its name."""
     return [f"{name} {'yes' if value else 'no'}" if isinstance(value, bool) else str(value) for name, value in device.items()]

@@ -83,7 +83,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
-    """The request that the options make, with the window or the film that goes without saying."""
+    """The request of the options, with a window or a film where no output is asked for."""
     from mpp_taichi.cli._request import Request
 
     names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "html", "trajectory", "snapshot")
@@ -118,7 +118,7 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
 
 
 def no_window() -> str:
-    """Why no window can be opened here; empty when one can."""
+    """The reason why no window can be opened here; empty where a window can be opened."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return "there is no display"
     from mpp_taichi.device.backends import import_taichi

@@ -40,7 +40,7 @@ class Body(Generator):
         return 1
 
     def generate(self, context: GeneratorContext) -> Group:
-        """Put the particle where it is said to be."""
+        """Put the particle at its position."""
         position, velocity = self._place(context)
         return make_group(
             1,

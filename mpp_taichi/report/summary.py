@@ -1,10 +1,11 @@
-"""Summary: what a run was, how it went, and where its time went; as data for programs and as lines for people."""
+"""Summary: the settings of a run, its results and its times; as data for programs and as lines for people."""
 
 import contextlib
 import time as clock
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from mpp_taichi.device.fast_taichi import switch
 from mpp_taichi.energy.numerical_damping import numerical_damping
 from mpp_taichi.modes.network_report import mode_lines, network_lines
 from mpp_taichi.report.adaptive_summary import step_control, step_control_line
@@ -42,38 +43,38 @@ class Stopwatch:
 
 
 class Timed:
-    """A recorder whose looks are timed under a name."""
+    """A recorder whose calls are timed under a name."""
 
     def __init__(self, recorder: Any, stopwatch: Stopwatch, name: str) -> None:
         """Wrap a recorder."""
         self.recorder, self.stopwatch, self.name = recorder, stopwatch, name
 
     def steps_until_due(self, simulation: "Simulation") -> int:
-        """As the recorder says."""
+        """Steps until the recorder is due."""
         return self.recorder.steps_until_due(simulation)
 
     def record(self, simulation: "Simulation") -> None:
-        """Look, timed."""
+        """Call the recorder, timed."""
         with self.stopwatch(self.name):
             self.recorder.record(simulation)
 
     def restart(self) -> None:
-        """As the recorder does."""
+        """Restart the recorder."""
         self.recorder.restart()
 
 
 def effect_names(simulation: "Simulation") -> list[str]:
-    """The effects that were compiled, as scenes call them."""
+    """The effects that were compiled, by their names in scenes."""
     return simulation.phases[simulation.phase_number].effects
 
 
 def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopwatch, *, plan_asked: str) -> dict[str, Any]:
-    """The facts of a run; `status`, `files` and `expect` are added by who knows them."""
+    """The facts of a run; the callers add `status`, `files` and `expect`."""
     spec, device = simulation.spec, simulation.device
-    phases = simulation.phases[simulation.first_phase : simulation.phase_number + 1]
+    phases = simulation.phases[simulation.course.first : simulation.phase_number + 1]
     # The first launch of each phase is one step, and its time the compiler's.
     timed_steps = simulation.step_count - simulation.start.step - len(phases)
-    rate = timed_steps / simulation.advance_seconds if simulation.advance_seconds > 0.0 else None
+    rate = timed_steps / simulation.timings.advance_seconds if simulation.timings.advance_seconds > 0.0 else None
     count = simulation.state.particle_count
     control = step_control(simulation)
     evaluations = float(max(1, simulation.integrator.evaluations))
@@ -90,6 +91,7 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "precision": device.precision,
         "plan": simulation.plan,
         "plan_reason": plan_reason(simulation, plan_asked),
+        **switch.facts(),
         "integrator": spec.integrator.name,
         "dt": simulation.dt,
         "effects": list(dict.fromkeys(name for phase in phases for name in phase.effects)),
@@ -98,9 +100,9 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "steps": simulation.step_count,
         "time": simulation.time,
         "wall_seconds": stopwatch.total,
-        "setup_seconds": simulation.setup_seconds,
-        "compile_seconds": simulation.compile_seconds,
-        "step_seconds": simulation.advance_seconds,
+        "setup_seconds": simulation.timings.setup_seconds,
+        "compile_seconds": simulation.timings.compile_seconds,
+        "step_seconds": simulation.timings.advance_seconds,
         **{f"{name}_seconds": seconds for name, seconds in stopwatch.seconds.items()},
         "steps_per_second": rate,
         "pair_interactions_per_second": rate * pairs if rate is not None and pairs else None,
@@ -108,9 +110,9 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         **_solver(simulation),
         **control,
         **contact_facts(simulation),
-        "conserves_energy": simulation.conserves_energy and all(row["conserves_energy"] for row in table.rows),
-        "conserves_momentum": simulation.conserves_momentum and all(row["conserves_momentum"] for row in table.rows),
-        "conserves_angular_momentum": simulation.conserves_angular_momentum
+        "conserves_energy": simulation.phase.conserves_energy and all(row["conserves_energy"] for row in table.rows),
+        "conserves_momentum": simulation.phase.conserves_momentum and all(row["conserves_momentum"] for row in table.rows),
+        "conserves_angular_momentum": simulation.phase.conserves_angular_momentum
         and all(row["conserves_momentum"] for row in table.rows),
         "phases": phase_facts(simulation),
         **(table.summary() if table.rows else {}),
@@ -119,7 +121,7 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
 
 
 def _solver(simulation: "Simulation") -> dict[str, Any]:
-    """What solving the equations of implicit steps took; {} for methods that solve none."""
+    """The work of the solver for the equations of implicit steps; {} for methods that solve none."""
     report, steps = simulation.solver_report, max(1, simulation.solver_report.steps)
     linear_solver = simulation.launcher.facts().get("linear_solver")
     if linear_solver is None:
@@ -136,8 +138,8 @@ def _solver(simulation: "Simulation") -> dict[str, Any]:
 
 
 def phase_facts(simulation: "Simulation") -> list[dict[str, Any]]:
-    """What the timeline has changed so far: time, keys and values, the effects since, and the energy put in by the change."""
-    begun = simulation.phases[simulation.first_phase + 1 : simulation.phase_number + 1]
+    """The changes by the timeline so far: time, keys and values, the effects after it, and the energy that the change adds."""
+    begun = simulation.phases[simulation.course.first + 1 : simulation.phase_number + 1]
     return [
         {
             "at": phase.at,
@@ -151,13 +153,13 @@ def phase_facts(simulation: "Simulation") -> list[dict[str, Any]]:
 
 
 def damping_of_method(simulation: "Simulation", table: "TableRecorder") -> dict[str, Any]:
-    """What the method itself lost: measured where an energy balance is kept, or where no force accounts for a loss.
+    """The energy lost by the method itself: measured where an energy balance is kept, or where no force explains a loss.
 
-    A symplectic method in a scene that conserves energy loses none in the long run, and one that works to round-off loses none
-    that stands out; they are not asked.
+    It is left out for a symplectic method in a scene that conserves energy, which loses no energy in the long run, and for a
+    method that works to round-off, whose loss cannot be seen.
     """
     balance = simulation.energy_balance
-    closed = simulation.conserves_energy
+    closed = simulation.phase.conserves_energy
     if (
         not table.rows
         or simulation.integrator.controlled_by
@@ -172,18 +174,18 @@ def damping_of_method(simulation: "Simulation", table: "TableRecorder") -> dict[
 
 
 def launches_per_step(simulation: "Simulation") -> float | None:
-    """Kernel launches a step took, on average so far: a serial launch holds many steps, a parallel step several loops."""
+    """The mean number of kernel launches per step so far: a serial launch holds many steps, a parallel step several loops."""
     done = simulation.step_count - simulation.start.step
     if done <= 0:
         return None
     if simulation.plan == "parallel":
         launches = simulation.launcher.launches_per_step()
         return None if launches is None else float(launches)
-    return simulation.kernel_calls / done
+    return simulation.timings.launch_count / done
 
 
 def plan_reason(simulation: "Simulation", plan_asked: str) -> str:
-    """Why the plan is what it is."""
+    """The reason for the choice of the plan."""
     if plan_asked != "auto":
         return "asked for"
     if not simulation.device.on_cpu:
@@ -191,7 +193,7 @@ def plan_reason(simulation: "Simulation", plan_asked: str) -> str:
     if simulation.total_force.by_tree:
         return "a tree is built and walked by all threads"
     relation = "below" if simulation.plan == "serial" else "from"
-    return f"work of a step {simulation.step_work:,}, {relation} the crossover of {plans.CROSSOVER_WORK:,} on"
+    return f"work of a step {simulation.phase.work:,}, {relation} the crossover of {plans.CROSSOVER_WORK:,} on"
 
 
 def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequence[Any] = ()) -> list[str]:
@@ -206,6 +208,7 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         ("rewound", found.get("rewound", "")),
         ("device", f"{found['backend']}: {found['device']}{threads}"),
         ("plan", f"{found['plan']}: {found['plan_reason']}"),
+        ("off", switch.line(found)),
         ("reached", f"t = {found['time']:.9g} in {found['steps']:,} steps{_rate(found)}"),
         *(("phase", line) for line in _phase_lines(found["phases"])),
         ("control", control),
@@ -251,7 +254,7 @@ def _solver_line(found: Mapping[str, Any]) -> str:
 
 
 def _phase_lines(phases: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A line for each change; of the many that a hand on a slider makes, the first ones and how many there are."""
+    """A line for each change; of many changes, such as those by a slider, the first ones and the number of the others."""
     told = [_phase_line(phase) for phase in phases[:PHASES_TOLD]]
     left = len(phases) - len(told)
     return [*told, f"… and {left:,} more changes, the last at t = {phases[-1]['at']:.9g}"] if left else told
@@ -291,7 +294,7 @@ def _balance(found: Mapping[str, Any]) -> str:
 
 
 def _damping(found: Mapping[str, Any]) -> str:
-    """Energy that the method lost by itself: the price of its step, beside the time."""
+    """The energy lost by the method itself: the price of its step, next to the time."""
     damping = found.get("numerical_damping")
     if damping is None:
         return ""
@@ -306,7 +309,7 @@ def _damping(found: Mapping[str, Any]) -> str:
 
 
 def _beside(found: Mapping[str, Any]) -> str:
-    """The right half of a film of two: its settings, and how far apart the two have come."""
+    """The right half of a film: its settings, and the final difference of the two halves."""
     right = found.get("beside")
     if right is None:
         return ""

@@ -13,12 +13,12 @@ from mpp_taichi.scene.fields import Field, Text
 from mpp_taichi.scene.parameters import STRICT, parameter_fields
 from mpp_taichi.scene.spec import ComponentSpec, ContactsSpec, Location, PairSpec, SceneSpec
 
-LOOKS = 1000  # of an event-driven run, where the scene does not say how often
+LOOKS = 1000  # in an event-driven run for which the scene gives no time between looks
 COMMON_KEYS = ("solver", "pairs", "overlap")
 
 
 def contacts_model(names: Sequence[str]) -> type[BaseModel]:
-    """The model of `contacts:` for the solvers selected; with none, one that says which solvers there are."""
+    """The model of `contacts:` for the selected solvers; without any, a model whose message lists the solvers."""
     bodies = [_solver_model(name) for name in names]
     if not bodies:
         solver: Any = (Annotated[Any, Text(tuple(component.names("contacts")))], Describe(description="the method"))

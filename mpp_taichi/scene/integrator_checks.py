@@ -1,4 +1,4 @@
-"""What an integrator needs of the forces of a scene, known without compiling anything."""
+"""Checks of the integrator against the forces of a scene, made without compiling anything."""
 
 from collections.abc import Iterator
 
@@ -11,11 +11,11 @@ from mpp_taichi.scene.spec import Location, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 OUTWEIGHS = 10.0
-"""What the central body of a planetary method must weigh, over all others together: the error goes with the inverse of it."""
+"""The least ratio of the central body's mass to that of all other bodies; the error is proportional to its inverse."""
 
 
 def check_integrator(spec: SceneSpec, faults: Faults) -> None:
-    """Refuse forces and springs beside a method that was not made for them."""
+    """Refuse forces and springs that the integrator was not made for."""
     place, key = spec.integrator.location, f"integrator.{spec.integrator.name}"
     rule = refused_formulas(spec.integrator.name, spec)
     if rule:
@@ -38,10 +38,11 @@ def check_integrator(spec: SceneSpec, faults: Faults) -> None:
 
 
 def refused_formulas(integrator: str, spec: SceneSpec) -> str:
-    """Why a method cannot go with formulas of these forces, or nothing.
+    """The reason why an integrator cannot use the formulas of these forces, or an empty text.
 
-    Jerks want derivatives, which a force says that it has; what depends on velocity is refused for that, in check_physics. A
-    force that depends on time finds other times on the way back, where they are sums of steps: no bit is sure then.
+    A method that sums jerks needs the derivatives of every force; forces that depend on velocity are refused in check_physics.
+    A method that can be run backwards to the bit needs forces that do not depend on time: on the way back a time is a sum of
+    other steps, and differs by rounding.
     """
     wants = component.declaration("integrators", integrator).flags
     forces = {force.name: component.declaration("forces", force.name).flags for force in spec.forces}
@@ -61,14 +62,14 @@ def refused_formulas(integrator: str, spec: SceneSpec) -> str:
 
 
 def suits(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> bool:
-    """Whether a scene is one that its integrator was made for."""
+    """Whether the integrator of a scene was made for the forces and bodies of the scene."""
     faults = Faults()
     check_integrator(spec, faults)
     return not faults.found and not list(planetary_faults(spec, snapshot, layout))
 
 
 def _check_orbits(spec: SceneSpec, key: str, faults: Faults) -> None:
-    """Kepler's orbits want gravity that attracts, as 1/r² all the way in."""
+    """Refuse gravity that is softened or does not attract, since Kepler's orbits need a force of −1/r² at every distance."""
     corrector, gravity, name = spec.integrator.parameters["corrector"], spec.forces[0], spec.integrator.name
     correctors = spec.integrator.flag("integrators", "correctors")
     if corrector not in correctors:

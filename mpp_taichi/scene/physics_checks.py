@@ -1,4 +1,4 @@
-"""Physics checks: arrangements of particles that no computation should start from, each named with its particles."""
+"""Physics checks: initial states that cannot be computed; each message names the particles."""
 
 from collections.abc import Iterator
 
@@ -20,7 +20,7 @@ Fault = tuple[Location, str]
 
 
 def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *, moved: bool = False) -> None:
-    """Raise SceneError with every arrangement that cannot be run; nothing that depends on the places when they have `moved`."""
+    """Raise SceneError for a state that cannot be run; once particles have `moved`, their positions are not checked."""
     found: list[Fault] = []
     always = (_numbers, _masses, _rates, _friction, planetary_faults)
     for check in always if moved else (*always, _coincidences, _center_of_mass):
@@ -39,7 +39,7 @@ def _at(layout: ParticleLayout, index: int, message: str) -> Fault:
 
 
 def _first_of_each_entry(layout: ParticleLayout, bad: np.ndarray) -> Iterator[int]:
-    """One particle of every entry that has a bad one."""
+    """The first `bad` particle of every entry that has one."""
     indices = np.flatnonzero(bad)
     starts = np.asarray(layout.starts)
     _, first = np.unique(np.searchsorted(starts, indices, side="right"), return_index=True)
@@ -95,7 +95,7 @@ def _rates(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Itera
 
 
 def refused_friction(integrator: str, spec: SceneSpec, snapshot: Snapshot) -> list[str]:
-    """What of the scene depends on velocity, where a method would lose its order with it; else nothing."""
+    """The forces that depend on velocity, if the integrator would lose its order with them; otherwise an empty list."""
     if component.declaration("integrators", integrator).flags.get("takes_velocity", True):
         return []
     forces = [force.name for force in spec.forces_with("depends_on_velocity")]
@@ -103,7 +103,7 @@ def refused_friction(integrator: str, spec: SceneSpec, snapshot: Snapshot) -> li
 
 
 def _friction(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
-    """Forces that depend on velocity, beside a method that takes none."""
+    """Forces that depend on velocity, beside an integrator that does not support them."""
     name = spec.integrator.name
     forces = refused_friction(name, spec, snapshot)
     if forces:
@@ -145,6 +145,6 @@ def _center_of_mass(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout)
     place = Location(spec.source, 0, 0)
     if snapshot.mass.sum() <= 0.0:
         yield place, "move_to_center_of_mass: the total mass must be above 0"
-    # An axis that all are held on is one along which nothing moves.
+    # Along an axis on which all particles are held, nothing moves.
     if np.any(snapshot.free.any(axis=0) & ~snapshot.free.all(axis=0)):
         yield place, "move_to_center_of_mass: not allowed where some particles are held fixed and others are not"

@@ -5,8 +5,10 @@ from typing import Any
 
 from mpp_taichi.component import Declaration, declaration
 from mpp_taichi.errors import PlacementError
+from mpp_taichi.scene.did_you_mean import choices
 from mpp_taichi.scene.document import Node
-from mpp_taichi.scene.faults import Faults, choices, shown
+from mpp_taichi.scene.expectations import kind_of
+from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.layout import ParticleLayout, build, particle_layout
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.model import KIND_OF_KEY
@@ -15,7 +17,7 @@ from mpp_taichi.scene.view_checks import resolve_view
 
 
 def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
-    """The scene with every Particle an index; what is not there becomes a fault."""
+    """The scene with an index for every Particle; a name without a particle becomes a fault."""
 
     def count(entry: ComponentSpec) -> int:
         try:
@@ -38,9 +40,13 @@ def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
         pairs = tuple(finder.pair(number, pair) for number, pair in enumerate(spec.contacts.pairs))
         changed["contacts"] = replace(spec.contacts, pairs=pairs)
     changed["expect"] = tuple(
-        replace(each, parameters=finder.parameters(each.parameters, _diagnostic(each.quantity), ("expect", each.quantity)))
+        replace(each, parameters=finder.parameters(each.parameters, _measured(each.quantity), ("expect", each.quantity)))
         for each in spec.expect
     )
+    if spec.record.table is not None:
+        table, path = spec.record.table, ("record", "table", "columns")
+        columns = (finder.entry(each, "quantities", (*path, number, each.name)) for number, each in enumerate(table.columns))
+        changed["record"] = replace(spec.record, table=replace(table, columns=tuple(columns)))
     changed["view"] = resolve_view(spec.view, layout, finder)
     changed["inspect"] = tuple(finder.panel(number, each) for number, each in enumerate(spec.inspect))
     if spec.modes is not None:
@@ -55,15 +61,13 @@ def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
     return replace(spec, **changed)
 
 
-def _diagnostic(quantity: str) -> Declaration | None:
-    try:
-        return declaration("diagnostics", quantity)
-    except KeyError:
-        return None
+def _measured(quantity: str) -> Declaration | None:
+    kind = kind_of(quantity)
+    return None if kind is None else declaration(kind, quantity)
 
 
 class _Finder:
-    """Finds particles, and says where in the scene they were named."""
+    """Finds particles, and keeps the places in the scene that name them."""
 
     def __init__(self, layout: ParticleLayout, tree: Node, faults: Faults) -> None:
         self.layout, self.tree, self.faults = layout, tree, faults
@@ -90,13 +94,13 @@ class _Finder:
         return found
 
     def pair(self, number: int, pair: PairSpec) -> PairSpec:
-        """With its groups found."""
+        """The pair with the indices of its groups."""
         path = ("contacts", "hard_spheres", "pairs", number, "between")
         first, second = (self.group(each, (*path, end)) for end, each in enumerate(pair.between))
         return replace(pair, between=(first, second))
 
     def panel(self, number: int, panel: PanelSpec) -> PanelSpec:
-        """With the particles of its quantities found."""
+        """The panel with the indices of the particles of its quantities."""
         x, *y = (
             self.entry(each, "quantities", ("inspect", number, *place, each.name))
             for place, each in ((("x",), panel.x), *((("y", index), each) for index, each in enumerate(panel.y)))
@@ -107,7 +111,7 @@ class _Finder:
         return replace(panel, x=x, y=tuple(y), histogram=histogram)
 
     def modes(self, name: str | None, modes: dict[tuple[Any, ...], Any], path: tuple[Any, ...]) -> None:
-        """Check that `of` below the path is a lattice, and that it has the modes that stand elsewhere below the path."""
+        """Check that `of` below the path names a lattice, and that this lattice has the modes given below the path."""
         if name is not None and name not in self.layout.lattices:
             self.fault((*path, "of"), f"no lattice is called {shown(name)}{choices(name, self.layout.lattices)}")
             return
@@ -125,7 +129,7 @@ class _Finder:
             return None
 
     def group(self, reference: int | str, path: tuple[Any, ...]) -> tuple[int, int] | None:
-        """First index and count of a group, or of one particle; a fault where there is none."""
+        """First index and count of a group, or of one particle; a fault where no such particle exists."""
         group = self.layout.group(reference)
         if group is not None:
             return group
@@ -133,13 +137,13 @@ class _Finder:
         return None if index is None else (index, 1)
 
     def fault(self, path: tuple[Any, ...], message: str) -> None:
-        """Note what is wrong at a path of the scene."""
+        """Add a fault at a path of the scene."""
         walked = list(self.tree.along(path))
         self.faults.add(walked[-1][1].location if walked else self.tree.location, key_text(_as_written(path, walked)), message)
 
 
 def _as_written(path: tuple[Any, ...], walked: list[tuple[Any, Node]]) -> list[Any]:
-    """A path without the numbers of lists whose only entry the scene has written without a list."""
+    """A path without the index of a list that the scene gives as a single entry."""
     there = iter([*(key for key, _ in walked), None])
     ahead = next(there)
     found = []
@@ -153,7 +157,7 @@ def _as_written(path: tuple[Any, ...], walked: list[tuple[Any, Node]]) -> list[A
 
 
 def _check_names(spec: SceneSpec, tree: Node, faults: Faults) -> None:
-    """Refuse a name that two entries have, or that could not be told from an index or `group[number]`."""
+    """Refuse a name that two entries have, or that could be read as an index or as `group[number]`."""
     first: dict[str, int] = {}
     for number, entry in enumerate(spec.particles):
         name = entry.parameters.get("name")

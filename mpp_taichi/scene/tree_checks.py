@@ -1,13 +1,13 @@
-"""What gravity by a tree does not go with, known without compiling anything."""
+"""Checks of gravity by a tree against the rest of a scene, made without compiling anything."""
 
 from mpp_taichi import component
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 
 VISITS_OF_A_TREE = 3000
-"""Nodes and bodies whose pull on a particle is worked out, roughly, at an accuracy of 1e-3."""
+"""The approximate number of nodes and bodies whose pull on a particle is computed at an accuracy of 1e-3."""
 DEFAULT_ACCURACY = 1e-3
-"""Relative error of the force that 99 % of the particles keep, where the scene says nothing."""
+"""The default of the relative error of the force that 99 % of the particles keep."""
 
 
 def tree_of(spec: SceneSpec) -> ComponentSpec | None:
@@ -16,7 +16,7 @@ def tree_of(spec: SceneSpec) -> ComponentSpec | None:
 
 
 def check_tree(spec: SceneSpec, faults: Faults) -> None:
-    """Refuse what a tree cannot serve, and an accuracy where there is none."""
+    """Refuse integrators, forces and contacts that a tree does not support, and an accuracy of the direct sum."""
     for force in spec.forces:
         if force.parameters.get("accuracy") is not None and force.parameters.get("solver") == "direct":
             faults.add(

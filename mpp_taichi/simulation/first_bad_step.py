@@ -1,7 +1,6 @@
 """Where a run broke: the first step that gives a number that is not finite, and the particle and pair it began with."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,21 +8,6 @@ import numpy as np
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.integrators._trouble import Trouble
 from mpp_taichi.snapshot import Snapshot
-
-
-@dataclass(frozen=True, eq=False)
-class Mark:
-    """A state of a simulation and its place in time, to go back to."""
-
-    saved: Any
-    origin_time: float
-    origin_step: int
-    steps: int  # since the origin
-
-    @property
-    def step(self) -> int:
-        """Steps taken since the start."""
-        return self.origin_step + self.steps
 
 
 def first_bad_step(steps: int, advance: Callable[[int], bool], keep: Callable[[], None], rewind: Callable[[], None]) -> int:

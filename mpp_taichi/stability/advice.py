@@ -12,7 +12,7 @@ from mpp_taichi import component
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
-from mpp_taichi.stability.network import Network, Rates
+from mpp_taichi.stability.network import Rates, SpringNetwork
 from mpp_taichi.stability.step_limit import growth_per_step, largest_stable_step
 
 log = logging.getLogger(__name__)
@@ -36,7 +36,7 @@ class Method(Protocol):
 class StepAdvice:
     """What a step `dt` of an integrator means for a network; found out only as far as it is asked."""
 
-    def __init__(self, network: Network, method: Method, integrator: str, dt: float, begins: float = 0.0) -> None:
+    def __init__(self, network: SpringNetwork, method: Method, integrator: str, dt: float, begins: float = 0.0) -> None:
         """Keep what it is about; `begins` is the time from which on the network is so [time]."""
         self.network, self.method, self.integrator, self.dt, self.begins = network, method, integrator, dt, begins
 
@@ -215,7 +215,7 @@ def advise(spec: SceneSpec, snapshot: Snapshot, method: Method, dt: float, *, be
 
     `snapshot` holds the springs and masses as they are now, and `spec` says the dimensions, the kind of damping and the drag.
     """
-    network = Network(spec, snapshot)
+    network = SpringNetwork(spec, snapshot)
     if network.is_still:
         return None
     return StepAdvice(network, method, spec.integrator.name, dt, begins)

@@ -26,7 +26,7 @@ def drag_of(spec: SceneSpec) -> float:
     return sum(float(force.parameters["coefficient"]) for force in spec.forces_with("is_linear_drag"))
 
 
-class Network:
+class SpringNetwork:
     """Springs and linear drag of a scene, linearised where the particles are.
 
     Forces between pairs of particles and uniform fields are left out: they hardly stiffen a network of springs.

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import drift_particle, kick_particle
+from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle
 from mpp_taichi.cli._terminal import plain
 from mpp_taichi.compare import busy, neighbors, numpy_reference, numpy_steps, scaling, tree_forces, words
 from mpp_taichi.compare.certificate import Judge, verdict
 from mpp_taichi.compare.course import COPIES, margin
 from mpp_taichi.compare.evidence import Evidence, follow, gather
 from mpp_taichi.compare.numpy_contender import NumpyContender
-from mpp_taichi.compare.numpy_reference import Reference, bodies
+from mpp_taichi.compare.numpy_reference import NumpyForces, bodies
 from mpp_taichi.compare.taichi_contender import TaichiContender
 from mpp_taichi.contacts.sweep.contact_group import ContactGroup
-from mpp_taichi.contacts.sweep.island_play import IslandPlay
+from mpp_taichi.contacts.sweep.contact_memory import ContactMemory
 from mpp_taichi.device import backends
 from mpp_taichi.errors import BackendError
 from mpp_taichi.forces.newtonian_gravity import NewtonianGravity
@@ -312,11 +312,11 @@ def test_an_impulse_that_does_not_act_on_the_other_sphere_is_a_bug(monkeypatch, 
     assert verdict(gas.course.findings(evidence, "f64"))["verdict"] == "bug"
 
 
-class WeakBounce(IslandPlay):
+class WeakBounce(ContactMemory):
     """A thousandth of the impulse is missing."""
 
     @ti.func
-    def _restitution(self, nominal, i, j, t):
+    def restitution(self, nominal, i, j, t):
         return ti.cast(0.998, float), 0
 
 
@@ -326,7 +326,7 @@ def test_exact_contacts_are_judged_and_a_weak_one_is_a_bug(monkeypatch, request,
         request.getfixturevalue("software_vulkan")
     gas = disks("swept")
     assert judged(gas, backend) == "rounding"
-    plant(monkeypatch, IslandPlay, "_restitution", WeakBounce)
+    plant(monkeypatch, ContactMemory, "restitution", WeakBounce)
     assert judged(gas, backend) == "bug"
 
 
@@ -403,7 +403,7 @@ def test_what_is_no_number_is_a_bug(five):
 def test_forces_of_the_reference_are_minus_the_gradient_of_its_energy():
     spec = load_scene(everything(damping=0.0, drag=0.0))
     start = assemble(spec)
-    reference = Reference(spec, bodies(start, 3, ["f64"]))
+    reference = NumpyForces(spec, bodies(start, 3, ["f64"]))
     force = reference.acceleration(start.position[None], start.velocity[None])[0] * start.mass[:, None]
     step = 1e-5  # error of the central difference step² · third derivative ~ 1e-10 · 10; rounding 1e-16 / 1e-5
     for i, axis in np.ndindex(start.particle_count, 3):
@@ -431,7 +431,7 @@ def test_steps_of_the_reference_have_the_order_of_their_method(method):
     counts = np.array([20, 40, 320])
     ends = []
     for count in counts:
-        steps = numpy_steps.NumpySteps(Reference(spec, given), method, np.array([2.0 / count]))
+        steps = numpy_steps.NumpySteps(NumpyForces(spec, given), method, np.array([2.0 / count]))
         steps.start(start.position[None], start.velocity[None])
         steps.advance(int(count))
         ends.append(steps.position[0, 1])

@@ -100,7 +100,7 @@ def test_software_vulkan_is_not_trusted_with_more_loop_iterations_than_it_makes(
     with Simulation(cluster(40), backend="vulkan", precision="f32", plan="serial") as simulation:
         limit = simulation.device.probes.loop_limit
         assert limit == 65535
-        assert simulation.launch_limit * simulation.launcher.loop_iterations_per_step() <= limit
+        assert simulation.phase.launch_limit * simulation.launcher.loop_iterations_per_step() <= limit
         simulation.run(steps=300)
         end = simulation.snapshot()
     with Simulation(cluster(40), backend="cpu", precision="f32", plan="serial") as simulation:

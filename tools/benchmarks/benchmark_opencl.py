@@ -78,7 +78,8 @@ class Ours:
     """The program's own step."""
 
     def __init__(self, spec, start, device):
-        from mpp_taichi.simulation.phases import CompiledPhase, Phase
+        from mpp_taichi.simulation.compiled_phase import CompiledPhase
+        from mpp_taichi.simulation.course import Phase
 
         phase = Phase(-np.inf, spec, start, {})
         self.compiled = CompiledPhase(phase, device, plan="auto", replica_starts=(), event_log=False)

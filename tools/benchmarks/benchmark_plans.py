@@ -58,7 +58,7 @@ def measure(scene, repeats):
             began = time.perf_counter()
             simulation.launcher.advance(0.0, simulation.dt, 0, counts[plan])
             seconds[plan].append((time.perf_counter() - began) / counts[plan])
-    work = ready["serial"].step_work
+    work = ready["serial"].phase.work
     for simulation in ready.values():
         simulation.close()
     return {"work": work} | {plan: float(np.median(times)) * 1e6 for plan, times in seconds.items()}
