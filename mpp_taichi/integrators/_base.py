@@ -31,7 +31,7 @@ class Integrator:
     takes_time       works with forces that depend on time explicitly; declared and checked in the same way
     memory           work fields that a step leaves for the next step
     can_use_tree     needs accelerations alone, of all particles at once, so that a tree can sum them
-    takes_low_parts  moves particles by the functions of `particle_update`, so that it runs in f32c and ds; it has `step_numbers`
+    takes_low_parts  moves particles by the functions of `particle_update`, so that it runs in f32c and ds
     controlled_by    name of the parameter that sets the accuracy of a method that chooses its steps itself; else empty
     stable_for_any_stiffness  no spring is too stiff for any step
     launchers        by which launchers of step/ it is run; read by step/choose.py alone (see _launchers.py)
