@@ -82,7 +82,9 @@ def largest_errors(simulation, duration):
 )
 def test_the_balance_closes_to_the_order_of_the_method(name, damping):
     """And so does the bob's way against the closed form, which needs the drive at the right time of every stage."""
-    finest = {1: 2048, 2: 1024, 4: 256}[declared(name, "order")] // (4 if declared(name, "implicit") else 1)
+    finest = {1: 2048, 2: 1024, 4: 256}[declared(name, "order")] // (
+        4 if (declared(name, "launchers").parallel == "parallel_implicit") else 1
+    )
     dts, residuals, ways = [], [], []
     with Simulation(damped_and_driven(name, damping), backend="cpu", precision="f64") as simulation:
         simulation.keep_energy_balance()

@@ -156,7 +156,7 @@ def test_momentum_is_kept_to_round_off(name):
         after = simulation.diagnostics()
     error = np.abs(after["momentum"] - before["momentum"]).max()
     # Implicit methods solve their equations to 1e-12 of the way of a step, which is speed times dt.
-    solver = 1e-12 if declared(name, "implicit") else 0.0
+    solver = 1e-12 if declared(name, "launchers").parallel == "parallel_implicit" else 0.0
     assert error <= 1000 * (ROUND_OFF + solver) * before["momentum_scale"]
 
 
