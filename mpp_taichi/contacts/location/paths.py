@@ -14,7 +14,7 @@ TIME_ROUNDING = 2.0**-52
 
 @ti.data_oriented
 class StepPaths:
-    """The polynomials of a step, x_i(s) = Σ_m c_m s^m, s = 0 … 1 the share of the step, and bounds that hold over the whole step.
+    """The polynomials of a step, x_i(s) = Σ_m c_m s^m, s = 0 … 1 the share of the step, and bounds over the whole step.
 
     coefficient        c_m of sphere i at m · count + i [length]
     state.way          Σ m |c_m| ≥ |x′| [length]

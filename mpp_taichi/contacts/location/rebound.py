@@ -26,7 +26,10 @@ class Rebound:
 
     @ti.func
     def bounce_all(self, time, limit):
-        """Let all touching pairs of the state, which is at `time`, bounce; returns the number of bounces, little over `limit`."""
+        """Let all touching pairs of the state, which is at `time`, bounce until none approaches, or `limit` is exceeded.
+
+        Returns the number of bounces.
+        """
         s = ti.cast((time - self.state.clock[0]) / self.state.clock[1], float)
         bounces, going = 0, True
         while going:

@@ -149,7 +149,7 @@ class Merger:
 
     @ti.func
     def _potential(self, i, other, time, t):
-        """Potential energy of sphere i, at state.position[i], in external forces and with all spheres but `other`, at time t."""
+        """Potential energy of sphere i, at state.position[i], in external forces and with all spheres but `other`, at t."""
         result = ti.cast(0.0, self.wide)
         if ti.static(self.has_potential):
             for force in ti.static(self.forces.external):
