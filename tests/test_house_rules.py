@@ -1,6 +1,7 @@
 """The rules of CONVENTIONS.md that a machine can check."""
 
 import ast
+import builtins
 import subprocess
 import sys
 from pathlib import Path
@@ -85,6 +86,64 @@ def marked_classes(path):
     return [node.name for node in classes if "component" in map(ast.unparse, node.decorator_list)]
 
 
+class Classes:
+    """Every class of the package with its bases, by the modules that they are imported from."""
+
+    def __init__(self):
+        self.nodes, self.names, self.trees = {}, {}, {}
+        for path in sorted((ROOT / "mpp_taichi").rglob("*.py")):
+            module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+            tree = self.trees[module] = ast.parse(path.read_text(encoding="utf-8"))
+            names = self.names[module] = {}
+            for node in ast.walk(tree):
+                if isinstance(node, ast.ImportFrom):
+                    names |= {each.asname or each.name: f"{node.module}.{each.name}" for each in node.names}
+                elif isinstance(node, ast.ClassDef):
+                    names[node.name] = f"{module}.{node.name}"
+                    self.nodes[names[node.name]] = node
+
+    def name(self, module, node):
+        """The full name of what a node of a module stands for, if it is a class of the package, else the text."""
+        text = ast.unparse(node).split("[")[0]
+        return self.names[module].get(text, text)
+
+    def bases(self, name):
+        return [self.name(name.rpartition(".")[0], base) for base in self.nodes[name].bases] if name in self.nodes else []
+
+    def is_exception(self, name):
+        found = getattr(builtins, name, None)
+        return isinstance(found, type) and issubclass(found, BaseException) or any(map(self.is_exception, self.bases(name)))
+
+    def is_abstract(self, name):
+        family = name.split(".")[-2].startswith("_")  # a file that no scene can name: what its components have in common
+        return family or bool(
+            {"ABC", "Protocol", "abc.ABC", "typing.Protocol"} & {base.split(".")[-1] for base in self.bases(name)}
+        )
+
+
+def test_a_class_is_abstract_or_final():
+    """A class with subclasses is an ABC, a Protocol or in a private file, and is nowhere instantiated."""
+    classes = Classes()
+    wrong = []
+    for name in classes.nodes:
+        for base in classes.bases(name):
+            if base in classes.nodes and not classes.is_exception(base) and not classes.is_abstract(base):
+                wrong.append(f"{name} is derived from the concrete class {base}")
+    parents = {base for name in classes.nodes for base in classes.bases(name) if not classes.is_exception(base)}
+    for module, tree in classes.trees.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and (made := classes.name(module, node.func)) in parents & classes.nodes.keys():
+                wrong.append(f"{module}:{node.lineno} makes an instance of {made}, which has subclasses")
+    assert not wrong
+
+
+def test_super_is_called_in_exceptions_only():
+    classes = Classes()
+    for name, node in classes.nodes.items():
+        called = [each for each in ast.walk(node) if isinstance(each, ast.Call) and ast.unparse(each.func) == "super"]
+        assert not called or classes.is_exception(name), name
+
+
 def test_no_module_is_too_long():
     long = {
         path.name: lines
@@ -93,6 +152,11 @@ def test_no_module_is_too_long():
         if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 400
     }
     assert not long
+
+
+def test_at_most_ten_modules_lie_at_the_top_of_the_package():
+    """Every other module has a room, a folder whose name says what it is for."""
+    assert len(list((ROOT / "mpp_taichi").glob("*.py"))) <= 10
 
 
 def test_no_unsafe_calls():

@@ -80,9 +80,10 @@ def _method(problem: Problem, name: str) -> Method:
     fewest = 1
     if advice is not None and not advice.never_stable and math.isfinite(advice.limit):
         fewest = math.ceil(problem.span / (LIMIT_SHARE * advice.limit))
-    evaluations = ITERATIONS if made.implicit else max(1.0, float(made.evaluations))
-    control = (made.controlled_by, float(getattr(made, made.controlled_by))) if made.adaptive else ()
-    return Method(name, made.order, bool(made.symplectic), bool(made.implicit), evaluations, fewest, *control)
+    control = (made.controlled_by, float(getattr(made, made.controlled_by))) if made.controlled_by else ()
+    is_implicit = made.evaluations_per_step is None and not control
+    evaluations = ITERATIONS if is_implicit else 1.0 if control else max(1.0, float(made.evaluations_per_step))
+    return Method(name, made.order, bool(made.symplectic), is_implicit, evaluations, fewest, *control)
 
 
 def for_reference(found: dict[str, Method]) -> list[Method]:

@@ -144,7 +144,7 @@ class Study:
         with Workbench(self.problem, backend=REFERENCE[0], precision=REFERENCE[1]) as bench:
             self._choose_span(bench)
             if self.wishes.quantity == "energy":
-                self.conserves_energy = bench.machine(self.own.name).simulation.conserves_energy
+                self.conserves_energy = bench.machine(self.own.name).simulation.phase.conserves_energy
             else:
                 self._find_reference(bench)
                 self._find_chaos(bench)

@@ -4,7 +4,6 @@ A step is an argument of the kernels, so one compilation of a method serves all 
 time: a workbench of another precision ends the one before it.
 """
 
-import math
 import time as clock
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -17,6 +16,7 @@ from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import Problem, with_integrator
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.device import backends
+from mpp_taichi.energy.energy_error import ratio, relative_error
 from mpp_taichi.errors import MppError
 from mpp_taichi.simulation.simulation import Simulation
 
@@ -31,7 +31,6 @@ LONG_LAUNCH = 0.02  # that tells how long a step takes
 TRIAL = 8  # part of a look's time that an adaptive method is tried for
 TINY = 1e-6  # of the scene's own step: explicit methods take the same time for a step of any length
 LOST = 1e9  # times the first extent of the system: beyond it there is nothing more to learn
-ZERO_ENERGY = 1e-12  # an |E₀| below this share of kinetic + |potential| is what rounding left of zero
 
 
 @dataclass(eq=False)
@@ -53,13 +52,16 @@ class Machine:
         self.simulation = Simulation(spec, backend=backend, precision=precision)
         self.integrator, self.contacts = self.simulation.integrator, self.simulation.contacts
         self.backend, self.precision = backend, precision
-        self.energy_meter = self._direct_meter() if self.simulation.total_force.by_tree else self.simulation.energy_meter
-        self._own_tolerance = getattr(self.integrator, self.integrator.controlled_by) if self.integrator.adaptive else None
+        launcher = self.simulation.launcher
+        self._is_adaptive, self._counts_collisions = bool(self.integrator.controlled_by), not launcher.takes_steps
+        self._solves = "linear_solver" in launcher.facts()
+        self.energy_meter = self._direct_meter() if self.simulation.total_force.by_tree else self.simulation.phase.energy_meter
+        self._own_tolerance = getattr(self.integrator, self.integrator.controlled_by) if self._is_adaptive else None
         self.extent = float(np.abs(problem.start.position).max()) + problem.span * float(np.abs(problem.start.velocity).max())
-        self._begin()
+        self._begin(problem.own_dt)
         self._launch(0.0, problem.own_dt, 1)
         self._look(0.0, 0)
-        self._begin()
+        self._begin(problem.own_dt)
         self.compile_seconds = clock.perf_counter() - began
         self.seconds_per_step = self._try_out()
 
@@ -70,16 +72,16 @@ class Machine:
 
     @property
     def evaluations(self) -> float:
-        """Forces per step; of implicit and adaptive methods as they were last counted. Of event-driven flight collisions."""
-        if self.contacts is not None and self.contacts.flies:
+        """Forces per step, as last counted where their number differs from step to step; of a free flight collisions."""
+        if self._counts_collisions:
             return self._counted
-        counts = self.integrator.implicit or self.integrator.adaptive
-        return max(1.0, self._counted) if counts else float(self.integrator.evaluations)
+        declared = self.integrator.evaluations_per_step
+        return max(1.0, self._counted) if declared is None else float(declared)
 
     def configuration(self, steps: int, tolerance: float | None = None) -> Configuration:
         """So many steps; of an adaptive method so many looks, with its own tolerance when none is given."""
         here = (self.name, steps, self.precision, self.backend)
-        if not self.integrator.adaptive:
+        if not self._is_adaptive:
             return Configuration(*here)
         return Configuration(*here, self.integrator.controlled_by, self._own_tolerance if tolerance is None else tolerance)
 
@@ -100,7 +102,7 @@ class Machine:
         dt = self.problem.span / steps
         sample = Sample(configuration, dt, compile_seconds=self.compile_seconds)
         stops = sorted({round(k * steps / LOOKS) for k in range(LOOKS + 1)})
-        self._begin(configuration.tolerance, start)
+        self._begin(dt, configuration.tolerance, start)
         rows, places, seconds, solver_steps = [], [], 0.0, 0
         for before, stop in zip((0, *stops), stops):
             try:
@@ -124,13 +126,14 @@ class Machine:
         else:
             sample.end = position
             sample.seconds.append(seconds)
-        if self.integrator.implicit or (self.contacts is not None and self.contacts.flies):
+        if self._solves or self._counts_collisions:
             self._counted = solver_steps / max(1, steps)
-        if self.integrator.adaptive:
-            taken, _, forces, stalled = self.integrator.counts(self.simulation.state)[0]
-            self._counted = forces / steps
-            sample.dt = self.problem.span / max(1, int(taken))
-            if stalled:
+        control = self.simulation.launcher.facts().get("step_control")
+        if control is not None:
+            self._counted = control["force_evaluations"] / steps
+            sample.dt = self.problem.span / max(1, control["steps"])
+            trouble = self.simulation.launcher.trouble()
+            if trouble is not None and trouble.kind == "stalled":
                 sample.status, sample.reason, sample.end = "diverged", "its steps became too short for the time to go on", None
         sample.evaluations = round(self.evaluations * steps)
         self._judge(sample, rows)
@@ -141,13 +144,14 @@ class Machine:
 
     def time(self, configuration: Configuration, budget: Budget) -> float:
         """Seconds of the stepping alone."""
-        self._begin(configuration.tolerance)
-        return self._advance(0, configuration.steps, self.problem.span / configuration.steps, budget)[0]
+        dt = self.problem.span / configuration.steps
+        self._begin(dt, configuration.tolerance)
+        return self._advance(0, configuration.steps, dt, budget)[0]
 
     def advance_from(self, state: Phase, before: int, stop: int, dt: float, budget: Budget) -> tuple[np.ndarray, np.ndarray]:
         """Positions [length] and velocities [length / time] at step `stop`, from those at step `before`."""
         self.simulation.state.write(*state)
-        self.simulation.stepper.prepare(before * dt)
+        self.simulation.launcher.prepare(before * dt, dt)
         self._advance(before, stop, dt, budget)
         return self.simulation.state.read()
 
@@ -159,13 +163,13 @@ class Machine:
 
     _counted = 1.0
 
-    def _begin(self, tolerance: float | None = None, start: Phase | None = None) -> None:
-        if self.integrator.adaptive:
+    def _begin(self, dt: float, tolerance: float | None = None, start: Phase | None = None) -> None:
+        if self._is_adaptive:
             setattr(self.integrator, self.integrator.controlled_by, self._own_tolerance if tolerance is None else tolerance)
         self.simulation.restart()
         if start is not None:
             self.simulation.state.write(*start)
-        self.simulation.stepper.prepare(0.0)
+        self.simulation.launcher.prepare(0.0, dt)
         if self.contacts is not None:
             self.contacts.collect()
 
@@ -173,16 +177,16 @@ class Machine:
         ti = backends.import_taichi()
         ti.sync()
         began = clock.perf_counter()
-        self.simulation.stepper.advance(time, dt, steps)
+        self.simulation.launcher.advance(time, dt, 0, steps)
         ti.sync()
         return clock.perf_counter() - began
 
     def _try_out(self) -> float:
         """Seconds per step, from launches that grow until the clock can tell them."""
-        if self.integrator.adaptive:
+        if self._is_adaptive:
             return TRIAL * self._launch(0.0, self.problem.span / LOOKS / TRIAL, 1)
-        steps, limit = 1, self.simulation.launch_limit
-        dt = self.problem.own_dt if self.integrator.implicit or self.contacts else TINY * self.problem.own_dt
+        steps, limit = 1, self.simulation.phase.launch_limit
+        dt = self.problem.own_dt if self._solves or self.contacts else TINY * self.problem.own_dt
         if self.contacts is not None:  # beyond the span there may be what nobody asks for
             limit = min(limit, max(4, int(self.problem.span / dt)))
         while (seconds := self._launch(0.0, dt, steps)) < 2e-3 and 4 * steps <= limit:
@@ -191,16 +195,15 @@ class Machine:
 
     def _learn(self, seconds_per_step: float, seconds: float) -> None:
         """The least that was seen, as a busy machine only adds; but of an implicit method steps do differ."""
-        differs = self.integrator.adaptive or self.contacts or (self.integrator.implicit and seconds > LONG_LAUNCH)
+        differs = self._is_adaptive or self.contacts or (self._solves and seconds > LONG_LAUNCH)
         self.seconds_per_step = seconds_per_step if differs else min(self.seconds_per_step, seconds_per_step)
 
     def _advance(self, before: int, stop: int, dt: float, budget: Budget) -> tuple[float, int, bool]:
         """Seconds, iterations of the solver or collisions, and whether every step was solved."""
         seconds, iterations, done = 0.0, 0, before
-        implicit = self.integrator.implicit
         while done < stop:
             budget.check()
-            most = max(1, min(self.simulation.launch_limit, int(LAUNCH_SECONDS / self.seconds_per_step)))
+            most = max(1, min(self.simulation.phase.launch_limit, int(LAUNCH_SECONDS / self.seconds_per_step)))
             if self.contacts is not None:
                 most = min(most, STEPS_WITH_CONTACTS)
             count = min(stop - done, most)
@@ -213,8 +216,8 @@ class Machine:
                 iterations += found.pair_count + found.wall_count
                 if found.unresolved:
                     return seconds, iterations, False
-            if implicit:
-                report = self.simulation.stepper.solver_report()
+            report = self.simulation.launcher.collect()
+            if report is not None:
                 iterations += report.newton_iterations + report.linear_iterations
                 if report.unsolved:
                     return seconds, iterations, False
@@ -241,27 +244,25 @@ class Machine:
         if not rows:
             return
         first, simulation = rows[0], self.simulation
-        if simulation.conserves_energy:
+        if simulation.phase.conserves_energy:
             largest = max(row["kinetic_energy"] + abs(row["potential_energy"]) for row in rows)
-            energy = abs(first["total_energy"])
-            scale = energy if energy > ZERO_ENERGY * largest else largest
+            start = first["total_energy"]
             sample.times = [row["time"] for row in rows]
-            sample.energy_errors = [_ratio(abs(row["total_energy"] - first["total_energy"]), scale) for row in rows]
+            sample.energy_errors = [relative_error(row["total_energy"] - start, start, largest) for row in rows]
             sample.energy = max(sample.energy_errors)
-        kept = {"momentum": simulation.conserves_momentum, "angular_momentum": simulation.conserves_angular_momentum}
+        kept = {
+            "momentum": simulation.phase.conserves_momentum,
+            "angular_momentum": simulation.phase.conserves_angular_momentum,
+        }
         for name in (name for name, stays in kept.items() if stays):
             scale = max(row[f"{name}_scale"] for row in rows)
-            setattr(sample, name, max(_ratio(float(np.linalg.norm(row[name] - first[name])), scale) for row in rows))
+            setattr(sample, name, max(ratio(float(np.linalg.norm(row[name] - first[name])), scale) for row in rows))
 
 
 def followed(problem: Problem) -> np.ndarray:
     """Indices of the moving particles whose positions are kept: all, or so many of them, evenly chosen."""
     moving = np.flatnonzero(problem.start.free.any(axis=1))
     return moving[:: -(-len(moving) // MOST_FOLLOWED)]
-
-
-def _ratio(change: float, scale: float) -> float:
-    return change / scale if scale > 0.0 else 0.0 if change == 0.0 else math.inf
 
 
 class Workbench:

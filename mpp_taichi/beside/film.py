@@ -1,31 +1,34 @@
-"""Films of exact moments: what each picture shows is the state that a run to its time would end in."""
+"""Films of exact moments: each picture shows the state in which a run to its time would end."""
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, Protocol
 
 from mpp_taichi.beside.difference import Difference
 from mpp_taichi.beside.half_frame import Moment
-from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.scene import timeline
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.views._base import Frame
 
 if TYPE_CHECKING:
     from mpp_taichi.beside.view import TwoHalves
     from mpp_taichi.simulation.simulation import Simulation
 
 
-class ExactFilm(FilmRecorder):
-    """A film whose pictures between two steps are of states that the method has led to, by one shorter step.
+class ExactMoments:
+    """Finds the particles between two steps by one shorter step of the method itself.
 
-    Positions x + v δ are near enough to be looked at, but are off by ½ a δ², beside which the difference of two methods would
-    not be seen. The run goes on from its last whole step, and keeps every bit.
+    Positions x + v δ are good enough for a picture, but their error ½ a δ² is larger than the difference of two methods. The
+    run goes on from its last whole step, and keeps every bit.
     """
 
-    same_time = timeline.SAME_TIME
+    tolerance = timeline.SAME_TIME
 
-    def _between(self, simulation: "Simulation", offset: float) -> Snapshot:
+    def particles(self, simulation: "Simulation", time: float) -> Snapshot:
+        """The particles at a time before the next step."""
         before = simulation.bookmark()
         try:
-            simulation.run(until=self._due_time())
+            simulation.run(until=time)
             return simulation.snapshot()
         finally:
             simulation.go_back(before)
@@ -38,19 +41,23 @@ class Other(Protocol):
         """Its next moment."""
 
 
-class BesideFilm(ExactFilm):
-    """The film of one run with another beside it, which is at the same times."""
+class BothHalves:
+    """Adds the other run to each frame of a film: both runs are at the same times."""
 
-    def __init__(self, view: "TwoHalves | None", *given: Any, other: Other, difference: Difference | None, **more: Any) -> None:
-        """As a film; `difference` is told of every pair of moments."""
-        super().__init__(view, *given, **more)
-        self._halves, self._other, self._difference = view, other, difference
+    def __init__(
+        self,
+        view: "TwoHalves",
+        other: Other,
+        difference: Difference | None,
+        stopwatch: Callable[[str], AbstractContextManager[Any]],
+    ) -> None:
+        """`view` draws the two halves, `difference` compares every pair of moments; `stopwatch` times the wait."""
+        self._view, self._other, self._difference, self._stopwatch = view, other, difference, stopwatch
 
-    def _show(self, simulation: "Simulation", snapshot: Snapshot) -> None:
-        with self.stopwatch("beside"):
+    def add(self, snapshot: Snapshot, frame: Frame) -> None:
+        """Take the moment of the other run, compare it with this one, and give it to the view."""
+        with self._stopwatch("beside"):
             moment = self._other.moment()
         if self._difference is not None:
-            self._difference.add(self._due_time(), snapshot, moment.place, moment.present)
-        if self._halves is not None:
-            self._halves.other = moment.frame
-        super()._show(simulation, snapshot)
+            self._difference.add(frame.time, snapshot, moment.place, moment.present)
+        self._view.other = moment.frame

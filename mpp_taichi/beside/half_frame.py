@@ -38,8 +38,8 @@ class MomentSender:
         self._stream = stream
         self._sent: dict[str, np.ndarray] = {}
 
-    def send(self, snapshot: Snapshot, frame: Frame) -> None:
-        """Send what is new since the last moment."""
+    def add(self, snapshot: Snapshot, frame: Frame) -> None:
+        """Send what is new since the last moment; a film calls this for each frame."""
         arrays = {name: np.asarray(value) for name in _ARRAYS if (value := getattr(frame, name)) is not None}
         arrays |= {PLACE: snapshot.position, PRESENT: snapshot.present}
         changed = {name: array for name, array in arrays.items() if not _equal(self._sent.get(name), array)}

@@ -11,33 +11,17 @@ import os
 import sys
 from contextlib import nullcontext
 from dataclasses import replace
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
-from mpp_taichi.beside.film import ExactFilm
+from mpp_taichi.beside.film import ExactMoments
 from mpp_taichi.beside.half_frame import MomentSender
 from mpp_taichi.beside.wire import send
 from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.errors import INTERNAL_ERROR_CODE, MppError
+from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.scene.load import load_scene
-from mpp_taichi.snapshot import Snapshot
-
-if TYPE_CHECKING:
-    from mpp_taichi.simulation.simulation import Simulation
 
 LONGEST_WORDS = 300
-
-
-class SentFilm(ExactFilm):
-    """A film whose moments are sent away instead of being drawn."""
-
-    def __init__(self, sender: MomentSender, frame_count: int, span: float) -> None:
-        """Nothing is drawn here."""
-        super().__init__(None, (), frame_count, span, stopwatch=lambda _: nullcontext())
-        self._sender = sender
-
-    def _show(self, simulation: "Simulation", snapshot: Snapshot) -> None:
-        self._sender.send(snapshot, self._frame(simulation, snapshot))
-        self.drawn_count += 1
 
 
 class WarningSender(logging.Handler):
@@ -45,7 +29,7 @@ class WarningSender(logging.Handler):
 
     def __init__(self, stream: IO[bytes]) -> None:
         """From now on."""
-        super().__init__(logging.WARNING)
+        logging.Handler.__init__(self, logging.WARNING)
         self._stream = stream
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -67,7 +51,9 @@ def follow(order: dict[str, Any], stream: IO[bytes]) -> None:
         facts = {"backend": device.backend, "device": device.name, "precision": device.precision, "threads": device.threads}
         facts |= {"plan": simulation.plan, "integrator": simulation.spec.integrator.name, "dt": simulation.dt}
         send(stream, {"kind": "ready", **facts, "particle_count": simulation.start.particle_count})
-        film = SentFilm(MomentSender(stream), count, span)
+        film = FilmRecorder(
+            None, (), count, span, moments=[MomentSender(stream)], between=ExactMoments(), stopwatch=lambda _: nullcontext()
+        )
         simulation.run(until=span, recorders=[film])
         film.finish(simulation)
         send(stream, {"kind": "end", "steps": simulation.step_count})

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.beside.companion import Companion
 from mpp_taichi.beside.difference import Difference
-from mpp_taichi.beside.film import BesideFilm
+from mpp_taichi.beside.film import BothHalves, ExactMoments
 from mpp_taichi.beside.settings import Beside
 from mpp_taichi.cli._terminal import UsageError, say
+from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ class RightHalf:
         if not self._request.quiet:
             say(f"note: {problem} to be plotted")
 
-    def film(self, size: tuple[int, int], sinks: Sequence[Any], count: int, **more: Any) -> BesideFilm:
+    def film(self, size: tuple[int, int], sinks: Sequence[Any], count: int, **more: Any) -> FilmRecorder:
         """The film of both halves; what it takes is what a film takes."""
         from mpp_taichi.beside.view import TwoHalves
 
@@ -70,7 +71,8 @@ class RightHalf:
         view = TwoHalves(
             self._spec.view, size, self._captions, plots, share=record.panel_share, dimensions=self._spec.dimensions
         )
-        return BesideFilm(view, sinks, count, self._span, other=self._companion, difference=self.difference, **more)
+        halves = BothHalves(view, self._companion, self.difference, more["stopwatch"])
+        return FilmRecorder(view, sinks, count, self._span, between=ExactMoments(), moments=[halves], **more)
 
     def end(self) -> None:
         """See that it has come to its end as well.

@@ -150,7 +150,7 @@ def _spread(values: list[float]) -> float:
 def _steps_for(simulation: "Simulation") -> int:
     """Steps that take `SAMPLE_SECONDS`; the first of them compiles."""
     _time(simulation, 1)
-    steps, limit = 1, simulation.launch_limit
+    steps, limit = 1, simulation.phase.launch_limit
     while steps < limit and (seconds := _time(simulation, steps) * steps) < SAMPLE_SECONDS:
         steps = min(limit, steps * max(2, min(16, int(SAMPLE_SECONDS / max(seconds, 1e-6)))))
     return steps
@@ -159,9 +159,9 @@ def _steps_for(simulation: "Simulation") -> int:
 def _time(simulation: "Simulation", steps: int) -> float:
     """Seconds per step of `steps` steps from the start, without any look at the state."""
     simulation.restart()
-    simulation.stepper.prepare(0.0)
-    simulation.stepper.first_bad_particle()  # waits for the device
+    simulation.launcher.prepare(0.0, simulation.dt)
+    simulation.launcher.first_bad_particle()  # waits for the device
     began = clock.perf_counter()
-    simulation.stepper.advance(0.0, simulation.dt, steps)
-    simulation.stepper.first_bad_particle()
+    simulation.launcher.advance(0.0, simulation.dt, 0, steps)
+    simulation.launcher.first_bad_particle()
     return (clock.perf_counter() - began) / steps

@@ -76,7 +76,7 @@ def _check_step(spec: SceneSpec, arguments: argparse.Namespace, goal: Goal, foun
         return None
     from mpp_taichi.cli._step_check import advice_of, spans, steps_in
     from mpp_taichi.device.backends import import_taichi
-    from mpp_taichi.simulation.phases import phases_of
+    from mpp_taichi.simulation.course import phases_of
 
     with output_reserved(arguments.json):
         import_taichi()

@@ -134,7 +134,7 @@ class _Steered:
 
     def restart(self) -> None:
         """Back to the start; sliders stay where they are."""
-        self.simulation.begin_anew()
+        self.simulation.restart(as_written=True)
         for recorder in self.recorders:
             recorder.restart()
         if self.history is not None:

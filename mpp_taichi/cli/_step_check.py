@@ -8,7 +8,7 @@ from mpp_taichi import component
 from mpp_taichi.cli._request import Goal
 from mpp_taichi.scene import timeline
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.simulation.phases import Phase
+from mpp_taichi.simulation.course import Phase
 from mpp_taichi.stability import advise, check_step
 from mpp_taichi.stability.advice import StepAdvice
 
@@ -36,7 +36,7 @@ def check_steps(simulation: "Simulation", goal: Goal, *, force: bool) -> int | N
         StabilityError: a step cannot hold, and `force` is not set.
     """
     total = 0
-    for phase, span in spans(simulation.phases, goal, simulation.first_phase):
+    for phase, span in spans(simulation.phases, goal, simulation.course.first):
         dt = simulation.dt if total == 0 else _dt(phase.spec)
         steps = steps_in(span, dt)
         if total == 0:

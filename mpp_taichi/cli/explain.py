@@ -65,18 +65,18 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "effects": effect_names(simulation),
         "integrator": simulation.spec.integrator.name,
         "contacts": None if simulation.spec.contacts is None else simulation.spec.contacts.solver.name,
-        "force_evaluations_per_step": None if simulation.integrator.implicit else simulation.integrator.evaluations,
+        "force_evaluations_per_step": simulation.integrator.evaluations_per_step,
         "plan": simulation.plan,
         "plan_reason": plan_reason(simulation, plan_asked),
-        "work_per_step": simulation.step_work,
+        "work_per_step": simulation.phase.work,
         "crossover_work": plans.CROSSOVER_WORK,
-        "launches_per_step": simulation.stepper.launches_per_step(),
+        "launches_per_step": simulation.launcher.launches_per_step(),
         "fields": fields,
         "field_bytes": sum(fields.values()),
         "dt": simulation.dt,
         **(advice.facts() if advice is not None else {"dt_limit": None}),
         "dt_said": advice.line() if advice is not None else "nothing in this scene limits it",
-        "conserves_energy": simulation.conserves_energy,
+        "conserves_energy": simulation.phase.conserves_energy,
         **network_facts(
             simulation.spec,
             simulation.start,
@@ -111,7 +111,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
         how_often = "as many launches as the contacts take" if found["contacts"] else "several parallel loops per iteration"
     evaluations = f"{found['force_evaluations_per_step']} force evaluations per step"
     if found["force_evaluations_per_step"] is None:
-        evaluations = "a force evaluation per iteration"
+        evaluations = "as many force evaluations as each step needs"
     rows = [
         f"{found['scene']}: {found['particle_count']:,} particles, {found['spring_count']:,} springs",
         f"compiled   {', '.join(found['effects']) or 'no effect'}; {found['integrator']}, {evaluations}",

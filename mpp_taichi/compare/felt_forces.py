@@ -7,23 +7,23 @@ import taichi as ti
 
 from mpp_taichi.forces._total_force import TotalForce
 from mpp_taichi.state.state import State
-from mpp_taichi.step.stepper import Stepper
+from mpp_taichi.step.force_sum import ForceSum
 
 
 @ti.data_oriented
 class FeltForces:
     """The sum that a step finds, and to it what depends on velocity."""
 
-    def __init__(self, state: State, total_force: TotalForce, stepper: Stepper) -> None:
+    def __init__(self, state: State, total_force: TotalForce, force_sum: ForceSum) -> None:
         """Bind the parts."""
-        self.state, self.total_force, self.stepper = state, total_force, stepper
+        self.state, self.total_force, self.force_sum = state, total_force, force_sum
 
     def measure(self, time: float) -> np.ndarray:
         """Accelerations, (N, dimensions), in float64."""
         acceleration: Any = self.state.acceleration
         acceleration.fill(0.0)
         if self.total_force.has_velocity_independent:
-            self.stepper.sum_forces(self.total_force, time)
+            self.force_sum.add_up(self.total_force, time)
         if self.total_force.depends_on_velocity:
             self._add_friction(time)
         return acceleration.to_numpy().astype(np.float64)

@@ -47,9 +47,9 @@ class TaichiContender:
             "on_cpu": device.on_cpu,
             "threads": device.threads or None,
             "plan": self.simulation.plan,
-            "evaluations": None if self.simulation.integrator.implicit else self.simulation.integrator.evaluations,
-            "launches_per_step": self.simulation.stepper.launches_per_step(),
-            "setup_seconds": self.simulation.setup_seconds,
+            "evaluations": self.simulation.integrator.evaluations_per_step,
+            "launches_per_step": self.simulation.launcher.launches_per_step(),
+            "setup_seconds": self.simulation.timings.setup_seconds,
             "compile_seconds": max(0.0, first - again),
         }
         self._forces: Any = None
@@ -62,7 +62,7 @@ class TaichiContender:
         simulation = self.simulation
         self.begin(position, velocity)
         if self._forces is None:
-            self._forces = FeltForces(simulation.state, simulation.total_force, simulation.stepper)
+            self._forces = FeltForces(simulation.state, simulation.total_force, simulation.launcher.force_sum)
         acceleration = np.zeros_like(position)
         acceleration[:, : simulation.spec.dimensions] = self._forces.measure(simulation.time)
         place, speed = simulation.state.read()

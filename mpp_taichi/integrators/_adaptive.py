@@ -6,6 +6,8 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.integrators._launchers import Launchers
+from mpp_taichi.integrators._trouble import Trouble, not_finite
 from mpp_taichi.types import Template
 
 
@@ -21,11 +23,9 @@ class Adaptive(Integrator):
     that one compilation serves all its values.
     """
 
-    adaptive = True
+    launchers = Launchers(serial="adaptive", replicas="adaptive", parallel="", cpu_only=True)  # its loops have no bound
     path_degree = 0  # of the polynomials that `write_paths` gives; 0: it gives none
-    controlled_by = ""
     CONTROL = 2
-    on_cpu_only = True  # loops without a bound
     CLOCK = 3
     TALLY = 4
     STEPS, REFUSED, EVALUATIONS, STALLED = range(4)
@@ -70,6 +70,34 @@ class Adaptive(Integrator):
     def stalled_replicas(self, state: Any) -> np.ndarray:
         """Numbers of the replicas whose step has become too short for their time."""
         return np.flatnonzero(self.counts(state)[:, self.STALLED])
+
+    def trouble(self, state: Any, bad: int) -> Trouble | None:
+        """A replica whose step has become too short, and of its particles the one that is accelerated most."""
+        stalled = self.stalled_replicas(state)
+        if not len(stalled):
+            return not_finite(bad)
+        first = int(stalled[0]) * state.particle_count
+        size = np.linalg.norm(self.accelerations(state)[first : first + state.particle_count], axis=1)
+        particle = first + int(np.argmax(np.nan_to_num(size, nan=np.inf)))
+        return Trouble("stalled", particle, time=float(self.times(state).min()))
+
+    def facts(self, state: Any) -> dict[str, Any]:
+        """What the control of the step did since the method was prepared, in all replicas."""
+        counts = self.counts(state)
+        return {
+            "step_control": {
+                "steps": int(counts[:, self.STEPS].sum()),
+                "refused": int(counts[:, self.REFUSED].sum()),
+                "force_evaluations": int(counts[:, self.EVALUATIONS].sum()),
+                "last_step": float(self.lengths(state)[0]),
+                "replicas": len(counts),
+            }
+        }
+
+    @property
+    def evaluations_per_step(self) -> int | None:
+        """Differs from step to step."""
+        return None
 
     def accelerations(self, state: Any) -> np.ndarray:
         """At the start of the last step, (total_count, dimensions) [length / time²]."""

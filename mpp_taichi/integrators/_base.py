@@ -6,8 +6,14 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.integrators._launchers import Launchers
+from mpp_taichi.integrators._trouble import Trouble, not_finite
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.types import Template
+
+SumForces = Callable[[Any, float], None]
+"""Accelerations by the forces that do not depend on velocity: of a TotalForce, at a time."""
 
 
 @ti.data_oriented
@@ -18,21 +24,16 @@ class Integrator:
     symplectic       keeps the energy of a conservative system bounded for ever
     time_reversible  a step of −dt undoes a step of dt, to round-off
     nodes            times, as parts of dt, at which a step wants the force
-    keeps_force      a step uses, at its start, the force that the step before ended with
-    implicit         a step solves equations (see _implicit.py)
-    adaptive         takes steps of its own choice (see _adaptive.py)
     derivatives      of the acceleration that a step wants summed with it, in time: 1 the jerk, 2 the snap as well; a class
                      that wants any says so with a literal `needs_derivatives = True`, which scenes are checked by
-    own_state        keeps the motion in fields of its own, and `launch` sets what is shown from them
-    quickly_compiled its kernels are long, and compiled without Taichi's own optimisation (see quick_compilation.py)
-    writes_vectors   its step reads and writes vectors by components: it can be compiled together with the sum over pairs
-                     in explicit vectors (see device/fast_taichi/explicit_vectors.py)
     takes_velocity   keeps its order beside forces that depend on velocity; a class where it is not so says it with a literal
                      False of its own, which scenes are checked by, and the method is refused beside such forces
     takes_time       goes beside forces that depend on time by themselves; said and checked in the same way
-    on_cpu_only      wants what other backends lack
     memory           work fields that a step hands on to the next
-    takes_low_parts  moves particles by `low_parts`, so that it runs in f32c and ds; it says its `step_numbers`
+    takes_low_parts  moves particles by `particle_update`, so that it runs in f32c and ds; it says its `step_numbers`
+    controlled_by    of a method that chooses its steps itself the parameter that says how accurate a run is to be; else empty
+    stable_for_any_stiffness  no spring is too stiff for any step
+    launchers        by which launchers of step/ it is run; read by step/choose.py alone (see _launchers.py)
 
     Subclasses may make any of them a property; here they must stay plain attributes, or Taichi would take these instead.
     """
@@ -41,23 +42,24 @@ class Integrator:
     symplectic = False
     time_reversible = False
     nodes: tuple = ()
-    keeps_force = False
-    implicit = False
-    adaptive = False
     derivatives = 0
-    own_state = False
-    quickly_compiled = False
-    writes_vectors = False
     takes_velocity = True
     takes_time = True
-    on_cpu_only = False
     memory: tuple = ()
     takes_low_parts = False
+    controlled_by = ""
+    stable_for_any_stiffness = False
+    launchers = Launchers()
 
     @property
     def evaluations(self) -> int:
-        """Forces per step."""
+        """Sums of forces in a step that is made of stages."""
         return len(self.nodes)
+
+    @property
+    def evaluations_per_step(self) -> int | None:
+        """Sums of forces in a step, for reports; None where the number differs from step to step."""
+        return self.evaluations
 
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Vector fields beyond position, velocity and acceleration."""
@@ -80,22 +82,28 @@ class Integrator:
 
     def in_vectors(self, state: Any, total_force: Any) -> bool:
         """Whether a kernel with a whole step in one thread is compiled with explicit vectors."""
-        return self.writes_vectors and total_force.pairs_in_tiles and not state.carries_low
+        return self.launchers.vectors and total_force.pairs_in_tiles and not state.carries_low
 
-    def starting_force(self, total_force: Any) -> Any:
-        """The forces that a step with `keeps_force` expects to find, after the state was set from outside."""
-        return total_force
+    def prepare(self, state: Any, total_force: Any, time: float, sum_forces: SumForces) -> None:
+        """Set what a step expects the step before to have left, after the state was set from outside."""
 
-    def prepare(self, state: Any, sum_forces: Callable[[], None]) -> None:
-        """What a step with `keeps_force` expects to find, after the state was set from outside."""
-        sum_forces()
+    def adopt(self, state: Any, dt: float) -> None:
+        """Take positions and velocities that were set from outside, for steps of `dt`; to do so twice changes nothing more."""
 
-    def adopt(self, state: Any) -> None:
-        """Take positions and velocities that were set from outside; twice is once."""
+    def trouble(self, state: Any, bad: int) -> Trouble | None:
+        """Why the run cannot go on, or None; `bad` is the first particle that is not finite, or −1. Asked after `collect`."""
+        return not_finite(bad)
 
-    def left_lattice(self, state: Any, i: int) -> str:
-        """What is wrong with particle i, of all replicas, that is no fault of the force; mostly nothing."""
-        return ""
+    def clear_trouble(self, state: Any) -> None:
+        """Forget earlier trouble: the state is again as it was before."""
+
+    def collect(self, state: Any) -> SolverReport | None:
+        """The counts of the solver since the last call; None where a step solves no equations."""
+        return None
+
+    def facts(self, state: Any) -> dict[str, Any]:
+        """What reports say of this kind of method, and of what it has done since it was prepared."""
+        return {}
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """Matrix of one step for the oscillator x" = −ω² x − γ x′, in x and dt·v; frequency = ω dt, damping = γ dt.
@@ -108,6 +116,14 @@ class Integrator:
     def loops(self, k: int, total_force: Any) -> int:
         """How many loops over particles stage k runs."""
         raise TypeError(f"{type(self).__name__} does not say how many loops it runs")
+
+    def parallel_loops(self, total_force: Any, loops_of_sum: int | None) -> int | None:
+        """Parallel loops of one step, where a sum of forces takes `loops_of_sum`; None where that is not known."""
+        if loops_of_sum is None:
+            return None
+        opening = 1 if self.joins_steps(total_force) else 0
+        stages = sum(self.loops(k, total_force) for k in range(opening, self.evaluations + 1))
+        return (self.evaluations * loops_of_sum if self.wants_sum(total_force) else 0) + stages
 
     def wants_sum(self, total_force: Any) -> bool:
         """Whether a stage finds the sum of the forces without velocity in state.acceleration; else it sums them itself."""

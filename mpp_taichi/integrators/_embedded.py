@@ -1,5 +1,6 @@
 """Embedded Runge–Kutta pairs with a step of their own choice, and looks by their own polynomial."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -41,7 +42,7 @@ class Embedded(Adaptive):
     error_order = 0  # k
     tolerance: float
     controlled_by = "tolerance"
-    quickly_compiled = True
+    launch = replace(Adaptive.launchers, quickly=True)
     VECTORS = ("start_position", "start_velocity", "start_acceleration", "position_rest", "velocity_rest")
     memory = ("clock", "tally", "judged", "slope", *VECTORS)
 

@@ -1,13 +1,12 @@
 """Hermite schemes: predict, evaluate forces with their derivatives, correct; one text for both orders."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.integrators._base import Integrator, SumForces
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
@@ -44,7 +43,6 @@ class Hermite(Integrator):
     bring it near, and the energy error of a regular motion hardly drifts.
     """
 
-    keeps_force = True
     takes_velocity = False
 
     @property
@@ -73,13 +71,16 @@ class Hermite(Integrator):
             names += ["crackle", "estimate"]
         return {name: ("vector", start.particle_count) for name in names}
 
-    def prepare(self, state: Any, sum_forces: Callable[[], None]) -> None:
-        """Sum once, or, as the snap wants accelerations, twice; nothing is known of the crackle."""
-        sum_forces()
+    def prepare(self, state: Any, total_force: Any, time: float, sum_forces: SumForces) -> None:
+        """Sum the forces at the start of the first step, twice for the snap, which needs the accelerations of the first sum.
+
+        The crackle, which comes from the step before, is set to zero.
+        """
+        sum_forces(total_force, time)
         if self.derivatives > 1:
             state.estimate.copy_from(state.acceleration)
             state.crackle.fill(0.0)
-            sum_forces()
+            sum_forces(total_force, time)
 
     def wants_sum(self, total_force: Any) -> bool:
         """Always."""

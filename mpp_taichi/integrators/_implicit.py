@@ -5,7 +5,9 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.integrators._base import Integrator, SumForces
+from mpp_taichi.integrators._launchers import Launchers
+from mpp_taichi.integrators._trouble import Trouble, not_finite
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.solvers._sums import dot, read_total, reduce_terms, sum_fields
 from mpp_taichi.solvers.banded import Banded
@@ -13,6 +15,7 @@ from mpp_taichi.solvers.conjugate_gradients import ConjugateGradients
 from mpp_taichi.solvers.newton import Newton
 from mpp_taichi.solvers.newton_matrix import NewtonMatrix
 from mpp_taichi.solvers.ordering import bandwidth, narrow_order
+from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.types import Template
 
 # Half-bandwidth, in particles, up to which factors in one thread beat conjugate gradients on a CPU: they cost some
@@ -38,8 +41,9 @@ class Implicit(Integrator):
     Cut steps are counted. What MOST_PIECES do not solve ends the run.
     """
 
-    implicit = True
-    quickly_compiled = True
+    launchers = Launchers(parallel="parallel_implicit", quickly=True)
+    stable_for_any_stiffness = True
+    keeps_force = False  # a step uses, at its start, an acceleration that the step before ended with; `start` takes the first
     beta = 1.0
     gamma = 1.0
     node = 1.0
@@ -48,6 +52,7 @@ class Implicit(Integrator):
     extra_vectors: tuple = ()  # fields of its own
     solver = "auto"
     tolerance: Any = None
+    _collected = SolverReport()  # the last report
 
     def scratch_count(self, velocity_dependent: bool) -> int:
         """None: its fields are work fields."""
@@ -83,12 +88,50 @@ class Implicit(Integrator):
             return ConjugateGradients(matrix)
         return Banded(matrix, order, start.springs.between)
 
-    def fill(self, state: Any) -> None:
-        """Give the state's work fields what they begin with."""
+    @property
+    def evaluations_per_step(self) -> int | None:
+        """As many as the equations of the step need."""
+        return None
+
+    def starting_force(self, total_force: Any) -> Any:
+        """The forces whose accelerations `start` is given."""
+        return total_force
+
+    def arrange(self, state: Any) -> None:
+        """Give the state's work fields what they begin with: no earlier step, and no trouble."""
         state.extras = tuple(getattr(state, name) for name in self.extra_vectors)
         state.starts = tuple(getattr(state, f"start_{name}") for name in self.extra_vectors)
         if isinstance(self.newton.linear, Banded):
             state.place.from_numpy(np.tile(self.newton.linear.order, state.replica_count))
+        for field in (state.history_dt, state.unsolved):
+            field.fill(0)
+
+    def prepare(self, state: Any, total_force: Any, time: float, sum_forces: SumForces) -> None:
+        """The acceleration that the first step begins with."""
+        if self.keeps_force:
+            force = self.starting_force(total_force)
+            sum_forces(force, time)
+            self._start(state, force, time)
+
+    def collect(self, state: Any) -> SolverReport | None:
+        """The counts of Newton's method since the last call."""
+        self._collected = self.newton.collect(state)
+        return self._collected
+
+    def trouble(self, state: Any, bad: int) -> Trouble | None:
+        """A step that the last `collect` counted as unsolved, of the particle whose last update was the largest."""
+        if not self._collected.unsolved:
+            return not_finite(bad)
+        update = np.nan_to_num(np.abs(state.update.to_numpy()).max(axis=1), nan=np.inf)
+        return Trouble("unsolved", int(np.argmax(update)), steps=self._collected.fewest_steps)
+
+    def clear_trouble(self, state: Any) -> None:
+        """No replica stands still any more."""
+        state.unsolved.fill(0)
+
+    def facts(self, state: Any) -> dict[str, Any]:
+        """The linear solver that was chosen."""
+        return {"linear_solver": type(self.newton.linear).__name__}
 
     @ti.func
     def start(self, state: Template, total_force: Template, first, i, time):
@@ -252,6 +295,12 @@ class Implicit(Integrator):
             return 0.0
         self._measure_energy(state, total_force, time)
         return read_total(state)[0]
+
+    @ti.kernel
+    def _start(self, state: Template, total_force: Template, time: float):
+        for i in range(state.total_count):
+            first = i // state.particle_count * state.particle_count
+            self.start(state, total_force, first, i, time)
 
     @ti.kernel
     def _remember(self, state: Template):

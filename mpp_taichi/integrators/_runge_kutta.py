@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import drift_particle, kick_particle, push_particle
+from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle, push_particle
 from mpp_taichi.device.fast_taichi.vector_fields import put_vector, vector_at
 from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.integrators._launchers import Launchers
 from mpp_taichi.types import Template
 
 # (a, b, c) of the methods that solve v' = a(v) inside a kick, by order (see _splitting).
@@ -65,7 +66,7 @@ class RungeKutta(Integrator):
     dense_weights: tuple = ()
     dense_order = 0
     takes_low_parts = True
-    writes_vectors = True
+    launchers = Launchers(vectors=True)
 
     @property
     def nodes(self) -> tuple:

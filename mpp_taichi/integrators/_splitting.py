@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import drift_particle, kick_particle
+from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle
 from mpp_taichi.integrators import _runge_kutta
-from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.integrators._base import Integrator, SumForces
+from mpp_taichi.integrators._launchers import Launchers
 from mpp_taichi.types import Template
 
 # How v' = A + f(v) is solved inside a kick when a force depends on velocity: to the order of the whole method.
@@ -51,7 +52,7 @@ class Splitting(Integrator):
     kicks: tuple = ()
     symplectic = True
     takes_low_parts = True
-    writes_vectors = True
+    launchers = Launchers(vectors=True)
 
     @property
     def time_reversible(self) -> bool:
@@ -62,11 +63,6 @@ class Splitting(Integrator):
     def begins_with_kick(self) -> bool:
         """Kick–drift–…–kick."""
         return len(self.kicks) > len(self.drifts)
-
-    @property
-    def keeps_force(self) -> bool:
-        """A step that begins with a kick uses the force that the step before ended with."""
-        return self.begins_with_kick
 
     @property
     def entries(self) -> tuple:
@@ -85,6 +81,11 @@ class Splitting(Integrator):
         """(way, end) of a damped kick: each velocity on its way is v + way × h × the slope before; `end` weighs all slopes."""
         a, b = KICK_METHODS[self.order]
         return tuple(row[-1] for row in a[1:]), b
+
+    def prepare(self, state: Any, total_force: Any, time: float, sum_forces: SumForces) -> None:
+        """A step that begins with a kick uses the force that the step before ended with."""
+        if self.begins_with_kick:
+            sum_forces(total_force, time)
 
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Slopes of the kick's own method; the last is used where it is found."""
@@ -203,7 +204,7 @@ class Splitting(Integrator):
         elif ti.static(sums):
             for i in range(first, first + total_force.particle_count):
                 acceleration = total_force.local_acceleration(state, first, i, time, False)
-                if ti.static(self.keeps_force):
+                if ti.static(self.begins_with_kick):
                     state.acceleration[i] = acceleration
                 kick_particle(state, i, kick_time, 2 * k, acceleration)
         else:

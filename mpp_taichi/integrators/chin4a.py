@@ -5,10 +5,11 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import drift_particle, kick_particle, push_particle
+from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle, push_particle
 from mpp_taichi.component import component, param
 from mpp_taichi.device.fast_taichi.vector_fields import put_vector, vector_at
-from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.integrators._base import Integrator, SumForces
+from mpp_taichi.integrators._launchers import Launchers
 from mpp_taichi.types import Template
 
 GRADIENT = 1 / 24
@@ -30,10 +31,13 @@ class Chin4a(Integrator):
     symplectic = True  # nearly: see above
     time_reversible = True
     takes_velocity = False
-    keeps_force = True
     takes_low_parts = True
-    writes_vectors = True
+    launchers = Launchers(vectors=True)
     nodes = (0.5, 0.5, 1.0)
+
+    def prepare(self, state: Any, total_force: Any, time: float, sum_forces: SumForces) -> None:
+        """The opening kick uses the force that the step before ended with."""
+        sum_forces(total_force, time)
 
     def scratch_count(self, velocity_dependent: bool) -> int:
         """Positions before they are displaced."""

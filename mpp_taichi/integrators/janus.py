@@ -10,6 +10,8 @@ from mpp_taichi import component as components
 from mpp_taichi.component import component, param
 from mpp_taichi.errors import SceneError
 from mpp_taichi.integrators._base import Integrator
+from mpp_taichi.integrators._launchers import Launchers
+from mpp_taichi.integrators._trouble import Trouble, not_finite
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
@@ -44,8 +46,8 @@ class Janus(Integrator):
     time_reversible = True
     takes_velocity = False
     takes_time = False
-    on_cpu_only = True
-    memory = ("lattice_position", "lattice_velocity", "left")
+    launchers = Launchers(cpu_only=True)  # integers of 64 bits
+    memory = ("lattice_position", "lattice_velocity", "left", "spacing")
 
     @property
     def entries(self) -> tuple:
@@ -54,8 +56,8 @@ class Janus(Integrator):
 
     @property
     def table(self) -> Any:
-        """The splitting of this order."""
-        return components.build("integrators", TABLES[self.order], {"dt": self.dt})
+        """The splitting of this order; its coefficients alone are used, and no step of its own."""
+        return components.build("integrators", TABLES[self.order], {"dt": 1.0})
 
     @property
     def nodes(self) -> tuple:
@@ -77,26 +79,27 @@ class Janus(Integrator):
         return 1
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
-        """Integers; the spacings of both lattices, in f64 whatever the precision; and who has left."""
-        self.spacings = self._spacings(start)
+        """The integers, the spacings of both lattices in f64 whatever the precision, and which particles have left."""
+        self._reach = float(np.abs(start.position).max())
+        self._speed = float(np.abs(start.velocity).max())
         count = start.particle_count
         lattices = {name: ("lattice", count) for name in ("lattice_position", "lattice_velocity")}
         return {**lattices, "spacing": ("wide", 2), "left": ("index", count)}
 
-    def _spacings(self, start: Snapshot) -> tuple[float, float]:
-        """Δx [length] and Δv [length / time] for a scene that begins so."""
-        speed = float(np.abs(start.velocity).max())
-        reach = _power_of_two(max(float(np.abs(start.position).max()), speed * self.dt) or 1.0)
-        speed = _power_of_two(max(speed, SLOWEST * reach / self.dt))
+    def _spacings(self, dt: float) -> tuple[float, float]:
+        """Δx [length] and Δv [length / time] for the start of the phase and steps of dt, forwards or backwards."""
+        reach = _power_of_two(max(self._reach, self._speed * abs(dt)) or 1.0)
+        speed = _power_of_two(max(self._speed, SLOWEST * reach / abs(dt)))
         spacing = self.lattice or reach * 2.0**-BITS
         return spacing, spacing * (speed / reach)
 
-    def adopt(self, state: Any) -> None:
-        """Put positions and velocities on the lattice, which is the same for a whole phase.
+    def adopt(self, state: Any, dt: float) -> None:
+        """Put positions and velocities on the lattice, which stays the same until they are set again.
 
         Raises:
             SceneError: they lie beyond its end.
         """
+        self.spacings = self._spacings(dt)
         state.spacing.from_numpy(np.tile(self.spacings, state.replica_count))
         state.left.fill(0)
         for name, spacing in zip(("position", "velocity"), self.spacings):
@@ -112,15 +115,16 @@ class Janus(Integrator):
             held = state.free.to_numpy() == 0.0 if state.has_fixed_axes else False
             field.from_numpy(np.where(held, values, (numbers * spacing).astype(values.dtype)))
 
-    def left_lattice(self, state: Any, i: int) -> str:
-        """Whether particle i of all replicas has left the lattice, in words, or nothing."""
-        if state.left[i] != LEFT:
-            return ""
+    def trouble(self, state: Any, bad: int) -> Trouble | None:
+        """A particle that has left the lattice; its position is not finite then."""
+        if bad < 0 or state.left[bad] != LEFT:
+            return not_finite(bad)
         farthest, fastest = (LIMIT * state.spacing[k] for k in range(2))
-        return (
+        reason = (
             f"leaves the lattice of janus, which ends at a coordinate of {farthest:.6g} and a velocity of {fastest:.6g}; "
             f"try a smaller dt, or a larger `lattice` than {state.spacing[0]:.6g}"
         )
+        return Trouble("off_lattice", bad, reason=reason)
 
     @ti.func
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):

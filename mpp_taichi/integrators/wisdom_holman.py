@@ -10,6 +10,8 @@ from mpp_taichi.integrators import _correctors
 from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.integrators._compensated_sum import compensated_sum
 from mpp_taichi.integrators._kepler import kepler_changes
+from mpp_taichi.integrators._launchers import Launchers
+from mpp_taichi.integrators._trouble import Trouble, not_finite
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
@@ -42,8 +44,7 @@ class WisdomHolman(Integrator):
     time_reversible = True
     takes_velocity = False
     takes_sliders = False  # the strength is part of every orbit's constants
-    own_state = True
-    on_cpu_only = True
+    launchers = Launchers(serial="own_state", replicas="own_state", parallel="", cpu_only=True)
     nodes = (0.5,)
     VECTORS = ("jacobi_position", "jacobi_velocity", "position_rest", "velocity_rest")
     memory = ("order_inside_out", "step_and_count", "unsolved_orbits", "center_of_mass", *VECTORS)
@@ -73,11 +74,15 @@ class WisdomHolman(Integrator):
         """The next step begins anew."""
         state.step_and_count.fill(0)
 
-    def unsolved_particle(self, state: Any) -> int:
-        """Index of the last particle of a replica in which Kepler's equation was not solved, or −1."""
+    def trouble(self, state: Any, bad: int) -> Trouble | None:
+        """The last particle of a replica in which Kepler's equation was not solved; such a particle is not finite."""
+        if bad < 0:
+            return None
         found = state.unsolved_orbits.to_numpy().reshape(-1, 2)
         replicas = np.flatnonzero(found[:, 0])
-        return int(replicas[0]) * state.particle_count + int(found[replicas[0], 1]) if len(replicas) else -1
+        if not len(replicas):
+            return not_finite(bad)
+        return Trouble("lost", int(replicas[0]) * state.particle_count + int(found[replicas[0], 1]))
 
     # A launch ----------------------------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.stability.network import Network
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation.first_bad_step import Mark
+    from mpp_taichi.simulation.saved_state import Mark
     from mpp_taichi.simulation.simulation import Simulation
 
 ALARM = 1000.0  # times the energy that the run has had to turn over, gained from nowhere: it is not coming back
@@ -80,7 +80,7 @@ class BlowUpWatch:
 
     def explain(self, error: StabilityError, simulation: "Simulation") -> StabilityError:
         """What to say of a run that a number not finite has stopped: where it began, if that was a blow-up; else the error."""
-        if self._start is None or self._sound is None or error.step is None or not simulation.gains_no_energy:
+        if self._start is None or self._sound is None or error.step is None or not simulation.phase.gains_no_energy:
             return error
         row = _look(simulation)
         return self._trace(simulation, row) if self._is_alarming(simulation, row) else error
@@ -115,13 +115,13 @@ class BlowUpWatch:
     def _is_alarming(self, simulation: "Simulation", row: dict[str, Any]) -> bool:
         if not math.isfinite(row["total_energy"]):
             return True
-        if simulation.gains_no_energy:
+        if simulation.phase.gains_no_energy:
             limit = ALARM * (self._turnover(row) + self._rounding(row)) + STRAIN_SHARE * self._elastic
             return self._gain(row) > limit
         return self._has_springs and _longest_spring(simulation) > LONGEST * self._extent
 
     def _is_sound(self, simulation: "Simulation", row: dict[str, Any]) -> bool:
-        if simulation.gains_no_energy:
+        if simulation.phase.gains_no_energy:
             return self._gain(row) <= ONSET * self._turnover(row) + self._rounding(row)
         return not self._is_alarming(simulation, row)
 
@@ -189,7 +189,7 @@ def _longest_spring(simulation: "Simulation") -> float:
 
 def _describe(simulation: "Simulation", start: dict[str, Any], row: dict[str, Any], worst: Snapshot) -> StabilityError:
     """The error for a run whose last sound state the simulation stands at; `row` and `worst` are where it was past doubt."""
-    if simulation.gains_no_energy:
+    if simulation.phase.gains_no_energy:
         first, last = _told_apart(start["total_energy"], row["total_energy"])
         why = f"the energy, which no force adds to, rises from {first} to {last}"
     else:

@@ -31,16 +31,45 @@ class FrameSink(Protocol):
         """Add one frame."""
 
 
+class MomentSink(Protocol):
+    """Where the particles of each frame go beside the frame itself: to another process, or into a comparison."""
+
+    def add(self, snapshot: Snapshot, frame: Frame) -> None:
+        """Take the particles at the time of a frame, before the frame is drawn."""
+
+
+class BetweenSteps(Protocol):
+    """How the particles at a time between two steps are found.
+
+    tolerance   a time this near to a step, as a share of dt, is taken as the time of the step
+    """
+
+    tolerance: float
+
+    def particles(self, simulation: "Simulation", time: float) -> Snapshot:
+        """The particles at a time before the next step."""
+
+
+class DenseOutput:
+    """Dense output of first order: at a time δ after a step the positions are x + v δ.
+
+    The error ½ a δ² is far below a pixel for any step that resolves the motion. Where the method drifts along orbits, the
+    positions lie on these.
+    """
+
+    tolerance = SAME_TIME
+
+    def particles(self, simulation: "Simulation", time: float) -> Snapshot:
+        """The particles at a time before the next step."""
+        return simulation.snapshot_ahead(time - simulation.time)
+
+
 class FilmRecorder:
     """Draws exactly `frame_count` frames; frame k shows the time start + k / (frame_count − 1) · span.
 
-    Where that lies between two steps, at δ < dt after one, the positions shown are x + v δ: dense output of first order, whose
-    error ½ a δ² is far below a pixel for any step that resolves the motion; where the method drifts along orbits, they are on
-    these. It never reaches into the next phase of a timeline.
-    The first frame is the start and the last one the end of the run, both exact. A single frame shows the start.
+    For a time between two steps `between` finds the particles, never from beyond the end of a phase of the timeline. The first
+    frame is the start of the run and the last one its end, both exact. A single frame shows the start.
     """
-
-    same_time = SAME_TIME
 
     def __init__(
         self,
@@ -50,6 +79,8 @@ class FilmRecorder:
         span: float,
         *,
         pages: Sequence[FrameSink] = (),
+        moments: Sequence[MomentSink] = (),
+        between: BetweenSteps = DenseOutput(),  # noqa: B008 — it holds nothing
         title: str = "",
         caption: Callable[[], str] = lambda: "",
         stopwatch: Callable[[str], AbstractContextManager[Any]],
@@ -57,11 +88,10 @@ class FilmRecorder:
     ) -> None:
         """`stopwatch(name)` times a block; drawing is counted as capture, handing over to a sink as encode.
 
+        `pages` and `moments` get every frame, `sinks` every picture of a frame; without a view there are no pictures.
         `raise_if_interrupted` is called before each frame: any number of frames may lie between two steps.
-
-        `pages` get the frames themselves; without a view there is nothing else.
         """
-        self.pages = tuple(pages)
+        self.pages, self.moments, self._between = tuple(pages), tuple(moments), between
         self.view, self.sinks, self.frame_count, self.span = view, tuple(sinks), frame_count, span
         self.title, self.caption, self.stopwatch = title, caption, stopwatch
         self._raise_if_interrupted = raise_if_interrupted
@@ -77,11 +107,11 @@ class FilmRecorder:
         if self.drawn_count >= self.frame_count:
             return 2**31
         ahead = (self._due_time() - simulation.time) / simulation.dt
-        if ahead <= self.same_time:
+        if ahead <= self._between.tolerance:
             return 0
         if self._is_last():
-            return max(1, int(ahead + self.same_time))
-        return int(ahead + self.same_time)
+            return max(1, int(ahead + self._between.tolerance))
+        return int(ahead + self._between.tolerance)
 
     def record(self, simulation: "Simulation") -> None:
         """Draw every frame that lies before the next step."""
@@ -90,11 +120,11 @@ class FilmRecorder:
         while self.drawn_count < self.frame_count:
             self._raise_if_interrupted()
             offset = self._due_time() - simulation.time
-            exact = abs(offset) <= self.same_time * simulation.dt
+            exact = abs(offset) <= self._between.tolerance * simulation.dt
             reach = min(simulation.dt, simulation.time_to_next_phase)
-            if not exact and (offset >= reach - simulation.dt * self.same_time or self._is_last()):
+            if not exact and (offset >= reach - simulation.dt * self._between.tolerance or self._is_last()):
                 return
-            self._show(simulation, snapshot if exact else self._between(simulation, offset))
+            self._show(simulation, snapshot if exact else self._between.particles(simulation, self._due_time()))
 
     def finish(self, simulation: "Simulation") -> None:
         """Draw the last frame, which rounding of the time may have put a hair past the end."""
@@ -103,17 +133,16 @@ class FilmRecorder:
                 snapshot = simulation.snapshot()
             self._show(simulation, snapshot)
 
-    def _between(self, simulation: "Simulation", offset: float) -> Snapshot:
-        """The particles an `offset` after the last step."""
-        return simulation.snapshot_ahead(offset)
-
     def _show(self, simulation: "Simulation", snapshot: Snapshot) -> None:
-        """Draw what is due."""
-        self._draw(self._frame(simulation, snapshot, drawn=self.view is not None))
+        """Draw the particles at the time of the next frame."""
+        frame = self._frame(simulation, snapshot)
+        for sink in self.moments:
+            sink.add(snapshot, frame)
+        self._draw(frame)
 
-    def _frame(self, simulation: "Simulation", snapshot: Snapshot, *, drawn: bool = True) -> Frame:
-        """What a snapshot looks like; the forces are asked for where they are `drawn`."""
-        acceleration = None
+    def _frame(self, simulation: "Simulation", snapshot: Snapshot) -> Frame:
+        """The frame of a snapshot; accelerations are measured where a picture shows them."""
+        acceleration, drawn = None, self.view is not None or bool(self.moments)
         if drawn and simulation.spec.view.wants_acceleration:
             with self.stopwatch("capture"):
                 acceleration = simulation.accelerations(snapshot)

@@ -9,7 +9,7 @@ from mpp_taichi.errors import StabilityError
 from mpp_taichi.simulation import first_bad_step
 
 if TYPE_CHECKING:
-    from mpp_taichi.simulation.first_bad_step import Mark
+    from mpp_taichi.simulation.saved_state import Mark
     from mpp_taichi.simulation.simulation import Simulation
 
 ALARM = 1.0  # times its mean kinetic energy so far: a particle that gains more is on another orbit

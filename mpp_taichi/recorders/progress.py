@@ -61,7 +61,7 @@ class ProgressRecorder:
             print(f"{lead}{self._state(simulation)}{self._left(simulation)}", file=sys.stderr, flush=True)
 
     def _state(self, simulation: "Simulation") -> str:
-        if not simulation.advance_seconds:
+        if not simulation.timings.advance_seconds:
             return "compiling kernels"
         speed = simulation.step_count / max(clock.perf_counter() - self._began, 1e-9)
         error = self.energy_error()

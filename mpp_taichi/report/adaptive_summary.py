@@ -9,20 +9,8 @@ if TYPE_CHECKING:
 
 def step_control(simulation: "Simulation") -> dict[str, Any]:
     """Steps taken and refused, evaluations of the force and the mean step of the phase that runs; {} for methods without it."""
-    integrator = simulation.integrator
-    if not integrator.adaptive or not simulation.step_count:
-        return {}
-    counts = integrator.counts(simulation.state)
-    steps = int(counts[:, integrator.STEPS].sum())
-    return {
-        "step_control": {
-            "steps": steps,
-            "refused": int(counts[:, integrator.REFUSED].sum()),
-            "force_evaluations": int(counts[:, integrator.EVALUATIONS].sum()),
-            "last_step": float(integrator.lengths(simulation.state)[0]),
-            "replicas": len(counts),
-        }
-    }
+    found = simulation.launcher.facts().get("step_control") if simulation.step_count else None
+    return {} if found is None else {"step_control": found}
 
 
 def step_control_line(found: Mapping[str, Any]) -> str:

@@ -16,7 +16,8 @@ from mpp_taichi.scene import timeline
 from mpp_taichi.scene.expectations import BALANCE_QUANTITIES
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation import notebook
-from mpp_taichi.simulation.simulation import Recorder, Simulation
+from mpp_taichi.simulation.recorder import Recorder
+from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.snapshot import Snapshot
 
 MOST_NUMBERS = 2**27  # of the positions and velocities that are kept, a gigabyte

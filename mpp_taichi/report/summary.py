@@ -5,6 +5,7 @@ import time as clock
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from mpp_taichi.device.fast_taichi import switch
 from mpp_taichi.energy.numerical_damping import numerical_damping
 from mpp_taichi.modes.network_report import mode_lines, network_lines
 from mpp_taichi.report.adaptive_summary import step_control, step_control_line
@@ -70,10 +71,10 @@ def effect_names(simulation: "Simulation") -> list[str]:
 def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopwatch, *, plan_asked: str) -> dict[str, Any]:
     """The facts of a run; `status`, `files` and `expect` are added by who knows them."""
     spec, device = simulation.spec, simulation.device
-    phases = simulation.phases[simulation.first_phase : simulation.phase_number + 1]
+    phases = simulation.phases[simulation.course.first : simulation.phase_number + 1]
     # The first launch of each phase is one step, and its time the compiler's.
     timed_steps = simulation.step_count - simulation.start.step - len(phases)
-    rate = timed_steps / simulation.advance_seconds if simulation.advance_seconds > 0.0 else None
+    rate = timed_steps / simulation.timings.advance_seconds if simulation.timings.advance_seconds > 0.0 else None
     count = simulation.state.particle_count
     control = step_control(simulation)
     evaluations = float(max(1, simulation.integrator.evaluations))
@@ -90,6 +91,7 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "precision": device.precision,
         "plan": simulation.plan,
         "plan_reason": plan_reason(simulation, plan_asked),
+        **switch.facts(),
         "integrator": spec.integrator.name,
         "dt": simulation.dt,
         "effects": list(dict.fromkeys(name for phase in phases for name in phase.effects)),
@@ -98,19 +100,19 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "steps": simulation.step_count,
         "time": simulation.time,
         "wall_seconds": stopwatch.total,
-        "setup_seconds": simulation.setup_seconds,
-        "compile_seconds": simulation.compile_seconds,
-        "step_seconds": simulation.advance_seconds,
+        "setup_seconds": simulation.timings.setup_seconds,
+        "compile_seconds": simulation.timings.compile_seconds,
+        "step_seconds": simulation.timings.advance_seconds,
         **{f"{name}_seconds": seconds for name, seconds in stopwatch.seconds.items()},
         "steps_per_second": rate,
         "pair_interactions_per_second": rate * pairs if rate is not None and pairs else None,
         "launches_per_step": launches_per_step(simulation),
-        **(_solver(simulation) if simulation.integrator.implicit else {}),
+        **_solver(simulation),
         **control,
         **contact_facts(simulation),
-        "conserves_energy": simulation.conserves_energy and all(row["conserves_energy"] for row in table.rows),
-        "conserves_momentum": simulation.conserves_momentum and all(row["conserves_momentum"] for row in table.rows),
-        "conserves_angular_momentum": simulation.conserves_angular_momentum
+        "conserves_energy": simulation.phase.conserves_energy and all(row["conserves_energy"] for row in table.rows),
+        "conserves_momentum": simulation.phase.conserves_momentum and all(row["conserves_momentum"] for row in table.rows),
+        "conserves_angular_momentum": simulation.phase.conserves_angular_momentum
         and all(row["conserves_momentum"] for row in table.rows),
         "phases": phase_facts(simulation),
         **(table.summary() if table.rows else {}),
@@ -119,10 +121,13 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
 
 
 def _solver(simulation: "Simulation") -> dict[str, Any]:
-    """What solving the steps' equations took."""
+    """What solving the equations of implicit steps took; {} for methods that solve none."""
     report, steps = simulation.solver_report, max(1, simulation.solver_report.steps)
+    linear_solver = simulation.launcher.facts().get("linear_solver")
+    if linear_solver is None:
+        return {}
     return {
-        "linear_solver": type(simulation.integrator.newton.linear).__name__,
+        "linear_solver": linear_solver,
         "newton_iterations_per_step": report.newton_iterations / steps,
         "newton_iterations_most": report.most_newton_iterations,
         "linear_iterations_per_step": report.linear_iterations / steps,
@@ -134,7 +139,7 @@ def _solver(simulation: "Simulation") -> dict[str, Any]:
 
 def phase_facts(simulation: "Simulation") -> list[dict[str, Any]]:
     """What the timeline has changed so far: time, keys and values, the effects since, and the energy put in by the change."""
-    begun = simulation.phases[simulation.first_phase + 1 : simulation.phase_number + 1]
+    begun = simulation.phases[simulation.course.first + 1 : simulation.phase_number + 1]
     return [
         {
             "at": phase.at,
@@ -154,10 +159,10 @@ def damping_of_method(simulation: "Simulation", table: "TableRecorder") -> dict[
     that stands out; they are not asked.
     """
     balance = simulation.energy_balance
-    closed = simulation.conserves_energy
+    closed = simulation.phase.conserves_energy
     if (
         not table.rows
-        or simulation.integrator.adaptive
+        or simulation.integrator.controlled_by
         or (closed and simulation.integrator.symplectic)
         or not (closed or balance is not None)
     ):
@@ -174,9 +179,9 @@ def launches_per_step(simulation: "Simulation") -> float | None:
     if done <= 0:
         return None
     if simulation.plan == "parallel":
-        launches = simulation.stepper.launches_per_step()
+        launches = simulation.launcher.launches_per_step()
         return None if launches is None else float(launches)
-    return simulation.kernel_calls / done
+    return simulation.timings.launch_count / done
 
 
 def plan_reason(simulation: "Simulation", plan_asked: str) -> str:
@@ -188,7 +193,7 @@ def plan_reason(simulation: "Simulation", plan_asked: str) -> str:
     if simulation.total_force.by_tree:
         return "a tree is built and walked by all threads"
     relation = "below" if simulation.plan == "serial" else "from"
-    return f"work of a step {simulation.step_work:,}, {relation} the crossover of {plans.CROSSOVER_WORK:,} on"
+    return f"work of a step {simulation.phase.work:,}, {relation} the crossover of {plans.CROSSOVER_WORK:,} on"
 
 
 def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequence[Any] = ()) -> list[str]:
@@ -203,6 +208,7 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         ("rewound", found.get("rewound", "")),
         ("device", f"{found['backend']}: {found['device']}{threads}"),
         ("plan", f"{found['plan']}: {found['plan_reason']}"),
+        ("off", switch.line(found)),
         ("reached", f"t = {found['time']:.9g} in {found['steps']:,} steps{_rate(found)}"),
         *(("phase", line) for line in _phase_lines(found["phases"])),
         ("control", control),

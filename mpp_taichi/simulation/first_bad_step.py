@@ -1,28 +1,13 @@
 """Where a run broke: the first step that gives a number that is not finite, and the particle and pair it began with."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from mpp_taichi.errors import StabilityError
+from mpp_taichi.integrators._trouble import Trouble
 from mpp_taichi.snapshot import Snapshot
-
-
-@dataclass(frozen=True, eq=False)
-class Mark:
-    """A state of a simulation and its place in time, to go back to."""
-
-    saved: Any
-    origin_time: float
-    origin_step: int
-    steps: int  # since the origin
-
-    @property
-    def step(self) -> int:
-        """Steps taken since the start."""
-        return self.origin_step + self.steps
 
 
 def first_bad_step(steps: int, advance: Callable[[int], bool], keep: Callable[[], None], rewind: Callable[[], None]) -> int:
@@ -96,6 +81,17 @@ def left_lattice(before: Snapshot, particle: int, reason: str, *, step: int, tim
     error = StabilityError(f"step {step}, time {time:.9g}: {label(before, particle)} {reason}")
     error.step, error.time, error.particle = step, time, particle
     return error
+
+
+def explained(
+    before: Snapshot, trouble: Trouble, particle: int, *, step: int, time: float, pairs_singular: bool
+) -> StabilityError:
+    """The error for a step after which a particle is not finite, from the trouble that was found after it."""
+    if trouble.kind == "off_lattice":
+        return left_lattice(before, particle, trouble.reason, step=step, time=time)
+    if trouble.kind == "lost":
+        return unsolved_orbit(before, particle, step=step, time=time)
+    return diagnose(before, particle, step=step, time=time, pairs_singular=pairs_singular)
 
 
 def diagnose(before: Snapshot, particle: int, *, step: int, time: float, pairs_singular: bool) -> StabilityError:

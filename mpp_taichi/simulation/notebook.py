@@ -1,13 +1,14 @@
 """How a simulation and a result show themselves in a notebook: a picture of the particles and a line of numbers.
 
-Jupyter asks an object for `_repr_html_` or `_repr_png_`; nothing here is imported before it does.
+Jupyter calls `_repr_html_` or `_repr_png_` of an object; nothing here is imported before. The simulation is `Any`, as its
+class imports this module.
 """
 
 import base64
 import io
 from collections.abc import Sequence
 from html import escape
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -16,13 +17,10 @@ from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.wall_outline import outline_of
 
-if TYPE_CHECKING:
-    from mpp_taichi.simulation.simulation import Simulation
-
 SIZE = (960, 540)  # pixels
 
 
-def picture(simulation: "Simulation", size: tuple[int, int] = SIZE, *, earlier: Sequence[Snapshot] = ()) -> np.ndarray:
+def picture(simulation: Any, size: tuple[int, int] = SIZE, *, earlier: Sequence[Snapshot] = ()) -> np.ndarray:
     """The particles now, by the kernel renderer: uint8, shape (height, width, 3); `earlier` moments are where trails led."""
     from mpp_taichi.views.renderer import Renderer  # the first import of Taichi, where nothing runs yet
 
@@ -35,7 +33,7 @@ def picture(simulation: "Simulation", size: tuple[int, int] = SIZE, *, earlier: 
     return view.draw(Frame.of(simulation.snapshot(), title=spec.title, walls=walls, acceleration=acceleration))
 
 
-def png(simulation: "Simulation", *, earlier: Sequence[Snapshot] = ()) -> bytes | None:
+def png(simulation: Any, *, earlier: Sequence[Snapshot] = ()) -> bytes | None:
     """The picture as a PNG; None where the simulation has ended and can be asked no more."""
     if not simulation.is_alive:
         return None
@@ -44,7 +42,7 @@ def png(simulation: "Simulation", *, earlier: Sequence[Snapshot] = ()) -> bytes 
     return stream.getvalue()
 
 
-def html(simulation: "Simulation") -> str:
+def html(simulation: Any) -> str:
     """The picture above the line, and the energy."""
     energy = f"; energy {simulation.diagnostics()['total_energy']:.9g}" if simulation.is_alive else ""
     return figure(png(simulation), escape(line(simulation) + energy))
@@ -57,7 +55,7 @@ def figure(png: bytes | None, caption: str) -> str:
     return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
 
 
-def line(simulation: "Simulation") -> str:
+def line(simulation: Any) -> str:
     """Title, time, steps, particles and method, as they are known without asking the device."""
     spec, device = simulation.spec, simulation.device
     springs = f", {len(simulation.start.springs):,} springs" if len(simulation.start.springs) else ""

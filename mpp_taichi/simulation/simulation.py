@@ -1,25 +1,36 @@
-"""Simulation: time, step count, the order of operations, and the execution plan."""
+"""Simulation: a scene that runs on a device, in whole steps, through the phases of its timeline."""
 
 import math
 import time as clock
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from mpp_taichi.contacts._base import ContactReport, ContactSolver
 from mpp_taichi.device import backends
 from mpp_taichi.device.thread_count import check_threads
 from mpp_taichi.errors import MppError, SceneError
 from mpp_taichi.scene.estimate import check_capacity, estimate
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.scene.timeline import whole_steps
-from mpp_taichi.simulation.phased_motion import PhasedMotion
-from mpp_taichi.simulation.phases import Course, phase_at, phases_of
-from mpp_taichi.simulation.shown import Shown
+from mpp_taichi.simulation.accounts import Accounts
+from mpp_taichi.simulation.clock import Clock
+from mpp_taichi.simulation.compiled_phase import CompiledPhase
+from mpp_taichi.simulation.compiled_phases import CompiledPhases
+from mpp_taichi.simulation.course import Course, Phase, course_of
+from mpp_taichi.simulation.phase_runner import PhaseRunner
+from mpp_taichi.simulation.recorder import Recorder
+from mpp_taichi.simulation.run_length import time_and_steps
+from mpp_taichi.simulation.run_loop import RunLoop
+from mpp_taichi.simulation.saved_state import Bookmark, Mark
+from mpp_taichi.simulation.watched_launches import Timings, WatchedLaunches
 from mpp_taichi.snapshot import Snapshot
-from mpp_taichi.step import plans
-from mpp_taichi.walls._base import Surface
+from mpp_taichi.solvers.report import SolverReport
+from mpp_taichi.stability import StepAdvice
 
 if TYPE_CHECKING:
     from mpp_taichi.energy.energy_balance import EnergyBalance
@@ -27,27 +38,17 @@ if TYPE_CHECKING:
 GPU_WORTH_WORK = 4_000_000  # work per step (see plans) from which `auto` looks for a GPU
 
 
-class Recorder(Protocol):
-    """Something that wants to see the simulation now and then."""
-
-    def steps_until_due(self, simulation: "Simulation") -> int:
-        """How many steps may pass before the next look; 0 means now."""
-
-    def record(self, simulation: "Simulation") -> None:
-        """Look."""
-
-
-class Simulation(PhasedMotion, Shown):
+class Simulation:
     """A scene, compiled to one step and run on one device; with a timeline, to one step for each phase.
-
-    What depends on the phase (`spec`, `dt`, `integrator`, `total_force`, `state`, …) is that of the present one, `phase_number`
-    in `phases`; `scene` is the whole, with its timeline and all that was set.
 
     `scene` is a path, a mapping of the shape of the YAML, or a SceneSpec; `overrides` are those of `--set`. `replica_starts`
     holds the starting snapshots of independent copies of the scene that run side by side, one thread each. `start` is a state
     of the same particles to go on from instead of the scene's own, with its time and step count. `force` runs a step that is
     beyond what the springs allow, `event_log` lets event-driven contacts note every collision. Raises SceneError,
     ArgumentError, BackendError or CapacityError before anything is allocated, StabilityError when it is run.
+
+    `phase` is the present phase, compiled; its parts (`spec`, `integrator`, `total_force`, `state`, …) are read through the
+    simulation as well. `scene` is the whole scene, with its timeline and all that was set.
     """
 
     def __init__(
@@ -74,17 +75,45 @@ class Simulation(PhasedMotion, Shown):
             )
         self.estimate = estimate(read)
         check_capacity(self.estimate)
-        phases = phases_of(read)
-        first = phase_at(phases, 0.0 if start is None else start.time)
-        made = phases[first].particles
-        course = Course(read, phases, first, made if start is None else start.continuing(made))
-        work = max(plans.step_work(each.spec, each.particles.particle_count, len(each.particles.springs)) for each in phases)
-        large = work >= GPU_WORTH_WORK and all(phase.spec.contacts is None for phase in phases)  # no GPU has run them yet
-        device = backends.start(backend, precision, large=large, threads=threads)
-        super().__init__(course, device, plan=plan, replica_starts=replica_starts, force=force, event_log=event_log)
-        self.setup_seconds = clock.perf_counter() - began
+        course = course_of(read, start)
+        # No scene with contacts is sent to a GPU unasked.
+        work = 0 if any(phase.spec.contacts for phase in course.phases) else max(phase.work for phase in course.phases)
+        self.device = backends.start(backend, precision, large=work >= GPU_WORTH_WORK, threads=threads)
+        backends.retain(self.device)
+        self._closed = False
+        self._clock, self._accounts = Clock(course.phases[course.first].dt), Accounts()
+        compiled = CompiledPhases(self.device, plan=plan, replica_starts=replica_starts, event_log=event_log)
+        self._runner = PhaseRunner(course, compiled, self._clock, self._accounts, force=force)
+        self._launches = WatchedLaunches(self._clock, self._accounts)
+        self.when_phase_begins: list[Callable[[], None]] = self._runner.when_phase_begins
+        self.timings: Timings = self._launches.timings
+        self.timings.setup_seconds = clock.perf_counter() - began
 
     # --- time -----------------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Simulated time."""
+        return self._clock.time
+
+    @property
+    def step_count(self) -> int:
+        """Steps taken since the start."""
+        return self._clock.step_count
+
+    @property
+    def dt(self) -> float:
+        """Length of the steps from now on; a phase begins with the step of its scene."""
+        return self._clock.dt
+
+    @dt.setter
+    def dt(self, dt: float) -> None:
+        self._clock.dt = dt
+
+    def look_at_multiples_of(self, interval: float) -> None:
+        """Let steps that are only looks at free flight fall on multiples of `interval`, no rarer than so far."""
+        if self.contacts is not None and self.contacts.flies:
+            self.dt = interval / math.ceil(interval / self.dt)
 
     def run(
         self,
@@ -98,107 +127,266 @@ class Simulation(PhasedMotion, Shown):
 
         A loop of: ask the recorders when they are due, step that far at most, check that every number is finite, let the
         recorders look. If the end is no whole number of steps away, one shorter step reaches it exactly. The end of a phase is
-        reached in the same way, and the next one begins there and then. A step beyond what the springs allow is refused with
+        reached in the same way, and the next phase begins at this time. A step beyond what the springs allow is refused with
         a StabilityError, see `check_step`.
         """
         self._require_life()
-        span, left = self._plan_run(duration, until, steps)
+        span, left = time_and_steps(self.spec.run, self.time, duration, until, steps)
         end = self.time + span if until is None else float(until)
-        self._check_leg(span, left)
-        if self.energy_balance is not None:
-            self.energy_balance.look(self)
-        self._notify(recorders)
-        while True:
-            ahead = self.time_to_next_phase
-            whole, rest, ends_early = self._leg(span, left)
-            self._step(int(whole), rest, recorders)
-            if ends_early or span < ahead or ahead == math.inf:
-                return self
-            left -= whole + (rest > 0.0)
-            self._begin_phase(self.phase_number + 1)
-            span = end - self.time  # not what is left of the span: the last step has then the bits that it has by itself
-            self._check_leg(span, left)
-            self._notify(recorders)
+        RunLoop(self, self._runner, self._launches, recorders, self._require_life).run(span, left, end)
+        return self
 
-    def look_at_multiples_of(self, interval: float) -> None:
-        """Where contacts fly and a step is a mere look: let looks fall on multiples of `interval`, no rarer than so far."""
-        if self.contacts is not None and self.contacts.flies:
-            self.dt = interval / math.ceil(interval / self.dt)
+    @property
+    def step_advice(self) -> StepAdvice | None:
+        """How large a step springs and drag allow the particles as they were when the phase began; None for any step."""
+        return self._runner.guard.advice(self.dt)
 
-    def _leg(self, span: float, left: float) -> tuple[float, float, bool]:
-        """Whole steps to the end of the phase or the run, the length of a last, shorter one, and whether `left` comes first."""
-        leg = min(span, self.time_to_next_phase)
-        whole, rest = whole_steps(leg, self.dt) if leg < math.inf else (left, 0.0)
-        return (left, 0.0, True) if left < whole + (rest > 0.0) else (whole, rest, False)
+    def check_step(self, steps: int | None = None) -> None:
+        """Warn of a step near its limit; StabilityError for a step beyond it, unless this simulation was made with `force`.
 
-    def _check_leg(self, span: float, left: float) -> None:
-        whole, rest, _ = self._leg(span, left)
-        if whole or rest:
-            self.check_step(int(whole) + (rest > 0.0))
+        `steps` is the length of the run, for methods whose oscillations grow whatever the step is. Done once for each dt.
+        """
+        self._runner.guard.check(self.dt, steps)
 
-    def _step(self, whole: int, rest: float, recorders: Sequence[Recorder]) -> None:
-        """So many steps, and one of the length `rest` unless that is 0."""
-        last = self.step_count + whole
-        while self.step_count < last:
-            due = min([recorder.steps_until_due(self) for recorder in recorders], default=last)
-            self._advance(max(1, min(due, last - self.step_count, self._longest_launch())), self.dt)
-            self._notify(recorders)
-        if rest > 0.0:
-            self._advance(1, rest)
-            self._notify(recorders)
+    # --- changes, and the way back --------------------------------------------------------------------------------------
 
-    def _plan_run(self, duration: float | None, until: float | None, steps: int | None) -> tuple[float, float]:
-        """How much time and how many steps a run may take; one of them is infinite."""
-        if sum(argument is not None for argument in (duration, until, steps)) > 1:
-            raise MppError("run takes one of duration, until and steps")
-        if duration is None and until is None and steps is None:
-            duration, steps = self.spec.run.duration, self.spec.run.steps
-            if duration is None and steps is None:
-                raise MppError("the scene has no run.duration, so say how long: duration, until or steps")
-        if steps is not None:
-            if steps < 0:
-                raise MppError(f"steps must not be negative, got {steps}")
-            return math.inf, steps
-        span = float(duration) if duration is not None else float(until or 0.0) - self.time
-        if not math.isfinite(span) or span < 0.0:
-            raise MppError(f"cannot run for a time of {span}")
-        return span, math.inf
+    def set(self, changes: str | Mapping[str, Any], value: Any = None) -> None:
+        """Change parameters from now on: a path and its value, or a mapping of several, as `timeline:` takes them.
 
-    def _notify(self, recorders: Sequence[Recorder]) -> None:
-        for recorder in recorders:
-            if recorder.steps_until_due(self) <= 0:
-                recorder.record(self)
+        Positions, velocities and the time stay, bit for bit. Kernels load the parameters that the scene's `sliders:` move:
+        within the range of a slider nothing is compiled. Other numbers are part of the kernels, so that a change compiles them
+        anew: forces, springs, walls, contacts, the integrator and its step, constants, and of particles all but their places;
+        at time 0 all of the scene. `run` refuses a step that the springs do not allow any more. The change becomes an event of
+        `scene`, so that `restart`, or a Simulation of `scene`, goes through it again, bit for bit.
+
+        Raises:
+            MppError: there is no such parameter, or it cannot have this value; nothing has changed then.
+        """
+        self._require_life()
+        self._runner.change({changes: value} if isinstance(changes, str) else dict(changes))
+
+    def parameter_change(self) -> AbstractContextManager[None]:
+        """A block in which parameters, fields or forces are replaced; an energy balance books the change of energy as work."""
+        self._require_life()
+        return self._runner.parameter_change()
+
+    def restart(self, *, as_written: bool = False) -> None:
+        """Go back to the start, and through all changes again; or, `as_written`, forget the changes, but for the sliders."""
+        self._require_life()
+        self._runner.restart_as_written() if as_written else self._runner.restart()
+
+    def mark(self) -> Mark:
+        """The state and its time, to `return_to`; good within the phase."""
+        self._require_life()
+        return self._runner.mark()
+
+    def return_to(self, mark: Mark) -> None:
+        """Go back, bit for bit, with all that the method and the contacts remember."""
+        self._require_life()
+        self._runner.return_to(mark)
+
+    def try_steps(self, steps: int, dt: float | None = None) -> bool:
+        """Advance without recorders and accounts, by steps of the run's dt or of another; False where the state is not sound.
+
+        A sound state has finite numbers only, and every implicit step that led to it was solved.
+        """
+        self._require_life()
+        return self._launches.try_steps(self.phase, steps, self.dt if dt is None else dt)
+
+    def bookmark(self) -> Bookmark:
+        """This moment with its parameters and accounts, to `go_back` to; good until a change replaces its kernels."""
+        self._require_life()
+        return self._runner.bookmark()
+
+    def go_back(self, bookmark: Bookmark) -> None:
+        """Go back to a moment, bit for bit, with its parameters; later changes are forgotten.
+
+        Raises:
+            MppError: a later change has replaced the kernels of that moment.
+        """
+        self._require_life()
+        self._runner.go_back(bookmark)
 
     # --- looking --------------------------------------------------------------------------------------------------------
 
-    @property
-    def surfaces(self) -> tuple[Surface, ...]:
-        """The walls' surfaces of the present phase, in the order of ContactReport.wall_impulse."""
-        return () if self.contacts is None else self.contacts.setup.enclosure.surfaces
+    def snapshot(self, replica: int = 0) -> Snapshot:
+        """Host copy of all particles now, float64 whatever the precision."""
+        self._require_life()
+        return self.phase.snapshot(self._clock, replica)
+
+    def snapshot_ahead(self, offset: float) -> Snapshot:
+        """The particles an `offset` < dt later, by the motion that the step goes on with: x + v offset, or along orbits."""
+        self._require_life()
+        return self.phase.snapshot_ahead(self._clock, offset)
+
+    def accelerations(self, snapshot: Snapshot | None = None) -> np.ndarray:
+        """Accelerations [length / time²] by the forces now, or where a snapshot of this phase is, (particle_count, 3).
+
+        Friction is included, and 0 stands along an axis that is held; contacts and walls, which act in an instant, are not.
+        """
+        self._require_life()
+        return self.phase.acceleration_meter.measure(self.snapshot() if snapshot is None else snapshot)
+
+    def mechanics(self) -> dict[str, Any]:
+        """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`."""
+        self._require_life()
+        return self._runner.mechanics()
 
     def diagnostics(self) -> dict[str, Any]:
-        """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`.
-
-        With an energy balance also dissipated_energy, work, energy_balance_residual and energy_turnover.
-        """
+        """As `mechanics`; with an energy balance also dissipated_energy, work, energy_balance_residual and energy_turnover."""
         found = self.mechanics()
         if self.energy_balance is not None:
-            found |= self.energy_balance.account(self, found["total_energy"])
+            found |= self.energy_balance.account(self._runner, found["total_energy"])
         return found
 
     def keep_energy_balance(self) -> "EnergyBalance":
         """From now on keep account of dissipated energy and work, step by step."""
-        from mpp_taichi.energy.energy_balance import EnergyBalance
-
         self._require_life()
-        self.energy_balance = EnergyBalance(self._power_meter())
-        return self.energy_balance
+        return self._accounts.keep_energy_balance(self.phase)
 
     def checkpoint(self, path: str | Path) -> None:
         """Write the state now to a `.npz` file, from which `start` or --rewind goes on; OutputError where that fails."""
         replace(self.snapshot(), dt=self.dt).save(path)
 
+    def picture(self, size: tuple[int, int] = (960, 540)) -> np.ndarray:
+        """The picture that a window would show now: red, green, blue as uint8, shape (height, width, 3)."""
+        from mpp_taichi.simulation import notebook
+
+        return notebook.picture(self, size)
+
+    def __repr__(self) -> str:
+        """Scene, time, size and method in one line."""
+        from mpp_taichi.simulation import notebook
+
+        return notebook.line(self)
+
+    def _repr_png_(self) -> bytes | None:
+        from mpp_taichi.simulation import notebook
+
+        return notebook.png(self)
+
+    def _repr_html_(self) -> str:
+        from mpp_taichi.simulation import notebook
+
+        return notebook.html(self)
+
+    # --- what runs: the scene and its phases -----------------------------------------------------------------------------
+
+    @property
+    def course(self) -> Course:
+        """The phases of the run, with the phase and the state that it began with; `set` replaces it."""
+        return self._runner.course
+
+    @property
+    def scene(self) -> SceneSpec:
+        """The whole scene, with its timeline and all that was set."""
+        return self._runner.course.scene
+
+    @property
+    def phases(self) -> tuple[Phase, ...]:
+        """Its phases; those before the first one of the course were never run."""
+        return self._runner.course.phases
+
+    @property
+    def start(self) -> Snapshot:
+        """The state the simulation began with, before rounding to the run's precision."""
+        return self._runner.course.start
+
+    @property
+    def phase_number(self) -> int:
+        """Number of the present phase."""
+        return self._runner.number
+
+    @property
+    def time_to_next_phase(self) -> float:
+        """Simulated time until the timeline changes something; infinite in the last phase."""
+        return self._runner.time_to_next_phase
+
+    @property
+    def phase(self) -> CompiledPhase:
+        """The present phase on its device."""
+        return self._runner.phase
+
+    @property
+    def spec(self) -> SceneSpec:
+        """The scene of the present phase."""
+        return self.phase.spec
+
+    @property
+    def plan(self) -> str:
+        """How a step is run: serial, parallel or replicas."""
+        return self.phase.plan
+
+    @property
+    def state(self) -> Any:
+        """The fields of the particles."""
+        return self.phase.state
+
+    @property
+    def total_force(self) -> Any:
+        """The sum of the forces."""
+        return self.phase.total_force
+
+    @property
+    def integrator(self) -> Any:
+        """The method."""
+        return self.phase.integrator
+
+    @property
+    def contacts(self) -> ContactSolver | None:
+        """The contact solver, where the scene has contacts."""
+        return self.phase.contacts
+
+    @property
+    def launcher(self) -> Any:
+        """The kind of step, as kernels that are launched."""
+        return self.phase.launcher
+
+    @property
+    def phase_work(self) -> list[float]:
+        """Energy that each change of the scene has put in, one number for each phase that has begun [energy]."""
+        return self._accounts.phase_work
+
+    @property
+    def phase_energy(self) -> float | None:
+        """Total energy that the last change has left; None in the first phase."""
+        return self._accounts.phase_energy
+
+    @property
+    def energy_balance(self) -> "EnergyBalance | None":
+        """Dissipated energy and work along the run, where they are kept."""
+        return self._accounts.energy_balance
+
+    @property
+    def solver_report(self) -> SolverReport:
+        """Counts of the solver of implicit steps."""
+        return self._accounts.solver_report
+
+    @property
+    def contact_report(self) -> ContactReport:
+        """Counts of the contacts."""
+        return self._accounts.contact_report
+
     # --- end ------------------------------------------------------------------------------------------------------------
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the particles are still there to be read and moved."""
+        return not self._closed and backends.is_alive(self.device)
+
+    def _require_life(self) -> None:
+        if not self.is_alive:
+            raise MppError(
+                "this simulation has ended: it was closed, another one started a different backend or precision, or the program"
+                " called ti.init or ti.reset"
+            )
+
+    def close(self) -> None:
+        """Give the device memory back."""
+        if not self._closed and backends.is_alive(self.device):
+            self._runner.compiled.destroy()
+            backends.release(self.device)
+        self._closed = True
 
     def __enter__(self) -> "Simulation":
         """Use as a context manager."""

@@ -26,7 +26,7 @@ STEPS_OF_ENDLESS_RUN = 10_000
 class Method(Protocol):
     """What is asked of an integrator."""
 
-    implicit: bool  # then stable for springs and drag of any strength
+    stable_for_any_stiffness: bool
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """Matrix of one step on an oscillator."""
@@ -241,7 +241,7 @@ def check_step(
 
 
 def _limit(method: Method, rates: list[Rates]) -> float:
-    if method.implicit:
+    if method.stable_for_any_stiffness:
         return math.inf
     return min((largest_stable_step(method.amplification, each.frequency, each.damping) for each in rates), default=math.inf)
 

@@ -3,8 +3,10 @@
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.forces._total_force import TotalForce
 from mpp_taichi.snapshot import MERGED_ARRAYS, Snapshot
-from mpp_taichi.step.stepper import Stepper
+from mpp_taichi.state.state import State
+from mpp_taichi.step.force_sum import ForceSum
 
 WRITTEN = ("position", "velocity", "position_low", "velocity_low", "acceleration", "jerk", "snap")
 """Fields that a look sets or a sum of forces writes."""
@@ -14,10 +16,9 @@ WRITTEN = ("position", "velocity", "position_low", "velocity_low", "acceleration
 class AccelerationMeter:
     """What the forces of a step make of a state, dv/dt = F / m, friction included; the state keeps every bit."""
 
-    def __init__(self, stepper: Stepper) -> None:
-        """Bind the step; nothing is compiled before the first look."""
-        self.stepper = stepper
-        self.state, self.total_force = stepper.state, stepper.total_force
+    def __init__(self, state: State, total_force: TotalForce, force_sum: ForceSum) -> None:
+        """Bind the parts of a step; nothing is compiled before the first measurement."""
+        self.state, self.total_force, self.force_sum = state, total_force, force_sum
         self.particle_count, self.dimensions = self.state.particle_count, self.state.dimensions
         names = (*WRITTEN, *(MERGED_ARRAYS if self.state.merges else ()))
         self._written = [getattr(self.state, name) for name in names if name in self.state.quantities]
@@ -34,7 +35,7 @@ class AccelerationMeter:
         if self.state.merges:
             self.state.write_spheres(snapshot)
         self.state.write(snapshot.position, snapshot.velocity)
-        self.stepper.sum_forces(self.total_force, snapshot.time)
+        self.force_sum.add_up(self.total_force, snapshot.time)
         found = np.empty(
             (self.particle_count, self.dimensions), np.float32 if self.state.position.dtype == ti.f32 else np.float64
         )

@@ -78,9 +78,9 @@ def largest_errors(name, columns=EVALUATIONS):
         for evaluations in columns:
             steps = evaluations // simulation.integrator.evaluations
             simulation.restart()
-            simulation.stepper.prepare(0.0)
+            simulation.launcher.prepare(0.0, 2.0 * math.pi / steps)
             meter.begin()
-            simulation.stepper.advance(0.0, 2.0 * math.pi / steps, ORBITS * steps, meter)
+            simulation.launcher.advance_metered(0.0, 2.0 * math.pi / steps, 0, ORBITS * steps, meter)
             errors.append(meter.largest[None])
     return np.array(errors)
 

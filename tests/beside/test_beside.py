@@ -19,12 +19,13 @@ from PIL import Image
 from test_video import decode
 
 import mpp_taichi as mpp
-from mpp_taichi.beside.film import ExactFilm
+from mpp_taichi.beside.film import ExactMoments
 from mpp_taichi.beside.half_frame import MomentReceiver, MomentSender
 from mpp_taichi.beside.settings import beside
 from mpp_taichi.beside.view import shortened
 from mpp_taichi.beside.wire import receive, send
 from mpp_taichi.cli.main import main
+from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.right_half import as_texts
 from mpp_taichi.start.assemble import assemble
@@ -155,7 +156,7 @@ def test_a_moment_is_put_together_from_what_has_changed():
     sizes = []
     for one, frame in zip((snapshot, snapshot, merged, merged), frames):
         before = stream.tell()
-        sender.send(one, frame)
+        sender.add(one, frame)
         sizes.append(stream.tell() - before)
     assert sizes[1] < 200 < sizes[0], "nothing but the time has changed"
     stream.seek(0)
@@ -168,16 +169,14 @@ def test_a_moment_is_put_together_from_what_has_changed():
         assert np.array_equal(found.place, one.position) and np.array_equal(found.present, one.present)
 
 
-class Kept(ExactFilm):
-    """A film that keeps the snapshots that it would draw."""
+class Kept:
+    """Keeps the snapshots of the frames of a film."""
 
-    def __init__(self, count, span):
-        super().__init__(None, (), count, span, stopwatch=lambda _: nullcontext())
-        self.kept = []
+    def __init__(self):
+        self.snapshots = []
 
-    def _show(self, simulation, snapshot):
-        self.kept.append(snapshot)
-        self.drawn_count += 1
+    def add(self, snapshot, frame):
+        self.snapshots.append(snapshot)
 
 
 BOUNCING = {
@@ -209,14 +208,16 @@ def test_moments_are_the_ends_of_plain_runs_and_change_no_bit(content):
             simulation.restart()
             plain.append(simulation.run(until=DURATION * number / (FRAMES - 1)).snapshot())
         simulation.restart()
-        film = Kept(FRAMES, DURATION)
+        kept = Kept()
+        given = {"moments": [kept], "between": ExactMoments(), "stopwatch": lambda _: nullcontext()}
+        film = FilmRecorder(None, (), FRAMES, DURATION, **given)
         simulation.run(until=DURATION, recorders=[film])
         film.finish(simulation)
         end = simulation.snapshot()
     assert np.array_equal(end.position, plain[-1].position) and np.array_equal(end.velocity, plain[-1].velocity)
-    for kept, expected in zip(film.kept, plain, strict=True):
+    for found, expected in zip(kept.snapshots, plain, strict=True):
         # The same steps, but for the last digit of the length of the last one.
-        np.testing.assert_allclose(kept.position, expected.position, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(found.position, expected.position, rtol=0, atol=1e-13)
 
 
 @pytest.mark.thorough

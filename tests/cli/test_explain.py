@@ -24,7 +24,7 @@ def profiled_loops(simulation):
     def loops(steps):
         ti.sync()
         program.clear_kernel_profiler()
-        simulation.stepper.advance(simulation.time, simulation.dt, steps)
+        simulation.launcher.advance(simulation.time, simulation.dt, 0, steps)
         ti.sync()
         program.update_kernel_profiler()
         return sum("range_for" in record.name for record in program.get_kernel_profiler_records())
@@ -52,20 +52,20 @@ COUNTED = ("leapfrog", "symplectic_euler", "velocity_verlet", "kahan_li6", "rk4"
 )
 def test_parallel_loops_are_those_that_the_profiler_counts(integrator, scene, profiler):
     with Simulation(scene(integrator=integrator), backend="cpu", plan="parallel") as simulation:
-        told = simulation.stepper.launches_per_step()
-        assert told is None if simulation.integrator.implicit else told == profiled_loops(simulation)
+        told = simulation.launcher.launches_per_step()
+        assert told is None if integrator in IMPLICIT else told == profiled_loops(simulation)
 
 
 @pytest.mark.thorough
 @pytest.mark.parametrize(("count", "loops"), [(600, 1), (1100, 1), (4200, 3)])
 def test_what_one_thread_does_before_another_is_awake_starts_no_parallel_loop(count, loops, profiler):
     with Simulation(cluster(count), backend="cpu", plan="parallel") as simulation:
-        assert simulation.stepper.launches_per_step() == profiled_loops(simulation) == loops
+        assert simulation.launcher.launches_per_step() == profiled_loops(simulation) == loops
 
 
 def test_a_serial_step_starts_no_parallel_loop(profiler):
     with Simulation(kepler(), backend="cpu", plan="serial") as simulation:
-        assert simulation.stepper.launches_per_step() == profiled_loops(simulation) == 0
+        assert simulation.launcher.launches_per_step() == profiled_loops(simulation) == 0
 
 
 @pytest.mark.thorough

@@ -9,7 +9,7 @@ from mpp_taichi.cli._session import run_scene
 from mpp_taichi.cli.explain import _share
 from mpp_taichi.cli.main import main
 from mpp_taichi.scene.load import load_scene
-from mpp_taichi.simulation import phases
+from mpp_taichi.simulation import refusals
 from scenes import kepler
 
 FALL = [{"uniform_gravity": {"acceleration": [0.0, -1.0, 0.0]}}]
@@ -85,8 +85,8 @@ def test_rates_that_overflow_are_refused_with_the_particle(scene, what, integrat
 
 def test_a_band_beyond_memory_or_index_is_refused_before_it_is_allocated(monkeypatch):
     with pytest.raises(CapacityError, match="band has 2,147,483,648 numbers.*conjugate_gradients"):
-        phases.check_room({"band": ("scalar", 2**31)}, dimensions=3, replica_count=1, on_cpu=False)
-    monkeypatch.setattr(phases, "available_bytes", lambda: 1000)
+        refusals.check_room({"band": ("scalar", 2**31)}, dimensions=3, replica_count=1, on_cpu=False)
+    monkeypatch.setattr(refusals, "available_bytes", lambda: 1000)
     direct = oscillator(stiffness=1.0) | {"integrator": {"implicit_midpoint": {"dt": 0.01, "solver": "direct"}}}
     with pytest.raises(CapacityError, match="work fields need"):
         Simulation(direct, backend="cpu")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import drift_particle, kick_particle
+from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle
 from mpp_taichi.cli._terminal import plain
 from mpp_taichi.compare import busy, neighbors, numpy_reference, numpy_steps, scaling, tree_forces, words
 from mpp_taichi.compare.certificate import Judge, verdict

@@ -123,7 +123,7 @@ def test_restitution_is_that_of_the_pair(solver):
         assert velocity == pytest.approx([0.25, 0.75, 0.05, 0.95], abs=1e-14)  # (1 ∓ e)/2
         lost = 0.25 * (1 - 0.5**2) + 0.25 * (1 - 0.9**2)  # ¼ m v² (1 − e²) of each
         assert run.contact_report.dissipated_energy == pytest.approx(lost, rel=1e-13)
-        assert not run.conserves_energy and run.gains_no_energy and run.conserves_momentum
+        assert not run.phase.conserves_energy and run.phase.gains_no_energy and run.phase.conserves_momentum
 
 
 @pytest.mark.sampled(4)

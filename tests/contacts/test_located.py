@@ -90,7 +90,7 @@ def test_the_floor_may_move():
         run.run(until=20.5)
         assert run.contact_report.wall_count == 10
         assert run.snapshot().position[0, 1] == pytest.approx(w * 20.5 + 0.1 + 0.75, abs=20 * 32.0 * EPSILON * 100.0)
-        assert not run.conserves_energy and not run.gains_no_energy
+        assert not run.phase.conserves_energy and not run.phase.gains_no_energy
 
 
 @pytest.mark.thorough

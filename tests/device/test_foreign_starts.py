@@ -31,7 +31,7 @@ INIT, RESET = "ti.init(arch=ti.cpu, default_fp=ti.f32, fast_math=True, log_level
 def run(code):
     """What a program prints; it ends in good order and says nothing else."""
     command = [sys.executable, "-c", BEGIN + code]
-    done = subprocess.run(command, cwd=ROOT / "tests", capture_output=True, text=True, timeout=200, check=False)
+    done = subprocess.run(command, cwd=ROOT / "tests" / "support", capture_output=True, text=True, timeout=200, check=False)
     assert done.returncode == 0 and not done.stderr, done.stderr[-2000:]
     return [line for line in done.stdout.splitlines() if not line.startswith("[Taichi]")]
 
@@ -78,8 +78,8 @@ calls = {{
     "mark": simulation.mark, "return_to": partial(simulation.return_to, mark), "bookmark": simulation.bookmark,
     "go_back": partial(simulation.go_back, bookmark), "try_steps": partial(simulation.try_steps, 1),
     "snapshot_ahead": partial(simulation.snapshot_ahead, 0.001), "checkpoint": partial(simulation.checkpoint, "no/where.npz"),
-    "set": partial(simulation.set, "integrator.dt", 0.01), "begin_anew": simulation.begin_anew, "picture": simulation.picture,
-    "keep_energy_balance": simulation.keep_energy_balance, "parameter_change": change,
+    "set": partial(simulation.set, "integrator.dt", 0.01), "picture": simulation.picture, "parameter_change": change,
+    "restart_as_written": partial(simulation.restart, as_written=True), "keep_energy_balance": simulation.keep_energy_balance,
 }}
 for name, call in calls.items():
     try:

@@ -10,7 +10,7 @@ import pytest
 from mpp_taichi import Simulation
 from mpp_taichi.device import backends
 from mpp_taichi.device.fast_taichi import large_pages
-from mpp_taichi.simulation import phases
+from mpp_taichi.simulation import compiled_phase
 
 SWITCH = Path("/sys/kernel/mm/transparent_hugepage/enabled")
 COUNT = 1 << 23
@@ -26,6 +26,7 @@ def in_large_pages():
     return 1024 * sum(int(kilobytes) for kilobytes in found)
 
 
+@pytest.mark.fast_taichi("large_pages")
 @pytest.mark.skipif(not linux_can_move_pages(), reason="this system does not move memory into large pages when asked")
 def test_fields_are_moved_into_large_pages_with_what_is_in_them():
     backends.start("cpu", "f64")
@@ -43,7 +44,7 @@ def test_fields_are_moved_into_large_pages_with_what_is_in_them():
 @pytest.mark.parametrize("side", [25, 26])
 def test_a_simulation_of_many_particles_asks_for_them(side, monkeypatch):
     asked = []
-    monkeypatch.setattr(phases, "use_large_pages", lambda: asked.append(True))
+    monkeypatch.setattr(compiled_phase, "use_large_pages", lambda: asked.append(True))
     lattice = {"shape": [side] * 3, "lower": [0, 0, 0], "upper": [1, 1, 1], "mass": 1.0}
     with Simulation({"particles": [{"lattice": lattice}], "integrator": {"leapfrog": {"dt": 0.01}}}, backend="cpu"):
         assert bool(asked) == (side**3 >= large_pages.MANY_PARTICLES)

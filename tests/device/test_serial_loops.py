@@ -6,7 +6,7 @@ import pytest
 from mpp_taichi.device import backends
 from mpp_taichi.device.fast_taichi.serial_loops import SerialLoops, loop_grain
 from mpp_taichi.simulation.simulation import Simulation
-from mpp_taichi.step import stepper
+from mpp_taichi.step import choose
 
 ti = backends.import_taichi()
 COUNT, WORK = 1 << 18, 50  # so much that another thread is awake long before the end, on a busy machine too
@@ -38,6 +38,7 @@ class Ticket:
             self.number[first + i] = ti.atomic_add(self.drawn[None], 1 if x >= 0.0 else 2)
 
 
+@pytest.mark.fast_taichi("serial_loops")
 def test_loops_run_in_order_and_so_do_those_of_functions():
     backends.start("cpu", "f64", threads=4)
     serial, parallel = Ticket(), Ticket()
@@ -61,8 +62,8 @@ def test_spheres_move_by_the_same_bits(solver, monkeypatch):
         "integrator": {"leapfrog": {"dt": 5e-3}},
     }
     ends, counts = [], []
-    for few in (stepper.FEW, 0):
-        monkeypatch.setattr(stepper, "FEW", few)
+    for few in (choose.FEW, 0):
+        monkeypatch.setattr(choose, "FEW", few)
         with Simulation(scene, backend="cpu", precision="f64", plan="parallel") as simulation:
             start = simulation.start
             simulation.state.write(start.position, np.random.default_rng(1).normal(size=start.position.shape))

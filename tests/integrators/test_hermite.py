@@ -66,7 +66,7 @@ def summed(scene, precision, shape):
     """What the forces of a scene give at its start, and the start."""
     plan = "serial" if shape == "serial" else "parallel"
     with Simulation(scene, backend="cpu", precision=precision, plan=plan) as simulation:
-        simulation.stepper.prepare(0.0)
+        simulation.launcher.prepare(0.0, simulation.dt)
         if shape == "gather":
             Gather(simulation).sum()
         found = [getattr(simulation.state, name).to_numpy().astype(float) for name in ("acceleration", "jerk", "snap")]

@@ -276,4 +276,5 @@ def test_the_amplification_matrix_is_what_a_step_does(name):
         before = states[begin] if method.derivatives else np.concatenate(states[begin::-1])
         expected = np.linalg.matrix_power(step, 4 - begin) @ before
         # Implicit methods solve their equations to 1e-12 of the way of a step.
-        np.testing.assert_allclose(states[4][:2], expected[:2], rtol=1e-13, atol=4e-12 if method.implicit else 1e-14)
+        solved = method.evaluations_per_step is None
+        np.testing.assert_allclose(states[4][:2], expected[:2], rtol=1e-13, atol=4e-12 if solved else 1e-14)

@@ -227,7 +227,7 @@ def test_sums_over_many_bodies_lose_nothing_in_ds(backend, request):
     force = {}
     for where, precision in (("cpu", "f64"), (backend, "f32"), (backend, "ds")):
         with Simulation(scene, backend=where, precision=precision, plan="parallel") as simulation:
-            simulation.stepper.prepare(0.0)
+            simulation.launcher.prepare(0.0, simulation.dt)
             force[precision] = simulation.state.acceleration.to_numpy().astype(np.float64)
     size = np.sqrt(np.mean(force["f64"] ** 2))
     error = {name: np.sqrt(np.mean((force[name] - force["f64"]) ** 2)) / size for name in ("f32", "ds")}

@@ -142,13 +142,13 @@ def test_the_error_follows_the_tolerance_and_no_kernel_is_compiled_for_it():
     with Simulation(taylor(scene), backend="cpu", precision="f64") as run:
         start, mark = run.snapshot(), run.mark()
         run.run()
-        kernels = run.stepper._advance_adaptive._primal.compiled_kernels
+        kernels = run.launcher._advance._primal.compiled_kernels
         compiled = len(kernels)
         tolerances, errors = 10.0 ** -np.arange(4, 11), []
         for tolerance in tolerances:
             run.integrator.tolerance = float(tolerance)
             run.return_to(mark)
-            run.stepper.prepare(0.0)
+            run.launcher.prepare(0.0, run.dt)
             run.run(until=10 * period)
             errors.append(np.abs(run.snapshot().position - start.position).max())
         assert len(kernels) == compiled == 1

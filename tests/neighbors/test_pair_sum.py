@@ -191,7 +191,7 @@ def test_forces_in_f32_are_right_to_5e_6_of_the_largest(backend, request):
     with Simulation(spec, backend=backend, precision="f32", plan="parallel") as simulation:
         from mpp_taichi.compare.felt_forces import FeltForces
 
-        found = FeltForces(simulation.state, simulation.total_force, simulation.stepper).measure(0.0)
+        found = FeltForces(simulation.state, simulation.total_force, simulation.launcher.force_sum).measure(0.0)
         position, _ = simulation.state.read()
         mass = simulation.state.mass.to_numpy()[: len(position)].astype(float)
     gravity = spec.forces[0].parameters

@@ -320,7 +320,7 @@ def test_a_cluster_keeps_its_energy_as_with_the_direct_sum():
         with Simulation(scene(solver), backend="cpu", precision="f64", threads=2) as simulation:
             energies = []
             for _ in range(2):
-                facts = simulation.energy_meter.mechanics(simulation.snapshot(), simulation.time)
+                facts = simulation.phase.energy_meter.mechanics(simulation.snapshot(), simulation.time)
                 energies.append(facts["total_energy"])
                 simulation.run()
             found[solver] = np.array(energies), simulation.plan
@@ -335,9 +335,9 @@ def test_the_great_ring_runs(request):
     path = request.config.root_folder / "scenes" / "large" / "great_ring.yaml"
     assert estimate(load_scene(path)).particle_count == 1_000_001
     with Simulation(path, backend="cpu", precision="f64", threads=2, overrides=["constants.count=5000"]) as simulation:
-        before = simulation.energy_meter.mechanics(simulation.snapshot(), simulation.time)["total_energy"]
+        before = simulation.phase.energy_meter.mechanics(simulation.snapshot(), simulation.time)["total_energy"]
         simulation.run()
-        after = simulation.energy_meter.mechanics(simulation.snapshot(), simulation.time)["total_energy"]
+        after = simulation.phase.energy_meter.mechanics(simulation.snapshot(), simulation.time)["total_energy"]
     assert abs(after / before - 1.0) < 1e-5
 
 

@@ -72,7 +72,9 @@ def test_moves_are_events_that_later_ones_and_restarts_respect():
         with mpp.Simulation(simulation.scene, backend="cpu", precision="f64") as again:
             assert np.array_equal(again.run(until=4.0).snapshot().position, seen.position)
             again.run(steps=1).set(FIELD, 2)
-            again.begin_anew()  # sliders stay, the way to them is forgotten: what remains is the scene's own, as it was read
+            again.restart(
+                as_written=True
+            )  # sliders stay, the way to them is forgotten: what remains is the scene's own, as it was read
             assert again.time == 0.0 and again.spec.forces[0].parameters["acceleration"][2] == 2.0
 
 
@@ -106,7 +108,7 @@ def test_steps_that_depend_on_time_are_the_same_in_launches_of_any_size():
             simulation.run(steps=steps)
         parts = simulation.snapshot()
         simulation.restart()
-        simulation._launch_steps = 200
+        simulation._launches.steps_of_next = 200
         simulation.run(steps=200)
         assert np.array_equal(simulation.snapshot().position, parts.position)
 
@@ -175,7 +177,7 @@ def test_moves_compile_nothing_and_their_log_repeats_every_bit(system, precision
         found = again.run().snapshot()
         assert (found.time, found.step) == (end.time, end.step)
         assert np.array_equal(found.position, end.position) and np.array_equal(found.velocity, end.velocity)
-        assert len(again._compiled) == 1, "all phases by the same kernels"
+        assert len(again._runner.compiled) == 1, "all phases by the same kernels"
 
 
 @pytest.mark.thorough
@@ -188,7 +190,7 @@ def test_a_number_that_is_loaded_gives_the_bits_of_one_that_is_compiled(tmp_path
     for name, kinds in (("live", 1), ("compiled", 4)):
         with mpp.Simulation(tmp_path / f"{name}.yaml", backend="cpu", precision="f32") as simulation:
             ends.append(simulation.run().snapshot().position)
-            assert len(simulation._compiled) == kinds
+            assert len(simulation._runner.compiled) == kinds
     assert np.array_equal(*ends)
 
 

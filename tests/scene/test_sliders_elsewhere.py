@@ -89,16 +89,16 @@ def test_a_move_while_it_runs_compiles_nothing_and_gives_the_bits_of_kernels_wit
         compilations.clear()
         simulation.set(move)
         moved = simulation.run(until=END).snapshot()
-        assert compilations == [] and len(simulation._compiled) == 1
+        assert compilations == [] and len(simulation._runner.compiled) == 1
         assert "contacts" not in scene or (before > 0 and (merges or met(simulation) > before)), "there was something to meet"
-        simulation.begin_anew()  # sliders stay
+        simulation.restart(as_written=True)  # sliders stay
         simulation.restart()
         assert compilations == []
     event = {"timeline": [{"at": MOVED, "set": move}]}
     fixed = {**scene, **event} if merges else {**scene, **event, "sliders": []}  # spheres that merge have no other timeline
     with mpp.Simulation(fixed, **how) as simulation:
         compiled = simulation.run(until=END).snapshot()
-        assert merges or len(simulation._compiled) == 2
+        assert merges or len(simulation._runner.compiled) == 2
     assert np.array_equal(moved.position, compiled.position) and np.array_equal(moved.velocity, compiled.velocity)
     with mpp.Simulation({**scene, "sliders": []}, **how) as simulation:
         assert not np.array_equal(moved.position, simulation.run(until=END).snapshot().position), "and it was moved"

@@ -245,7 +245,7 @@ def test_only_phases_that_conserve_energy_are_asked_to():
     table = TableRecorder(10)
     with Simulation(scene, backend="cpu") as simulation:
         simulation.run(recorders=[table])
-        assert simulation.conserves_energy and [each.effects for each in simulation.phases] == [
+        assert simulation.phase.conserves_energy and [each.effects for each in simulation.phases] == [
             ["linear_drag", "spring"],
             ["spring"],
         ]
@@ -409,7 +409,7 @@ def test_a_bad_timeline_is_refused_at_its_place_before_anything_runs(old, new, e
     path = tmp_path / "bad.yaml"
     path.write_text(GOOD.replace(old, new), encoding="utf-8")
     with pytest.raises(SceneError) as caught:
-        from mpp_taichi.simulation.phases import phases_of
+        from mpp_taichi.simulation.course import phases_of
 
         phases_of(load_scene(path))
     assert expected in str(caught.value)
@@ -434,7 +434,7 @@ def test_what_may_change_of_particles_keeps_their_places():
     scene["timeline"] = [
         {"at": 1, "set": {"particles[0].lattice.fixed": "none", "particles[0].lattice.mass": "size + 2", "forces": []}}
     ]
-    from mpp_taichi.simulation.phases import phases_of
+    from mpp_taichi.simulation.course import phases_of
 
     first, second = phases_of(load_scene(scene))
     assert np.array_equal(first.particles.position, second.particles.position)

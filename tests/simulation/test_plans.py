@@ -8,6 +8,7 @@ import pytest
 
 from mpp_taichi import Simulation, component
 from mpp_taichi.device.fast_taichi import lane_arithmetic
+from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
 from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.snapshot import Snapshot
 from scenes import KINDS_OF_STEP, cluster, everything, irregular_network, kepler
@@ -81,12 +82,12 @@ def test_steps_of_one_launch_that_share_a_loop_give_the_bits_of_single_ones(inte
     with Simulation(scene, backend="cpu", plan="parallel") as simulation:
         simulation.run(steps=1)
         start = simulation.mark()
-        simulation.stepper.advance(simulation.time, simulation.dt, 20)
+        simulation.launcher.advance(simulation.time, simulation.dt, 0, 20)
         together = simulation.snapshot()
         simulation.return_to(start)
-        simulation.stepper.prepare(simulation.time)
+        simulation.launcher.prepare(simulation.time, simulation.dt)
         for _ in range(20):
-            simulation.stepper.advance(simulation.time, simulation.dt, 1)
+            simulation.launcher.advance(simulation.time, simulation.dt, 0, 1)
         assert np.array_equal(simulation.snapshot().position, together.position)
         assert np.array_equal(simulation.snapshot().velocity, together.velocity)
         assert difference(simulation.start, together) > 0
@@ -100,9 +101,9 @@ def test_steps_of_many_bodies_that_share_a_loop_give_the_bits_of_single_ones(int
     ends = []
     for at_once in (12, 1):
         with Simulation(scene, backend="cpu", plan="parallel") as simulation:
-            simulation.stepper.prepare(0.0)
+            simulation.launcher.prepare(0.0, simulation.dt)
             for _ in range(12 // at_once):
-                simulation.stepper.advance(simulation.time, simulation.dt, at_once)
+                simulation.launcher.advance(simulation.time, simulation.dt, 0, at_once)
             ends.append(simulation.snapshot())
     assert np.array_equal(ends[0].position, ends[1].position) and np.array_equal(ends[0].velocity, ends[1].velocity)
     serial, growth = end_and_growth(scene, 12, "f64")
@@ -187,11 +188,11 @@ def test_a_step_in_explicit_vectors_has_the_bits_of_one_without(name, precision,
     scene = cluster(21, integrator=name)  # more than two tiles of f64, one and a part of f32
     scene["particles"][3]["body"]["free"] = [True, False, True]
     with Simulation(scene, backend="cpu", precision=precision, plan="serial") as simulation:
-        assert simulation.stepper.in_vectors
+        assert simulation.launcher.compiled is explicit_vectors
         start = simulation.start
         ends = [simulation.run(steps=20).snapshot()]
     with Simulation(scene, backend="cpu", precision=precision, replica_starts=[start] * 3) as ensemble:
-        assert ensemble.stepper.in_vectors
+        assert ensemble.launcher.compiled is explicit_vectors
         ends.append(ensemble.run(steps=20).snapshot(replica=2))
     monkeypatch.setattr(Integrator, "in_vectors", lambda *_: False)
     ends.append(end_of(scene, steps=20, backend="cpu", precision=precision, plan="serial"))

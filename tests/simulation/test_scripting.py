@@ -121,7 +121,9 @@ def test_what_cannot_be_set_is_named_and_changes_nothing(stone):
             stone.set(path, value)
         assert said in str(error.value) and path in str(error.value) and "\n" not in str(error.value)
         assert (stone.phases, stone.scene, stone.phase_work) == (phases, scene, [])
-    stone._plan_asked = "parallel"  # as if it had been asked for: ias15 has no such plan, which is found as it is built
+    stone._runner.compiled.plan_asked = (
+        "parallel"  # as if it had been asked for: ias15 has no such plan, which is found as it is built
+    )
     with pytest.raises(mpp.BackendError, match="no parallel plan"):
         stone.set("integrator", {"ias15": {"dt": 0.125}})
     stone.run(until=2.0)

@@ -56,16 +56,16 @@ def test_a_planted_nan_is_found_on_every_backend(backend, plan, request):
         request.getfixturevalue("software_vulkan")
     with Simulation(cluster(20), backend=backend, plan=plan) as simulation:
         simulation.run(steps=137)
-        assert simulation.stepper.first_bad_particle() == -1
+        assert simulation.launcher.first_bad_particle() == -1
         position, velocity = simulation.state.read()
         velocity[7, 1] = np.nan
         simulation.state.write(position, velocity)
-        assert simulation.stepper.first_bad_particle() == 7
+        assert simulation.launcher.first_bad_particle() == 7
         for place, value in ((position, np.inf), (position, np.nan), (velocity, -np.inf), (velocity, np.nan)):
             sound = place[3, 0]
             place[3, 0] = value
             simulation.state.write(position, velocity)
-            assert simulation.stepper.first_bad_particle() == 3
+            assert simulation.launcher.first_bad_particle() == 3
             place[3, 0] = sound
 
 
@@ -100,7 +100,7 @@ def test_software_vulkan_is_not_trusted_with_more_loop_iterations_than_it_makes(
     with Simulation(cluster(40), backend="vulkan", precision="f32", plan="serial") as simulation:
         limit = simulation.device.probes.loop_limit
         assert limit == 65535
-        assert simulation.launch_limit * simulation.stepper.loop_iterations_per_step() <= limit
+        assert simulation.phase.launch_limit * simulation.launcher.loop_iterations_per_step() <= limit
         simulation.run(steps=300)
         end = simulation.snapshot()
     with Simulation(cluster(40), backend="cpu", precision="f32", plan="serial") as simulation:

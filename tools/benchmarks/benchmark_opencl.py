@@ -78,7 +78,8 @@ class Ours:
     """The program's own step."""
 
     def __init__(self, spec, start, device):
-        from mpp_taichi.simulation.phases import CompiledPhase, Phase
+        from mpp_taichi.simulation.compiled_phase import CompiledPhase
+        from mpp_taichi.simulation.course import Phase
 
         phase = Phase(-np.inf, spec, start, {})
         self.compiled = CompiledPhase(phase, device, plan="auto", replica_starts=(), event_log=False)
@@ -88,11 +89,11 @@ class Ours:
     def restart(self):
         """Go back to the start."""
         self.compiled.state.write(self.start.position, self.start.velocity)
-        self.compiled.stepper.prepare(0.0)
+        self.compiled.launcher.prepare(0.0, self.dt)
 
     def advance(self, steps):
         """Run steps."""
-        self.compiled.stepper.advance(0.0, self.dt, steps)
+        self.compiled.launcher.advance(0.0, self.dt, 0, steps)
 
     def positions(self):
         """Where the particles are."""
@@ -100,7 +101,7 @@ class Ours:
 
     def accelerations(self):
         """Of all forces at the start."""
-        self.compiled.stepper.launch_force(self.compiled.total_force, 0.0)
+        self.compiled.launcher.force_sum.add_up(self.compiled.total_force, 0.0)
         return self.compiled.state.acceleration.to_numpy().astype(np.float64)
 
     def close(self):

@@ -51,14 +51,14 @@ def measure(scene, repeats):
     for plan, simulation in ready.items():
         simulation.run(steps=3)
         began = time.perf_counter()
-        simulation.stepper.advance(0.0, simulation.dt, 20)
+        simulation.launcher.advance(0.0, simulation.dt, 0, 20)
         counts[plan] = max(5, min(20_000, int(0.05 / max((time.perf_counter() - began) / 20, 1e-7))))
     for _ in range(repeats):
         for plan, simulation in ready.items():
             began = time.perf_counter()
-            simulation.stepper.advance(0.0, simulation.dt, counts[plan])
+            simulation.launcher.advance(0.0, simulation.dt, 0, counts[plan])
             seconds[plan].append((time.perf_counter() - began) / counts[plan])
-    work = ready["serial"].step_work
+    work = ready["serial"].phase.work
     for simulation in ready.values():
         simulation.close()
     return {"work": work} | {plan: float(np.median(times)) * 1e6 for plan, times in seconds.items()}

@@ -58,10 +58,10 @@ def energy_error(simulation, span, steps, turn):
     matrix = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
     simulation.restart()
     simulation.state.write(simulation.start.position @ matrix, simulation.start.velocity @ matrix)
-    simulation.stepper.prepare(0.0)
+    simulation.launcher.prepare(0.0, span / steps)
     first, worst = simulation.mechanics()["total_energy"], 0.0
     for _ in range(min(LOOKS, steps)):
-        simulation.stepper.advance(0.0, span / steps, steps // min(LOOKS, steps))
+        simulation.launcher.advance(0.0, span / steps, 0, steps // min(LOOKS, steps))
         worst = max(worst, abs(simulation.mechanics()["total_energy"] / first - 1))
     return worst
 
@@ -82,11 +82,11 @@ def work(pipe, count, precision, threads):
                 pipe.send(float(np.sqrt(np.mean(np.square(errors)))))
             else:
                 simulation.restart()
-                simulation.stepper.prepare(0.0)
-                simulation.stepper.advance(0.0, dt, 1)
+                simulation.launcher.prepare(0.0, dt)
+                simulation.launcher.advance(0.0, dt, 0, 1)
                 synchronise()
                 began = time.perf_counter()
-                simulation.stepper.advance(0.0, dt, -steps)
+                simulation.launcher.advance(0.0, dt, 0, -steps)
                 synchronise()
                 pipe.send((time.perf_counter() - began) / -steps)
 

@@ -65,7 +65,7 @@ def composed(position, velocity, mass):
 
     simulation = Simulation(scene_of(position, velocity, mass), backend="cpu", precision="f64", plan="serial")
     simulation.run(steps=1)
-    return lambda: simulation.stepper.advance(0.0, DT, steps_of(len(mass))), lambda: simulation.snapshot().position
+    return lambda: simulation.launcher.advance(0.0, DT, 0, steps_of(len(mass))), lambda: simulation.snapshot().position
 
 
 def hand_written(position, velocity, mass):

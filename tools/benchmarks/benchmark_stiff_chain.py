@@ -87,11 +87,11 @@ def seconds_of(simulation, steps):
     """Time of one period, without any look at the state on the way."""
     simulation.dt = PERIOD / steps
     simulation.restart()
-    simulation.stepper.prepare(0.0)
-    simulation.stepper.first_bad_particle()
+    simulation.launcher.prepare(0.0, simulation.dt)
+    simulation.launcher.first_bad_particle()
     began = time.perf_counter()
-    simulation.stepper.advance(0.0, simulation.dt, steps)
-    simulation.stepper.first_bad_particle()
+    simulation.launcher.advance(0.0, simulation.dt, 0, steps)
+    simulation.launcher.first_bad_particle()
     return time.perf_counter() - began
 
 

@@ -147,9 +147,9 @@ class Ours:
         for name, value in setting.items():
             setattr(simulation.integrator, name, value)
         simulation.restart()
-        simulation.stepper.prepare(0.0)
+        simulation.launcher.prepare(0.0, span / steps)
         began = time.process_time()
-        simulation.stepper.advance(0.0, span / steps, steps)
+        simulation.launcher.advance(0.0, span / steps, 0, steps)
         return time.process_time() - began
 
     def run(self, steps, setting):

@@ -78,7 +78,7 @@ def summation(repeats):
         }
         for precision in PRECISIONS:
             with Simulation(scene, backend="cpu", precision=precision, plan="parallel") as simulation:
-                seconds = timed(lambda sim=simulation: sim.stepper.prepare(0.0), repeats)
+                seconds = timed(lambda sim=simulation: sim.launcher.prepare(0.0, sim.dt), repeats)
                 found = simulation.state.acceleration.to_numpy()
             error = (
                 np.linalg.norm((found - truth).astype(float), axis=1).max() / np.linalg.norm(truth.astype(float), axis=1).max()

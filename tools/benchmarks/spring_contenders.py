@@ -97,7 +97,7 @@ class Ours:
         from mpp_taichi.integrators.leapfrog import Leapfrog
         from mpp_taichi.state.state import State
         from mpp_taichi.step import plans
-        from mpp_taichi.step.stepper import Stepper
+        from mpp_taichi.step.choose import launcher_for
 
         total = TotalForce((Spring(damping="axial" if damped else "none"),), snapshot.particle_count, 3)
         integrator = Leapfrog(dt=DT)
@@ -107,11 +107,11 @@ class Ours:
         self.plan = plans.choose(amount, on_cpu=True, replica_count=1)
         work = integrator.work_fields(total, snapshot, plan=self.plan, on_cpu=True)
         self.state = State(snapshot, dimensions=3, needs=total.needs, scratch_count=scratch, streaming=False, work=work)
-        self.stepper = Stepper(self.state, total, integrator, plan=self.plan, on_cpu=True)
+        self.launcher = launcher_for(self.state, total, integrator, plan=self.plan, on_cpu=True)
 
     def advance(self, steps):
         """Run steps."""
-        self.stepper.advance(0.0, DT, steps)
+        self.launcher.advance(0.0, DT, 0, steps)
 
     def restart(self):
         """Go back to the start."""

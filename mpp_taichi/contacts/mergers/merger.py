@@ -171,4 +171,4 @@ class Merger:
     @ti.func
     def _between(self, i, x_i, k, x_k):
         separation = ti.cast(x_k, self.wide) - ti.cast(x_i, self.wide)
-        return self.forces.pairs.potential_between(self.state, i, k, separation)
+        return self.forces.pair_sum.potential_between(self.state, i, k, separation)

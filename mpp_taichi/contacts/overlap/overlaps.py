@@ -105,7 +105,7 @@ class Overlaps:
     def _note_run(self, x, reach, slot, _, begin, end):
         for other in range(begin, end):
             together = reach + self.grid.sorted_reach[other]
-            if self.grid._square_distance(x, self.grid.sorted_position[other]) <= together * together:
+            if self.grid.square_distance(x, self.grid.sorted_position[other]) <= together * together:
                 self._note(slot, other, 0.0, 0.0)
         return slot
 

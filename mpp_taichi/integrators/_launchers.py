@@ -1,0 +1,23 @@
+"""Launchers: by which launchers of `step/` a family of methods is run. Host side; no Taichi."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Launchers:
+    """What `step/choose.py` has to know of a family of methods, and nothing else reads.
+
+    serial, replicas, parallel   the file of `step/` whose launcher runs the family under that plan; empty: there is no such
+                                 plan. `parallel` alone stands for the three launchers of methods that are made of stages
+    quickly    the kernels are long, and are compiled without Taichi's own optimisation (see quick_compilation.py)
+    vectors    the step reads and writes vectors by components, so that it can be compiled together with the sum over pairs in
+               explicit vectors (see explicit_vectors.py)
+    cpu_only   other backends lack something that the step needs: loops without a bound, or integers of 64 bits
+    """
+
+    serial: str = "serial"
+    replicas: str = "replicas"
+    parallel: str = "parallel"
+    quickly: bool = False
+    vectors: bool = False
+    cpu_only: bool = False

@@ -1,0 +1,299 @@
+"""Compiled phase: the step of a phase on a device, with its fields, forces and method under one plan."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mpp_taichi import component
+from mpp_taichi.contacts._base import ContactSolver
+from mpp_taichi.device import backends
+from mpp_taichi.device.backends import Device
+from mpp_taichi.device.fast_taichi.large_pages import MANY_PARTICLES, use_large_pages
+from mpp_taichi.errors import BackendError, CapacityError
+from mpp_taichi.precision import carries_low_parts
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.simulation import refusals
+from mpp_taichi.simulation.clock import Clock
+from mpp_taichi.simulation.course import Phase
+from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.start.contact_setup import contact_setup
+from mpp_taichi.walls._base import Surface
+
+if TYPE_CHECKING:
+    from mpp_taichi.energy.energy_meter import PowerMeter
+    from mpp_taichi.step.acceleration import AccelerationMeter
+
+
+@dataclass(frozen=True, eq=False)
+class SavedFields:
+    """The state of a phase, bit for bit, with all that its method and its contacts remember."""
+
+    arrays: tuple[np.ndarray, ...]
+    prepared: bool
+
+
+class CompiledPhase:
+    """A phase on a device, ready to step; its kernels are compiled when they first run.
+
+    `phase` is the phase whose numbers it has now: phases between which only sliders move share one of these.
+
+    Raises:
+        MppError: the phase cannot run on this device, under this plan or in this precision; see `refusals`.
+    """
+
+    def __init__(
+        self, phase: Phase, device: Device, *, plan: str, replica_starts: tuple[Snapshot, ...], event_log: bool
+    ) -> None:
+        """Import the components that the phase names, allocate its fields and fill them."""
+        # Taichi code is imported here and not before, and only the components that the scene names.
+        from mpp_taichi.energy.energy_meter import EnergyMeter
+        from mpp_taichi.forces._total_force import TotalForce, compose
+        from mpp_taichi.state.live_parameters import LiveParameters
+        from mpp_taichi.step.choose import launcher_for, settle_plan
+
+        spec, start = phase.spec, phase.particles
+        self.phase, self.device, self.replica_starts = phase, device, replica_starts
+        self.work = phase.work
+        self.integrator = component.build("integrators", spec.integrator.name, spec.integrator.parameters)
+        self.live = LiveParameters(spec.forces, compose(spec, start))
+        self.total_force = TotalForce(
+            self.live.forces,
+            start.particle_count,
+            spec.dimensions,
+            merges=start.merged_into is not None,
+            derivatives=self.integrator.derivatives,
+        )
+        refusals.check_sines(spec, self.total_force.forces, device)
+        self.replica_count = max(1, len(replica_starts))
+        self.plan = settle_plan(
+            plan,
+            name=spec.integrator.name,
+            integrator=self.integrator,
+            total_force=self.total_force,
+            device=device,
+            work=self.work,
+            replica_count=self.replica_count,
+        )
+        self.contacts, self.state = self._allocate(event_log)
+        if any(target.kind == "springs" for slider in spec.sliders for target in slider.targets):
+            self.state.write_springs(start)  # so that the kernels that write them are compiled before a slider moves
+        if self.contacts is not None:
+            self.contacts.bind(contact_setup(spec, start, force_free=not self.total_force.forces), self.state)
+        self.launcher = launcher_for(
+            self.state, self.total_force, self.integrator, plan=self.plan, on_cpu=device.on_cpu, contacts=self.contacts
+        )
+        self.energy_meter = EnergyMeter(self.state, self.total_force)
+        self.launch_limit = self._steps_per_launch()
+        self.prepared = False  # whether the next step finds in the state the forces or the history that it begins with
+        if device.on_cpu and start.particle_count >= MANY_PARTICLES:
+            use_large_pages()
+
+    def _allocate(self, event_log: bool) -> tuple[ContactSolver | None, Any]:
+        """The contact solver, if the scene has one, and the state with every field that the step works with."""
+        from mpp_taichi.state.state import State
+
+        spec, start, device, integrator = self.spec, self.particles, self.device, self.integrator
+        fields = integrator.work_fields(self.total_force, start, plan=self.plan, on_cpu=device.on_cpu)
+        scratch_count = integrator.scratch_count(self.total_force.depends_on_velocity)
+        if carries_low_parts(device.precision):
+            refusals.check_low_parts(spec, integrator, device.precision)
+            scratch_count += integrator.low_scratch_count()
+            fields = {**fields, "step_parts": ("pair", len(integrator.step_numbers(1.0)))}
+        solver = self._contact_solver(event_log) if spec.contacts is not None else None
+        if solver is not None:
+            fields = {**fields, **solver.work_fields(start.particle_count)}
+        sizes = {"dimensions": spec.dimensions, "replica_count": self.replica_count}
+        refusals.check_room(fields, **sizes, on_cpu=device.on_cpu)
+        state = State(
+            start,
+            **sizes,
+            needs=self.total_force.needs,
+            scratch_count=scratch_count,
+            streaming=self.total_force.has_pairs,
+            wide=backends.widest_float(device),
+            work=fields,
+            memory=(*integrator.memory, *(solver.memory if solver is not None else ())),
+            precision=device.precision,
+            guards_rounding=not device.probes.compensation,
+        )
+        return solver, state
+
+    def _contact_solver(self, event_log: bool) -> ContactSolver:
+        """The contact solver of the scene, not yet bound to its spheres."""
+        if self.plan == "replicas":
+            raise BackendError("the plan replicas has no contacts; run one copy of the scene")
+        assert self.spec.contacts is not None
+        name, parameters = self.spec.contacts.solver.name, self.spec.contacts.solver.parameters
+        solver: ContactSolver = component.build("contacts", name, parameters)
+        refusals.check_contacts(self.spec, solver, self.particles.particle_count, device=self.device, logs=event_log)
+        solver.logs = event_log
+        solver.forces, solver.integrator = self.total_force, self.integrator
+        return solver
+
+    def _steps_per_launch(self) -> int:
+        """Most steps that one launch may hold: software Vulkan stops the loops of a thread and says nothing."""
+        limit = self.device.probes.loop_limit
+        if limit is None:
+            return 2**31 - 1
+        in_one_launch = self.plan != "parallel"
+        longest = self.launcher.loop_iterations_per_step() if in_one_launch else self.total_force.longest_loop
+        if longest > limit:
+            raise CapacityError(
+                f"this device ({self.device.name}) stops a kernel thread after {limit:,} loop iterations, and one step of "
+                f"{self.state.particle_count:,} particles under the {self.plan} plan needs {longest:,}; "
+                "use --backend cpu or another plan"
+            )
+        return limit // longest if in_one_launch else 2**31 - 1
+
+    @property
+    def spec(self) -> SceneSpec:
+        """The scene of the phase."""
+        return self.phase.spec
+
+    @property
+    def particles(self) -> Snapshot:
+        """The particles of the phase, placed as at the start of the run."""
+        return self.phase.particles
+
+    @property
+    def surfaces(self) -> tuple[Surface, ...]:
+        """The surfaces of the walls, in the order of ContactReport.wall_impulse."""
+        return () if self.contacts is None else self.contacts.setup.enclosure.surfaces
+
+    # --- the state ------------------------------------------------------------------------------------------------------
+
+    def adopt(self, phase: Phase) -> None:
+        """Take the numbers of another phase that has the same kernels."""
+        if phase is self.phase:
+            return
+        self.live.write(phase.spec.forces)
+        if phase.particles.springs is not self.phase.particles.springs:
+            self.state.write_springs(phase.particles)
+        self.phase = phase
+
+    def place(self, start: Snapshot, dt: float) -> None:
+        """Put all particles where a snapshot has them, or each replica where its own start has them, for steps of `dt`."""
+        if self.replica_starts:
+            position = np.concatenate([each.position for each in self.replica_starts])
+            velocity = np.concatenate([each.velocity * each.free for each in self.replica_starts])
+        else:
+            position, velocity = start.position, start.velocity * start.free
+            if self.state.merges:
+                self.state.write_spheres(start)
+        self.state.write(position, velocity)
+        self._begin_afresh(dt)
+
+    def take_over(self, earlier: "CompiledPhase", dt: float) -> None:
+        """Go on from the state of an earlier phase, bit for bit, with steps of `dt`; an axis that is held from now on stops."""
+        if earlier is not self:
+            self.state.take_over(earlier.state, self.particles.free)
+        self._begin_afresh(dt)
+
+    def _begin_afresh(self, dt: float) -> None:
+        """Round positions and velocities as the method has them, and forget forces and history."""
+        self.integrator.adopt(self.state, dt)
+        self._forget()
+
+    def _forget(self) -> None:
+        self.prepared = False
+        self.launcher.collect()  # counts of earlier steps do not belong to later ones
+
+    def save(self) -> SavedFields:
+        """The state now, for `restore`."""
+        return SavedFields(self.state.save(), self.prepared)
+
+    def restore(self, saved: SavedFields) -> None:
+        """Go back to a state. The history of a method was saved with it; forces that other methods keep are computed anew."""
+        self.state.restore(saved.arrays)
+        self._forget()
+        if self.integrator.memory:
+            self.prepared = saved.prepared
+        self.launcher.clear_trouble()
+
+    # --- steps ----------------------------------------------------------------------------------------------------------
+
+    def prepare(self, clock: Clock) -> None:
+        """Compute the forces and the history that the next step begins with, unless they are there."""
+        if not self.prepared:
+            self.launcher.prepare(clock.time, clock.dt)
+            self.prepared = True
+
+    def snapshot(self, clock: Clock, replica: int = 0) -> Snapshot:
+        """Host copy of all particles now, in float64 whatever the precision is."""
+        position, velocity = self.state.read(replica)
+        found = self.particles.moved(position=position, velocity=velocity, time=clock.time, step=clock.step_count)
+        return replace(found, **self.state.read_spheres(self.particles)) if self.state.merges else found
+
+    def snapshot_ahead(self, clock: Clock, offset: float) -> Snapshot:
+        """The particles at a time `offset` < dt after now: at x + v offset, or along the orbits that the method drifts on."""
+        if self.launcher.moves_between_steps and offset != 0.0:
+            saved = self.save()
+            if not self.prepared:
+                self.launcher.prepare(clock.time, clock.dt)
+            self.launcher.look_ahead(clock.dt, offset / clock.dt)
+            found = self.snapshot(clock)
+            self.restore(saved)
+            return found.moved(position=found.position, velocity=found.velocity, time=clock.time + offset, step=found.step)
+        now = self.snapshot(clock)
+        place = now.position + now.velocity * offset
+        return now.moved(position=place, velocity=now.velocity, time=clock.time + offset, step=now.step)
+
+    # --- meters ---------------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def acceleration_meter(self) -> "AccelerationMeter":
+        """Meter of the accelerations by these forces; its kernels are compiled when it first measures."""
+        from mpp_taichi.step.acceleration import AccelerationMeter  # needed by few runs
+
+        return AccelerationMeter(self.state, self.total_force, self.launcher.force_sum)
+
+    def power_meter(self) -> "PowerMeter":
+        """A new meter of the powers of these forces, for an energy balance."""
+        from mpp_taichi.energy.energy_meter import PowerMeter
+
+        # A serial launch on a device that limits its loops has no room for the loops of the meter.
+        in_kernel = self.plan == "serial" and self.contacts is None and self.device.probes.loop_limit is None
+        return PowerMeter(self.state, self.total_force, in_kernel=in_kernel)
+
+    # --- what stays constant --------------------------------------------------------------------------------------------
+
+    @property
+    def conserves_energy(self) -> bool:
+        """Whether every force has a potential and no contact takes energy, so that the total energy is constant."""
+        return self.total_force.conserves_energy and (self.contacts is None or self.contacts.conserves_energy)
+
+    @property
+    def gains_no_energy(self) -> bool:
+        """Whether no force and no contact adds energy, so that the total energy does not grow."""
+        return self.total_force.gains_no_energy and (self.contacts is None or self.contacts.gains_no_energy)
+
+    @property
+    def conserves_momentum(self) -> bool:
+        """Whether particles act on each other only, along the line between them, so that the total momentum is constant.
+
+        An external force changes the momentum, and so do walls and an axis that is held.
+        """
+        held = not self.particles.free[:, : self.spec.dimensions].all()
+        return not self.total_force.external and not held and not self.surfaces
+
+    @property
+    def conserves_angular_momentum(self) -> bool:
+        """Whether the total angular momentum is constant.
+
+        It is not in a periodic box, through whose faces particles act along another line, and not where spheres merge, which
+        keep no spin.
+        """
+        periodic = self.contacts is not None and any(self.contacts.setup.enclosure.period)
+        return self.conserves_momentum and not periodic and not self.state.merges
+
+    # --- end ------------------------------------------------------------------------------------------------------------
+
+    def destroy(self) -> None:
+        """Give the device memory back."""
+        self.live.destroy()
+        if self.contacts is not None:
+            self.contacts.destroy()
+        self.total_force.destroy()
+        self.state.destroy()

@@ -1,0 +1,89 @@
+"""Refusals: the reasons why a phase cannot be compiled for a device, a plan or a precision, each an error of one line."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from mpp_taichi.contacts._base import ContactSolver
+from mpp_taichi.device.backends import Device
+from mpp_taichi.errors import CapacityError, PrecisionError, SceneError, UnsupportedError
+from mpp_taichi.precision import forces_see_low_parts
+from mpp_taichi.scene.estimate import LARGEST_COUNT, available_bytes
+from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.tree_checks import tree_of
+
+NUMBERS_PER_ENTRY = {"scalar": 1, "wide": 1, "index": 0.5, "pair": 2, "wide_pair": 2, "vector4": 4, "vector8": 8}
+"""Numbers of the size of an f64 in one entry of a work field, by the kind of the field."""
+
+
+def check_contacts(spec: SceneSpec, solver: ContactSolver, count: int, *, device: Device, logs: bool) -> None:
+    """Refuse a contact solver on a device, or a log of events, that it does not have.
+
+    Raises:
+        UnsupportedError: the solver runs on the CPU only, or elsewhere with fewer spheres only.
+        SceneError: a log of events is asked for, and the solver keeps none.
+    """
+    assert spec.contacts is not None
+    name = spec.contacts.solver.name
+    if not device.on_cpu and solver.in_turn:
+        raise UnsupportedError(
+            f"the contact solver {name} runs on the CPU only, not on {device.backend}: {solver.in_turn}; use --backend cpu, "
+            "or solver: pairwise"
+        )
+    if not device.on_cpu and solver.most_elsewhere is not None and count > solver.most_elsewhere:
+        raise UnsupportedError(
+            f"the contact solver {name} takes up to {solver.most_elsewhere} spheres on {device.backend}, and here are {count}: "
+            "more of them run on the CPU only; use --backend cpu, or solver: pairwise"
+        )
+    if logs and not solver.can_log:
+        raise SceneError(f"{spec.contacts.solver.location}: {name} keeps no log of events, allowed: event_driven, merging")
+
+
+def check_sines(spec: SceneSpec, forces: Sequence[Any], device: Device) -> None:
+    """Refuse forces with a sine under f64 on Vulkan, whose kernels have the sine in f32 only.
+
+    Raises:
+        PrecisionError: such a force is there.
+    """
+    for entry, force in zip(spec.forces, forces):
+        if force.takes_sine and device.backend == "vulkan" and device.precision == "f64":
+            raise PrecisionError(
+                f"{entry.name} takes a sine, which vulkan has in f32 alone; use --precision f32 or --backend cpu"
+            )
+
+
+def check_low_parts(spec: SceneSpec, integrator: Any, precision: str) -> None:
+    """Refuse a precision with low parts where a method, a contact solver or a tree does not carry them.
+
+    Raises:
+        PrecisionError: such a component is there.
+    """
+    refused = None if integrator.takes_low_parts else f"the method {spec.integrator.name}"
+    if spec.contacts is not None:
+        refused = f"the contact solver {spec.contacts.solver.name}"
+    if tree_of(spec) is not None and forces_see_low_parts(precision):
+        refused = "newtonian_gravity with solver: tree"
+    if refused:
+        raise PrecisionError(f"{refused} does not carry low parts, so it cannot run in {precision}; use f64 or f32")
+
+
+def check_room(fields: Mapping[str, tuple[str, int]], *, dimensions: int, replica_count: int, on_cpu: bool) -> None:
+    """Refuse work fields that have more numbers than an index can count, or need more memory than is left.
+
+    Only the band of `solver: direct` grows faster than the scene: n w numbers for n unknowns of half-bandwidth w. Every number
+    is counted as an f64.
+
+    Raises:
+        CapacityError: the fields are too large.
+    """
+    numbers = {**NUMBERS_PER_ENTRY, "vector": dimensions, "lattice": dimensions, "matrix": dimensions**2}
+    needed = {name: count * replica_count * numbers[kind] for name, (kind, count) in fields.items()}
+    largest = max(needed, key=lambda name: needed[name], default="")
+    hint = "; solver: conjugate_gradients needs none of it" if largest == "band" else ""
+    if largest and needed[largest] > LARGEST_COUNT:
+        raise CapacityError(f"the work field {largest} has {needed[largest]:,.0f} numbers, allowed: {LARGEST_COUNT:,}{hint}")
+    free, total = available_bytes(), 8 * sum(needed.values())
+    if on_cpu and free is not None and total > free:
+        raise CapacityError(
+            f"the integrator's work fields need {total / 2**30:.3g} GiB, most of it for {largest}; "
+            f"this machine has {free / 2**30:.3g} GiB available{hint}"
+        )

@@ -1,0 +1,80 @@
+"""Run loop: launches between the looks of recorders, through one phase after another."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from mpp_taichi.simulation.phase_runner import PhaseRunner
+from mpp_taichi.simulation.recorder import Recorder
+from mpp_taichi.simulation.run_length import steps_to
+from mpp_taichi.simulation.watched_launches import WatchedLaunches
+
+
+class RunLoop:
+    """Runs a simulation for a while: asks recorders when they are due, steps that far at most, and lets them look.
+
+    `simulation` is handed to the recorders; `require_life` raises where the simulation cannot go on.
+    """
+
+    def __init__(
+        self,
+        simulation: Any,
+        runner: PhaseRunner,
+        launches: WatchedLaunches,
+        recorders: Sequence[Recorder],
+        require_life: Callable[[], None],
+    ) -> None:
+        """Bind the parts; nothing runs yet."""
+        self._simulation, self._runner, self._launches, self._recorders = simulation, runner, launches, recorders
+        self._require_life = require_life
+        self._clock, self._accounts = runner.clock, runner.accounts
+
+    def run(self, span: float, steps: float, end: float) -> None:
+        """Go on for the time `span`, to the time `end`, or for so many steps where that is less.
+
+        Raises:
+            StabilityError: the springs do not allow the step, or a number is no longer finite.
+        """
+        self._check_step(span, steps)
+        if self._accounts.energy_balance is not None:
+            self._accounts.energy_balance.look(self._runner)
+        self._notify()
+        while True:
+            ahead = self._runner.time_to_next_phase
+            whole, rest, ends_early = steps_to(span, steps, ahead, self._clock.dt)
+            self._step(int(whole), rest)
+            if ends_early or span < ahead or ahead == math.inf:
+                return
+            steps -= whole + (rest > 0.0)
+            self._runner.begin(self._runner.number + 1)
+            span = end - self._clock.time  # the difference, so that the last step has the bits of a run that begins here
+            self._check_step(span, steps)
+            self._notify()
+
+    def _check_step(self, span: float, steps: float) -> None:
+        whole, rest, _ = steps_to(span, steps, self._runner.time_to_next_phase, self._clock.dt)
+        if whole or rest:
+            self._runner.guard.check(self._clock.dt, int(whole) + (rest > 0.0))
+
+    def _step(self, whole: int, rest: float) -> None:
+        """So many whole steps, and one of the length `rest` unless that is 0."""
+        last = self._clock.step_count + whole
+        while self._clock.step_count < last:
+            due = min([recorder.steps_until_due(self._simulation) for recorder in self._recorders], default=last)
+            most = min(due, last - self._clock.step_count, self._launches.longest(self._runner.phase))
+            self._advance(max(1, most), self._clock.dt)
+            self._notify()
+        if rest > 0.0:
+            self._advance(1, rest)
+            self._notify()
+
+    def _advance(self, steps: int, dt: float) -> None:
+        self._require_life()  # a recorder may have closed the simulation, or started Taichi for itself
+        self._launches.advance(self._runner.phase, steps, dt)
+        if self._accounts.energy_balance is not None:
+            self._accounts.energy_balance.follow(self._runner, steps, dt)
+
+    def _notify(self) -> None:
+        for recorder in self._recorders:
+            if recorder.steps_until_due(self._simulation) <= 0:
+                recorder.record(self._simulation)

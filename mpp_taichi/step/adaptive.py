@@ -1,0 +1,52 @@
+"""Adaptive: one thread for each copy of a system takes steps of the method's own choice up to the time of a look."""
+
+import taichi as ti
+
+from mpp_taichi.step.launcher import Launcher
+
+
+@ti.data_oriented
+class Adaptive(Launcher):
+    """The plans serial and replicas of adaptive methods; `dt` is the time between two looks."""
+
+    _control: tuple[float, float] | None = None  # what the state's control field holds
+
+    def begin(self, time: float, dt: float) -> None:
+        """Take the state as the start of the first step, with the accuracy that the method's parameter asks for now."""
+        control = self.integrator.control()
+        if control != self._control:
+            self.integrator.set_control(self.state)
+            self._control = control
+        with self.parts.quickly():
+            self._begin_steps(time, dt)
+
+    def launch(self, time: float, dt: float, first: int, last: int) -> None:
+        """Steps until one ends at time + last · dt or later, and the state shown at that time."""
+        with self.compiled():
+            self._advance(time + last * dt)
+
+    @ti.kernel
+    def _begin_steps(self, time: ti.f64, dt: ti.f64):
+        if ti.static(self.state.replica_count == 1):
+            ti.loop_config(serialize=True)  # no other thread is woken
+            for _ in range(1):
+                self.integrator.begin(self.state, self.total_force, 0, time, dt, "serial")
+        else:
+            for q in range(self.state.replica_count * self.grain):
+                if q % self.grain == 0:
+                    first = q // self.grain * self.state.particle_count
+                    self.integrator.begin(self.state, self.total_force, first, time, dt, "serial")
+
+    @ti.kernel
+    def _advance(self, end: ti.f64):
+        if ti.static(self.state.replica_count == 1):
+            ti.loop_config(serialize=True)
+            for _ in range(1):
+                self.integrator.advance_to(self.state, self.total_force, 0, end, "serial")
+                self.integrator.show(self.state, self.total_force, 0, end)
+        else:
+            for q in range(self.state.replica_count * self.grain):
+                if q % self.grain == 0:
+                    first = q // self.grain * self.state.particle_count
+                    self.integrator.advance_to(self.state, self.total_force, first, end, "serial")
+                    self.integrator.show(self.state, self.total_force, first, end)

@@ -1,0 +1,17 @@
+"""Flying contacts: a contact solver that moves the spheres itself for any time, without steps."""
+
+from mpp_taichi.step.launcher import Launcher
+
+
+class FlyingContacts(Launcher):
+    """Free flight from collision to collision; `dt` is the time between two looks."""
+
+    takes_steps = False
+
+    def launch(self, time: float, dt: float, first: int, last: int) -> None:
+        """From the time of the first look to the time of the last."""
+        self.contacts.advance(time + first * dt, (last - first) * dt)
+
+    def launches_per_step(self) -> int | None:
+        """Not known: it depends on the contacts."""
+        return None

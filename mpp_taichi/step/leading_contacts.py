@@ -1,0 +1,24 @@
+"""Leading contacts: a contact solver that takes the steps of an adaptive method, and cuts them at contacts."""
+
+from mpp_taichi.step.adaptive import Adaptive
+from mpp_taichi.step.launcher import Launcher
+
+
+class LeadingContacts(Launcher):
+    """Steps of an adaptive method up to each contact and on from there; `dt` is the time between two looks."""
+
+    def set_up(self) -> None:
+        """The method's own steps, of which the begin alone is launched."""
+        self.steps = Adaptive(self.parts)
+
+    def begin(self, time: float, dt: float) -> None:
+        """Take the state as the start of the method's first step."""
+        self.steps.begin(time, dt)
+
+    def launch(self, time: float, dt: float, first: int, last: int) -> None:
+        """Through the looks first + 1 … last."""
+        self.contacts.lead(time + first * dt, dt, last - first)
+
+    def launches_per_step(self) -> int | None:
+        """Not known: it depends on the contacts."""
+        return None
