@@ -8,7 +8,7 @@ class ContactReport:
     """Counts of a solver since the last report; reports can be added.
 
     pair_count, wall_count   collisions of two spheres, and of a sphere with a surface
-    elastic_count            those of these collisions that the TC model made elastic
+    elastic_count            number of these collisions that the TC model made elastic
     virial                   Σ Δp · r over collisions of pairs, Δp the momentum given to i, r = x_i − x_j [energy]
     wall_impulse             for each surface Σ |Δp| [momentum]
     dissipated_energy        kinetic energy taken by restitution, or by merging [energy]

@@ -58,7 +58,7 @@ class OverlapRounds:
         return self.tally.collect()
 
     def drift(self, time: float, h: float) -> None:
-        """Move all spheres by h along their velocities, then let those that overlap bounce."""
+        """Move all spheres by h along their velocities, then let overlapping pairs bounce."""
         self.bounces.move(h)
         self.correct(time + h)
 
