@@ -137,9 +137,7 @@ class TreeNodes:
             lever += self.order.mass[slot] * x
         center = 0.5 * (lower + upper)
         if mass > 0.0:
-            center = ti.max(
-                lower, ti.min(lever / mass, upper)
-            )  # a rounding outside the box could part a body from itself
+            center = ti.max(lower, ti.min(lever / mass, upper))  # a rounding outside the box could part a body from itself
         second = ti.Vector.zero(float, self.second_count)
         radius_squared = 0.0
         for slot in range(begin, end):

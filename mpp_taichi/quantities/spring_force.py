@@ -1,34 +1,37 @@
-"""What springs pull at a particle or a group with."""
+"""The force of the springs on a particle or a group."""
 
 import math
 
 import numpy as np
 
 from mpp_taichi.component import Particles, component, param
-from mpp_taichi.diagnostics._at_end import AtEnd, rows
-from mpp_taichi.diagnostics._base import NoResultError
-from mpp_taichi.diagnostics._between_looks import AXES
-from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.quantities._base import NoResultError, Quantity, RunSample, Setting, of_which
+from mpp_taichi.quantities._particles import AXES, rows
 
 
 @component
-class SpringForce(AtEnd):
-    """Σ D (|d| − L) d/|d| over the springs that end at a particle or in a group, at the end of the run [force].
+class SpringForce(Quantity):
+    """Σ D (|d| − L) d/|d| over the springs that end at a particle or in a group [force].
 
-    Springs within the group add up to nothing; friction is left out. At rest they pull at what is held with the weight of all
-    that hangs on it, whatever its shape.
+    Springs within the group add up to nothing; friction is left out. At rest they pull at a held particle with the weight of
+    all particles that hang on it, whatever the shape of the network.
     """
 
     of: Particles = param(help="a particle or a group")
     axis: str = param(choices=("x", "y", "z"), help="the component")
+    dimension = (1, -2, 1)
 
-    def measure(self, snapshot: Snapshot) -> float:
+    def label(self, setting: Setting) -> str:
+        """`spring force z of hook`."""
+        return of_which(f"spring force {self.axis}", setting.name_of(self.of))
+
+    def measure(self, sample: RunSample) -> float:
         """The component of the sum.
 
         Raises:
             NoResultError: there are no springs.
         """
-        springs = snapshot.springs
+        snapshot, springs = sample.snapshot, sample.snapshot.springs
         if len(springs) == 0:
             raise NoResultError("the scene has no springs")
         inside = np.zeros(snapshot.particle_count, bool)
