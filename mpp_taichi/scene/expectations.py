@@ -31,7 +31,7 @@ BOUNDS = ("below", "above", "near", "within")
 REDUCTIONS = ("end", "largest", "smallest", "mean")
 REDUCTION_DEFAULTS: Mapping[str, Any] = {"when": "end", "at": None, "after": None, "until": None}
 _TIME = Number(minimum=0.0)
-_REDUCTION_FIELDS: Mapping[str, Any] = {
+REDUCTION_FIELDS: Mapping[str, Any] = {
     "when": (
         Annotated[Any, Text(REDUCTIONS)],
         Describe("end", description="which value along the run: at its end, the largest, the smallest, or the mean over time"),
@@ -75,7 +75,7 @@ def reduction_keys(quantity: str) -> dict[str, Any]:
 
 def reduction_fields(quantity: str) -> dict[str, Any]:
     """The fields of these keys for a pydantic model."""
-    return {key: _REDUCTION_FIELDS[key] for key in reduction_keys(quantity)}
+    return {key: REDUCTION_FIELDS[key] for key in reduction_keys(quantity)}
 
 
 def build(validated: Any, node: Node | None, faults: Faults) -> tuple[Expectation, ...]:
