@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted, kicked
 from mpp_taichi.component import component, param
 from mpp_taichi.integrators._adaptive import Adaptive
 from mpp_taichi.snapshot import Snapshot
@@ -112,13 +113,13 @@ class AdaptiveLeapfrog(Adaptive):
             state.start_position[i] = state.end_position[i]
             state.start_velocity[i] = state.end_velocity[i]
             state.start_acceleration[i] = state.end_acceleration[i]
-            state.velocity[i] = state.end_velocity[i] + 0.5 * h * state.end_acceleration[i]
-            state.position[i] = state.end_position[i] + h * state.velocity[i]
+            state.velocity[i] = kicked(state.end_velocity[i], state.end_acceleration[i], 0.5 * h)
+            state.position[i] = drifted(state.end_position[i], state.velocity[i], h)
         self.evaluate(state, total_force, first, begin + h, shape)
         for i in range(first, first + total_force.particle_count):
             state.end_position[i] = state.position[i]
             state.end_acceleration[i] = state.acceleration[i]
-            state.end_velocity[i] = state.velocity[i] + 0.5 * h * state.acceleration[i]
+            state.end_velocity[i] = kicked(state.velocity[i], state.acceleration[i], 0.5 * h)
 
     @ti.func
     def _growth(self, state: Template, total_force: Template, first):

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import kicked
 from mpp_taichi.component import component, param
 from mpp_taichi.forces._base import BondForce
 from mpp_taichi.forces._total_force import TotalForce
@@ -72,5 +73,5 @@ class ImexMidpoint(Implicit):
     @ti.func
     def kick(self, state: Template, i, dt):
         """The second half, by forces that the next step begins with."""
-        state.velocity[i] = state.velocity[i] + 0.5 * dt * state.acceleration[i]
+        state.velocity[i] = kicked(state.velocity[i], state.acceleration[i], 0.5 * dt)
         state.soft_acceleration[i] = state.acceleration[i]

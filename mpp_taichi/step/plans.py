@@ -6,6 +6,7 @@ replicas   one thread per independent copy, many steps in one launch: ensembles 
 """
 
 from mpp_taichi import component
+from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import VISITS_OF_A_TREE, tree_of
 
@@ -33,7 +34,7 @@ TYPICAL_EVALUATIONS = {
 
 def step_work(spec: SceneSpec, particle_count: int, spring_count: int) -> int:
     """Work of one step in the units of CROSSOVER_WORK, before anything of the scene is imported."""
-    has_pairs = any(component.declaration("forces", force.name).base == "PairForce" for force in spec.forces)
+    has_pairs = any(is_pair_force(force.name) for force in spec.forces)
     pairs = particle_count * (particle_count - 1) // 2 if has_pairs else 0
     if tree_of(spec) is not None:
         pairs = min(pairs, VISITS_OF_A_TREE * particle_count)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.events.lines import Lines
 from mpp_taichi.device import bulk_copy
@@ -96,7 +97,7 @@ class FlyingSpheres:
     def position_at(self, i, time):
         """Where sphere i is, if nothing is in its way since its clock."""
         s = ti.cast(time - self.clock[i], float)
-        result = self.position[i] + self.velocity[i] * s
+        result = drifted(self.position[i], self.velocity[i], s)
         if ti.static(self.has_gravity):
             result += self.acceleration(i) * (s * s / 2)
         return result

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts.mergers.merge_events import Agenda
 from mpp_taichi.contacts.mergers.merger import Merger
@@ -213,13 +214,13 @@ class MergingDrift:
         for _ in range(1):
             done = self._play(time, h)
         for i in range(self.particle_count):
-            self.state.position[i] = self.state.position[i] + self.state.velocity[i] * done
+            self.state.position[i] = drifted(self.state.position[i], self.state.velocity[i], done)
         return done
 
     @ti.func
     def _move(self, h):
         for i in range(self.particle_count):
-            self.state.position[i] = self.state.position[i] + self.state.velocity[i] * h
+            self.state.position[i] = drifted(self.state.position[i], self.state.velocity[i], h)
 
     @ti.func
     def _play(self, time, h):

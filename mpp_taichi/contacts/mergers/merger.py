@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.events.log import ContactLog
 from mpp_taichi.contacts.shared.contact_counts import Tally
@@ -55,7 +56,7 @@ class Merger:
     @ti.func
     def place(self, i, t):
         """Where sphere i is at the time t of the drift."""
-        return self.state.position[i] + self.state.velocity[i] * t
+        return drifted(self.state.position[i], self.state.velocity[i], t)
 
     @ti.func
     def time_of_meeting(self, i, j, now, h):

@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.shared.bounce import Bounce
 from mpp_taichi.contacts.shared.contact_counts import Tally
@@ -45,7 +46,7 @@ class OverlapBounces:
     def move(self, h: float):
         """Move all spheres by h along their velocities."""
         for i in range(self.particle_count):
-            self.state.position[i] = self.state.position[i] + self.state.velocity[i] * h
+            self.state.position[i] = drifted(self.state.position[i], self.state.velocity[i], h)
 
     @ti.func
     def do_overlap(self, i, j):

@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.rest.complementarity import CHUNK, Complementarity
 from mpp_taichi.contacts.rest.contact_rows import ContactRows
@@ -186,7 +187,7 @@ class RestingStep:
         for i in range(self.particle_count):
             state.velocity[i] = self.final[i]
             self.left[i] = self.final[i]
-            state.position[i] = state.position[i] + h * self.solver.velocity[i]
+            state.position[i] = drifted(state.position[i], self.solver.velocity[i], h)
 
     @ti.func
     def _count(self, state: Template, k, i):

@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import TOUCHING_POWER, ContactSetup
 from mpp_taichi.contacts.sweep.contact_group import ContactGroup
 from mpp_taichi.contacts.sweep.pair_rule import PairRule
@@ -119,7 +120,7 @@ class GroupRule:
                 if self.slots.margins_meet(i, j):
                     self.played.near[i] = 1
             else:
-                d = self.bounce.separation(self.played.position[i], self.slots.position[j] + self.slots.velocity[j] * t)
+                d = self.bounce.separation(self.played.position[i], drifted(self.slots.position[j], self.slots.velocity[j], t))
                 if self._touches(i, j, d):
                     self.islands.wish(i, j)
 
