@@ -1,4 +1,4 @@
-"""What happens to two spheres that overlap, and to a sphere that reaches through a surface."""
+"""Bounces of two spheres that overlap, and of a sphere that reaches through a surface."""
 
 from typing import Any
 
@@ -64,7 +64,7 @@ class OverlapBounces:
         overlap = reach - distance
         if overlap > 0.0:
             self.tally.see_overlap(i, overlap / ti.min(self.bounce.radius[i], self.bounce.radius[j]))
-            n = ti.Vector.unit(self.bounce.dimensions, 0, float)  # centres at one place have no direction: take x
+            n = ti.Vector.unit(self.bounce.dimensions, 0, float)  # the x axis, where the centres coincide and have no direction
             if distance > 0.0:
                 n = separation / distance
             w_i, w_j = self.bounce.inverse_mass[i], self.bounce.inverse_mass[j]
@@ -86,7 +86,7 @@ class OverlapBounces:
     @ti.func
     def bounce_off_walls(self, chunk, i, time):
         """Let sphere i bounce off each surface that it reaches through at `time`, and put it back."""
-        # Most spheres touch no wall: one look at all of them, without a branch for each.
+        # Most spheres touch no wall: the least gap of all walls is computed without a branch for each wall.
         place, radius = self.state.position[i], self.bounce.radius[i]
         least = ti.cast(0.0, float)
         for s in ti.static(range(len(self.bounce.surfaces))):
