@@ -2,7 +2,7 @@
 
 Most of the time goes into compiling kernels. A test marked `sampled(n)` runs one of n of its cases, which take all values of
 each parameter in turn; one marked `thorough`, which shows in another way what others show too, does not run. `--thorough`
-runs all.
+runs all. A test marked `fast_taichi(*names)` needs those parts of device/fast_taichi, and is skipped where one is off.
 """
 
 import gc
@@ -10,6 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from mpp_taichi.device.fast_taichi import switch
 
 HERE = Path(__file__).parent
 # Tests find the modules of tests/support, and each other, from every folder.
@@ -78,7 +80,13 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out what a plain run need not do, the same in every process."""
+    """Skip tests of parts around Taichi that are off; leave out what a plain run need not do, the same in every process."""
+    off, reason = switch.parts_off(switch.variable(), switch.KNOWN_TAICHI)
+    for item in items:
+        mark = item.get_closest_marker("fast_taichi")
+        needed = sorted(set(mark.args).intersection(off)) if mark else ()
+        if needed:
+            item.add_marker(pytest.mark.skip(reason=f"{reason}: {', '.join(needed)} off"))
     if config.getoption("--thorough"):
         return
     seen, kept, left = {}, [], []

@@ -154,6 +154,11 @@ def test_no_module_is_too_long():
     assert not long
 
 
+def test_at_most_ten_modules_lie_at_the_top_of_the_package():
+    """Every other module has a room, a folder whose name says what it is for."""
+    assert len(list((ROOT / "mpp_taichi").glob("*.py"))) <= 10
+
+
 def test_no_unsafe_calls():
     """No shell, no eval, no pickles, no unsafe YAML anywhere in the package."""
     unsafe = ("yaml.load(", " eval(", "os.system", "shell=True", "allow_pickle=True", "pickle.load")

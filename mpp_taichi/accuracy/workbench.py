@@ -4,7 +4,6 @@ A step is an argument of the kernels, so one compilation of a method serves all 
 time: a workbench of another precision ends the one before it.
 """
 
-import math
 import time as clock
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -17,6 +16,7 @@ from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import Problem, with_integrator
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.device import backends
+from mpp_taichi.energy.energy_error import ratio, relative_error
 from mpp_taichi.errors import MppError
 from mpp_taichi.simulation.simulation import Simulation
 
@@ -31,7 +31,6 @@ LONG_LAUNCH = 0.02  # that tells how long a step takes
 TRIAL = 8  # part of a look's time that an adaptive method is tried for
 TINY = 1e-6  # of the scene's own step: explicit methods take the same time for a step of any length
 LOST = 1e9  # times the first extent of the system: beyond it there is nothing more to learn
-ZERO_ENERGY = 1e-12  # an |E₀| below this share of kinetic + |potential| is what rounding left of zero
 
 
 @dataclass(eq=False)
@@ -247,10 +246,9 @@ class Machine:
         first, simulation = rows[0], self.simulation
         if simulation.phase.conserves_energy:
             largest = max(row["kinetic_energy"] + abs(row["potential_energy"]) for row in rows)
-            energy = abs(first["total_energy"])
-            scale = energy if energy > ZERO_ENERGY * largest else largest
+            start = first["total_energy"]
             sample.times = [row["time"] for row in rows]
-            sample.energy_errors = [_ratio(abs(row["total_energy"] - first["total_energy"]), scale) for row in rows]
+            sample.energy_errors = [relative_error(row["total_energy"] - start, start, largest) for row in rows]
             sample.energy = max(sample.energy_errors)
         kept = {
             "momentum": simulation.phase.conserves_momentum,
@@ -258,17 +256,13 @@ class Machine:
         }
         for name in (name for name, stays in kept.items() if stays):
             scale = max(row[f"{name}_scale"] for row in rows)
-            setattr(sample, name, max(_ratio(float(np.linalg.norm(row[name] - first[name])), scale) for row in rows))
+            setattr(sample, name, max(ratio(float(np.linalg.norm(row[name] - first[name])), scale) for row in rows))
 
 
 def followed(problem: Problem) -> np.ndarray:
     """Indices of the moving particles whose positions are kept: all, or so many of them, evenly chosen."""
     moving = np.flatnonzero(problem.start.free.any(axis=1))
     return moving[:: -(-len(moving) // MOST_FOLLOWED)]
-
-
-def _ratio(change: float, scale: float) -> float:
-    return change / scale if scale > 0.0 else 0.0 if change == 0.0 else math.inf
 
 
 class Workbench:

@@ -1,6 +1,29 @@
-"""How u = 1/ρ changes along a motion, ρ² = |d|² + ε²; d the separation, w its change, q its second change in time."""
+"""The softened distance ρ, ρ² = |d|² + ε², of two particles, its inverse u = 1/ρ, and how u changes along a motion.
+
+d is the separation of the two particles, ε the softening, w the rate of change of d, and q that of w. This is the only file
+that writes the softening down: every pair loop, whatever its shape, calls these functions. They take numbers and vectors of
+lanes alike.
+"""
 
 import taichi as ti
+
+
+@ti.func
+def softened_square(squared, softening_squared):
+    """ρ² = |d|² + ε². A loop calls this where it needs no 1/ρ, or takes several inverse roots by one division."""
+    return squared + softening_squared
+
+
+@ti.func
+def inverse_root(squared):
+    """1/√s for one number s, or for each lane of a vector: a square root, then a division."""
+    return 1.0 / ti.sqrt(squared)
+
+
+@ti.func
+def inverse_distance(squared, softening_squared):
+    """u = 1/ρ = 1/√(|d|² + ε²), from |d|² and ε²."""
+    return inverse_root(softened_square(squared, softening_squared))
 
 
 @ti.func

@@ -11,10 +11,11 @@ from mpp_taichi.plots.fonts import font_of
 from mpp_taichi.plots.sheet import Sheet, letters_for
 from mpp_taichi.plots.theme import DARK
 from mpp_taichi.scene.spec import ViewSpec
-from mpp_taichi.views._base import Frame, Trails, View
+from mpp_taichi.views._base import Frame, View
 from mpp_taichi.views.caption import draw_caption
 from mpp_taichi.views.panels import LEAST, narrowed
 from mpp_taichi.views.renderer import Renderer
+from mpp_taichi.views.trails import Trails
 
 GAP = 2  # pixels between the halves, at least
 LEADING = 1.5  # heights of letters from one line to the next

@@ -22,7 +22,7 @@ from mpp_taichi.errors import MppError, OutputError, StabilityError
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
 from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.recorders.blow_up import BlowUpWatch
-from mpp_taichi.recorders.event_log import EventLog
+from mpp_taichi.recorders.event_log import EventLogRecorder
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.recorders.frames import FrameRecorder
 from mpp_taichi.recorders.html import HtmlRecorder
@@ -31,7 +31,7 @@ from mpp_taichi.recorders.modes import ModeRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
 from mpp_taichi.recorders.speed_histogram import SpeedHistogram
 from mpp_taichi.recorders.still import StillRecorder
-from mpp_taichi.recorders.table import TableRecorder
+from mpp_taichi.recorders.table import TableRecorder, asked_columns
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
@@ -156,7 +156,7 @@ class _Run:
         self.total_steps, self.rewound = total_steps, rewound
         sparse = simulation.total_force.has_pairs and simulation.plan == "parallel"
         self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps, sparse=sparse)
-        self.table = TableRecorder(self.every)
+        self.table = TableRecorder(self.every, asked_columns(simulation) if request.diagnostics is not None else None)
         self.blow_up = BlowUpWatch(self.table)
         simulation.when_phase_begins.append(self.blow_up.restart)  # a change may add energy
         self.watchdog = EnergyWatchdog(self.table)
@@ -169,7 +169,9 @@ class _Run:
         self.inspection = self._inspection()
         self.speeds = SpeedHistogram(simulation) if request.speeds is not None else None
         self.events = (
-            EventLog([wall.label for wall in simulation.phase.surfaces], self.every) if request.events is not None else None
+            EventLogRecorder([wall.label for wall in simulation.phase.surfaces], self.every)
+            if request.events is not None
+            else None
         )
         if request.energy_balance or any(each.quantity in BALANCE_QUANTITIES for each in self.watcher.expectations):
             simulation.keep_energy_balance()

@@ -1,6 +1,7 @@
 """Show what this machine has: backends that really start, OpenCL and Vulkan devices, encoder, display, versions."""
 
 import argparse
+import contextlib
 import importlib.metadata
 import json
 import os
@@ -11,7 +12,8 @@ from typing import Any
 
 from mpp_taichi import __version__
 from mpp_taichi.cli._terminal import output_reserved, put, put_json
-from mpp_taichi.errors import MppError, OutputError
+from mpp_taichi.device.fast_taichi import switch
+from mpp_taichi.errors import BackendError, MppError, OutputError
 
 PACKAGES = ("taichi", "numpy", "pydantic", "PyYAML", "pillow", "rich", "imageio-ffmpeg", "pyopencl")
 CHILD_SECONDS = 60
@@ -47,12 +49,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Look, and say."""
     with output_reserved(arguments.json):
+        off = _parts_off()
         found = {
             "mpp_taichi": __version__,
             "python": platform.python_version(),
             "system": f"{platform.system()} {platform.release()} {platform.machine()}",
             "cpu_threads": os.cpu_count(),
             "packages": {name: _version(name) for name in PACKAGES},
+            **off,
             "backends": _backends(),
             "vulkan_devices": _ask_child(VULKAN_CHILD),
             "opencl_devices": _ask_child(OPENCL_CHILD),
@@ -71,6 +75,15 @@ def _version(package: str) -> str | None:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
         return None
+
+
+def _parts_off() -> dict[str, Any]:
+    """The parts of fast_taichi that are off; Taichi itself may be broken, which the backends then say."""
+    from mpp_taichi.device.backends import import_taichi
+
+    with contextlib.suppress(BackendError):
+        import_taichi()
+    return switch.facts()
 
 
 def _backends() -> dict[str, Any]:
@@ -127,6 +140,8 @@ def _lines(found: dict[str, Any]) -> list[str]:
     python = f"Python {found['python']}, {found['system']}, {found['cpu_threads']} CPU threads"
     rows = [f"mpp_taichi {found['mpp_taichi']}, {python}"]
     rows.append("  " + ", ".join(f"{name} {version or 'not installed'}" for name, version in found["packages"].items()))
+    if off := switch.line(found):
+        rows.append(f"off     {off}")
     rows.append("backends")
     for name, report in found["backends"].items():
         rows.append(f"  {name:8s}{_backend_line(report)}")

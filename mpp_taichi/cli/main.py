@@ -27,6 +27,7 @@ from mpp_taichi.cli._terminal import (
     say,
     warnings_shown,
 )
+from mpp_taichi.device.fast_taichi import switch
 from mpp_taichi.errors import INTERNAL_ERROR_CODE, MppError, OutputError, SceneError
 from mpp_taichi.missing_package import missing_packages_named
 
@@ -99,6 +100,7 @@ def _dispatch(words: list[str]) -> int:
     if chosen.verb is None:
         parser.print_help()
         return 0
+    switch.check_variable()
     return VERBS[chosen.verb].execute(chosen)
 
 

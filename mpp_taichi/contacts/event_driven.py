@@ -11,11 +11,11 @@ from mpp_taichi.contacts.events.cells import EventCells
 from mpp_taichi.contacts.events.collision import Collision
 from mpp_taichi.contacts.events.grid import Grid
 from mpp_taichi.contacts.events.lines import Lines
-from mpp_taichi.contacts.events.log import EventLog
+from mpp_taichi.contacts.events.log import ContactLog
 from mpp_taichi.contacts.events.lookahead import LookAhead
 from mpp_taichi.contacts.events.prediction import Prediction
 from mpp_taichi.contacts.events.queue import EventQueue
-from mpp_taichi.contacts.events.spheres import Spheres
+from mpp_taichi.contacts.events.spheres import FlyingSpheres
 from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 from mpp_taichi.errors import StabilityError
 
@@ -49,7 +49,7 @@ class EventDriven(ContactSolver):
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Work on a state's `position` and `velocity`: vector fields of n entries. Raises ValueError for an impossible box."""
-        self.setup, self.state = setup, state
+        self.setup, self.state = setup.with_bounces(self.restitution, self.contact_time), state
         self.count, self.dimensions = setup.particle_count, setup.dimensions
         self.wide = getattr(state, "wide", ti.f64)
         position = state.position.to_numpy().astype(float)
@@ -59,13 +59,13 @@ class EventDriven(ContactSolver):
         self._order = order
         builder = ti.FieldsBuilder()
         lines = Lines(self.count)
-        self.spheres = Spheres(setup, order, lines, self.wide)
+        self.spheres = FlyingSpheres(setup, order, lines, self.wide)
         self.cells = EventCells(grid, self.spheres, lines, builder)
         self.queue = EventQueue(self.spheres, lines, builder)
         self.look_ahead = LookAhead(self.spheres, self.cells, self.queue, builder)
         self.prediction = Prediction(self.look_ahead, setup.enclosure.surfaces, lines)
-        self.collision = Collision(setup, self.spheres, self.cells, builder)
-        self.log = EventLog(self.log_capacity if self.logs else 0, builder, self.wide)
+        self.collision = Collision(self.setup, self.spheres, self.cells, builder)
+        self.log = ContactLog(self.log_capacity if self.logs else 0, builder, self.wide)
         self.event_time = ti.field(self.wide)
         self.culprits = ti.field(ti.i32)
         builder.place(self.event_time)

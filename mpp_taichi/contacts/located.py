@@ -47,8 +47,8 @@ class Located(ContactSolver):
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Work on the state's positions and velocities, by the steps of `integrator` under `forces`."""
-        self.setup, self.state = setup, state
-        self.bounce = Bounce(setup)
+        self.setup, self.state = setup.with_bounces(self.restitution, self.contact_time), state
+        self.bounce = Bounce(self.setup)
         self.tally = Tally(setup.particle_count, len(setup.enclosure.surfaces), state.wide)
         self.paths = StepPaths(state, self.integrator.path_degree)
         self.search = StepSearch(self.bounce, self.paths, self.tally, state)

@@ -30,8 +30,8 @@ class Pairwise(ContactSolver):
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
-        self.setup = setup
-        self.overlaps = Overlaps(setup, state) if on_cpu() else OverlapRounds(setup, state)
+        self.setup = setup.with_bounces(self.restitution, self.contact_time)
+        self.overlaps = Overlaps(self.setup, state) if on_cpu() else OverlapRounds(self.setup, state)
 
     def drift(self, state: Any, time: float, h: float) -> None:
         """Move all spheres by h [time] along their velocities; then let overlapping ones bounce."""

@@ -65,12 +65,12 @@ class Resting(ContactSolver):
 
     def bind(self, setup: ContactSetup, state: Any, *, parallel: bool | None = None) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
-        self.setup = setup
+        self.setup = setup.with_bounces(self.restitution, self.contact_time)
         self.particle_count = setup.particle_count
         self.gravity = float(np.linalg.norm(setup.gravity))
         if parallel is None:
             parallel = setup.particle_count > SERIAL_COUNT or not on_cpu()
-        self.step = RestingStep(setup, self._tolerance(parallel), state.wide, self.compliance)
+        self.step = RestingStep(self.setup, self._tolerance(parallel), state.wide, self.compliance)
         self.plan: Any = ParallelPlan(self.step, setup, state) if parallel else SerialPlan(self.step)
         self.iterations = 0
         self._unresolved = 0

@@ -1,12 +1,14 @@
 """Time-stepped hard spheres; all contacts that touch at one instant are resolved together."""
 
+from typing import Any
+
 from mpp_taichi.component import component, param
-from mpp_taichi.contacts.sweep.group_sweep import GroupSweep
-from mpp_taichi.contacts.sweep.solver import SweepSolver
+from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
+from mpp_taichi.contacts.sweep.sweep import MOST_IN_ONE_THREAD, sweep_in_groups
 
 
 @component
-class Simultaneous(SweepSolver):
+class Simultaneous(ContactSolver):
     """Straight flights from instant to instant of contact within a drift, and what touches then is resolved as a group.
 
     Groups are resolved by generalized reflections (`reflections.py`): independent of numbering, symmetric where the scene
@@ -23,4 +25,30 @@ class Simultaneous(SweepSolver):
         1_000_000, minimum=1, help="contacts of one connected group in a drift, beyond which it is given up"
     )
 
-    sweep_kind = GroupSweep
+    drifts = True
+    most_elsewhere = MOST_IN_ONE_THREAD
+
+    def bind(self, setup: ContactSetup, state: Any) -> None:
+        """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
+        self.setup = setup.with_bounces(self.restitution, self.contact_time)
+        self.sweep = sweep_in_groups(self.setup, state, event_limit=self.event_limit)
+
+    def prepare(self, time: float) -> None:
+        """Positions were set from outside: what follows is to be as in a run that begins here, bit for bit."""
+        self.sweep.forget()
+
+    def drift(self, state: Any, time: float, h: float) -> None:
+        """Move all spheres by h [time] along their velocities, with the contacts on the way."""
+        self.sweep.drift(time, h)
+
+    def write_back(self) -> None:
+        """Bring positions and velocities of the state up to date."""
+        self.sweep.write_back()
+
+    def collect(self) -> ContactReport:
+        """Counts since the last call."""
+        return self.sweep.collect()
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self.sweep.destroy()

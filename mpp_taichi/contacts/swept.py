@@ -3,15 +3,13 @@
 from typing import Any
 
 from mpp_taichi.component import component, param
-from mpp_taichi.contacts._base import ContactSetup
-from mpp_taichi.contacts.sweep.device_sweep import DeviceSweep
-from mpp_taichi.contacts.sweep.island_play import MOST_IN_ONE_THREAD
-from mpp_taichi.contacts.sweep.solver import SweepSolver
+from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
+from mpp_taichi.contacts.sweep.sweep import MOST_IN_ONE_THREAD, sweep_in_pairs, sweep_on_device
 from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 
 
 @component
-class Swept(SweepSolver):
+class Swept(ContactSolver):
     """Straight flights from contact to contact within a drift, two spheres at a time (`sweep.py`).
 
     Equal to an event-driven run between kicks, to round-off, whatever the step. Contacts that coincide are resolved one
@@ -27,12 +25,31 @@ class Swept(SweepSolver):
         1_000_000, minimum=1, help="contacts of one connected group in a drift, beyond which it is given up"
     )
 
-    most_elsewhere = None
+    drifts = True
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
-        if on_cpu() or setup.particle_count <= MOST_IN_ONE_THREAD:
-            SweepSolver.bind(self, setup, state)
-        else:
-            self.setup = setup
-            self.sweep = DeviceSweep(setup, state, event_limit=self.event_limit)
+        self.setup = setup.with_bounces(self.restitution, self.contact_time)
+        fits_one_thread = on_cpu() or setup.particle_count <= MOST_IN_ONE_THREAD
+        kind = sweep_in_pairs if fits_one_thread else sweep_on_device
+        self.sweep = kind(self.setup, state, event_limit=self.event_limit)
+
+    def prepare(self, time: float) -> None:
+        """Positions were set from outside: what follows is to be as in a run that begins here, bit for bit."""
+        self.sweep.forget()
+
+    def drift(self, state: Any, time: float, h: float) -> None:
+        """Move all spheres by h [time] along their velocities, with the contacts on the way."""
+        self.sweep.drift(time, h)
+
+    def write_back(self) -> None:
+        """Bring positions and velocities of the state up to date."""
+        self.sweep.write_back()
+
+    def collect(self) -> ContactReport:
+        """Counts since the last call."""
+        return self.sweep.collect()
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self.sweep.destroy()

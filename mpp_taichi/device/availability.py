@@ -1,4 +1,4 @@
-"""What starts on this machine: each backend is tried in a child process, which may crash, and the finding is remembered."""
+"""The backends that start on this machine: each is tried in a child process, which may crash, and the result is kept."""
 
 import contextlib
 import ctypes
@@ -35,7 +35,7 @@ def present() -> list[str]:
 
 
 def _try_in_child(backend: str) -> dict[str, Any]:
-    command = [sys.executable, "-m", "mpp_taichi.device.probes", backend]
+    command = [sys.executable, "-m", "mpp_taichi.device.trial_start", backend]
     search_path = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
     environment = dict(os.environ, PYTHONPATH=search_path)
     try:
@@ -51,7 +51,7 @@ def _try_in_child(backend: str) -> dict[str, Any]:
 
 
 def remembered(name: str, find: Callable[[], dict[str, Any]], *, keep: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-    """A finding kept between runs until a driver changes; a cache that cannot be read or written is only slower."""
+    """The result of `find`, kept between runs until a driver changes; where it cannot be kept, it is found anew in each run."""
     key = "".join(letter if letter.isalnum() else "-" for letter in f"{name}-{TAICHI_VERSION}-{platform.machine()}")
     stamp = [PROBE_REVISION, _driver_stamp(), [os.environ.get(variable, "") for variable in DRIVER_VARIABLES]]
     path = cache_folder() / f"{key[:120]}.json"
@@ -68,14 +68,14 @@ def remembered(name: str, find: Callable[[], dict[str, Any]], *, keep: Callable[
 
 
 def _driver_stamp() -> list[str]:
-    """Names and times of the installed Vulkan drivers, so that a new driver is tried afresh."""
+    """Names and times of the installed Vulkan drivers, so that a new driver is tried."""
     folders = [Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d")]
     entries = [entry for folder in folders if folder.is_dir() for entry in sorted(folder.iterdir())]
     return [f"{entry.name}:{entry.stat().st_mtime_ns}" for entry in entries]
 
 
 def cache_folder() -> Path:
-    """Where findings about this machine are kept."""
+    """The folder in which results about this machine are kept."""
     base = os.environ.get("XDG_CACHE_HOME")
     return (Path(base) if base else Path(os.path.expanduser("~")) / ".cache") / "mpp_taichi"
 

@@ -1,4 +1,4 @@
-"""Backends: the only place that starts Taichi. What is asked for is what runs, or an error says why not."""
+"""Backends: the only module that starts Taichi. The backend that a user asks for runs, or an error says why it does not."""
 
 import contextlib
 import functools
@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from mpp_taichi.device import fast_taichi
 from mpp_taichi.device.availability import BACKENDS, availability, cpu_name, present, remembered
-from mpp_taichi.device.fast_taichi import worker_threads
-from mpp_taichi.device.thread_count import check_threads
+from mpp_taichi.device.taichi_environment import user_variables_hidden
+from mpp_taichi.device.thread_count import check_threads, require_threads
 from mpp_taichi.errors import BackendError
 from mpp_taichi.missing_package import missing_packages_named
 from mpp_taichi.precision import PRECISIONS, carries_low_parts, number_type
@@ -24,13 +25,13 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Probes:
-    """What a backend was seen to do, before anything is promised on it.
+    """What a backend computes rightly, by the probes (probes.py) and not by its documentation.
 
-    loop_limit     iterations one kernel thread may make, or None when a count to 70,000 was right
-    float64        f64 keeps 1 + 2⁻⁵²; its square root, its division and its sum of many terms are right to their rounding
-    compensation   what a sum loses is not optimised away
-    low_parts      the update of f32c and ds keeps what it loses, guarded where `compensation` is not so
-    finds_nan      the checks used for NaN and infinity fire
+    loop_limit     iterations that one kernel thread may make, or None when a count to 70,000 was right
+    float64        f64 holds 1 + 2⁻⁵²; its square root, division and sum of many terms are right to their rounding
+    compensation   the compiler does not optimise away the correction of a compensated sum
+    low_parts      the update of f32c and ds keeps its rounding errors; where `compensation` is False, with guards
+    finds_nan      the tests for NaN and infinity are True for them, and False for a number
     """
 
     loop_limit: int | None
@@ -42,7 +43,7 @@ class Probes:
 
 @dataclass(frozen=True)
 class Device:
-    """A started backend. `generation` counts starts: fields die when it moves on."""
+    """A started backend. `generation` counts the starts: the fields of an earlier generation no longer exist."""
 
     backend: str
     name: str
@@ -60,7 +61,7 @@ class Device:
 @dataclass
 class _Runtime:
     device: Device | None = None
-    state: Any = None  # Taichi's own object of the runtime, another one after each ti.init and ti.reset
+    state: Any = None  # Taichi's own object of the runtime, a new object after each ti.init and ti.reset
     generation: int = 0
     users: int = 0
 
@@ -69,34 +70,35 @@ _runtime = _Runtime()  # Taichi has one runtime in a process; this mirrors it.
 
 
 def import_taichi() -> Any:
-    """Import Taichi quietly, after removing the TI_* variables that would override the program."""
-    for key in [key for key in os.environ if key.startswith("TI_") and key != "TI_SKIP_VERSION_CHECK"]:
-        log.warning("ignoring %s=%s: settings come from the scene and the command line", key, os.environ.pop(key))
-    os.environ["TI_SKIP_VERSION_CHECK"] = "ON"  # the check calls a server
-    os.environ["ENABLE_TAICHI_HEADER_PRINT"] = "False"
+    """Import Taichi without its banner, and put the parts of `fast_taichi` in place.
+
+    Raises:
+        ArgumentError: MPP_TAICHI_FAST has a name that no part has.
+        BackendError: Taichi cannot be imported.
+    """
     if os.name != "nt" and "HOME" not in os.environ and "XDG_CACHE_HOME" not in os.environ:
         home = os.path.expanduser("~")
         os.environ["HOME"] = home if os.path.isabs(home) else os.devnull  # without it Taichi ends the process
     try:
-        with missing_packages_named():
+        with missing_packages_named(), user_variables_hidden():
             import taichi
     except ImportError as error:
         raise BackendError(
             f"taichi cannot be imported ({error}); it has wheels for Python 3.10–3.13 on Linux x86-64, Windows, macOS arm64"
         ) from error
-    from mpp_taichi.device.fast_taichi.launch_cache import remember_launches
-    from mpp_taichi.device.fast_taichi.source_cache import remember_sources
-
-    remember_sources()
-    remember_launches()
+    fast_taichi.install(taichi)
     return taichi
 
 
 def start(backend: str = "auto", precision: str | None = None, *, large: bool = False, threads: int | None = None) -> Device:
     """Start a backend, or keep the one that runs if it is the same.
 
-    `auto` takes the GPU for a large scene where there is one that starts, else the CPU. Precision is f64 on the CPU and f32
-    elsewhere unless said. Raises BackendError when what was asked for does not start here, ArgumentError for too many threads.
+    `auto` takes a GPU for a large scene where a GPU starts, else the CPU. Without a `precision` it is f64 on the CPU and f32
+    on other backends.
+
+    Raises:
+        BackendError: the backend does not start here, or computes wrongly in this precision.
+        ArgumentError: too many threads, or an unknown name in MPP_TAICHI_FAST.
     """
     _check_names(backend, precision)
     threads = check_threads(threads)
@@ -113,7 +115,7 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
         return running
     ti = import_taichi()
     initialise(ti, chosen, precision, threads)
-    _forget()  # the start has ended what ran before
+    _forget()  # the start has ended the earlier runtime
     probes = _probe_here(ti, chosen)
     if precision == "f64" and not probes.float64:
         stop()
@@ -132,22 +134,23 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
 
 
 def initialise(ti: Any, backend: str, precision: str, threads: int | None = None) -> None:
-    """The one call of `ti.init`. Taichi would fall back to the CPU in silence; this raises BackendError instead."""
+    """The only call of `ti.init`. Taichi would fall back to the CPU without a message; this raises BackendError instead."""
     options: dict[str, Any] = {"cpu_max_num_threads": threads} if threads and backend == "cpu" else {}
+    require_threads(threads or os.cpu_count() or 1)
     if not _is_writable(_cache_of_kernels(ti)):
-        # Taichi makes the folder at its end even without a cache, and ends the process where it cannot: it is given a folder
-        # that exists, in which nothing is left.
+        # Even without a cache Taichi makes the folder when the process ends, and aborts where it cannot. So it is given a
+        # folder that exists, and writes nothing into it.
         here = str(Path(__file__).parent)
         options |= {"offline_cache": False, "offline_cache_file_path": here, "offline_cache_cleaning_policy": "never"}
     try:
-        with contextlib.redirect_stdout(io.StringIO()):
+        with contextlib.redirect_stdout(io.StringIO()), user_variables_hidden():
             ti.init(
                 arch=getattr(ti, backend),
                 default_fp=getattr(ti, number_type(precision)),
                 fast_math=False,  # one meaning of a float: NaN, division by zero and compensation survive
                 enable_fallback=False,
-                # This pass of Taichi 1.7.4 keeps a field's entry in a register across a branch that changes it: a
-                # Runge–Kutta step with its stages in a loop then loses the stages without a word.
+                # This pass of Taichi 1.7.4 keeps a field's entry in a register across a branch that changes the entry: a
+                # Runge–Kutta step with its stages in a loop then loses the stages without a message.
                 cache_loop_invariant_global_vars=False,
                 log_level=ti.ERROR,
                 **options,
@@ -158,7 +161,7 @@ def initialise(ti: Any, backend: str, precision: str, threads: int | None = None
     if backend != "cpu" and running != getattr(ti, backend):
         raise BackendError(f"asked for backend {backend}, but Taichi started {running}")
     if backend == "cpu":
-        worker_threads.hire()
+        fast_taichi.start_threads()
 
 
 def _cache_of_kernels(ti: Any) -> str:
@@ -168,7 +171,7 @@ def _cache_of_kernels(ti: Any) -> str:
 
 @functools.cache
 def _is_writable(folder: str) -> bool:
-    """Whether a file can be made in a folder, which is made where it is missing; one warning where not."""
+    """Whether a file can be made in a folder; a missing folder is made. Warns once where it cannot."""
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -179,7 +182,7 @@ def _is_writable(folder: str) -> bool:
 
 
 def widest_float(device: Device) -> Any:
-    """The Taichi type that energies are computed in."""
+    """The Taichi type in which energies are computed."""
     ti = import_taichi()
     return ti.f64 if device.probes.float64 else ti.f32
 
@@ -192,7 +195,7 @@ def stop() -> None:
 
 
 def _forget() -> None:
-    """No runtime of ours is there any more."""
+    """Note that our runtime no longer exists."""
     _runtime.device = None
     _runtime.state = None
     _runtime.users = 0
@@ -200,18 +203,18 @@ def _forget() -> None:
 
 
 def _forget_what_others_ended() -> None:
-    """Notice a ti.init or ti.reset of the program: Taichi has one runtime in a process, so ours has ended with it."""
+    """Notice a ti.init or ti.reset by the program: a process has one Taichi runtime, so either has ended ours."""
     if _runtime.device is not None and sys.modules["taichi"].lang.impl.get_runtime() is not _runtime.state:
         _forget()
 
 
 def retain(device: Device) -> None:
-    """Count one more simulation that lives on the device."""
+    """Count one more simulation on the device."""
     _runtime.users += 1
 
 
 def release(device: Device) -> None:
-    """Count one less; with the last one gone Taichi is reset, which gives memory and kernels back."""
+    """Count one simulation less; after the last simulation Taichi is reset, which frees memory and kernels."""
     if is_alive(device):
         _runtime.users -= 1
         if _runtime.users <= 0:
@@ -227,15 +230,16 @@ def is_alive(device: Device) -> bool:
 def _probe_here(ti: Any, backend: str) -> Probes:
     from mpp_taichi.device import probes
 
-    # What was found of other probes, or another update, says nothing.
-    sources = ("device/probes.py", "device/update_probe.py", "arithmetic/low_parts.py")
+    # The name has a digest of the probes and of the update, so that the results of older ones are not used.
+    updates = ("arithmetic/low_parts.py", "arithmetic/particle_update.py")
+    sources = ("device/probes.py", "device/update_probe.py", *updates)
     texts = [(Path(__file__).parents[1] / name).read_bytes() for name in sources]
     name = f"probes-{zlib.crc32(b''.join(texts)):08x}-{backend}-{availability(backend)['device']}"
     return Probes(**remembered(name, lambda: probes.run(ti, backend), keep=lambda report: True))
 
 
 def _choose(large: bool) -> str:
-    """A hardware GPU for a large scene, else the CPU: one thread of it beats any launch for a small scene."""
+    """A hardware GPU for a large scene, else the CPU: for a small scene one CPU thread is faster than a GPU's launches."""
     if large:
         for backend in ("cuda", "metal", "vulkan"):
             report = availability(backend)

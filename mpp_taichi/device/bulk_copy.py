@@ -1,7 +1,7 @@
-"""Arrays to fields and back, all that belong together in one launch.
+"""Copies of arrays to fields and back, with one launch for all arrays of the same length and type.
 
-Taichi compiles a kernel for every field that it copies to or from NumPy, in 40 ms for the first time and 13 ms in later starts:
-together a quarter of the start of a scene of few bodies.
+Taichi itself compiles a kernel for every field that it copies to or from NumPy, in 40 ms at the first start and 13 ms at later
+starts. For a scene of few bodies these kernels took a quarter of the start.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from mpp_taichi.types import Template
 
 
 def write(fields: Sequence[Any], arrays: Sequence[np.ndarray]) -> None:
-    """Copy arrays, (count,) or (count, components) of numbers as the fields keep them; those alike go together."""
+    """Copy arrays of shape (count,) or (count, components), with the number type of their fields, to the fields."""
     groups: dict[tuple, list[tuple[Any, np.ndarray]]] = {}
     for field, array in zip(fields, arrays, strict=True):
         groups.setdefault((len(array), array.dtype), []).append((field, array.reshape(len(array), -1)))

@@ -1,11 +1,6 @@
-"""Probes: small kernels that show what a backend really does, and a trial start for a child process.
+"""Probes: small kernels that show which numbers and loops the backend that runs computes rightly."""
 
-Run as `python -m mpp_taichi.device.probes vulkan`: starts the backend, which may crash, and prints one JSON object.
-"""
-
-import json
 import math
-import sys
 from typing import Any
 
 LOOP_TRIAL = 70_000  # software Vulkan stops a thread silently after 65,535 iterations
@@ -14,7 +9,7 @@ SUM_TERMS = 1000
 
 
 def run(ti: Any, backend: str) -> dict[str, Any]:
-    """Run every probe on the backend that is started; the keys are those of `backends.Probes`."""
+    """Run every probe on the backend that runs; the keys are the fields of `backends.Probes`."""
     return {
         "loop_limit": _loop_limit(ti),
         "float64": _float64(ti),
@@ -62,13 +57,13 @@ def _float64(ti: Any) -> bool:
 
     try:
         keeps_ulp = smallest_step(1.0, 2.0**-52) == 2.0**-52
-        # Some compilers turn the f64 root into one of f32: 0.64 then gives 0.8000002. Or divide by a rough inverse.
+        # Some compilers take the root of an f64 in f32, so that 0.64 gives 0.8000002, or divide by a rough inverse.
         keeps_root = abs(root(0.64) - 0.8) <= 2.0**-53
         keeps_ratio = ratio(1.0, 3.0) == 1.0 / 3.0 and ratio(2.0, 0.7) == 2.0 / 0.7
         exact = math.fsum(1.0 / k for k in range(1, SUM_TERMS + 1))
         keeps_sum = abs(harmonic_sum(SUM_TERMS, 1.0) - exact) <= SUM_TERMS * 2.0**-53 * exact
         return keeps_ulp and keeps_root and keeps_ratio and keeps_sum
-    except Exception:  # no f64 type on this device: Taichi raises whatever the driver said
+    except Exception:  # a device without f64: Taichi raises whatever the driver said
         return False
 
 
@@ -90,7 +85,7 @@ def _compensation(ti: Any) -> bool:
 
 
 def _low_parts(ti: Any) -> bool:
-    from mpp_taichi.device.update_probe import keeps_low_parts  # imports Taichi, which has to be started
+    from mpp_taichi.device.update_probe import keeps_low_parts  # this module imports Taichi
 
     return keeps_low_parts(ti, guards_rounding=not _compensation(ti))
 
@@ -110,44 +105,3 @@ def _finds_nan(ti: Any) -> bool:
         return found
 
     return not_finite(0.0, 1.0) == 3
-
-
-def try_start(backend: str) -> dict[str, Any]:
-    """Start a backend in this process and say what it is."""
-    from mpp_taichi.device import backends
-    from mpp_taichi.device.vulkan import chosen_device
-
-    ti = backends.import_taichi()
-    backends.initialise(ti, backend, "f32")
-    field = ti.field(ti.i32, shape=8)
-
-    @ti.kernel
-    def fill():
-        for i in field:
-            field[i] = i * i
-
-    fill()
-    if int(field.to_numpy().sum()) != 140:
-        return {"available": False, "reason": "a trial kernel gave a wrong result", "device": "", "software": False}
-    name, software = chosen_device() if backend == "vulkan" else (f"{backend} device", False)
-    if backend == "cuda":
-        name = _cuda_name()
-    return {"available": True, "reason": "", "device": name, "software": software}
-
-
-def _cuda_name() -> str:
-    import ctypes
-
-    driver = ctypes.CDLL("nvcuda.dll" if sys.platform == "win32" else "libcuda.so.1")
-    name = ctypes.create_string_buffer(256)
-    driver.cuInit(0)
-    return name.value.decode() if driver.cuDeviceGetName(name, 256, 0) == 0 else "CUDA device"
-
-
-if __name__ == "__main__":
-    from mpp_taichi.errors import MppError
-
-    try:
-        print(json.dumps(try_start(sys.argv[1])))
-    except MppError as error:
-        print(json.dumps({"available": False, "reason": str(error), "device": "", "software": False}))

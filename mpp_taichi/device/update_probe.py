@@ -1,6 +1,7 @@
-"""Whether the update of positions and velocities in f32c and ds keeps, on the device that runs, what its rounding loses.
+"""Whether the update of positions and velocities in f32c and ds keeps its rounding errors on the device that runs.
 
-It is the update of the runs themselves (`low_parts`), over fields and in a loop over particles and steps, as the steps have it.
+The probe runs the drift and the kick of the runs themselves (arithmetic/particle_update.py), over fields and in a loop over
+particles and steps, as a step runs them.
 """
 
 from typing import Any
@@ -8,11 +9,12 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import drift_particle, kick_particle, step_parts
+from mpp_taichi.arithmetic.low_parts import step_parts
+from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle
 from mpp_taichi.types import Template
 
 STEPS = 1000
-NUMBERS = (0.001, 1e-8 / 3)  # of a kick and of a drift: far below what an f32 of size 1 holds
+NUMBERS = (0.001, 1e-8 / 3)  # the factors of a kick and a drift: far below the rounding of an f32 of size 1
 
 
 @ti.kernel
@@ -24,7 +26,7 @@ def _move(state: Template, steps: ti.i32):
 
 
 class _Particles:
-    """What the update asks of a State."""
+    """The part of a State that the update reads and writes."""
 
     dimensions, total_count, carries_low = 3, 4, True
 
@@ -37,10 +39,10 @@ class _Particles:
 
 
 def keeps_low_parts(started: Any, *, guards_rounding: bool) -> bool:
-    """Let particles fall for STEPS steps from sizes 1 and 1000, and compare with exact arithmetic on the host.
+    """Move particles of sizes 1 and 1000 by STEPS steps, and compare with exact arithmetic on the host.
 
-    x grows by 3e-6, every step of it below the rounding of x; a plain f32 stays where it was. The bound allows a rounding of
-    2⁻²⁴ of all that each step adds, and for each step 2⁻⁴⁸ of the number itself, which no low part holds.
+    x grows by 3e-6 altogether. The growth in each step is below the rounding of x, so a plain f32 does not move. The bound
+    allows for each step a rounding error of 2⁻²⁴ of its growth, and of 2⁻⁴⁸ of the number itself, which is beyond the low part.
     """
     state: Any = _Particles(started, guards_rounding=guards_rounding)
     start = np.outer([1.0, -1.0, 1000.0, 1.0 / 3.0], [1.0, 0.7, -0.3]).astype(np.float32)

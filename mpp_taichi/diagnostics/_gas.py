@@ -1,16 +1,17 @@
-"""What the diagnostics of gases share: totals that grow along a run, and which particles and which room they are of."""
+"""What the diagnostics of gases share: totals that grow along a run, and the box that holds the gas."""
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from mpp_taichi.component import Particles
 from mpp_taichi.contacts._report import ContactReport
-from mpp_taichi.diagnostics._base import Diagnostic, NoResultError
+from mpp_taichi.diagnostics._base import Diagnostic
+from mpp_taichi.quantities._base import NoResultError, RunSample, Setting
+from mpp_taichi.quantities._contacts import require_contacts
 from mpp_taichi.scene.contacts import merges
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.start.contact_setup import enclosure_of
 from mpp_taichi.walls._base import Enclosure
 
@@ -19,13 +20,13 @@ BLOCKS = 10
 
 @dataclass
 class Total:
-    """A total that grows along a run, kept at every look: its mean rate, and how well that is known."""
+    """A total that grows along a run, kept in every sample: its mean rate, and the standard error of the rate."""
 
     times: list[float] = field(default_factory=list)
     totals: list[float] = field(default_factory=list)
 
     def add(self, time: float, total: float) -> None:
-        """Keep a look; a second one at the same time replaces the first."""
+        """Keep a sample; a second sample at the same time replaces the first."""
         if self.times and self.times[-1] == time:
             self.totals[-1] = total
         else:
@@ -33,61 +34,60 @@ class Total:
             self.totals.append(total)
 
     def rate(self) -> float:
-        """Growth over time, from the first look to the last; NoResultError where there is no time between them."""
+        """Growth over time, from the first sample to the last; NoResultError where there is no time between them."""
         if len(self.times) < 2:
-            raise NoResultError("there are no two looks to measure a rate between: run longer, or begin earlier than `after`")
+            raise NoResultError("there are no two samples to measure a rate between: run longer, or begin earlier than `after`")
         return (self.totals[-1] - self.totals[0]) / (self.times[-1] - self.times[0])
 
-    def standard_error(self) -> float | None:
-        """Of the rate: scatter of the rates of ten blocks of equal looks, over √10; None with fewer than ten intervals.
+    def standard_error(self) -> float:
+        """Of the rate: scatter of the rates of ten blocks of equally many samples, over √10.
 
-        Right when a block is longer than the memory of what is counted, which is some collisions per particle.
+        It is right when a block is longer than the gas remembers its past, which is some collisions per particle.
+
+        Raises:
+            NoResultError: there are fewer than ten intervals.
         """
         if len(self.times) <= BLOCKS:
-            return None
+            raise NoResultError("ten samples or fewer say nothing of their scatter")
         edges = np.linspace(0, len(self.times) - 1, BLOCKS + 1).astype(int)
         rates = np.diff(np.array(self.totals)[edges]) / np.diff(np.array(self.times)[edges])
         return float(np.std(rates, ddof=1) / math.sqrt(BLOCKS))
 
 
 class OfContacts(Diagnostic):
-    """Follows the contact solver's counts from `after` on; subclasses declare `after` and come to their number."""
+    """Follows a number that the contact solver counts from `after` on; a subclass declares `after` and comes to its number."""
 
     after: float
     _dimensions: int = 3
-    _report: ContactReport | None = None
 
-    def begin(self, spec: SceneSpec, start: Snapshot) -> None:
-        """See that there are contacts."""
-        if spec.contacts is None:
-            raise NoResultError("the scene has no contacts")
-        self._dimensions = spec.dimensions
+    def begin(self, setting: Setting) -> None:
+        """Check that the scene has contacts."""
+        require_contacts(setting.spec)
+        self._dimensions = setting.spec.dimensions
         self._total = Total()
+        self.prepare(setting)
 
-    def observe_contacts(self, time: float, report: ContactReport) -> None:
-        """Keep the count."""
-        self._report = report
-        if time >= self.after:
-            self._total.add(time, self.counted(report))
+    def prepare(self, setting: Setting) -> None:
+        """Keep the facts of the scene that the number needs; NoResultError where it is not defined."""
 
+    def observe(self, sample: RunSample) -> None:
+        """Keep the count, and the particles' part."""
+        if sample.time >= self.after:
+            self._total.add(sample.time, self.counted(sample.contact_report))
+            self.take(sample)
+
+    @abstractmethod
     def counted(self, report: ContactReport) -> float:
-        """What is added up."""
-        raise NotImplementedError
+        """The number that grows along the run."""
 
-    def observe(self, time: float, snapshot: Snapshot) -> None:
-        """Nothing but the count is needed."""
+    def take(self, sample: RunSample) -> None:
+        """Keep what the number needs of the particles."""
 
 
 def require_no_merging(spec: SceneSpec) -> None:
     """NoResultError where spheres merge."""
     if merges(spec):
         raise NoResultError("spheres become fewer as they merge, so that there is no number of collisions for each")
-
-
-def rows_of(of: Particles | None, snapshot: Snapshot) -> np.ndarray:
-    """Indices of the particles of a group, or of all, that are free along every axis."""
-    rows = np.arange(snapshot.particle_count) if of is None else np.arange(of[0], of[0] + of[1])
-    return rows[snapshot.free[rows].all(axis=1)]
 
 
 def box_of(spec: SceneSpec) -> tuple[np.ndarray, np.ndarray]:

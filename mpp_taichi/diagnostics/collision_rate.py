@@ -1,11 +1,9 @@
-"""How often a particle is hit."""
+"""The number of collisions of a particle in a unit of time."""
 
 from mpp_taichi.component import component, param
 from mpp_taichi.contacts._report import ContactReport
-from mpp_taichi.diagnostics._base import NoResultError
 from mpp_taichi.diagnostics._gas import OfContacts, require_no_merging
-from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.quantities._base import Setting
 
 
 @component
@@ -18,11 +16,10 @@ class CollisionRate(OfContacts):
 
     after: float = param(0.0, minimum=0.0, unit="time", help="count from this time on")
 
-    def begin(self, spec: SceneSpec, start: Snapshot) -> None:
-        """Keep how many particles there are."""
-        super().begin(spec, start)
-        require_no_merging(spec)
-        self._count = start.particle_count
+    def prepare(self, setting: Setting) -> None:
+        """Keep the number of particles."""
+        require_no_merging(setting.spec)
+        self._count = setting.start.particle_count
 
     def counted(self, report: ContactReport) -> float:
         """Two particles for every pair."""
@@ -33,8 +30,5 @@ class CollisionRate(OfContacts):
         return self._total.rate()
 
     def standard_error(self) -> float:
-        """By ten blocks."""
-        error = self._total.standard_error()
-        if error is None:
-            raise NoResultError("ten looks or fewer say nothing of their scatter")
-        return error
+        """The standard error of Γ, by ten blocks."""
+        return self._total.standard_error()

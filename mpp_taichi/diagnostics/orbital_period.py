@@ -6,17 +6,18 @@ import numpy as np
 
 from mpp_taichi.arithmetic.hermite import crossing
 from mpp_taichi.component import Particle, component, param
-from mpp_taichi.diagnostics._base import Diagnostic, NoResultError, require_present
-from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.diagnostics._base import Diagnostic
+from mpp_taichi.quantities._base import NoResultError, RunSample
+from mpp_taichi.quantities._particles import center_of
 
-LOOK_ANGLE = 0.05  # radians between two looks; the cubic below is then good to about 1e-9 of a turn, and less on a circle
+SAMPLE_ANGLE = 0.05  # radians between two samples; the cubic below is then good to about 1e-9 of a turn, and less on a circle
 
 
 @component
 class OrbitalPeriod(Diagnostic):
     """Time of the first full turn of `of` around `around`, as seen from `around` in the plane of their first motion.
 
-    The angle is that of the relative position, its rate ω = (r × v)·n / |r in the plane|². Between two looks the angle is the
+    The angle is that of the relative position, its rate ω = (r × v)·n / |r in the plane|². Between two samples the angle is the
     cubic with both angles and both rates (Hermite), and the turn is complete at its root. The turn is the sidereal one:
     against fixed directions, not from pericentre to pericentre.
     """
@@ -28,14 +29,14 @@ class OrbitalPeriod(Diagnostic):
     _start: float = 0.0
     _period: float | None = None
 
-    def observe(self, time: float, snapshot: Snapshot) -> None:
+    def observe(self, sample: RunSample) -> None:
         """Follow the angle until it has grown by 2π."""
         if self._period is not None:
             return
-        for particle in (self.of, self.around):
-            require_present(snapshot, particle)
-        separation = snapshot.position[self.of] - snapshot.position[self.around]
-        motion = snapshot.velocity[self.of] - snapshot.velocity[self.around]
+        time, snapshot = sample.time, sample.snapshot
+        of, around = (self.of, 1), (self.around, 1)
+        separation = center_of(snapshot.position, snapshot, of) - center_of(snapshot.position, snapshot, around)
+        motion = center_of(snapshot.velocity, snapshot, of) - center_of(snapshot.velocity, snapshot, around)
         if self._axes is None:
             self._axes = _plane(separation, motion)
             self._start = time
@@ -55,7 +56,7 @@ class OrbitalPeriod(Diagnostic):
         """A small angle at the present rate."""
         if self._period is not None or self._last[2] == 0.0:
             return math.inf
-        return LOOK_ANGLE / abs(self._last[2])
+        return SAMPLE_ANGLE / abs(self._last[2])
 
     def result(self) -> float:
         """The period [time]."""

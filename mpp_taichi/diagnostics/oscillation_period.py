@@ -1,16 +1,17 @@
 """Period of a coordinate that swings about a level."""
 
 from mpp_taichi.component import Particle, component, param
-from mpp_taichi.diagnostics._base import Diagnostic, NoResultError
-from mpp_taichi.diagnostics._between_looks import Track, coordinate
-from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.diagnostics._base import Diagnostic
+from mpp_taichi.diagnostics._track import Track
+from mpp_taichi.quantities._base import NoResultError, RunSample
+from mpp_taichi.quantities.position import Position
 
 
 @component
 class OscillationPeriod(Diagnostic):
     """Mean period of one coordinate of one particle: from its first upward passage of a level to its last.
 
-    Passages are found between looks by a cubic through values and rates, to 1e-7 of a period.
+    Passages are found between samples by a cubic through values and rates, to 1e-7 of a period.
     """
 
     of: Particle = param(help="the particle")
@@ -19,12 +20,13 @@ class OscillationPeriod(Diagnostic):
     _track: Track | None = None
     _passages: tuple[float, ...] = ()
 
-    def observe(self, time: float, snapshot: Snapshot) -> None:
-        """Note the upward passages."""
-        value, rate = coordinate(snapshot, self.of, self.axis)
+    def observe(self, sample: RunSample) -> None:
+        """Note an upward passage since the sample before."""
+        position = Position(of=(self.of, 1), axis=self.axis)
         self._track = self._track or Track(0.0)
-        self._track.add(time, value - self.about, rate)
-        if len(self._track.looks) == 2 and self._track.looks[0][1] < 0.0 <= self._track.looks[1][1]:
+        self._track.add(sample.time, position.measure(sample) - self.about, position.rate(sample))
+        samples = self._track.samples
+        if len(samples) == 2 and samples[0][1] < 0.0 <= samples[1][1]:
             self._passages = (*self._passages, self._track.first_crossing(0.0))
 
     @property

@@ -4,10 +4,8 @@ import numpy as np
 
 from mpp_taichi.component import component, param
 from mpp_taichi.contacts._report import ContactReport
-from mpp_taichi.diagnostics._base import NoResultError
 from mpp_taichi.diagnostics._gas import OfContacts, box_of
-from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.quantities._base import NoResultError, RunSample, Setting
 from mpp_taichi.start.contact_setup import enclosure_of
 
 
@@ -23,11 +21,11 @@ class Pressure(OfContacts):
     """
 
     by: str = param("virial", choices=("virial", "walls"), help="the way it is measured")
-    after: float = param(0.0, minimum=0.0, unit="time", help="look from this time on")
+    after: float = param(0.0, minimum=0.0, unit="time", help="sample from this time on")
 
-    def begin(self, spec: SceneSpec, start: Snapshot) -> None:
+    def prepare(self, setting: Setting) -> None:
         """Measure the box."""
-        super().begin(spec, start)
+        spec, start = setting.spec, setting.start
         lower, upper = box_of(spec)
         repeats = np.array(enclosure_of(spec).repeats[: spec.dimensions])
         if self.by == "walls" and repeats.any():
@@ -41,10 +39,9 @@ class Pressure(OfContacts):
         """Momentum of walls, or virial of pairs."""
         return sum(report.wall_impulse) if self.by == "walls" else report.virial
 
-    def observe(self, time: float, snapshot: Snapshot) -> None:
-        """Take Σ m v²."""
-        if time >= self.after:
-            self._kinetic.append(float(np.sum(snapshot.mass[:, None] * snapshot.velocity**2)))
+    def take(self, sample: RunSample) -> None:
+        """Keep Σ m v²."""
+        self._kinetic.append(float(np.sum(sample.snapshot.mass[:, None] * sample.snapshot.velocity**2)))
 
     def result(self) -> float:
         """P."""
@@ -53,8 +50,5 @@ class Pressure(OfContacts):
         return (float(np.mean(self._kinetic)) + self._total.rate()) / (self._dimensions * self._volume)
 
     def standard_error(self) -> float:
-        """By ten blocks of what contacts add."""
-        error = self._total.standard_error()
-        if error is None:
-            raise NoResultError("ten looks or fewer say nothing of their scatter")
-        return error / (self._area if self.by == "walls" else self._dimensions * self._volume)
+        """The standard error of the contacts' part, by ten blocks."""
+        return self._total.standard_error() / (self._area if self.by == "walls" else self._dimensions * self._volume)

@@ -1,14 +1,15 @@
 """The mass of all particles."""
 
 from mpp_taichi.component import component
-from mpp_taichi.diagnostics._at_end import AtEnd
-from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.diagnostics._named import NamedReduction
+from mpp_taichi.diagnostics._reductions import AtEnd
+from mpp_taichi.quantities.mass import Mass
 
 
 @component
-class TotalMass(AtEnd):
+class TotalMass(NamedReduction):
     """Σ m at the end of the run [mass]: spheres that merge keep it."""
 
-    def measure(self, snapshot: Snapshot) -> float:
-        """The mass."""
-        return float(snapshot.mass.sum())
+    def reduction(self) -> AtEnd:
+        """Mass at the end."""
+        return AtEnd(Mass())

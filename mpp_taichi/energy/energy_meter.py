@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import wide_velocity
+from mpp_taichi.arithmetic.particle_update import wide_velocity
 from mpp_taichi.energy.mechanics import angular_momentum, kinetic_energies, mean_by_mass, momentum, total
 from mpp_taichi.forces._total_force import TotalForce
 from mpp_taichi.snapshot import Snapshot

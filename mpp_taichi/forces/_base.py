@@ -62,6 +62,7 @@ class PairForce(Force):
     """
 
     softening = 0.0
+    solver = "direct"  # how the force is summed: a row of `SOLVERS` in _pair_solver.py
 
     @ti.func
     def response(self, state: Template, i):

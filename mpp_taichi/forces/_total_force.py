@@ -6,8 +6,12 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi import component
-from mpp_taichi.arithmetic.inverse_distance import change_of_inverse_distance, second_change_of_inverse_distance
-from mpp_taichi.arithmetic.low_parts import wide_velocity
+from mpp_taichi.arithmetic.inverse_distance import (
+    change_of_inverse_distance,
+    inverse_root,
+    second_change_of_inverse_distance,
+)
+from mpp_taichi.arithmetic.particle_update import wide_velocity
 from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -52,54 +56,39 @@ class TotalForce:
         self.external = tuple(force for force in forces if isinstance(force, ExternalForce))
         self.bonds = tuple(force for force in forces if isinstance(force, BondForce))
         self.has_pairs = len(pairs) > 0 and particle_count > 1
-        self.pairs: Any = None
-        self.pair_sum: Any = None  # who loops over the pairs
-        by_tree = [force for force in pairs if getattr(force, "solver", "direct") == "tree"]
-        self.by_tree = self.has_pairs and len(by_tree) > 0
-        if self.by_tree:
-            from mpp_taichi.neighbors.tree import TreeSum  # only for scenes that want it
-
-            if len(pairs) > 1 or derivatives or merges:
-                raise TypeError("a tree sums gravity alone, without derivatives, over bodies that do not merge")
-            self.pair_sum = TreeSum(by_tree[0], particle_count, dimensions)
-        elif self.has_pairs:
-            from mpp_taichi.neighbors.all_pairs import AllPairs  # only for scenes that have pairs
-
-            self.pairs = AllPairs(pairs, particle_count, dimensions, merges=merges)
-            self.pair_sum = self.pairs
-        if self.pairs and derivatives:
-            from mpp_taichi.neighbors.pair_derivatives import PairDerivatives  # only for methods that want them
-
-            self.pair_sum = PairDerivatives(self.pairs, derivatives)
         self.pair_forces = pairs
+        self.pair_solver, self.pair_sum = "", None  # the solver's name, and the solver, which owns the loops over pairs
+        if self.has_pairs:
+            from mpp_taichi.forces._pair_solver import pair_solver  # only for scenes that have pairs
+
+            self.pair_solver, self.pair_sum = pair_solver(
+                pairs, particle_count, dimensions, merges=merges, derivatives=derivatives
+            )
+        self.by_tree = self.pair_solver == "tree"
         others = [force for force in forces if not isinstance(force, PairForce) and not force.depends_on_velocity]
         self.has_pairs_alone = self.has_pairs and not others
         self.sets_pairs = self.has_pairs_alone and self.pair_sum.sets_directly
-        self.pairs_in_tiles = self.has_pairs_alone and self.pair_sum is self.pairs and self.pairs.in_tiles
+        self.pairs_in_tiles = self.has_pairs_alone and self.pair_sum.in_tiles
         self.depends_on_velocity = any(force.depends_on_velocity for force in forces)
         self.has_velocity_independent = any(not force.depends_on_velocity for force in forces)
 
     def pair_loops(self, state: Any) -> int:
-        """Parallel loops over pairs of one sum on the cores of a CPU."""
-        return self.pairs.symmetric_loops if self.pair_sum is self.pairs and self.pairs.is_symmetric(state) else 1
+        """Number of parallel loops over pairs in one sum on the cores of a CPU."""
+        return self.pair_sum.loops(state) if self.has_pairs else 1
 
     def is_symmetric_alone(self, state: Any) -> bool:
         """Whether a launched sum of symmetric pairs is all there is, and need not be added to anything."""
-        return self.has_pairs_alone and self.pair_sum is self.pairs and bool(self.pairs.is_symmetric(state))
+        return self.has_pairs_alone and bool(self.pair_sum.is_symmetric(state))
 
     def destroy(self) -> None:
         """Give back the memory that sums took."""
-        if self.by_tree:
+        if self.has_pairs:
             self.pair_sum.destroy()
-        elif self.pairs is not None:
-            self.pairs.destroy()
 
     @property
     def longest_loop(self) -> int:
         """Most iterations that a thread makes for one particle of the parallel plan."""
-        if self.by_tree:
-            return self.pair_sum.longest_loop
-        return self.particle_count if self.has_pairs else 0
+        return self.pair_sum.longest_loop if self.has_pairs else 0
 
     @property
     def conserves_energy(self) -> bool:
@@ -261,7 +250,7 @@ class TotalForce:
         if ti.static(self.derivatives > 1):
             q = state.estimate[j] - state.estimate[i]
         squared, approach = d.dot(d), d.dot(w)
-        inverse = ti.select(squared > 0.0, 1.0 / ti.sqrt(squared), 0.0)
+        inverse = ti.select(squared > 0.0, inverse_root(squared), 0.0)
         shape, slope = bond.shape(state, h, inverse), bond.slope(state, h, inverse)
         rate = slope * change_of_inverse_distance(inverse, approach)
         curve = slope * second_change_of_inverse_distance(inverse, approach, w.dot(w) + d.dot(q))
@@ -308,5 +297,5 @@ class TotalForce:
             for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
                 result += 0.5 * bond.potential(state, i, first + state.spring_neighbor[h], h)
         if ti.static(self.has_pairs and not self.by_tree):
-            result += self.pairs.potential_energy_of(state, i)
+            result += self.pair_sum.potential_energy_of(state, i)
         return result

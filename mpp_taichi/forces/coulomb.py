@@ -3,12 +3,12 @@
 import taichi as ti
 
 from mpp_taichi.component import component, param
-from mpp_taichi.forces._base import PairForce
+from mpp_taichi.forces._inverse_square import InverseSquareForce
 from mpp_taichi.types import Template
 
 
 @component
-class Coulomb(PairForce):
+class Coulomb(InverseSquareForce):
     """Softened Coulomb force, F_i = −k q_i Σ_j q_j d / (|d|² + ε²)^(3/2) with d = x_j − x_i.
 
     Equal signs repel. A charged particle must have a mass. Source: Jackson, Classical Electrodynamics (1999), §1.1.
@@ -28,21 +28,6 @@ class Coulomb(PairForce):
     def source(self, state: Template, j):
         """q_j."""
         return state.charge[j]
-
-    @ti.func
-    def shape(self, inverse_distance):
-        """1/ρ³."""
-        return inverse_distance * inverse_distance * inverse_distance
-
-    @ti.func
-    def slope(self, inverse_distance):
-        """3/ρ²."""
-        return 3.0 * inverse_distance * inverse_distance
-
-    @ti.func
-    def curvature(self, inverse_distance):
-        """6/ρ."""
-        return 6.0 * inverse_distance
 
     @ti.func
     def potential(self, state: Template, i, j, inverse_distance):

@@ -3,12 +3,12 @@
 import taichi as ti
 
 from mpp_taichi.component import component, param
-from mpp_taichi.forces._base import PairForce
+from mpp_taichi.forces._inverse_square import InverseSquareForce
 from mpp_taichi.types import Template
 
 
 @component
-class NewtonianGravity(PairForce):
+class NewtonianGravity(InverseSquareForce):
     """Newtonian gravity, a_i = G Σ_j m_j d / (|d|² + ε²)^(3/2) with d = x_j − x_i.
 
     With ε > 0 this is exactly the force of the potential −G m_i m_j / √(|d|² + ε²), Plummer's sphere. Massless particles
@@ -47,21 +47,6 @@ class NewtonianGravity(PairForce):
     def source(self, state: Template, j):
         """m_j."""
         return state.mass[j]
-
-    @ti.func
-    def shape(self, inverse_distance):
-        """1/ρ³."""
-        return inverse_distance * inverse_distance * inverse_distance
-
-    @ti.func
-    def slope(self, inverse_distance):
-        """3/ρ²."""
-        return 3.0 * inverse_distance * inverse_distance
-
-    @ti.func
-    def curvature(self, inverse_distance):
-        """6/ρ."""
-        return 6.0 * inverse_distance
 
     @ti.func
     def potential(self, state: Template, i, j, inverse_distance):

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import approach, separation, wide_position, wide_velocity
+from mpp_taichi.arithmetic.particle_update import approach, separation, wide_position, wide_velocity
 from mpp_taichi.component import component, param
 from mpp_taichi.forces._base import BondForce
 from mpp_taichi.types import Template

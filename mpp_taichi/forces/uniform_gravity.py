@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import wide_position
+from mpp_taichi.arithmetic.particle_update import wide_position
 from mpp_taichi.component import Vector, component, param
 from mpp_taichi.forces._base import ExternalForce
 from mpp_taichi.types import Template

@@ -30,7 +30,7 @@ class Integrator:
                      False of its own, which scenes are checked by, and the method is refused beside such forces
     takes_time       goes beside forces that depend on time by themselves; said and checked in the same way
     memory           work fields that a step hands on to the next
-    takes_low_parts  moves particles by `low_parts`, so that it runs in f32c and ds; it says its `step_numbers`
+    takes_low_parts  moves particles by `particle_update`, so that it runs in f32c and ds; it says its `step_numbers`
     controlled_by    of a method that chooses its steps itself the parameter that says how accurate a run is to be; else empty
     stable_for_any_stiffness  no spring is too stiff for any step
     launchers        by which launchers of step/ it is run; read by step/choose.py alone (see _launchers.py)

@@ -5,6 +5,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.inverse_distance import softened_square
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
@@ -183,7 +184,7 @@ class GravitySeries:
             squared = d[0] * d[0]
             for c in ti.static(range(1, axes)):
                 squared = squared + d[c] * d[c]
-            inverse = 1.0 / (squared + self.softening_squared)
+            inverse = 1.0 / softened_square(squared, self.softening_squared)
             s = inverse * ti.sqrt(inverse)
             self._store(state, now + axes, inverse)
             self._store(state, now + axes + 1, s)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import drift_particle, kick_particle
+from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle
 from mpp_taichi.integrators import _runge_kutta
 from mpp_taichi.integrators._base import Integrator, SumForces
 from mpp_taichi.integrators._launchers import Launchers

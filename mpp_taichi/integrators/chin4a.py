@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import drift_particle, kick_particle, push_particle
+from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle, push_particle
 from mpp_taichi.component import component, param
 from mpp_taichi.device.fast_taichi.vector_fields import put_vector, vector_at
 from mpp_taichi.integrators._base import Integrator, SumForces

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.inverse_distance import softened_square
 from mpp_taichi.component import component, param
 from mpp_taichi.integrators._adaptive import Adaptive, rounding
 from mpp_taichi.integrators._compensated_sum import compensated_sum
@@ -94,7 +95,8 @@ class Taylor(Adaptive):
         rate = ti.cast(0.0, state.wide)  # squared
         for i in range(first, first + total_force.particle_count):
             for j in range(i + 1, first + total_force.particle_count):
-                apart = (state.position[j] - state.position[i]).norm_sqr() + self.series.softening_squared
+                d = state.position[j] - state.position[i]
+                apart = softened_square(d.norm_sqr(), self.series.softening_squared)
                 fall = 0.0
                 for force in ti.static(total_force.pair_forces):
                     pull = force.response(state, i) * force.source(state, j) + force.response(state, j) * force.source(state, i)

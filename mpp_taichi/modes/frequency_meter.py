@@ -11,7 +11,7 @@ LOOKS_PER_OSCILLATION = 40  # the cubic between two looks is then good to (2π/4
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredFrequency:
     """ω [radians time⁻¹] and its standard error, None where two crossings a side leave no scatter to judge it by."""
 
     angular_frequency: float
@@ -49,7 +49,7 @@ class FrequencyMeter:
         fastest = max(angular_frequency, seen)
         return 2.0 * math.pi / (LOOKS_PER_OSCILLATION * fastest) if fastest > 0.0 else math.inf
 
-    def measured(self) -> Measured | None:
+    def measured(self) -> MeasuredFrequency | None:
         """The frequency, or None before it has crossed zero three times."""
         times = np.array(self.crossings)
         if len(times) < 3:
@@ -63,6 +63,6 @@ class FrequencyMeter:
         frequency = math.pi / half_period
         freedoms = len(times) - 3
         if freedoms == 0:
-            return Measured(frequency, None)
+            return MeasuredFrequency(frequency, None)
         scatter = float(np.sum((times - half_period * halves) ** 2)) / freedoms
-        return Measured(frequency, frequency * math.sqrt(scatter / spread) / half_period)
+        return MeasuredFrequency(frequency, frequency * math.sqrt(scatter / spread) / half_period)

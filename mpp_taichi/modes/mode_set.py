@@ -43,7 +43,7 @@ class Mode:
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class ModeReading:
     """A motion as seen in the modes: amplitude and its rate [length, length time⁻¹], energies of each, and the energy of all.
 
     Energies are those of the linear network: ½ M (ȧ² + ω² a²) with the modal mass M = Σ m shape², and ½ Σ m v² + ½ uᵀ K u.
@@ -75,7 +75,7 @@ class ModeSet:
         self._project = weighted / self.modal_mass[:, None]
         self._square = np.array([mode.angular_frequency for mode in modes]) ** 2
 
-    def read(self, snapshot: Snapshot) -> Reading:
+    def read(self, snapshot: Snapshot) -> ModeReading:
         """Project the displacement from rest, and the velocity."""
         dimensions = self.network.free.shape[1]
         displacement = snapshot.position[:, :dimensions] - self.network.position
@@ -83,7 +83,7 @@ class ModeSet:
         amplitude, rate = self._project @ displacement.ravel(), self._project @ velocity.ravel()
         energy = 0.5 * self.modal_mass * (rate**2 + self._square * amplitude**2)
         total = self.network.kinetic_energy(velocity) + self.network.potential_energy(displacement)
-        return Reading(amplitude, rate, energy, total)
+        return ModeReading(amplitude, rate, energy, total)
 
 
 def placed_at_rest(spec: SceneSpec, start: Snapshot) -> Snapshot:

@@ -1,1 +1,1 @@
-"""How pairs of particles are found."""
+"""Pairs of particles: sums over all pairs, the tree of gravity, and the search for spheres that may touch."""

@@ -1,14 +1,14 @@
-"""Levels of a cell grid: which reaches share cells, how wide those are, and where they lie in the table. NumPy alone."""
+"""Levels of a cell grid: which reaches share cells, how wide the cells are, and where they lie in the table. NumPy alone."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 BINS_PER_OCTAVE = 8
-BINS = 480  # 60 octaves; whatever is smaller shares the last
+BINS = 480  # 60 octaves; all smaller reaches share the last bin
 MAXIMUM_LEVELS = 64
 LARGEST_CELL_NUMBER = 2.0**30  # along an axis, to fit 32 bits
-UNFOLDED = -1  # a mask that keeps every bit
+UNFOLDED = -1  # the mask that keeps every bit
 HASH_STRIDES = (73856093, 19349663)  # odd, without small common factors; Teschner et al., Proc. VMV 2003, 47
 
 
@@ -16,13 +16,13 @@ HASH_STRIDES = (73856093, 19349663)  # odd, without small common factors; Teschn
 class Level:
     """Spheres of similar reach.
 
-    reach     largest of the level [length]; cells are at least twice as wide
-    cells     along each axis
-    inverse   of the width of a cell, along each axis [1 / length]
-    offset    of its buckets in the table
-    buckets   their number
+    reach     largest reach of the level [length]; cells are at least twice as wide
+    cells     number of cells along each axis
+    inverse   inverse width of a cell along each axis [1 / length]
+    offset    first bucket of the level in the table
+    buckets   number of buckets
     mask      folds cell numbers into the buckets where there are more cells than buckets
-    strides   of the bucket from a cell to the next along y and z
+    strides   steps of the bucket number from a cell to the next cell along y and z
     """
 
     reach: float
@@ -37,11 +37,11 @@ class Level:
     def fitted(
         cls, reach: float, count: int, extent: np.ndarray, repeats: tuple, buckets_per_sphere: int, offset: int
     ) -> "Level":
-        """For `count` spheres in a box; with more cells than a few per sphere they are folded, far ones sharing a bucket."""
+        """A level of `count` spheres in a box. Where cells by far outnumber spheres, distant cells share a bucket."""
         repeats = np.array(repeats[: len(extent)])
-        width = max(extent.max() / LARGEST_CELL_NUMBER, 2.0 * reach)  # the first where a reach is no number
+        width = max(extent.max() / LARGEST_CELL_NUMBER, 2.0 * reach)  # the first argument where the reach is NaN
         if not width > 0.0:
-            width = 1.0  # points at one place
+            width = 1.0  # all spheres are points at one place
         ratio = extent / width
         cells = np.where(repeats, np.maximum(np.floor(ratio), 1.0), np.floor(ratio) + 1.0)
         inverse = np.where(repeats, cells / np.where(extent > 0.0, extent, 1.0), 1.0 / width)
@@ -57,8 +57,8 @@ class Level:
 def choose_levels(bin_count: np.ndarray, largest: float) -> tuple[list[float], list[int], np.ndarray]:
     """Largest reach and number of spheres of each level, smallest first, and the level of each bin.
 
-    `bin_count[b]` spheres have reaches from b to b + 1 eighths of an octave below the largest. A level begins with a bin
-    that is not empty and takes in those down to half of it.
+    `bin_count[b]` spheres have reaches from b to b + 1 eighths of an octave below the largest reach. A level begins with a bin
+    that is not empty, and takes all bins down to half of its reach.
     """
     reaches: list[float] = []
     counts: list[int] = []

@@ -1,4 +1,4 @@
-"""Pair forces sorted by softening: those of one softening share an inverse distance."""
+"""Pair forces sorted by softening: forces of one softening share one inverse distance."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 from mpp_taichi.device.fast_taichi.explicit_vectors import is_elementwise
 
 
-class Member:
+class GroupMember:
     """A force, its place among all forces, and whether its shape takes whole vectors."""
 
     def __init__(self, index: int, force: Any) -> None:
@@ -15,16 +15,16 @@ class Member:
         self.elementwise = is_elementwise(type(force).shape)
 
 
-class Group:
-    """Forces of one softening."""
+class SofteningGroup:
+    """The forces of one softening."""
 
-    def __init__(self, softening: float, members: Sequence[Member]) -> None:
+    def __init__(self, softening: float, members: Sequence[GroupMember]) -> None:
         self.softening_squared = softening * softening
         self.members = tuple(members)
 
 
-def grouped(pair_forces: Sequence[Any]) -> tuple[tuple[Member, ...], tuple[Group, ...]]:
-    """All members in their order, and the groups that they form."""
-    members = tuple(Member(index, force) for index, force in enumerate(pair_forces))
+def grouped(pair_forces: Sequence[Any]) -> tuple[tuple[GroupMember, ...], tuple[SofteningGroup, ...]]:
+    """All members in the order of the forces, and the groups that the members form."""
+    members = tuple(GroupMember(index, force) for index, force in enumerate(pair_forces))
     softenings = dict.fromkeys(float(force.softening) for force in pair_forces)
-    return members, tuple(Group(s, [m for m in members if float(m.force.softening) == s]) for s in softenings)
+    return members, tuple(SofteningGroup(s, [m for m in members if float(m.force.softening) == s]) for s in softenings)

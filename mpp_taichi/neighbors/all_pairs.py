@@ -1,4 +1,4 @@
-"""All pairs: the direct sum of the pair forces over every two bodies, in three loop shapes; a fourth is symmetric_pairs.py.
+"""All pairs: the direct sum of the pair forces over all pairs, in three loop shapes; a fourth is in symmetric_pairs.py.
 
     a_i += sum over forces of response_i * sum over j != i of source_j * shape(s_ij) * d_ij
     d_ij = x_j - x_i,  s_ij = (|d_ij|^2 + softening^2)^(-1/2)
@@ -13,49 +13,52 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import added, separation, wide_position
+from mpp_taichi.arithmetic.inverse_distance import inverse_distance, softened_square
+from mpp_taichi.arithmetic.low_parts import added
+from mpp_taichi.arithmetic.particle_update import separation, wide_position
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors, require_components_apart
 from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
+from mpp_taichi.device.heavy_loops import CPU_GRAIN, heavy_index
 from mpp_taichi.neighbors._pair_groups import grouped
 from mpp_taichi.neighbors.symmetric_pairs import SymmetricPairs, adds_in_parallel
 from mpp_taichi.types import Template
 
-SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
-GATHERED = 256  # bodies that a GPU's thread sums up before it adds to the whole
-BLOCK_PAIRS = 16  # that are summed up before their sum is added with its low part: a sum of thousands loses three bits
-SYMMETRIC_COUNT = 512  # bodies from which on it is faster to evaluate each pair once
+GATHERED = 256  # bodies of a block, whose sum a thread of a GPU adds to the total
+BLOCK_PAIRS = 16  # pairs of a block, whose sum is added with a low part: a plain sum of thousands loses three bits
+SYMMETRIC_COUNT = 512  # least number of bodies at which the evaluation of each pair once is faster
 UNROLLED_PAIRS = 36  # up to nine bodies the serial double loop is written out; beyond, compiling would take seconds
 
 
 @ti.data_oriented
 class AllPairs:
-    """Direct sum over all pairs: O(N²) work, no memory beyond the state's.
+    """Direct sum over all pairs: O(N²) work, and no memory beyond that of the state.
 
-    Range. Squared distances must be normal numbers of the precision: in f32, distances from 1.1e-19 to 1.8e19 [length]; an
-    inverse cube wants 1.5e-13 to 4e12 (beyond, it loses digits to underflow, and vanishes from 9e14 on). Outside, a sum is
-    inf, NaN or zero as IEEE arithmetic has it. Two bodies at one place without softening give NaN.
+    Range: squared distances must be normal numbers of the precision, so in f32 distances must lie between 1.1e-19 and 1.8e19
+    [length]. An inverse cube needs distances between 1.5e-13 and 4e12; beyond 4e12 it loses digits to underflow, and from 9e14
+    on it is zero. Outside the range a sum is inf, NaN or zero by IEEE arithmetic. Without softening two bodies at one place
+    give NaN.
     """
 
     def __init__(self, pair_forces: Sequence[Any], particle_count: int, dimensions: int, *, merges: bool = False) -> None:
         """Sort the forces by softening; needs a started Taichi, whose precision and thread count it takes.
 
-        `merges`: bodies may become part of others (`state.merged_into`), and are sources of no force then.
+        `merges`: a body may become part of another body (`state.merged_into`), and then pulls no other body.
         """
         self.merges = merges
         config = ti.lang.impl.current_cfg()
-        self.particle_count = particle_count
-        self.dimensions = dimensions
+        self.particle_count, self.dimensions = particle_count, dimensions
         self.members, self.groups = grouped(pair_forces)
         widest = VECTOR_BYTES // (4 if config.default_fp == ti.f32 else 8)
         self.lane_count = min(widest, 1 << (particle_count.bit_length() - 1))
         self.tile_count = -(-particle_count // self.lane_count)
         self.thread_count = config.cpu_max_num_threads
         self.has_work = particle_count > 1 and len(self.members) > 0
+        self.longest_loop = particle_count
         self._checked_state: Any = None
         self._symmetric: SymmetricPairs | None = None
         self.unrolled = particle_count * (particle_count - 1) // 2 <= UNROLLED_PAIRS
         self.in_tiles = not self.unrolled and len(self.members) == 1  # how one thread sums
-        self.sets_directly = particle_count == 2  # saves a tenth of a step; with more bodies zeros stored first are faster
+        self.sets_directly = particle_count == 2  # saves a tenth of a step; with more bodies it is faster to store zeros first
 
     # One thread ------------------------------------------------------------------------------------------------------
 
@@ -81,12 +84,12 @@ class AllPairs:
 
     @ti.func
     def set_serial(self, state: Template, first):
-        """Like accumulate_serial, but overwrites what was there; only where `unrolled`."""
+        """Like accumulate_serial, but overwrites the accelerations; only where `unrolled`."""
         self._accumulate_unrolled(state, first, True)
 
     @ti.func
     def _accumulate_unrolled(self, state: Template, first, from_zero: Template):
-        """All in registers: every position is read once and every acceleration written once."""
+        """The sum in registers: each position is read once, and each acceleration is written once."""
         position = [state.position[first + i] for i in ti.static(range(self.particle_count))]
         low = [self._low(state, first + i) for i in ti.static(range(self.particle_count))]
         total = [ti.Vector.zero(float, self.dimensions) for i in ti.static(range(self.particle_count))]
@@ -106,7 +109,7 @@ class AllPairs:
 
     @ti.func
     def _low(self, state: Template, i):
-        """Low part of a position where forces see it, else nothing."""
+        """Low part of the position of body i where forces see low parts, else zero."""
         result = ti.Vector.zero(float, self.dimensions)
         if ti.static(state.forces_see_low):
             result = state.position_low[i]
@@ -119,16 +122,16 @@ class AllPairs:
         on_j = 0.0
         distance_squared = self._apart(self._apart(distance_squared, state, i), state, j)
         for group in ti.static(self.groups):
-            inverse_distance = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
+            inverse = inverse_distance(distance_squared, group.softening_squared)
             for member in ti.static(group.members):
-                shape = member.force.shape(inverse_distance)
+                shape = member.force.shape(inverse)
                 on_i += member.force.response(state, i) * (member.force.source(state, j) * shape)
                 on_j += member.force.response(state, j) * (member.force.source(state, i) * shape)
         return on_i, on_j
 
     @ti.func
     def _apart(self, squared, state: Template, j):
-        """A squared distance from j; one more where j has merged away and may lie where another is, as 0 · 1/0 is not 0."""
+        """A squared distance from j, plus 1 where j has merged: j may lie where another body is, and 0 · 1/0 is not 0."""
         result = squared
         if ti.static(self.merges):
             result = squared + ti.cast(state.merged_into[j] >= 0, float)
@@ -145,7 +148,7 @@ class AllPairs:
 
     @ti.func
     def _gather_in_blocks(self, state: Template, i):
-        """Sums over blocks of bodies, so that few terms are rounded beside the whole; with what is lost where forces see it."""
+        """Sum over blocks of bodies, so that few terms meet the large total; with a low part where forces see low parts."""
         size = ti.static(2 * BLOCK_PAIRS if state.forces_see_low else GATHERED)
         whole = state.acceleration[i]
         lost = ti.Vector.zero(float, self.dimensions)
@@ -163,30 +166,29 @@ class AllPairs:
 
     @ti.func
     def acceleration_from(self, state: Template, i, j):
-        """Of body i, by body j."""
+        """Acceleration of body i by body j."""
         d = separation(state, i, j)
         distance_squared = self._apart(d.dot(d), state, j)
         weight = 0.0
         for group in ti.static(self.groups):
-            inverse_distance = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
+            inverse = inverse_distance(distance_squared, group.softening_squared)
             for member in ti.static(group.members):
                 source = member.force.source(state, j)
-                weight += member.force.response(state, i) * (source * member.force.shape(inverse_distance))
+                weight += member.force.response(state, i) * (source * member.force.shape(inverse))
         return weight * d
 
     # Cores of a CPU, lanes of their vector units ---------------------------------------------------------------------
 
     def is_symmetric(self, state: Any) -> bool:
-        """Whether `add_accelerations` evaluates each pair once; for few bodies that is no faster."""
+        """Whether `add_accelerations` evaluates each pair once, which is no faster for few bodies."""
         return self.particle_count >= SYMMETRIC_COUNT and not self.merges and not state.forces_see_low
 
-    @property
-    def symmetric_loops(self) -> int:
-        """Parallel loops of such a sum."""
-        return 2 if adds_in_parallel(self.particle_count) else 1
+    def loops(self, state: Any) -> int:
+        """Number of parallel loops of `add_accelerations`."""
+        return 2 if self.is_symmetric(state) and adds_in_parallel(self.particle_count) else 1
 
     def destroy(self) -> None:
-        """Give back memory that sums took."""
+        """Free the memory of the sums."""
         if self._symmetric is not None:
             self._symmetric.destroy()
 
@@ -194,7 +196,7 @@ class AllPairs:
         """Add all accelerations on the CPU in a launch of its own, compiled with explicit vectors.
 
         Raises TypeError when the vectors of the state are not stored component by component (`ti.Layout.SOA`): Taichi
-        would store nothing, and say nothing.
+        would store nothing, without an error.
         """
         self._check(state)
         if self.is_symmetric(state):
@@ -203,7 +205,7 @@ class AllPairs:
             self._accumulate_on_cpu(state)
 
     def set_accelerations(self, state: Any) -> None:
-        """Like add_accelerations, but overwrites what was there; only where `is_symmetric`."""
+        """Like add_accelerations, but overwrites the accelerations; only where `is_symmetric`."""
         self._check(state)
         self._launch_symmetric(state, sets=True)
 
@@ -226,13 +228,13 @@ class AllPairs:
     def accumulate_parallel_cpu(self, state: Template):
         """Add all accelerations, a tile of `lane_count` bodies at a time, one lane per body.
 
-        LLVM finds the lanes again by itself for a lone force and vectors stored component by component; for several forces
-        it may not, and `add_accelerations` is then up to five times faster.
+        For a lone force and vectors stored component by component, LLVM makes vector instructions of the lanes by itself. For
+        several forces it may not, and `add_accelerations` is then up to five times faster.
         """
         if ti.static(self.has_work):
-            for block in range(self.thread_count * SMALLEST_BLOCK):
-                if block % SMALLEST_BLOCK == 0:
-                    thread = block // SMALLEST_BLOCK
+            for block in range(self.thread_count * CPU_GRAIN):
+                thread = heavy_index(block, CPU_GRAIN)
+                if thread >= 0:
                     begin = thread * self.tile_count // self.thread_count
                     end = (thread + 1) * self.tile_count // self.thread_count
                     for tile in range(begin, end):
@@ -240,7 +242,7 @@ class AllPairs:
 
     @ti.func
     def _accumulate_tile(self, state: Template, first, tile):
-        # The last tile is moved back to be full; bodies that it shares with the tile before are stored there alone.
+        # The last tile is moved back to be full. The bodies that it shares with the tile before are stored by that tile.
         begin = first + ti.min(tile * self.lane_count, self.particle_count - self.lane_count)
         position = [
             ti.Vector([state.position[begin + lane][axis] for lane in ti.static(range(self.lane_count))])
@@ -256,7 +258,7 @@ class AllPairs:
         lost = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(self.dimensions))]
         others = ti.static(self.particle_count - self.lane_count)
 
-        # Bodies outside the tile, two at a time for the sake of their inverse roots.
+        # Bodies outside the tile, in twos, because two inverse roots at a time are faster.
         pairs = ti.static(others // 2)
         block_pairs = ti.static(BLOCK_PAIRS if state.forces_see_low else max(pairs, 1))
         for block in range(-(-pairs // block_pairs)):
@@ -270,9 +272,9 @@ class AllPairs:
                 weight_j = ti.Vector.zero(float, self.lane_count)
                 weight_k = ti.Vector.zero(float, self.lane_count)
                 for group in ti.static(self.groups):
-                    inverse_j, inverse_k = inverse_roots(
-                        squared_j + group.softening_squared, squared_k + group.softening_squared, state.forces_see_low
-                    )
+                    softened_j = softened_square(squared_j, group.softening_squared)
+                    softened_k = softened_square(squared_k, group.softening_squared)
+                    inverse_j, inverse_k = inverse_roots(softened_j, softened_k, state.forces_see_low)
                     for member in ti.static(group.members):
                         weight_j = self._add_weight(weight_j, state, member, response, j, inverse_j)
                         weight_k = self._add_weight(weight_k, state, member, response, k, inverse_k)
@@ -282,7 +284,7 @@ class AllPairs:
             self._put_by(state, total, whole, lost)
 
         lane_number = ti.Vector([ti.cast(lane, float) for lane in ti.static(range(self.lane_count))])
-        # The bodies of the tile, and the odd one left over. A body's own lane gets a distance of one, and pulls by zero.
+        # The bodies of the tile, and a last odd body. In the lane of the body itself the squared distance gets a 1 and d is 0.
         for step in range(self.lane_count + others % 2):
             j = begin + step
             if step == self.lane_count:
@@ -293,7 +295,7 @@ class AllPairs:
             squared = self._apart(self.square(to_j) + own, state, j)
             weight = ti.Vector.zero(float, self.lane_count)
             for group in ti.static(self.groups):
-                inverse = 1.0 / ti.sqrt(squared + group.softening_squared)
+                inverse = inverse_distance(squared, group.softening_squared)
                 for member in ti.static(group.members):
                     weight = self._add_weight(weight, state, member, response, j, inverse)
             for axis in ti.static(range(self.dimensions)):
@@ -314,12 +316,12 @@ class AllPairs:
 
     @ti.func
     def _outside(self, order, begin):
-        """Index of a body outside the tile, counted without the tile's own."""
+        """Index of a body outside the tile, from its number among the bodies outside."""
         return order + ti.select(order >= begin, self.lane_count, 0)
 
     @ti.func
     def _low_lanes(self, state: Template, begin, axis: Template):
-        """Low parts of the positions of a tile where forces see them, else nothing."""
+        """Low parts of the positions of a tile where forces see low parts, else zeros."""
         result = ti.Vector.zero(float, self.lane_count)
         if ti.static(state.forces_see_low):
             result = ti.Vector([state.position_low[begin + lane][axis] for lane in ti.static(range(self.lane_count))])
@@ -327,7 +329,7 @@ class AllPairs:
 
     @ti.func
     def _way(self, state: Template, j, axis: Template, position: Template, low: Template):
-        """Component of the separations of body j from those of a tile."""
+        """One component of the separations of body j from the bodies of a tile."""
         result = state.position[j][axis] - position[axis]
         if ti.static(state.forces_see_low):
             result = result + (state.position_low[j][axis] - low[axis])
@@ -335,7 +337,7 @@ class AllPairs:
 
     @ti.func
     def _put_by(self, state: Template, total: Template, whole: Template, lost: Template):
-        """Where forces see low parts: add the sum over a block to the whole, what that loses beside it, and begin another."""
+        """Where forces see low parts: add the sum over a block to `whole`, with its rounding error in `lost`; clear the sum."""
         if ti.static(state.forces_see_low):
             for axis in ti.static(range(self.dimensions)):
                 whole[axis], lost[axis] = added(state, whole[axis], lost[axis], total[axis])
@@ -343,7 +345,7 @@ class AllPairs:
 
     @ti.func
     def square(self, separation: Template):
-        """Of the lengths of a tile's separations, given by components."""
+        """Squared lengths of the separations of a tile, which are given by components."""
         squared = separation[0] * separation[0]
         for axis in ti.static(range(1, self.dimensions)):
             squared = multiply_add(separation[axis], separation[axis], squared)
@@ -351,7 +353,7 @@ class AllPairs:
 
     @ti.func
     def _add_weight(self, weight, state: Template, member: Template, response: Template, j, inverse):
-        """Add one force's factor of the separation; the response of a lone force waits until the sum is done."""
+        """Add the factor of one force to the weight of the separation; a lone force has its response at the end of the sum."""
         addend = member.force.source(state, j) * self.shape_of(member, inverse)
         if ti.static(len(self.members) > 1):
             addend = response[member.index] * addend
@@ -362,7 +364,7 @@ class AllPairs:
 
     @ti.func
     def shape_of(self, member: Template, inverse):
-        """A force's shape for a vector of inverse distances."""
+        """Shape of a force for each of a vector of inverse distances."""
         shape = inverse
         if ti.static(member.elementwise):
             shape = member.force.shape(inverse)
@@ -374,9 +376,9 @@ class AllPairs:
 
     @ti.func
     def potential_energy_of(self, state: Template, i):
-        """Half of the potential energy of body i with the others of its replica, in the widest float (`state.wide`).
+        """Half of the potential energy of body i with all other bodies of its replica, in the widest float (`state.wide`).
 
-        Constants are rounded as in the forces, so that it is the potential of these forces and no others.
+        Constants are rounded as in the forces, so that the potential is that of the forces.
         """
         energy = ti.cast(0.0, state.wide)
         first = i // self.particle_count * self.particle_count
@@ -392,7 +394,7 @@ class AllPairs:
         energy = ti.cast(0.0, state.wide)
         distance_squared = self._apart(self._apart(separation.dot(separation), state, i), state, j)
         for group in ti.static(self.groups):
-            inverse = 1.0 / ti.sqrt(distance_squared + group.softening_squared)
+            inverse = inverse_distance(distance_squared, group.softening_squared)
             for member in ti.static(group.members):
                 energy += member.force.potential(state, i, j, inverse)
         return energy

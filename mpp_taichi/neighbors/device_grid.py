@@ -1,4 +1,4 @@
-"""The cell grid on a device of many threads: the same cells and the same order, built by a thread for each sphere."""
+"""Cell grid of a GPU: the same cells and the same order as on a CPU, built by one thread for each sphere."""
 
 from typing import Any
 
@@ -6,45 +6,40 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.neighbors._levels import BINS, BINS_PER_OCTAVE
-from mpp_taichi.neighbors.cell_grid import CHUNKS, CellGrid
+from mpp_taichi.neighbors._sphere_grid import CHUNKS, SphereGrid
 from mpp_taichi.neighbors.prefix_sum import PrefixSum
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
-STRIPES = 64  # of the spheres, for each of the CHUNKS: as many threads measure them
-
-EDGE = 1e-3  # of a bin; f32 knows 8 · 24 octaves to 2e-5
+STRIPES = 64  # of the spheres, for each of the CHUNKS: a thread measures each stripe
+EDGE = 1e-3  # of a bin; f32 holds 8 · 24 octaves to 2e-5
 
 
 @ti.data_oriented
-class DeviceGrid(CellGrid):
-    """A cell grid whose loops have no more iterations than a cell has spheres, or a thread its share.
+class DeviceGrid(SphereGrid):
+    """A SphereGrid whose inner loops have no more iterations than a cell has spheres, or a thread its share.
 
-    Spheres come into their cells as they please, by whole numbers counted up atomically; then each looks how many of its cell
-    have a lower index. So the order is that of the CPU's, whatever the threads did. Loops within loops have no atomics:
-    software Vulkan (Mesa 22.3) ends a thread at one.
+    An atomic count gives each sphere a place in its cell, in any order. Then a thread for each sphere counts the spheres of the
+    cell that have a lower index. So the order is that of the CPU, whatever the order of the threads. An inner loop has no
+    atomic, because software Vulkan (Mesa 22.3) ends a thread at an atomic in an inner loop.
     """
-
-    most_sorters = 1
 
     def __init__(self, particle_count: int, dimensions: int, period: Any = (0.0, 0.0, 0.0), origin: Any = (0.0, 0.0, 0.0)):
         """Allocate; needs a started Taichi."""
-        CellGrid.__init__(self, particle_count, dimensions, period, origin)
+        SphereGrid.__init__(self, particle_count, dimensions, period, origin, sorter_count=1)
         self.sums = PrefixSum(self.tally.shape[0])
         self.arrival, self.arrived = ti.field(ti.i32), ti.field(ti.i32)
         self.stripe = ti.Vector.field(2 * dimensions + 2, float)
-        numbers, integers = ti.FieldsBuilder(), ti.FieldsBuilder()  # apart: see State._builder
-        for field in (self.arrival, self.arrived):
-            integers.dense(ti.i, particle_count).place(field)
-        numbers.dense(ti.i, CHUNKS * STRIPES).place(self.stripe)
-        self._trees += [numbers.finalize(), integers.finalize()]
+        self._sort_memory = FieldGroup((particle_count, self.arrival, self.arrived), (CHUNKS * STRIPES, self.stripe))
 
     def destroy(self) -> None:
-        """Give the memory back."""
+        """Free the memory."""
+        self.free_cells()
         self.sums.destroy()
-        CellGrid.destroy(self)
+        self._sort_memory.destroy()
 
     def measure(self, position: Any, reach: Any) -> tuple[np.ndarray, np.ndarray, float, float]:
-        """Bounding box, least and largest reach."""
+        """Lower and upper corner of the bounding box, least and largest reach."""
         self._measure_stripes(position, reach)
         found = self.bounds.to_numpy().astype(float)
         d = self.dimensions
@@ -80,7 +75,10 @@ class DeviceGrid(CellGrid):
 
     @ti.func
     def _bin(self, reach, largest):
-        """Of a logarithm in f32, the only one that Vulkan has; what is near the edge of a bin goes to the larger reaches."""
+        """Bin of a reach, by a logarithm in f32, the only logarithm of Vulkan.
+
+        A reach near the edge of two bins takes the bin of the larger reaches.
+        """
         below = ti.cast(BINS - 1, ti.f32)
         if reach > 0.0:
             octaves = ti.log(ti.cast(largest / reach, ti.f32)) / ti.log(ti.cast(2.0, ti.f32))

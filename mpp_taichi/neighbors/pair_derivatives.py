@@ -12,10 +12,15 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.arithmetic.inverse_distance import change_of_inverse_distance, second_change_of_inverse_distance
+from mpp_taichi.arithmetic.inverse_distance import (
+    change_of_inverse_distance,
+    inverse_distance,
+    second_change_of_inverse_distance,
+)
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors, is_elementwise, require_components_apart
 from mpp_taichi.device.fast_taichi.lane_arithmetic import multiply_add
-from mpp_taichi.neighbors.all_pairs import SMALLEST_BLOCK, AllPairs
+from mpp_taichi.device.heavy_loops import CPU_GRAIN, heavy_index
+from mpp_taichi.neighbors.all_pairs import AllPairs
 from mpp_taichi.types import Template
 
 
@@ -23,30 +28,54 @@ from mpp_taichi.types import Template
 class PairDerivatives:
     """Direct sum over all pairs of accelerations and one or two of their derivatives in time; O(N²).
 
-    Reads `position`, `velocity` and, for the snap, `estimate`, the accelerations as far as they are known; adds to
-    `acceleration`, `jerk` and `snap`. Everything else is as in AllPairs: no atomics, one order of every sum.
+    Reads `position`, `velocity` and, for the snap, `estimate`, an estimate of the accelerations; adds to `acceleration`, `jerk`
+    and `snap`. As in AllPairs there are no atomics, and each sum has one order.
     """
 
     sets_directly = False
+    in_tiles = False
 
     def __init__(self, pairs: AllPairs, derivatives: int) -> None:
-        """Share forces, softenings and lanes with the sum of the accelerations; `derivatives` is 1 or 2."""
+        """Take forces, softenings and lanes from the sum of the accelerations; `derivatives` is 1 or 2."""
         self.pairs = pairs
         self.derivatives = derivatives
         self.particle_count, self.dimensions = pairs.particle_count, pairs.dimensions
         self.lane_count, self.tile_count = pairs.lane_count, pairs.tile_count
         self.groups, self.members = pairs.groups, pairs.members
-        # A tile holds a body in each lane and reads every other once; below that many bodies its lanes are not worth filling.
+        # A tile holds a body in each lane and reads all other bodies once. For few bodies the lanes are not worth the work.
         self.tiles_in_serial = len(self.members) == 1 and not pairs.unrolled
         formulas = [getattr(type(m.force), name) for m in self.members for name in ("slope", "curvature")]
         self.elementwise = all(m.elementwise for m in self.members) and all(is_elementwise(f) for f in formulas)
+        self.longest_loop = pairs.longest_loop
         self._checked_state: Any = None
+
+    def is_symmetric(self, state: Any) -> bool:
+        """No: each body sums the pulls of all others."""
+        return False
+
+    def loops(self, state: Any) -> int:
+        """Number of parallel loops of `add_accelerations`."""
+        return 1
+
+    def destroy(self) -> None:
+        """Free the memory of the sums."""
+        self.pairs.destroy()
+
+    @ti.func
+    def potential_energy_of(self, state: Template, i):
+        """Half of the potential energy of body i with all others, as of AllPairs."""
+        return self.pairs.potential_energy_of(state, i)
+
+    @ti.func
+    def potential_between(self, state: Template, i, j, separation):
+        """Potential energy of the bodies i and j at a separation, as of AllPairs."""
+        return self.pairs.potential_between(state, i, j, separation)
 
     # One thread ------------------------------------------------------------------------------------------------------
 
     @ti.func
     def accumulate_serial(self, state: Template, first):
-        """Add all of particles first … first + N − 1; for use inside a serialized loop."""
+        """Add all sums of the particles first … first + N − 1; for use inside a serialized loop."""
         if ti.static(self.tiles_in_serial):
             for tile in range(self.tile_count):
                 self._accumulate_tile(state, first, tile)
@@ -59,7 +88,7 @@ class PairDerivatives:
 
     @ti.func
     def _factors(self, state: Template, i, j):
-        """(g, ġ, g̈) with responses and sources, of the pull of j on i and of i on j."""
+        """(g, ġ, g̈), times responses and sources, of the pull of j on i and of the pull of i on j."""
         d = state.position[j] - state.position[i]
         w = state.velocity[j] - state.velocity[i]
         approach, spread = d.dot(w), w.dot(w)
@@ -68,7 +97,7 @@ class PairDerivatives:
         on_i = ti.Vector.zero(float, 3)
         on_j = ti.Vector.zero(float, 3)
         for group in ti.static(self.groups):
-            inverse = 1.0 / ti.sqrt(d.dot(d) + group.softening_squared)
+            inverse = inverse_distance(d.dot(d), group.softening_squared)
             change = change_of_inverse_distance(inverse, approach)
             second = second_change_of_inverse_distance(inverse, approach, spread)
             for member in ti.static(group.members):
@@ -81,7 +110,7 @@ class PairDerivatives:
 
     @ti.func
     def _terms(self, state: Template, i, j, factors):
-        """Acceleration, jerk and snap that the separation of j from i makes with these factors, one row each."""
+        """Acceleration, jerk and snap from the separation of j from i and these factors, a row for each."""
         d = state.position[j] - state.position[i]
         w = state.velocity[j] - state.velocity[i]
         result = ti.Matrix.zero(float, self.derivatives + 1, self.dimensions)
@@ -108,7 +137,7 @@ class PairDerivatives:
 
     @ti.func
     def accumulate_parallel_gather(self, state: Template):
-        """Add all, one body per iteration of a parallel loop; for GPUs."""
+        """Add all sums, one body per iteration of a parallel loop; for GPUs."""
         for i in range(self.particle_count):
             total = ti.Matrix.zero(float, self.derivatives + 1, self.dimensions)
             for j in range(self.particle_count):
@@ -120,7 +149,7 @@ class PairDerivatives:
     # Cores of a CPU, lanes of their vector units ---------------------------------------------------------------------
 
     def add_accelerations(self, state: Any) -> None:
-        """Add all on the CPU in a launch of its own, compiled with explicit vectors.
+        """Add all sums on the CPU in a launch of its own, compiled with explicit vectors.
 
         Raises TypeError when the vectors of the state are not stored component by component.
         """
@@ -132,16 +161,16 @@ class PairDerivatives:
 
     @ti.kernel
     def _accumulate_on_cpu(self, state: Template):
-        for block in range(self.pairs.thread_count * SMALLEST_BLOCK):
-            if block % SMALLEST_BLOCK == 0:
-                thread = block // SMALLEST_BLOCK
+        for block in range(self.pairs.thread_count * CPU_GRAIN):
+            thread = heavy_index(block, CPU_GRAIN)
+            if thread >= 0:
                 begin = thread * self.tile_count // self.pairs.thread_count
                 end = (thread + 1) * self.tile_count // self.pairs.thread_count
                 for tile in range(begin, end):
                     self._accumulate_tile(state, 0, tile)
 
     def _fields(self, state: Any) -> list:
-        """What is read of every body; without a snap the last stands for accelerations that the compiler leaves out."""
+        """The fields that are read of every body. Without a snap the last is the velocity, whose terms the compiler drops."""
         return [state.position, state.velocity, *([state.estimate] if self.derivatives > 1 else [])]
 
     @ti.func
@@ -154,7 +183,7 @@ class PairDerivatives:
 
     @ti.func
     def _accumulate_tile(self, state: Template, first, tile):
-        # As in AllPairs: the last tile is moved back to be full, and stores only what the tile before does not.
+        # As in AllPairs, the last tile is moved back to be full, and stores only the bodies that the tile before does not.
         begin = first + ti.min(tile * self.lane_count, self.particle_count - self.lane_count)
         own = [self._lanes(field, begin) for field in ti.static(self._fields(state))]
         response = [
@@ -168,7 +197,7 @@ class PairDerivatives:
         for order in range(first, first + self.particle_count - self.lane_count):
             j = order + ti.select(order >= begin, self.lane_count, 0)
             self._pull(state, j, own, response, nowhere, total, jerk, snap)
-        # A body's own lane gets a distance of one: there d, w and q are zero, and so is what they are multiplied by.
+        # In the lane of the body itself the squared distance gets a 1. There d, w and q are zero, and so are all terms.
         lane_number = ti.Vector([ti.cast(lane, float) for lane in ti.static(range(self.lane_count))])
         for step in range(self.lane_count):
             from_own = lane_number - ti.cast(step, float)
@@ -197,7 +226,7 @@ class PairDerivatives:
         jerk: Template,
         snap: Template,
     ):
-        """Add what body j is to the bodies of a tile, from which it is farther than it seems by `apart`, squared."""
+        """Add the terms of body j to the sums of a tile. `apart` is added to the squared distances, lane by lane."""
         fields = ti.static(self._fields(state))
         d = [state.position[j][axis] - own[0][axis] for axis in ti.static(range(self.dimensions))]
         w = [state.velocity[j][axis] - own[1][axis] for axis in ti.static(range(self.dimensions))]
@@ -205,7 +234,7 @@ class PairDerivatives:
         squared, approach, spread = self._dot(d, d) + apart, self._dot(d, w), self._dot(w, w) + self._dot(d, q)
         weight, rate, curve = squared, squared, squared
         for group in ti.static(self.groups):
-            inverse = 1.0 / ti.sqrt(squared + group.softening_squared)
+            inverse = inverse_distance(squared, group.softening_squared)
             change = change_of_inverse_distance(inverse, approach)
             second = second_change_of_inverse_distance(inverse, approach, spread)
             for member in ti.static(group.members):

@@ -1,24 +1,27 @@
-"""Which slots of a cell grid are candidate partners, written down once and read many times."""
+"""The candidate partners of each slot of a cell grid, in a list that is written once and read many times."""
 
 import taichi as ti
 
 from mpp_taichi.device.fast_taichi.prefetch import prefetch
 from mpp_taichi.device.fast_taichi.serial_loops import loop_grain
-from mpp_taichi.neighbors.cell_grid import CHUNKS, CellGrid
+from mpp_taichi.device.heavy_loops import heavy_index
+from mpp_taichi.neighbors._sphere_grid import CHUNKS
+from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.plain_rows import is_plain, visit_rows
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
-PARTNERS_PER_SPHERE = 10  # for which there is room, on average over a chunk; each pair is partners of one of its two
+PARTNERS_PER_SPHERE = 10  # room of the list, on average over a chunk; a pair takes one place
 
 
 @ti.data_oriented
 class PartnerList:
-    """The candidates that a grid shows for each slot: reading them takes a third of the time of looking for them.
+    """The candidate partners of each slot. To read the list takes a third of the time of a search in the grid.
 
-    Those that come later in the grid are looked for, in chunks of slots that are written in parallel, each into its own part
-    of the list. Those that come earlier are the same pairs once more, sorted by their second slot: each thread goes through
-    all pairs and keeps those of its share of slots. Both are in the order of slots whatever the number of threads. Where a
-    chunk has no room for its partners there is no list.
+    Later partners, which come after their slot in the grid, are searched in chunks of slots; the chunks run in parallel, and
+    each writes its own part of the list. Earlier partners are the same pairs again, sorted by their second slot: each thread
+    reads all pairs and keeps those of its share of slots. Both lists are in the order of the slots, whatever the number of
+    threads. Where a chunk has no room for its partners, there is no list.
 
     partner   later partners of slot k from begin[k] to middle[k], earlier ones from earlier[k] to earlier[k + 1]
     """
@@ -30,18 +33,18 @@ class PartnerList:
         self.sharer_count = grid.sorter_count
         self.room = PARTNERS_PER_SPHERE * (self.particle_count // CHUNKS + 1) + 64
         self.begin, self.middle, self.earlier, self.partner, self.written = (ti.field(ti.i32) for _ in range(5))
-        builder = ti.FieldsBuilder()
-        builder.dense(ti.i, self.particle_count + 1).place(self.begin, self.middle, self.earlier)
-        for count, field in ((2 * CHUNKS * self.room, self.partner), (CHUNKS, self.written)):
-            builder.dense(ti.i, count).place(field)
-        self._tree = builder.finalize()
+        self._memory = FieldGroup(
+            (self.particle_count + 1, (self.begin, self.middle, self.earlier)),  # read together
+            (2 * CHUNKS * self.room, self.partner),
+            (CHUNKS, self.written),
+        )
 
     def destroy(self) -> None:
-        """Give the memory back."""
-        self._tree.destroy()
+        """Free the memory."""
+        self._memory.destroy()
 
     def write(self) -> bool:
-        """Write down the candidates of the grid as it is built now; False if there is no room for them."""
+        """Write the list for the grid as it was built last; False if there is no room for the partners."""
         if self._write(is_plain(self.grid)) > 0:
             return False
         self._turn_round()
@@ -51,10 +54,10 @@ class PartnerList:
     def _write(self, plain: Template) -> ti.i32:
         grain = ti.static(loop_grain())
         for q in range(CHUNKS * grain):
-            if q % grain == 0:
-                chunk = q // grain
+            chunk = heavy_index(q, grain)
+            if chunk >= 0:
                 begin = chunk * self.room
-                place, last = begin, begin + self.room - 1  # which is written to, but not counted
+                place, last = begin, begin + self.room - 1  # the last place may be written, but never counts
                 for slot in range(self.grid.begin_of(chunk), self.grid.begin_of(chunk + 1)):
                     self.begin[slot] = place
                     if ti.static(plain):
@@ -73,15 +76,15 @@ class PartnerList:
 
     @ti.func
     def _list_near(self, x, reach, place, last, begin, stop):
-        """Write who is near enough from `place` on, up to `last`; returns the place after it.
+        """Write the slots of a run that are near enough, from `place` on, up to `last`; returns the place after them.
 
-        Every slot of the run is written, and stays if it is near enough: no processor foresees which are.
+        Every slot of the run is written, and the place moves on if the slot is near enough: a branch would be mispredicted.
         """
         end = place
         for other in range(begin, stop):
             self.partner[end] = other
             together = reach + self.grid.sorted_reach[other]
-            near = self.grid._square_distance(x, self.grid.sorted_position[other]) <= together * together
+            near = self.grid.square_distance(x, self.grid.sorted_position[other]) <= together * together
             end = ti.min(end + ti.cast(near, ti.i32), last)
         return end
 
@@ -93,11 +96,12 @@ class PartnerList:
 
     @ti.kernel
     def _turn_round(self):
-        """Sort the pairs by their later slot."""
+        """Write the earlier partners: all pairs, sorted by their later slot."""
         grain = ti.static(loop_grain())
         for q in range(self.sharer_count * grain):
-            if q % grain == 0:
-                first, end = self._share(q // grain), self._share(q // grain + 1)
+            part = heavy_index(q, grain)
+            if part >= 0:
+                first, end = self._share(part), self._share(part + 1)
                 for slot in range(first, end):
                     self.earlier[slot] = 0
                 for slot in range(end):
@@ -112,10 +116,11 @@ class PartnerList:
                 place += self.earlier[slot]
                 self.earlier[slot] = place
             self.earlier[self.particle_count] = place
-        # From the last slot back, so that in the end every count of places stands where they begin.
+        # From the last slot back, so that at the end `earlier` holds the first place of each slot.
         for q in range(self.sharer_count * grain):
-            if q % grain == 0:
-                first, end = self._share(q // grain), self._share(q // grain + 1)
+            part = heavy_index(q, grain)
+            if part >= 0:
+                first, end = self._share(part), self._share(part + 1)
                 for back in range(1, end + 1):
                     slot = end - back
                     for k in range(self.begin[slot], self.middle[slot]):
@@ -131,13 +136,13 @@ class PartnerList:
 
     @ti.func
     def visit_later(self, slot, task: Template, first, second):
-        """task(slot, other slot, first, second) for each candidate partner of a slot that comes after it."""
+        """Call task(slot, other slot, first, second) for each candidate partner that comes after the slot."""
         for k in range(self.begin[slot], self.middle[slot]):
             task(slot, self.partner[k], first, second)
 
     @ti.func
     def visit(self, slot, task: Template, first, second):
-        """The same for every candidate partner."""
+        """Call task(slot, other slot, first, second) for each candidate partner of a slot."""
         begin, later, earlier = self.begin[slot], self.middle[slot], self.earlier[slot]
         split = later - begin
         for k in range(split + self.earlier[slot + 1] - earlier):
@@ -148,12 +153,12 @@ class PartnerList:
 
     @ti.func
     def count_of(self, slot):
-        """Number of candidate partners."""
+        """Number of candidate partners of a slot."""
         return self.middle[slot] - self.begin[slot] + self.earlier[slot + 1] - self.earlier[slot]
 
     @ti.func
     def partner_of(self, slot, k):
-        """The k-th of them."""
+        """The k-th candidate partner of a slot."""
         split = self.middle[slot] - self.begin[slot]
         place = self.begin[slot] + k
         if k >= split:
@@ -162,6 +167,6 @@ class PartnerList:
 
     @ti.func
     def fetch(self, slot):
-        """Have both lists of a slot fetched from memory."""
+        """Prefetch both parts of the list of a slot from memory."""
         prefetch(self.partner, self.begin[slot])
         prefetch(self.partner, self.earlier[slot])

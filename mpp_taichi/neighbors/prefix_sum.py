@@ -1,21 +1,22 @@
-"""Running sums of whole numbers on a device of many threads: where rows begin whose lengths are known."""
+"""Prefix sums of integers on a device of many threads: the first entries of rows, from the lengths of the rows."""
 
 from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
 MOST_PARTS = 4096
-GROUP = 64  # parts that are summed up together
-SHARE = 16  # numbers that are worth a thread
+GROUP = 64  # parts of a group
+SHARE = 16  # fewest numbers that are worth a thread
 
 
 @ti.data_oriented
 class PrefixSum:
     """begin[k] = Σ_{l < k} length[l] for k = 0 … count, in three loops without atomics.
 
-    Parts of the row are added up, parts are added up in groups, and then each part knows where it begins.
+    The first loop sums parts of the row, the second sums groups of parts, and the third gives each part its start.
     """
 
     def __init__(self, capacity: int) -> None:
@@ -23,17 +24,14 @@ class PrefixSum:
         self.groups = max(1, min(MOST_PARTS, capacity // SHARE) // GROUP)
         self.parts = self.groups * GROUP
         self.part, self.group = ti.field(ti.i32), ti.field(ti.i32)
-        builder = ti.FieldsBuilder()
-        builder.dense(ti.i, self.parts).place(self.part)
-        builder.dense(ti.i, self.groups).place(self.group)
-        self._tree = builder.finalize()
+        self._memory = FieldGroup((self.parts, self.part), (self.groups, self.group))
 
     def destroy(self) -> None:
-        """Give the memory back."""
-        self._tree.destroy()
+        """Free the memory."""
+        self._memory.destroy()
 
     def run(self, length: Any, begin: Any, count: int) -> None:
-        """Fill `begin`, count + 1 numbers of it."""
+        """Set the first count + 1 numbers of `begin`."""
         self._run(length, begin, count)
 
     @ti.kernel
@@ -63,6 +61,6 @@ class PrefixSum:
 
     @ti.func
     def _first(self, part, count):
-        """First number of a part; no product, which might not fit 32 bits."""
+        """Index of the first number of a part, without a product that might not fit 32 bits."""
         share, rest = count // self.parts, count % self.parts
         return part * share + ti.min(part, rest)

@@ -1,27 +1,29 @@
-"""Symmetric pairs: the direct sum on the vector units of a CPU with every pair evaluated once (Newton's third law)."""
+"""Symmetric pairs: the direct sum on the vector units of a CPU, with each pair evaluated once (Newton's third law)."""
 
 from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.inverse_distance import inverse_distance, softened_square
 from mpp_taichi.device.fast_taichi.lane_arithmetic import inverse_roots, multiply_add
+from mpp_taichi.device.heavy_loops import CPU_GRAIN, heavy_index
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
-BLOCK = 128  # bodies whose reactions stay in the first cache of a core; a multiple of every number of lanes
-MOST_CHUNKS = 16  # sums that threads may work on at once
+BLOCK = 128  # bodies whose reactions fit into the first cache of a core; a multiple of every number of lanes
+MOST_CHUNKS = 16  # chunks that threads may work on at the same time
 BODIES_PER_CHUNK = 512
-SERIAL_SUMS = 1 << 14  # that are added up before another thread is awake
-MOST_SUMS = 1 << 22  # of one axis, of all chunks together
-SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
+SERIAL_SUMS = 1 << 14  # sums that one thread adds up before a second thread is awake
+MOST_SUMS = 1 << 22  # along one axis, in all chunks together
 
 
 def chunk_count(count: int) -> int:
-    """Sums of so many bodies: two at least, as pairs are symmetric from 512 bodies on, which are worth a second thread."""
+    """Number of chunks for so many bodies: at least two, as the 512 bodies that make pairs symmetric need a second thread."""
     return max(2, min(MOST_CHUNKS, count // BODIES_PER_CHUNK, MOST_SUMS // count))
 
 
 def adds_in_parallel(count: int) -> bool:
-    """Whether the loop over sums is; what one thread ends before another is awake it does alone."""
+    """Whether the loop over the sums is parallel; one thread takes fewer sums alone, before a second thread is awake."""
     return count * chunk_count(count) > SERIAL_SUMS
 
 
@@ -29,44 +31,44 @@ def adds_in_parallel(count: int) -> bool:
 class SymmetricPairs:
     """The sum of an AllPairs with half of its square roots and divisions; to be compiled with explicit vectors.
 
-    Tiles of bodies, one to a lane, meet the bodies of a block behind them one by one, two tiles at a time for the sake of their
-    inverse roots. What the tiles feel is summed in registers; what such a body feels, lane by lane in a row of its own that is
-    summed up once its block is done. The blocks are dealt out to chunks with a sum each, and these are added in one order: the
-    bits depend on the number of bodies, not on that of the threads. Bodies behind the last two full tiles are met by all tiles,
-    and among themselves one by one.
+    A tile holds one body in each lane. Two tiles at a time, because two inverse roots at a time are faster, take the bodies of
+    a later block one by one. The pulls on the bodies of the tiles are summed in registers. The reactions, the pulls on a body
+    of the block, are summed lane by lane in a row of this body, and the rows are summed up at the end of the block. Each block
+    belongs to a chunk, each chunk has a sum for every body, and the sums of the chunks are added in one order: the bits depend
+    on the number of bodies, not on the number of threads. Bodies after the last two full tiles are taken by all tiles, and
+    pair by pair among themselves.
     """
 
     def __init__(self, pairs: Any) -> None:
-        """For the forces and bodies of `pairs`."""
+        """Allocate for the forces and bodies of `pairs`."""
         self.pairs = pairs
         self.count, self.dimensions, self.lanes = pairs.particle_count, pairs.dimensions, pairs.lane_count
-        self.twin_count = self.count // (2 * self.lanes)  # of two full tiles
+        self.twin_count = self.count // (2 * self.lanes)  # twins, of two full tiles each
         self.block_count = -(-self.count // BLOCK)
         self.chunk_count = chunk_count(self.count)
         self.adds_in_parallel = adds_in_parallel(self.count)
         self.turns = -(-self.block_count // self.chunk_count)
         self.row = self.block_count * BLOCK // self.lanes  # tiles with room for every body
-        builder = ti.FieldsBuilder()
         self.sums, self.reactions = (ti.Vector.field(self.lanes, float) for _ in range(2))
-        self.totals = ti.field(float)  # of the rows of reactions
-        builder.dense(ti.i, self.chunk_count * self.dimensions * self.row).place(self.sums)
-        builder.dense(ti.i, self.chunk_count * self.dimensions * BLOCK).place(self.reactions)
-        builder.dense(ti.i, self.chunk_count * self.dimensions * BLOCK).place(self.totals)
-        self._tree = builder.finalize()
+        self.totals = ti.field(float)  # sums over the rows of reactions
+        self._memory = FieldGroup(
+            (self.chunk_count * self.dimensions * self.row, self.sums),
+            (self.chunk_count * self.dimensions * BLOCK, self.reactions, self.totals),
+        )
 
     def destroy(self) -> None:
-        """Give the memory back."""
-        self._tree.destroy()
+        """Free the memory."""
+        self._memory.destroy()
 
     @ti.kernel
     def sum_accelerations(self, state: Template, sets: Template):
-        """All accelerations, in two loops, the second as `adds_in_parallel` says; added to what there is unless it `sets`."""
-        for q in range(self.chunk_count * SMALLEST_BLOCK):
-            if q % SMALLEST_BLOCK == 0:
-                chunk = q // SMALLEST_BLOCK
+        """Add all accelerations, or set them where `sets`, in two loops; the second is parallel where `adds_in_parallel`."""
+        for q in range(self.chunk_count * CPU_GRAIN):
+            chunk = heavy_index(q, CPU_GRAIN)
+            if chunk >= 0:
                 for k in range(self.dimensions * self.row):
                     self._store(self.sums, chunk * self.dimensions * self.row + k, ti.Vector.zero(float, self.lanes))
-                for turn in range(self.turns):  # to and fro, as later blocks have more tiles before them
+                for turn in range(self.turns):  # to and fro, because later blocks have more tiles before them
                     block = turn * self.chunk_count + (chunk if turn % 2 == 0 else self.chunk_count - 1 - chunk)
                     if block < self.block_count:
                         self._meet_block(state, chunk, block)
@@ -78,7 +80,7 @@ class SymmetricPairs:
     # Rows of lanes ---------------------------------------------------------------------------------------------------
 
     def lane_of(self, field: Any, lane: int) -> Any:
-        """One number of each vector: where vectors are explicit, Taichi loads and stores no whole one."""
+        """One number of each vector of a field. With explicit vectors Taichi cannot load or store a whole vector of a field."""
         return field.get_scalar_field(lane)
 
     @ti.func
@@ -102,7 +104,7 @@ class SymmetricPairs:
 
     @ti.func
     def _meet_block(self, state: Template, chunk, block):
-        """The bodies of a block and all bodies before them."""
+        """The pairs of the bodies of a block with each other and with all bodies before the block."""
         begin = block * BLOCK
         end = ti.min(begin + BLOCK, self.count)
         for k in range(BLOCK * self.dimensions):
@@ -112,7 +114,7 @@ class SymmetricPairs:
         for k in range(self._reaction_at(chunk, 0, 0), self._reaction_at(chunk, BLOCK, 0)):
             row = self._load(self.reactions, k)
             part = [row[lane] for lane in ti.static(range(self.lanes))]
-            for level in ti.static(range(self.lanes.bit_length() - 1)):  # in halves, so that few wait for each other
+            for level in ti.static(range(self.lanes.bit_length() - 1)):  # in halves, so that few additions wait for each other
                 for lane in ti.static(range(self.lanes >> (level + 1))):
                     part[lane] = part[lane] + part[lane + ti.static(self.lanes >> (level + 1))]
             self.totals[k] = part[0]
@@ -129,7 +131,7 @@ class SymmetricPairs:
 
     @ti.func
     def _meet_twin(self, state: Template, chunk, begin, end, twin):
-        """Two tiles, the bodies from `begin` to `end` that lie behind them, and those of the tiles if they lie in the block."""
+        """The pairs of two tiles with the later bodies from `begin` to `end`, and within the tiles if they lie in the block."""
         own = twin * 2 * self.lanes
         one, two = self._positions(state, own), self._positions(state, own + self.lanes)
         response_one, response_two = self._responses(state, own), self._responses(state, own + self.lanes)
@@ -141,9 +143,9 @@ class SymmetricPairs:
             pull_one, push_one = ti.Vector.zero(float, self.lanes), ti.Vector.zero(float, self.lanes)
             pull_two, push_two = ti.Vector.zero(float, self.lanes), ti.Vector.zero(float, self.lanes)
             for group in ti.static(self.pairs.groups):
-                inverse_one, inverse_two = inverse_roots(
-                    square_one + group.softening_squared, square_two + group.softening_squared, False
-                )
+                softened_one = softened_square(square_one, group.softening_squared)
+                softened_two = softened_square(square_two, group.softening_squared)
+                inverse_one, inverse_two = inverse_roots(softened_one, softened_two, False)
                 for member in ti.static(group.members):
                     pull_one, push_one = self._weigh(
                         state, member, response_one, source_one, j, inverse_one, pull_one, push_one
@@ -175,7 +177,7 @@ class SymmetricPairs:
         source: Template,
         felt: Template,
     ):
-        """A tile and all bodies of both: those of its own lanes get a distance of one there, and pull by zero."""
+        """The pulls of all bodies of both tiles on one tile; in the lane of the body itself the squared distance gets a 1."""
         lane_number = ti.Vector([ti.cast(lane + which * self.lanes, float) for lane in ti.static(range(self.lanes))])
         for step in range(2 * self.lanes):
             j = own + step
@@ -184,7 +186,7 @@ class SymmetricPairs:
             square = self.pairs.square(way) + ti.max(1.0 - from_own * from_own, 0.0)
             pull, push = ti.Vector.zero(float, self.lanes), ti.Vector.zero(float, self.lanes)
             for group in ti.static(self.pairs.groups):
-                inverse = 1.0 / ti.sqrt(square + group.softening_squared)
+                inverse = inverse_distance(square, group.softening_squared)
                 for member in ti.static(group.members):
                     pull, push = self._weigh(state, member, response, source, j, inverse, pull, push)
             for axis in ti.static(range(self.dimensions)):
@@ -217,12 +219,12 @@ class SymmetricPairs:
 
     @ti.func
     def _ways(self, state: Template, position: Template, j):
-        """Components of the separations of body j from those of a tile."""
+        """Components of the separations of body j from the bodies of a tile."""
         return [state.position[j][axis] - position[axis] for axis in ti.static(range(self.dimensions))]
 
     @ti.func
     def _weigh(self, state: Template, member: Template, response: Template, source: Template, j, inverse, pull, push):
-        """Add one force's factors of the separations, on the tile and on body j; a lone force's response waits for the end."""
+        """Add the factors of one force, on the tile and on body j; a lone force takes its response at the end of the sum."""
         shape = self.pairs.shape_of(member, inverse)
         on_own = member.force.source(state, j) * shape
         on_j = source[member.index] * shape
@@ -238,7 +240,7 @@ class SymmetricPairs:
 
     @ti.func
     def _add_chunks(self, state: Template, tile, sets: Template):
-        """Add, or set, what all chunks found for a tile; and the pairs of bodies behind the last two full ones."""
+        """Add, or set, the sums of all chunks for a tile; and the pairs of the bodies after the last two full tiles."""
         for axis in ti.static(range(self.dimensions)):
             total = ti.Vector.zero(float, self.lanes)
             for chunk in range(self.chunk_count):

@@ -15,23 +15,24 @@ from mpp_taichi.types import Template
 
 NODE_TOLERANCE = {2: 200.0, 3: 500.0}
 NODE_EXPONENT = 1.5
-"""One node may be wrong by `NODE_TOLERANCE` · (accuracy / levels of the tree)^`NODE_EXPONENT`. With a tolerance of t, nodes are
-seen from distances that go with t^(-1/5), so some t^(-3/5) of each level act on a body, and their errors, of both signs, add up
-to t t^(-3/10). That asks for an exponent of 10/7; it and the factor are calibrated, so that 99 % of the bodies keep the
-accuracy in spheres, discs, rings and clumps of 10⁴ to 10⁶ bodies. In a plane near bodies pull as much as all far ones, and
-one in a hundred feels little of both."""
+"""The tolerance of the error of one node is `NODE_TOLERANCE` · (accuracy / levels of the tree)^`NODE_EXPONENT`. With tolerance
+t, a node acts on bodies at distances that go with t^(-1/5), so some t^(-3/5) nodes of each level act on a body, and their
+errors, of both signs, add up to t t^(-3/10). So theory asks for an exponent of 10/7. Exponent and factor are calibrated, so
+that 99 % of the bodies keep the accuracy in spheres, discs, rings and clumps of 10⁴ to 10⁶ bodies. In a plane the near bodies
+pull as much as all distant bodies, and for one body in a hundred both pulls nearly cancel."""
 
 
 @ti.data_oriented
 class TreeSum:
     """The accelerations of one `newtonian_gravity` with `solver: tree`, and their potential.
 
-    Forces are a function of positions alone, the same bits for any number of threads. Those between two bodies are not exactly
-    opposite: momentum is kept to the accuracy only. Where a position is not finite all accelerations are NaN, as in the direct
-    sum.
+    Forces are a function of the positions alone, with the same bits for any number of threads. Forces between two bodies are
+    not exactly opposite, so momentum is conserved to the accuracy only. Where a position is not finite all accelerations are
+    NaN, as in the direct sum.
     """
 
     sets_directly = False
+    in_tiles = False
 
     def __init__(self, force: Any, particle_count: int, dimensions: int) -> None:
         """Allocate; needs a started Taichi."""
@@ -44,10 +45,18 @@ class TreeSum:
         self.order = TreeOrder(particle_count, padded, dimensions, on_cpu=on_cpu)
         self.nodes = TreeNodes(self.order)
         self.walk: Any = TreeWalk(self.order, self.nodes) if on_cpu else TreeGather(self.order, self.nodes)
-        self.longest_loop = self.nodes.node_count + padded  # steps of a walk that opens every node
+        self.longest_loop = self.nodes.node_count + padded  # steps of a walk that opens each node
+
+    def is_symmetric(self, state: Any) -> bool:
+        """No: a walk sums the pulls on one group of bodies at a time."""
+        return False
+
+    def loops(self, state: Any) -> int:
+        """Number of parallel loops that the plan counts for one sum: the walk."""
+        return 1
 
     def destroy(self) -> None:
-        """Give the memory back."""
+        """Free the memory."""
         for part in (self.walk, self.nodes, self.order):
             part.destroy()
 
@@ -61,7 +70,7 @@ class TreeSum:
     def potential_terms(self, state: Any) -> np.ndarray:
         """Half of the potential energy of each body with all others, (particle_count,); their sum is the potential energy.
 
-        In the precision of the run, unlike other potentials, and to the accuracy of the tree.
+        Unlike other potentials, the terms are in the precision of the run and have the accuracy of the tree.
         """
         if not self._sum(state, potential=True):
             return np.full(self.particle_count, np.nan)

@@ -1,20 +1,22 @@
 """Tree gather: the walk of `tree_walk.py` for GPUs, one thread for each body and no lists.
 
-Bodies of a group ask the same of every node, so threads that run together stay together.
+The bodies of a group make the same decision at each node, so that their threads stay together.
 """
 
 from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.inverse_distance import inverse_distance
 from mpp_taichi.neighbors.tree_estimate import GROUP, TreeEstimate
 from mpp_taichi.neighbors.tree_nodes import LEAF
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
 
 @ti.data_oriented
 class TreeGather:
-    """Sums by slot, in the units of the frame with G = 1: what TreeWalk has, but for the order of the sums."""
+    """Sums by slot, in the units of the frame with G = 1; they differ from those of TreeWalk only by the order of the terms."""
 
     def __init__(self, order: Any, nodes: Any) -> None:
         """Allocate for the bodies of a TreeOrder and their TreeNodes."""
@@ -23,18 +25,15 @@ class TreeGather:
         self.padded_count = order.padded_count
         self.field = TreeEstimate(order, nodes)
         self.total, self.well = ti.field(float), ti.field(float)
-        builder = ti.FieldsBuilder()
-        builder.dense(ti.i, self.padded_count * self.dimensions).place(self.total)
-        builder.dense(ti.i, self.padded_count).place(self.well)
-        self._tree = builder.finalize()
+        self._memory = FieldGroup((self.padded_count * self.dimensions, self.total), (self.padded_count, self.well))
 
     def destroy(self) -> None:
-        """Give the memory back."""
+        """Free the memory."""
         self.field.destroy()
-        self._tree.destroy()
+        self._memory.destroy()
 
     def run(self, softening: float, tolerance: float, *, potential: bool) -> None:
-        """All sums; those of the potential only where they are asked for."""
+        """Compute the accelerations, and the potential where `potential`."""
         self.field.estimate(softening * softening, tolerance)
         self._walk(softening * softening, potential)
 
@@ -56,7 +55,7 @@ class TreeGather:
                 radius, octupole = self.nodes.radius(node), self.nodes.octupole(node)
                 if self.field.is_far(squared, radius, octupole, limit, softening_squared):
                     d = center - x
-                    inverse = 1.0 / ti.sqrt(d.dot(d) + softening_squared)
+                    inverse = inverse_distance(d.dot(d), softening_squared)
                     along, across, turned, depth = self.nodes.pull(
                         self.nodes.moments, node * self.nodes.moment_width, d, inverse
                     )
@@ -70,7 +69,7 @@ class TreeGather:
                         for j in range(first, ti.min(first + LEAF, self.order.particle_count)):
                             if j != slot:
                                 d = self.nodes.body(j) - x
-                                inverse = 1.0 / ti.sqrt(d.dot(d) + softening_squared)
+                                inverse = inverse_distance(d.dot(d), softening_squared)
                                 pull = self.order.mass[j] * inverse
                                 well += pull
                                 total += pull * (inverse * inverse) * d

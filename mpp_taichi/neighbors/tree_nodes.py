@@ -1,8 +1,8 @@
-"""Tree nodes: a hierarchy of runs of sorted bodies, and what each run is from afar.
+"""Tree nodes: a hierarchy of runs of sorted bodies, with the multipoles of each run.
 
-A leaf is a run of `LEAF` bodies, a parent two runs that follow each other. So the shape of the tree depends on the number of
-bodies alone and is known before any of them; where they are decides only what the nodes hold. Nodes are numbered in the order
-in which a walk from the root meets them: the first child of k is k + 1, and `skip[k]` is what comes after all below k.
+A leaf is a run of `LEAF` bodies, and a parent joins two runs that follow each other. So the shape of the tree depends on the
+number of bodies alone; the positions decide only the numbers that a node holds. Nodes are numbered in the order in which a walk
+from the root meets them: the first child of node k is k + 1, and `skip[k]` is the node after all descendants of k.
 """
 
 import math
@@ -11,16 +11,18 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.device.heavy_loops import CPU_GRAIN
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
 LEAF = 16
-SERIAL_LEVEL = 512  # nodes of a level that one thread does: Taichi gives a CPU thread no fewer
+SERIAL_LEVEL = CPU_GRAIN  # nodes of a level that one thread does
 
 
 def preorder(leaf_count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[np.ndarray]]:
     """The tree over so many leaves: skip, first leaf and leaf count of every node, and the nodes of each level, leaves first.
 
-    A level pairs the nodes of the level below; a last one without a partner goes up by itself and is no new node.
+    A level pairs the nodes of the level below. A last node without a partner goes up unchanged and makes no new node.
     """
     first, count = np.arange(leaf_count), np.ones(leaf_count, int)
     row = np.arange(leaf_count)
@@ -33,7 +35,7 @@ def preorder(leaf_count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[
         count = np.concatenate([count, count[left] + count[right]])
         levels.append(new)
         row = np.concatenate([new, row[2 * pairs :]])
-    # A node stands after all that begin earlier, and after those that begin with it and are larger.
+    # A node comes after all nodes that begin earlier, and after larger nodes that begin with the same leaf.
     order = np.lexsort((-count, first))
     number = np.empty(len(order), int)
     number[order] = np.arange(len(order))
@@ -43,9 +45,9 @@ def preorder(leaf_count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[
 
 @ti.data_oriented
 class TreeNodes:
-    """What a walk reads of the nodes, rows of one flat field each, in the frame of `TreeOrder`.
+    """The numbers of the nodes that a walk reads, in the frame of `TreeOrder`; each is a flat field with a row for each node.
 
-    shape    center of mass, radius, bound of the octupole: see `tree_estimate`
+    shape    center of mass, radius, bound of the octupole (tree_estimate.py)
     moments  center of mass, mass, 3 Q (upper triangle), 1.5 tr Q, with Q = Σ m δ δᵀ about the center of mass
     box      lower and upper corner
     """
@@ -65,18 +67,12 @@ class TreeNodes:
         self.box_width = 2 * d
         self.skip, self.first_leaf, self.leaves, self.level_node = (ti.field(ti.i32) for _ in range(4))
         self.shape, self.moments, self.box = (ti.field(float) for _ in range(3))
-        builder = ti.FieldsBuilder()
-        for size, field in (
-            (self.node_count, self.skip),
-            (self.node_count, self.first_leaf),
-            (self.node_count, self.leaves),
-            (self.node_count, self.level_node),
+        self._memory = FieldGroup(
+            (self.node_count, self.skip, self.first_leaf, self.leaves, self.level_node),
             (self.node_count * self.shape_width, self.shape),
             (self.node_count * self.moment_width, self.moments),
             (self.node_count * self.box_width, self.box),
-        ):
-            builder.dense(ti.i, size).place(field)
-        self._tree = builder.finalize()
+        )
         for field, values in (
             (self.skip, skip),
             (self.first_leaf, first),
@@ -87,11 +83,11 @@ class TreeNodes:
         self.offsets = np.cumsum([0, *(len(level) for level in levels)]).tolist()
 
     def destroy(self) -> None:
-        """Give the memory back."""
-        self._tree.destroy()
+        """Free the memory."""
+        self._memory.destroy()
 
     def build(self) -> None:
-        """All nodes from the leaves up."""
+        """Compute all nodes, from the leaves up."""
         self._build_leaves(self.leaf_count)
         level = 1
         while level + 1 < len(self.offsets) and self.offsets[level + 1] - self.offsets[level] > SERIAL_LEVEL:
@@ -130,7 +126,7 @@ class TreeNodes:
     @ti.func
     def _sum_leaf(self, node, begin):
         end = ti.min(begin + LEAF, self.order.particle_count)
-        lower = self.body(ti.min(begin, self.order.particle_count - 1))  # a leaf of fillings lies where the last body is
+        lower = self.body(ti.min(begin, self.order.particle_count - 1))  # a leaf of filled slots lies at the last body
         upper = lower
         mass = 0.0
         lever = ti.Vector.zero(float, self.dimensions)
@@ -141,7 +137,7 @@ class TreeNodes:
             lever += self.order.mass[slot] * x
         center = 0.5 * (lower + upper)
         if mass > 0.0:
-            center = ti.max(lower, ti.min(lever / mass, upper))  # a rounding outside, and a body could be apart from itself
+            center = ti.max(lower, ti.min(lever / mass, upper))  # a rounding outside the box could part a body from itself
         second = ti.Vector.zero(float, self.second_count)
         radius_squared = 0.0
         for slot in range(begin, end):
@@ -153,7 +149,7 @@ class TreeNodes:
 
     @ti.func
     def _join(self, node):
-        """A node from its two children; the second moments by the parallel axis theorem."""
+        """Compute a node from its two children; the second moments by the parallel axis theorem."""
         left, right = node + 1, self.skip[node + 1]
         masses = ti.Vector([self.mass(left), self.mass(right)])
         mass = masses.sum()
@@ -205,12 +201,12 @@ class TreeNodes:
 
     @ti.func
     def radius(self, node):
-        """Distance from its center of mass within which all bodies of a node are."""
+        """Greatest distance of a body of the node from the center of mass."""
         return self.shape[node * self.shape_width + self.dimensions]
 
     @ti.func
     def octupole(self, node):
-        """What its error grows with."""
+        """The bound b tr Q of the octupole, with which the error of a node grows."""
         return self.shape[node * self.shape_width + self.dimensions + 1]
 
     @ti.func
@@ -220,9 +216,9 @@ class TreeNodes:
 
     @ti.func
     def pull(self, rows: Template, row, way: Template, inverse):
-        """Of the node in a row of moments: a = along · d − across · turned with turned = 3 Q d; and −φ.
+        """The pull of the node in a row of moments, a = along · d − across · turned with turned = 3 Q d; and −φ.
 
-        One text for numbers and for vectors of lanes.
+        The function takes numbers and vectors of lanes alike.
         """
         d = ti.static(self.dimensions)
         turned = [inverse * 0.0 for axis in ti.static(range(d))]

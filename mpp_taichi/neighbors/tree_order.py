@@ -1,9 +1,9 @@
 """Tree order: bodies sorted along Hilbert's curve, in the frame that the tree works in.
 
-The frame has its origin at the mean position and a length of its own, a power of two above the largest coordinate, so that
-products of many lengths stay within the range of f32. Hilbert's curve goes through 2^20 cells along each axis, one step to a
-neighbour at a time: bodies that follow each other are near each other. Source of the index: Skilling, AIP Conf. Proc. 707
-(2004) 381.
+The frame has its origin at the mean position. Its unit of length is a power of two above the largest coordinate, so that
+products of many lengths stay within the range of f32. Hilbert's curve visits 2^20 cells along each axis, and each step of the
+curve leads to a neighbour cell: bodies that follow each other on the curve are near each other. Source of the index: Skilling,
+AIP Conf. Proc. 707 (2004) 381.
 """
 
 import math
@@ -12,26 +12,27 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.device.heavy_loops import CPU_GRAIN, heavy_index
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
-SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
-CHUNKS = 256  # of a reduction; fixed, so that sums do not depend on the threads
+CHUNKS = 256  # of a reduction; a fixed number, so that sums do not depend on the threads
 AXIS_BITS = 20  # of a coordinate
-DIGIT_BITS = 10  # of a key that one pass of the sort looks at
+DIGIT_BITS = 10  # bits of a key by which one pass sorts
 WIDEST_FRAME = 64.0
-"""In mean distances from the mean. One body in 64 may lie farther out and is sorted less well there; if all had to be in, one
-alone could leave no cells to the others."""
+"""Half width of the cells, in mean distances from the mean position. At most one body in 64 lies farther out, sorted less
+well. If the cells had to hold all bodies, one distant body could leave no cells to the others."""
 
 
 @ti.data_oriented
 class TreeOrder:
-    """The bodies by their place on the curve, and by index where that is the same, whatever the number of threads.
+    """The bodies in the order of the curve, and in the order of their index within a cell, whatever the number of threads.
 
-    order      (count,) which body is in a slot
+    order      (count,) index of the body in each slot
     position   (dimensions × padded_count,) coordinates by slot in the frame, axis after axis
     mass       (padded_count,) by slot, in units of `mass_unit`
 
-    Slots from `particle_count` on are filled up with bodies without mass, each at a place of its own.
+    Slots from `particle_count` on hold bodies without mass, each at a different place.
     """
 
     def __init__(self, particle_count: int, padded_count: int, dimensions: int, *, on_cpu: bool) -> None:
@@ -40,7 +41,7 @@ class TreeOrder:
         self.particle_count = particle_count
         self.padded_count = padded_count
         self.dimensions = dimensions
-        self.grain = SMALLEST_BLOCK if on_cpu else 1
+        self.grain = CPU_GRAIN if on_cpu else 1
         self.sorter_count = min(config.cpu_max_num_threads, 8) if on_cpu else 256
         self.buckets = 1 << DIGIT_BITS
         self.scan_count = 8
@@ -50,28 +51,24 @@ class TreeOrder:
         self.other_key = tuple(ti.field(ti.u32) for _ in range(self.words))
         self.tally, self.scan = ti.field(ti.i32), ti.field(ti.i32)
         self.position, self.mass, self.partial = ti.field(float), ti.field(float), ti.field(float)
-        builder = ti.FieldsBuilder()
-        for count, fields in (
-            (particle_count, (self.order, self.other_order, *self.key, *self.other_key)),
-            (self.sorter_count * self.buckets, (self.tally,)),
-            (self.scan_count + 1, (self.scan,)),
-            (padded_count * dimensions, (self.position,)),
-            (padded_count, (self.mass,)),
-            (CHUNKS * (2 * dimensions + 1), (self.partial,)),
-        ):
-            for field in fields:
-                builder.dense(ti.i, count).place(field)
-        self._tree = builder.finalize()
+        self._memory = FieldGroup(
+            (particle_count, self.order, self.other_order, *self.key, *self.other_key),
+            (self.sorter_count * self.buckets, self.tally),
+            (self.scan_count + 1, self.scan),
+            (padded_count * dimensions, self.position),
+            (padded_count, self.mass),
+            (CHUNKS * (2 * dimensions + 1), self.partial),
+        )
         self.center = np.zeros(3)
         self.length = 1.0
         self.mass_unit = 1.0
 
     def destroy(self) -> None:
-        """Give the memory back."""
-        self._tree.destroy()
+        """Free the memory."""
+        self._memory.destroy()
 
     def build(self, position: Any, mass: Any) -> bool:
-        """Sort; False where a position or a mass is not finite, and nothing was sorted."""
+        """Sort the bodies; False, without a sort, where a position or a mass is not finite."""
         d = self.dimensions
         self._sum_up(position, mass)
         sums = self.partial.to_numpy().reshape(CHUNKS, 2 * d + 1).astype(float)
@@ -96,14 +93,14 @@ class TreeOrder:
 
     @ti.func
     def _begin(self, part, parts):
-        """First of the bodies of a part; 64 bits, because the product may not fit 32."""
+        """Index of the first body of a part; in 64 bits, because the product may not fit 32."""
         return ti.cast(ti.cast(part, ti.i64) * self.particle_count // parts, ti.i32)
 
     @ti.kernel
     def _sum_up(self, position: Template, mass: Template):
         for q in range(CHUNKS * self.grain):
-            if q % self.grain == 0:
-                chunk = q // self.grain
+            chunk = heavy_index(q, self.grain)
+            if chunk >= 0:
                 total = ti.Vector.zero(float, self.dimensions)
                 weight = 0.0
                 for i in range(self._begin(chunk, CHUNKS), self._begin(chunk + 1, CHUNKS)):
@@ -118,8 +115,8 @@ class TreeOrder:
     def _deviate(self, position: Template, x: float, y: float, z: float):
         center = ti.Vector([x, y, z])
         for q in range(CHUNKS * self.grain):
-            if q % self.grain == 0:
-                chunk = q // self.grain
+            chunk = heavy_index(q, self.grain)
+            if chunk >= 0:
                 total = ti.Vector.zero(float, self.dimensions)
                 largest = ti.Vector.zero(float, self.dimensions)
                 for i in range(self._begin(chunk, CHUNKS), self._begin(chunk + 1, CHUNKS)):
@@ -134,7 +131,7 @@ class TreeOrder:
 
     @ti.kernel
     def _place(self, position: Template, x: float, y: float, z: float, inverse_length: float, stretch: float):
-        """Key of every body; `stretch` maps the frame to half the cells of an axis."""
+        """Set the key of each body; `stretch` maps the frame to half the cells of an axis."""
         center = ti.Vector([x, y, z])
         for i in range(self.particle_count):
             cell = ti.Vector.zero(ti.u32, self.dimensions)
@@ -180,28 +177,28 @@ class TreeOrder:
 
     @ti.kernel
     def _sort(self, word: Template, shift: ti.u32):
-        """One stable pass by a digit: each sorter takes a run of bodies, and what follows keeps the order of runs."""
+        """One stable pass by a digit. Each sorter takes a run of bodies, and equal digits stay in the order of the runs."""
         for k in range(self.sorter_count * self.buckets):
             self.tally[k] = 0
         for q in range(self.sorter_count * self.grain):
-            if q % self.grain == 0:
-                sorter = q // self.grain
+            sorter = heavy_index(q, self.grain)
+            if sorter >= 0:
                 row = sorter * self.buckets
                 for slot in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
                     digit = ti.cast((self.key[word][slot] >> shift) & ti.cast(self.buckets - 1, ti.u32), ti.i32)
                     self.tally[row + digit] = self.tally[row + digit] + 1
         share = ti.static(self.buckets // self.scan_count)
         for q in range(self.scan_count * self.grain):
-            if q % self.grain == 0:
-                part = q // self.grain
+            part = heavy_index(q, self.grain)
+            if part >= 0:
                 total = 0
                 for bucket in range(part * share, (part + 1) * share):
                     for sorter in range(self.sorter_count):
                         total += self.tally[sorter * self.buckets + bucket]
                 self.scan[part + 1] = total
         for q in range(self.scan_count * self.grain):
-            if q % self.grain == 0:
-                part = q // self.grain
+            part = heavy_index(q, self.grain)
+            if part >= 0:
                 slot = 0
                 for earlier in range(part):
                     slot += self.scan[earlier + 1]
@@ -212,8 +209,8 @@ class TreeOrder:
                         self.tally[k] = slot
                         slot += here
         for q in range(self.sorter_count * self.grain):
-            if q % self.grain == 0:
-                sorter = q // self.grain
+            sorter = heavy_index(q, self.grain)
+            if sorter >= 0:
                 row = sorter * self.buckets
                 for slot in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
                     digit = ti.cast((self.key[word][slot] >> shift) & ti.cast(self.buckets - 1, ti.u32), ti.i32)
@@ -237,7 +234,7 @@ class TreeOrder:
                     self.position[axis * self.padded_count + slot] = (position[i][axis] - center[axis]) * per_length
                 self.mass[slot] = mass[i] * per_mass
             else:
-                # Outside the frame, and apart from each other: no distance is 0.
+                # Outside the frame, and at different places, so that no distance is 0.
                 for axis in ti.static(range(self.dimensions)):
                     self.position[axis * self.padded_count + slot] = 2.0 + ti.cast(slot - self.particle_count, float)
                 self.mass[slot] = 0.0

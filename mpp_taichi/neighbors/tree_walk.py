@@ -1,26 +1,28 @@
-"""Tree walk: gravity of nodes that are far enough as multipoles, and of the bodies of leaves that are not one by one.
+"""Tree walk: far nodes pull as multipoles, and the bodies of near leaves pull one by one.
 
 A node of mass M and second moments Q = Σ m δ δᵀ about its center of mass, at d from a body, with u = (|d|² + ε²)^(−1/2):
 
     a = G { d u³ [M + u² (7.5 dᵀQd u² − 1.5 tr Q)] − 3 Q d u⁵ },   φ = −G u [M + u² (1.5 dᵀQd u² − 0.5 tr Q)]
 
 which is Plummer's potential expanded to second order; without softening the traces are those of the quadrupole. The first order
-vanishes about the center of mass. Which nodes are far enough, `tree_estimate.py` says. A group of bodies shares the walk.
+vanishes about the center of mass. `tree_estimate.py` decides which nodes are far enough. The bodies of a group share a walk.
 """
 
 from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.inverse_distance import inverse_root, softened_square
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
 from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
+from mpp_taichi.device.heavy_loops import CPU_GRAIN, heavy_index
 from mpp_taichi.neighbors.tree_estimate import GROUP, TreeEstimate
 from mpp_taichi.neighbors.tree_nodes import LEAF
+from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
-SMALLEST_BLOCK = 512  # Taichi gives no CPU thread fewer iterations than this
-CHUNKS_PER_THREAD = 16  # pieces of the work, taken as threads get free
-LIST = 256  # even; entries of a list, worked off when it is full; those of nodes take 23 KiB of the cache
+CHUNKS_PER_THREAD = 16  # pieces of the work; a thread takes the next piece when it is free
+LIST = 256  # entries of a list, an even number; a full list is summed. A list of nodes takes 23 KiB of the cache
 
 
 @ti.data_oriented
@@ -28,7 +30,7 @@ class TreeWalk:
     """Sums by slot, in the units of the frame with G = 1.
 
     total   (padded_count × dimensions,) accelerations, axis after axis
-    well    (padded_count,) −φ, where it was asked for
+    well    (padded_count,) −φ, where the potential was asked for
     """
 
     def __init__(self, order: Any, nodes: Any) -> None:
@@ -44,45 +46,42 @@ class TreeWalk:
         self.chunk_count = CHUNKS_PER_THREAD * config.cpu_max_num_threads
         self.total, self.well, self.cells = (ti.field(float) for _ in range(3))
         self.runs = ti.field(ti.i32)
-        builder = ti.FieldsBuilder()
-        for size, field in (
+        self._memory = FieldGroup(
             (self.padded_count * self.dimensions, self.total),
             (self.padded_count, self.well),
             (self.chunk_count * LIST * nodes.moment_width, self.cells),
             (self.chunk_count * LIST * 2, self.runs),
-        ):
-            builder.dense(ti.i, size).place(field)
-        self._tree = builder.finalize()
+        )
 
     def destroy(self) -> None:
-        """Give the memory back."""
+        """Free the memory."""
         self.field.destroy()
-        self._tree.destroy()
+        self._memory.destroy()
 
     def run(self, softening: float, tolerance: float, *, potential: bool) -> None:
-        """All sums; those of the potential only where they are asked for."""
+        """Compute the accelerations, and the potential where `potential`."""
         self.field.estimate(softening * softening, tolerance)
         with explicit_vectors():
             self._walk(softening * softening, potential)
 
-    # Which nodes -----------------------------------------------------------------------------------------------------
+    # The lists of nodes and bodies -----------------------------------------------------------------------------------
 
     @ti.kernel
     def _walk(self, softening_squared: float, potential: Template):
-        for q in range(self.chunk_count * SMALLEST_BLOCK):
-            if q % SMALLEST_BLOCK == 0:
-                chunk = q // SMALLEST_BLOCK
+        for q in range(self.chunk_count * CPU_GRAIN):
+            chunk = heavy_index(q, CPU_GRAIN)
+            if chunk >= 0:
                 for group in range(self._begin(chunk), self._begin(chunk + 1)):
                     self._serve(chunk * LIST, group, softening_squared, potential)
 
     @ti.func
     def _begin(self, chunk):
-        """First group of a chunk; 64 bits, because the product may not fit 32."""
+        """Index of the first group of a chunk; in 64 bits, because the product may not fit 32."""
         return ti.cast(ti.cast(chunk, ti.i64) * self.group_count // self.chunk_count, ti.i32)
 
     @ti.func
     def _serve(self, entry, group, softening_squared, potential: Template):
-        """Sums of a group; its lists begin at `entry`."""
+        """Compute the sums of a group, with the lists that begin at `entry`."""
         d = ti.static(self.dimensions)
         width = ti.static(self.nodes.moment_width)
         begin = group * GROUP
@@ -115,14 +114,14 @@ class TreeWalk:
                         first = self.nodes.first_leaf[node] * LEAF
                         if first < begin or first >= begin + GROUP:
                             if first == last_end:
-                                runs -= 1  # goes on where the run before ends
+                                runs -= 1  # the leaf continues the run before
                             else:
                                 self.runs[(entry + runs) * 2] = first
                             last_end = first + LEAF
                             self.runs[(entry + runs) * 2 + 1] = last_end
                             runs += 1
                     node += 1
-            if cells % 2 == 1:  # they are summed in twos: one more of no mass, LIST being even
+            if cells % 2 == 1:  # nodes are summed in twos: add a node without mass, for which the even LIST has room
                 for k in ti.static(range(width)):
                     self.cells[(entry + cells) * width + k] = 0.0
                     if ti.static(k < d):
@@ -132,7 +131,7 @@ class TreeWalk:
                 slot = begin + tile * self.lane_count
                 self._sum_lists(slot, entry, cells, runs, softening_squared, potential)
 
-    # What they add, with a lane for each body ------------------------------------------------------------------------
+    # The sums, with a lane for each body -----------------------------------------------------------------------------
 
     @ti.func
     def _coordinate(self, slot, axis: Template):
@@ -140,19 +139,20 @@ class TreeWalk:
 
     @ti.func
     def _lanes(self, slot, axis: Template):
-        """Coordinates of the bodies of a tile."""
+        """One coordinate of the bodies of a tile, a lane for each."""
         return ti.Vector([self._coordinate(slot + lane, axis) for lane in ti.static(range(self.lane_count))])
 
     @ti.func
     def _way(self, j, position: Template):
-        """Separations of body j from those of a tile, axis by axis."""
+        """Separations of body j from the bodies of a tile, axis by axis."""
         return [
             self.order.position[axis * self.padded_count + j] - position[axis] for axis in ti.static(range(self.dimensions))
         ]
 
     @ti.func
     def _square(self, way: Template, softening_squared):
-        result = way[0] * way[0] + softening_squared
+        """ρ² of the separations of a tile, given by components. Here ε² is added first, which rounds unlike ε² added last."""
+        result = softened_square(way[0] * way[0], softening_squared)
         for axis in ti.static(range(1, self.dimensions)):
             result = multiply_add(way[axis], way[axis], result)
         return result
@@ -168,8 +168,8 @@ class TreeWalk:
         for j in range(begin, begin + GROUP):
             way = self._way(j, position)
             from_own = lane_number - ti.cast(j - slot, float)
-            own = ti.max(1.0 - from_own * from_own, 0.0)  # 1 in the body's own lane, 0 in the others
-            inverse = 1.0 / ti.sqrt(self._square(way, softening_squared) + own)
+            own = ti.max(1.0 - from_own * from_own, 0.0)  # 1 in the lane of body j itself, 0 in the others
+            inverse = inverse_root(self._square(way, softening_squared) + own)
             pull = self.order.mass[j] * inverse
             if ti.static(potential):
                 well = well + pull * (1.0 - own)
@@ -184,7 +184,7 @@ class TreeWalk:
 
     @ti.func
     def _sum_lists(self, slot, entry, cells, runs, softening_squared, potential: Template):
-        """Add what is on the lists to the sums of a tile, two at a time for the sake of their inverse roots."""
+        """Add the pulls of the lists to the sums of a tile, in twos, because two inverse roots at a time are faster."""
         d = ti.static(self.dimensions)
         position = [self._lanes(slot, axis) for axis in ti.static(range(d))]
         total = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(d))]

@@ -16,14 +16,14 @@ DIGITS = 5  # of a number that is read off
 
 
 @dataclass(frozen=True)
-class Reading:
+class CursorReading:
     """Lines to show, the first for x, and the points that they are of, in pixels of the panel."""
 
     lines: tuple[tuple[str, Rgb], ...]
     points: tuple[tuple[float, float, Rgb], ...]
 
 
-def read(panel: Panel, x: float, y: float) -> Reading | None:
+def read(panel: Panel, x: float, y: float) -> CursorReading | None:
     """The values at a place, in pixels of the panel; None outside its field, and where nothing was recorded."""
     left, top, right, bottom = panel.frame.field
     if not (left <= x <= right and top <= y <= bottom):
@@ -35,7 +35,7 @@ def read(panel: Panel, x: float, y: float) -> Reading | None:
     return _of_curves(panel, panel.plot, x, y)
 
 
-def with_reading(panel: Panel, picture: Image.Image, reading: Reading) -> Image.Image:
+def with_reading(panel: Panel, picture: Image.Image, reading: CursorReading) -> Image.Image:
     """A copy of the panel's picture with the values written into it."""
     picture = picture.copy()
     painter, theme, size = PicturePainter(picture), panel.theme, panel.frame.size
@@ -57,7 +57,7 @@ def with_reading(panel: Panel, picture: Image.Image, reading: Reading) -> Image.
     return picture
 
 
-def _of_histogram(panel: Panel, plot: Histogram, share: float) -> Reading | None:
+def _of_histogram(panel: Panel, plot: Histogram, share: float) -> CursorReading | None:
     value = panel.axes[0].value(share)
     bin_number = int(np.searchsorted(plot.edges, value, side="right")) - 1
     if not 0 <= bin_number < len(plot.density):
@@ -70,10 +70,10 @@ def _of_histogram(panel: Panel, plot: Histogram, share: float) -> Reading | None
     if len(plot.theory):
         theory = float(np.interp(0.5 * (low + high), plot.curve, plot.theory))
         lines.append((f"theory = {_number(theory)}", panel.theme.theory))
-    return Reading(tuple(lines), ())
+    return CursorReading(tuple(lines), ())
 
 
-def _of_curves(panel: Panel, plot: Curves, x: float, y: float) -> Reading | None:
+def _of_curves(panel: Panel, plot: Curves, x: float, y: float) -> CursorReading | None:
     xs = plot.x
     rises = plot.span is not None or bool(np.all(np.diff(xs) > 0.0))
     left, _, right, _ = panel.frame.field
@@ -91,7 +91,7 @@ def _of_curves(panel: Panel, plot: Curves, x: float, y: float) -> Reading | None
         lines.append((f"{name} = {_number(each)}", color if number < len(plot.names) else panel.theme.faint))
         place = panel.frame.points(panel.axes[0].share(np.array([value])), panel.axes[1].share(np.array([each])))[0]
         points += [(float(place[0]), float(place[1]), color)] if np.isfinite(place).all() else []
-    return Reading(tuple(lines), tuple(points))
+    return CursorReading(tuple(lines), tuple(points))
 
 
 def _nearest(panel: Panel, plot: Curves, x: float, y: float) -> int:

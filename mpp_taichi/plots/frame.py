@@ -22,7 +22,7 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Frame:
+class PanelFrame:
     """Places in a panel of `width` × `height` pixels whose letters are `size` high; field: left, top, right, bottom."""
 
     width: int
@@ -33,7 +33,7 @@ class Frame:
     label_below: bool  # the label of x in a row of its own, as it is too long for that of the numbers
 
     @staticmethod
-    def of(plot: Plot, width: int, height: int, size: int, theme: Theme) -> "Frame":
+    def of(plot: Plot, width: int, height: int, size: int, theme: Theme) -> "PanelFrame":
         """Lay out a panel."""
         left, right = round(4.3 * size), width - round(1.2 * size)
         top = round((1.9 if plot.title else 0.5) * size)
@@ -47,7 +47,7 @@ class Frame:
         top = round(y + 1.15 * size)
         below = text_width(plot.x_label + plot.x_unit, size) > LONGEST_LABEL * (right - left)
         bottom = max(height - round((3.2 if below else 1.9) * size), top + LEAST_FIELD)
-        return Frame(width, height, size, (left, top, max(right, left + LEAST_FIELD), bottom), tuple(places), below)
+        return PanelFrame(width, height, size, (left, top, max(right, left + LEAST_FIELD), bottom), tuple(places), below)
 
     def points(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Shares of both axes as pixels, (n, 2)."""
@@ -111,7 +111,7 @@ def fitting_axes(plot: Plot) -> tuple[Axis, Axis]:
     return x, Axis.of(values, logarithmic=plot.logarithmic)
 
 
-def equalised(x: Axis, y: Axis, frame: Frame) -> tuple[Axis, Axis]:
+def equalised(x: Axis, y: Axis, frame: PanelFrame) -> tuple[Axis, Axis]:
     """The axes widened so that a length is as long along both."""
     left, top, right, bottom = frame.field
     per_x, per_y = (x.high - x.low) / (right - left), (y.high - y.low) / (bottom - top)

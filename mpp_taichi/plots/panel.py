@@ -5,7 +5,7 @@ from PIL import Image
 
 from mpp_taichi.plots.axis import Axis
 from mpp_taichi.plots.content import Curves, Histogram, Plot
-from mpp_taichi.plots.frame import Frame, color_of, equalised, fitting_axes
+from mpp_taichi.plots.frame import PanelFrame, color_of, equalised, fitting_axes
 from mpp_taichi.plots.ink import FINER, Ink, put_disc
 from mpp_taichi.plots.painters import PicturePainter
 from mpp_taichi.plots.theme import Rgb, Theme
@@ -22,7 +22,7 @@ class Panel:
     def __init__(self, plot: Plot, width: int, height: int, size: int, theme: Theme) -> None:
         """Nothing is drawn until the first `picture`."""
         self.plot, self.theme = plot, theme
-        self.frame = Frame.of(plot, width, height, size, theme)
+        self.frame = PanelFrame.of(plot, width, height, size, theme)
         self.axes: tuple[Axis, Axis] = (Axis(0.0, 1.0), Axis(0.0, 1.0))
         logarithmic = isinstance(plot, Curves) and plot.logarithmic
         self._wanted = (Axis(0.0, 1.0), Axis(0.0, 1.0, logarithmic))  # before lengths were made equal
@@ -177,7 +177,7 @@ class Panel:
         self._canvas.paste(ink.color, self.frame.field, ink.cover((0, 0, right - left, bottom - top)))
 
 
-def bars(plot: Histogram, frame: Frame, axes: tuple[Axis, Axis]) -> list[tuple[float, float, float, float]]:
+def bars(plot: Histogram, frame: PanelFrame, axes: tuple[Axis, Axis]) -> list[tuple[float, float, float, float]]:
     """Boxes of the bars in pixels: left, top, right, bottom."""
     if not len(plot.edges):
         return []

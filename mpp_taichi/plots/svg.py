@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mpp_taichi.plots.content import Curves, Histogram, Plot
-from mpp_taichi.plots.frame import Frame, color_of, equalised, fitting_axes
+from mpp_taichi.plots.frame import PanelFrame, color_of, equalised, fitting_axes
 from mpp_taichi.plots.painters import SvgPainter
 from mpp_taichi.plots.panel import BAND_WIDTH, BAR, CURVE_WIDTH, DISC, bars, blended
 from mpp_taichi.plots.theme import LIGHT, Theme
@@ -22,12 +22,12 @@ def draw_svg(plots: Sequence[Plot], size: tuple[int, int], letters: int, theme: 
     ]
     for number, plot in enumerate(plots):
         painter = SvgPainter()
-        _draw(painter, plot, Frame.of(plot, width, height, letters, theme), theme)
+        _draw(painter, plot, PanelFrame.of(plot, width, height, letters, theme), theme)
         parts += [f'<g transform="translate(0 {number * height})">', *painter.elements, "</g>"]
     return "\n".join([*parts, "</svg>\n"])
 
 
-def _draw(painter: SvgPainter, plot: Plot, frame: Frame, theme: Theme) -> None:
+def _draw(painter: SvgPainter, plot: Plot, frame: PanelFrame, theme: Theme) -> None:
     axes = fitting_axes(plot)
     if isinstance(plot, Curves) and plot.equal:
         axes = equalised(*axes, frame)

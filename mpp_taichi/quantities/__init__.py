@@ -1,1 +1,1 @@
-"""Quantities that panels plot, one per file."""
+"""Quantities: what one sample of a run has, a number or an array, one per file."""

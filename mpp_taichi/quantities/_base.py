@@ -1,29 +1,31 @@
-"""What every quantity is: a number that can be read off a run at any moment, and is then plotted against another."""
+"""Quantity: a number, or an array, that one sample of a run has. Panels, tables and expectations all measure quantities."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from mpp_taichi.component import Particles
-from mpp_taichi.diagnostics._at_end import rows
-from mpp_taichi.diagnostics._base import NoResultError
-from mpp_taichi.energy.mechanics import mean_by_mass
+from mpp_taichi.contacts._report import ContactReport
+from mpp_taichi.errors import StabilityError
 from mpp_taichi.scene.layout import ParticleLayout, layout_of
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
-__all__ = ["Dimension", "Look", "NoResultError", "OfEach", "Quantity", "Setting", "component_of", "center_of", "rows"]
 Dimension = tuple[int, int, int]
 """Powers of length, time and mass."""
 ENERGY: Dimension = (2, -2, 1)
 _SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-class Look(Protocol):
-    """A run at one moment; what costs something is computed when it is first asked for."""
+class NoResultError(StabilityError):
+    """A quantity is not defined for this scene or in this sample, or the run ended too early; the message says why."""
+
+
+class RunSample(Protocol):
+    """A run at one moment. Entries that are expensive are computed when they are first read."""
 
     phase_number: int
     phase_energy: float | None
@@ -38,12 +40,16 @@ class Look(Protocol):
 
     @property
     def potential_energy(self) -> float:
-        """Of all forces that have one."""
+        """The sum over all forces that have a potential."""
+
+    @property
+    def contact_report(self) -> ContactReport:
+        """What the contacts have done since the start of the run."""
 
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What a quantity may know of its scene beforehand: the scene, its start, and what its particles are called."""
+    """What a quantity knows of its scene before the first sample: the scene, its start, and the names of its particles."""
 
     spec: SceneSpec
     start: Snapshot
@@ -54,7 +60,7 @@ class Setting:
         return layout_of(self.spec)
 
     def name_of(self, of: Particles | int | None) -> str:
-        """`planet`, `sheet[27]`, `particle 30`, the name of a group or `sheet[8:16]`; of all particles nothing."""
+        """`planet`, `sheet[27]`, `particle 30`, the name of a group or `sheet[8:16]`; for all particles the empty word."""
         if of is None:
             return ""
         first, count = (of, 1) if isinstance(of, int) else of
@@ -82,48 +88,55 @@ def _power(name: str, power: int) -> str:
 
 
 class Quantity(ABC):
-    """A number of a run at any moment; `dimension` are its powers of length, time and mass."""
+    """A number that a sample of a run has; `dimension` holds its powers of length, time and mass."""
 
     dimension: Dimension = (0, 0, 0)
+    remembers = False
+    """Whether the number depends on the samples before, so that every sample must be measured."""
+    has_rate = False
+    """Whether `rate` is known."""
+    if TYPE_CHECKING:
+
+        def __init__(self, **parameters: Any) -> None:
+            """`@component` gives each quantity the parameters that it declares."""
 
     def begin(self, setting: Setting) -> None:  # noqa: B027 most have nothing to prepare
-        """See the scene before the first look.
+        """Prepare for a scene, before the first sample.
 
         Raises:
             NoResultError: the quantity is not defined for this scene.
         """
 
     def restart(self) -> None:  # noqa: B027 most remember nothing
-        """Forget what was seen; the run begins anew."""
+        """Forget the samples; the run begins anew."""
 
     @abstractmethod
     def label(self, setting: Setting) -> str:
-        """What it is called in a legend: `z of planet`."""
+        """The name of the quantity in a legend: `z of planet`."""
 
     @abstractmethod
-    def measure(self, look: Look) -> float:
-        """The number; NaN where there is none at this moment."""
+    def measure(self, sample: RunSample) -> float:
+        """The number.
+
+        Raises:
+            NoResultError: the sample has no such number.
+        """
+
+    def rate(self, sample: RunSample) -> float:
+        """The change of the number per time, of quantities that know it."""
+        raise NotImplementedError(f"{type(self).__name__} knows no rate")
+
+    def sampling_interval(self, sample: RunSample) -> float | None:
+        """Longest time until the next sample in which the number changes little; None where its rates tell."""
+        return None
 
 
 class OfEach(Quantity):
     """A quantity that every particle of a group, or every spring, has for itself, so that it has a distribution."""
 
     @abstractmethod
-    def each(self, look: Look) -> np.ndarray:
-        """The number of every one, (n,)."""
-
-
-def component_of(vector: np.ndarray, axis: str | None) -> float:
-    """One component of a vector, or its length where no axis is said."""
-    return float(np.linalg.norm(vector)) if axis is None else float(vector["xyz".index(axis)])
-
-
-def center_of(values: np.ndarray, snapshot: Snapshot, of: Particles | None) -> np.ndarray:
-    """Mean by mass of (particle_count, 3) vectors over a group, or over all; NaN where all have merged into others."""
-    chosen = np.zeros(snapshot.particle_count, dtype=bool)
-    chosen[rows(of)] = True
-    chosen &= snapshot.present
-    return mean_by_mass(values[chosen], snapshot.mass[chosen]) if chosen.any() else np.full(3, np.nan)
+    def each(self, sample: RunSample) -> np.ndarray:
+        """The numbers of all particles or springs, (n,)."""
 
 
 def of_which(noun: str, name: str) -> str:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mpp_taichi.component import Pair
-from mpp_taichi.quantities._base import Look, NoResultError, Setting
+from mpp_taichi.quantities._base import NoResultError, RunSample, Setting
 
 
 def chosen_springs(between: Pair | None, setting: Setting) -> np.ndarray:
@@ -23,10 +23,10 @@ def chosen_springs(between: Pair | None, setting: Setting) -> np.ndarray:
     return found
 
 
-def lengths(look: Look, springs: np.ndarray) -> np.ndarray:
+def lengths(sample: RunSample, springs: np.ndarray) -> np.ndarray:
     """Distances of the ends, (n,)."""
-    first, second = look.snapshot.springs.between[springs].T
-    return np.linalg.norm(look.snapshot.position[second] - look.snapshot.position[first], axis=1)
+    first, second = sample.snapshot.springs.between[springs].T
+    return np.linalg.norm(sample.snapshot.position[second] - sample.snapshot.position[first], axis=1)
 
 
 def label_of(noun: str, between: Pair | None, setting: Setting) -> str:

@@ -3,7 +3,8 @@
 import math
 
 from mpp_taichi.component import Particles, component, param
-from mpp_taichi.quantities._base import Look, Quantity, Setting, center_of, of_which
+from mpp_taichi.quantities._base import Quantity, RunSample, Setting, of_which
+from mpp_taichi.quantities._particles import center_of
 
 PLANES = {"x": (1, 2), "y": (0, 2), "z": (0, 1)}
 """For each axis across a plane, the two axes in it; angles count from the first towards the second."""
@@ -19,18 +20,18 @@ class Angle(Quantity):
     of: Particles = param(help="a particle or a group")
     around: Particles = param(None, optional=True, help="from where it is seen: a particle or a group; absent: the origin")
     axis: str = param("z", choices=("x", "y", "z"), help="across the plane")
-    zero: float = param(0.0, unit="radians", help="what is taken off, before it is brought into −π…π; −pi/2 for a pendulum")
+    zero: float = param(0.0, unit="radians", help="taken off before the angle is brought into −π…π; −pi/2 for a pendulum")
 
     def label(self, setting: Setting) -> str:
-        """Of what around what."""
+        """`angle of planet around sun`."""
         around = setting.name_of(self.around)
         return of_which("angle", setting.name_of(self.of)) + (f" around {around}" if around else "")
 
-    def measure(self, look: Look) -> float:
+    def measure(self, sample: RunSample) -> float:
         """The angle."""
-        place = look.snapshot.position
-        way = center_of(place, look.snapshot, self.of)
+        place = sample.snapshot.position
+        way = center_of(place, sample.snapshot, self.of)
         if self.around is not None:
-            way = way - center_of(place, look.snapshot, self.around)
+            way = way - center_of(place, sample.snapshot, self.around)
         first, second = PLANES[self.axis]
         return math.remainder(math.atan2(way[second], way[first]) - self.zero, math.tau)

@@ -1,44 +1,79 @@
-"""How far a particle is from another, from a point, or from the centre of mass."""
+"""The distance of two particles, or of a particle from a point or from the centre of mass."""
 
 import numpy as np
 
-from mpp_taichi.component import Particles, Vector, component, param
-from mpp_taichi.quantities._base import Look, NoResultError, OfEach, Setting, center_of, of_which, rows
+from mpp_taichi.component import Pair, Particles, Vector, component, param
+from mpp_taichi.quantities._base import NoResultError, OfEach, RunSample, Setting, of_which
+from mpp_taichi.quantities._particles import center_of, rows
+
+LARGEST_TURN = 0.1  # of the distance: farther the two ends may not move between two samples
 
 
 @component
 class Distance(OfEach):
     """Distance of a particle or a group's centre of mass from another, or from a point [length].
 
-    Without `to` and `point` it is from the centre of mass of all particles. In a histogram it is that of each particle.
+    Without `to` and `point` it is from the centre of mass of all particles. In a histogram it is that of each particle. For the
+    largest or smallest distance of a run, samples follow each other so fast that the two ends move by at most a tenth of it.
     """
 
-    of: Particles = param(help="a particle or a group")
-    to: Particles = param(None, optional=True, help="from which it is measured: a particle or a group")
+    of: Particles = param(None, optional=True, help="a particle or a group; absent: all")
+    to: Particles = param(None, optional=True, help="the other end: a particle or a group")
     point: Vector = param(None, optional=True, unit="length", help="or a point")
+    between: Pair = param(None, optional=True, help="in place of `of` and `to`: two particles")
     dimension = (1, 0, 0)
+    has_rate = True
 
     def begin(self, setting: Setting) -> None:
-        """See that there is one place to measure from."""
+        """Check that there is one place to measure from."""
         if self.to is not None and self.point is not None:
             raise NoResultError("distance is either to: another particle or from a point:, not both")
+        if self.between is not None and (self.of, self.to, self.point) != (None, None, None):
+            raise NoResultError("distance is either between: two particles or of: a particle, not both")
 
     def label(self, setting: Setting) -> str:
-        """Of what and to what."""
+        """`distance of b to post`."""
         if self.point is not None:
             end = "(" + ", ".join(f"{each:g}" for each in self.point[: setting.spec.dimensions]) + ")"
         else:
-            end = setting.name_of(self.to) or "centre of mass"
-        return f"{of_which('distance', setting.name_of(self.of))} to {end}"
+            end = setting.name_of(self._to) or "centre of mass"
+        return f"{of_which('distance', setting.name_of(self._of))} to {end}"
 
-    def measure(self, look: Look) -> float:
+    def measure(self, sample: RunSample) -> float:
         """The distance."""
-        return float(np.linalg.norm(center_of(look.snapshot.position, look.snapshot, self.of) - self._end(look)))
+        return float(np.linalg.norm(self._separation(sample)))
 
-    def each(self, look: Look) -> np.ndarray:
-        """The distances."""
-        return np.linalg.norm(look.snapshot.position[rows(self.of)] - self._end(look), axis=1)
+    def rate(self, sample: RunSample) -> float:
+        """The part of the relative velocity along the separation; 0 where the two ends are at one place."""
+        separation = self._separation(sample)
+        distance = float(np.linalg.norm(separation))
+        return float(separation @ self._motion(sample)) / distance if distance > 0.0 else 0.0
 
-    def _end(self, look: Look) -> np.ndarray:
-        snapshot = look.snapshot
-        return np.array(self.point) if self.point is not None else center_of(snapshot.position, snapshot, self.to)
+    def sampling_interval(self, sample: RunSample) -> float:
+        """The time in which the ends move by `LARGEST_TURN` of their distance."""
+        speed = float(np.linalg.norm(self._motion(sample)))
+        return LARGEST_TURN * self.measure(sample) / speed if speed > 0.0 else np.inf
+
+    def each(self, sample: RunSample) -> np.ndarray:
+        """The distances of all particles of the group."""
+        return np.linalg.norm(sample.snapshot.position[rows(self._of)] - self._end(sample), axis=1)
+
+    @property
+    def _of(self) -> tuple[int, int] | None:
+        return self.of if self.between is None else (self.between[0], 1)
+
+    @property
+    def _to(self) -> tuple[int, int] | None:
+        return self.to if self.between is None else (self.between[1], 1)
+
+    def _separation(self, sample: RunSample) -> np.ndarray:
+        return self._end(sample) - center_of(sample.snapshot.position, sample.snapshot, self._of)
+
+    def _end(self, sample: RunSample) -> np.ndarray:
+        snapshot = sample.snapshot
+        return np.array(self.point) if self.point is not None else center_of(snapshot.position, snapshot, self._to)
+
+    def _motion(self, sample: RunSample) -> np.ndarray:
+        snapshot = sample.snapshot
+        end = np.zeros(3) if self.point is not None else center_of(snapshot.velocity, snapshot, self._to)
+        return end - center_of(snapshot.velocity, snapshot, self._of)

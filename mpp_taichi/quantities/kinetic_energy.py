@@ -4,7 +4,8 @@ import numpy as np
 
 from mpp_taichi.component import Particles, component, param
 from mpp_taichi.energy.mechanics import kinetic_energies, total
-from mpp_taichi.quantities._base import ENERGY, Look, OfEach, Setting, of_which, rows
+from mpp_taichi.quantities._base import ENERGY, OfEach, RunSample, Setting, of_which
+from mpp_taichi.quantities._particles import rows
 
 
 @component
@@ -15,13 +16,13 @@ class KineticEnergy(OfEach):
     dimension = ENERGY
 
     def label(self, setting: Setting) -> str:
-        """Of what."""
+        """`kinetic energy of planet`."""
         return of_which("kinetic energy", setting.name_of(self.of))
 
-    def measure(self, look: Look) -> float:
+    def measure(self, sample: RunSample) -> float:
         """The sum."""
-        return total(self.each(look))
+        return total(self.each(sample))
 
-    def each(self, look: Look) -> np.ndarray:
+    def each(self, sample: RunSample) -> np.ndarray:
         """The terms."""
-        return kinetic_energies(look.snapshot, rows(self.of))
+        return kinetic_energies(sample.snapshot, rows(self.of))

@@ -1,7 +1,8 @@
 """The mass of a particle or a group."""
 
 from mpp_taichi.component import Particles, component, param
-from mpp_taichi.quantities._base import Look, Quantity, Setting, of_which, rows
+from mpp_taichi.quantities._base import Quantity, RunSample, Setting, of_which
+from mpp_taichi.quantities._particles import rows
 
 
 @component
@@ -12,9 +13,9 @@ class Mass(Quantity):
     dimension = (0, 0, 1)
 
     def label(self, setting: Setting) -> str:
-        """Of what."""
+        """`mass of planet`."""
         return of_which("mass", setting.name_of(self.of))
 
-    def measure(self, look: Look) -> float:
+    def measure(self, sample: RunSample) -> float:
         """The sum."""
-        return float(look.snapshot.mass[rows(self.of)].sum())
+        return float(sample.snapshot.mass[rows(self.of)].sum())

@@ -1,8 +1,8 @@
 """How far a mode of the springs is deflected."""
 
 from mpp_taichi.component import Lattice, ModeNumbers, component, param
-from mpp_taichi.modes.mode_set import ModeError, find_modes
-from mpp_taichi.quantities._base import Look, NoResultError, Quantity, Setting, of_which
+from mpp_taichi.modes.mode_set import Mode, ModeError, ModeReading, find_modes
+from mpp_taichi.quantities._base import NoResultError, Quantity, RunSample, Setting, of_which
 
 
 @component
@@ -13,6 +13,7 @@ class ModeAmplitude(Quantity):
     mode: ModeNumbers = param(help="[r, s] of a lattice, [k] from below of a network")
     along: str = param(None, optional=True, choices=("x", "y", "z"), help="direction of the motion; absent: across the lattice")
     dimension = (1, 0, 0)
+    has_rate = True
 
     def begin(self, setting: Setting) -> None:
         """Find the mode."""
@@ -22,9 +23,22 @@ class ModeAmplitude(Quantity):
             raise NoResultError(str(error)) from None
 
     def label(self, setting: Setting) -> str:
-        """The numbers of the mode."""
-        return of_which(f"mode {self._modes.modes[0].label}", self.of or "")
+        """`mode (2, 1) of sheet`."""
+        return of_which(f"mode {self.found.label}", self.of or "")
 
-    def measure(self, look: Look) -> float:
+    def measure(self, sample: RunSample) -> float:
         """The amplitude."""
-        return float(self._modes.read(look.snapshot).amplitude[0])
+        return float(self.reading(sample).amplitude[0])
+
+    def rate(self, sample: RunSample) -> float:
+        """The rate of the amplitude."""
+        return float(self.reading(sample).rate[0])
+
+    def reading(self, sample: RunSample) -> ModeReading:
+        """The amplitude with its rate, and the energies of the mode and of the network."""
+        return self._modes.read(sample.snapshot)
+
+    @property
+    def found(self) -> Mode:
+        """The mode."""
+        return self._modes.modes[0]

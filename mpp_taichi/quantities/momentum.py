@@ -2,7 +2,8 @@
 
 from mpp_taichi.component import Particles, component, param
 from mpp_taichi.energy.mechanics import momentum
-from mpp_taichi.quantities._base import Look, Quantity, Setting, component_of, of_which, rows
+from mpp_taichi.quantities._base import Quantity, RunSample, Setting, of_which
+from mpp_taichi.quantities._particles import component_of, rows
 
 
 @component
@@ -14,9 +15,9 @@ class Momentum(Quantity):
     dimension = (1, -1, 1)
 
     def label(self, setting: Setting) -> str:
-        """The component, and of what."""
+        """`momentum z of planet`."""
         return of_which(f"momentum {self.axis}" if self.axis else "momentum", setting.name_of(self.of))
 
-    def measure(self, look: Look) -> float:
+    def measure(self, sample: RunSample) -> float:
         """The momentum."""
-        return component_of(momentum(look.snapshot, rows(self.of)), self.axis)
+        return component_of(momentum(sample.snapshot, rows(self.of)), self.axis)

@@ -3,7 +3,8 @@
 import numpy as np
 
 from mpp_taichi.component import Particles, component, param
-from mpp_taichi.quantities._base import Look, OfEach, Setting, center_of, component_of, of_which, rows
+from mpp_taichi.quantities._base import OfEach, RunSample, Setting, of_which
+from mpp_taichi.quantities._particles import AXES, center_of, component_of, rows
 
 
 @component
@@ -13,15 +14,20 @@ class Position(OfEach):
     of: Particles = param(None, optional=True, help="a particle or a group; absent: all")
     axis: str = param(choices=("x", "y", "z"), help="the coordinate")
     dimension = (1, 0, 0)
+    has_rate = True
 
     def label(self, setting: Setting) -> str:
-        """The axis, and of what."""
+        """`z of planet`."""
         return of_which(self.axis, setting.name_of(self.of))
 
-    def measure(self, look: Look) -> float:
+    def measure(self, sample: RunSample) -> float:
         """The coordinate."""
-        return component_of(center_of(look.snapshot.position, look.snapshot, self.of), self.axis)
+        return component_of(center_of(sample.snapshot.position, sample.snapshot, self.of), self.axis)
 
-    def each(self, look: Look) -> np.ndarray:
-        """The coordinates."""
-        return look.snapshot.position[rows(self.of), "xyz".index(self.axis)]
+    def rate(self, sample: RunSample) -> float:
+        """The velocity along the axis."""
+        return component_of(center_of(sample.snapshot.velocity, sample.snapshot, self.of), self.axis)
+
+    def each(self, sample: RunSample) -> np.ndarray:
+        """The coordinates of all particles of the group."""
+        return sample.snapshot.position[rows(self.of), AXES.index(self.axis)]

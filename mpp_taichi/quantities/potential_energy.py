@@ -1,7 +1,7 @@
 """Energy of position."""
 
 from mpp_taichi.component import component
-from mpp_taichi.quantities._base import ENERGY, Look, Quantity, Setting
+from mpp_taichi.quantities._base import ENERGY, Quantity, RunSample, Setting
 
 
 @component
@@ -14,6 +14,6 @@ class PotentialEnergy(Quantity):
         """Potential energy."""
         return "potential energy"
 
-    def measure(self, look: Look) -> float:
+    def measure(self, sample: RunSample) -> float:
         """The sum over all forces."""
-        return look.potential_energy
+        return sample.potential_energy

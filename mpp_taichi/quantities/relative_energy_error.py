@@ -3,7 +3,7 @@
 from mpp_taichi.component import component
 from mpp_taichi.energy.energy_error import EnergyError
 from mpp_taichi.energy.mechanics import kinetic_energies, total
-from mpp_taichi.quantities._base import Look, Quantity, Setting
+from mpp_taichi.quantities._base import Quantity, RunSample, Setting
 
 
 @component
@@ -12,6 +12,8 @@ class RelativeEnergyError(Quantity):
 
     Where E₀ is zero, over the largest kinetic + |potential| energy seen so far.
     """
+
+    remembers = True
 
     def begin(self, setting: Setting) -> None:
         """Nothing was seen yet."""
@@ -25,8 +27,8 @@ class RelativeEnergyError(Quantity):
         """Relative energy error."""
         return "relative energy error"
 
-    def measure(self, look: Look) -> float:
+    def measure(self, sample: RunSample) -> float:
         """The error."""
-        kinetic = total(kinetic_energies(look.snapshot))
-        began = look.phase_energy
-        return self._error.see(kinetic, look.potential_energy, phase_number=look.phase_number, phase_energy=began)
+        kinetic = total(kinetic_energies(sample.snapshot))
+        began = sample.phase_energy
+        return self._error.see(kinetic, sample.potential_energy, phase_number=sample.phase_number, phase_energy=began)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from mpp_taichi.component import Particles, component, param
-from mpp_taichi.diagnostics._gas import rows_of
-from mpp_taichi.quantities._base import Look, OfEach, Setting, center_of, component_of, of_which
+from mpp_taichi.quantities._base import OfEach, RunSample, Setting, of_which
+from mpp_taichi.quantities._particles import center_of, component_of, free_rows
 
 
 @component
@@ -17,13 +17,13 @@ class Speed(OfEach):
     dimension = (1, -1, 0)
 
     def label(self, setting: Setting) -> str:
-        """Of what."""
+        """`speed of planet`."""
         return of_which("speed", setting.name_of(self.of))
 
-    def measure(self, look: Look) -> float:
+    def measure(self, sample: RunSample) -> float:
         """The speed."""
-        return component_of(center_of(look.snapshot.velocity, look.snapshot, self.of), None)
+        return component_of(center_of(sample.snapshot.velocity, sample.snapshot, self.of), None)
 
-    def each(self, look: Look) -> np.ndarray:
-        """The speeds."""
-        return np.linalg.norm(look.snapshot.velocity[rows_of(self.of, look.snapshot)], axis=1)
+    def each(self, sample: RunSample) -> np.ndarray:
+        """The speeds of all free particles of the group."""
+        return np.linalg.norm(sample.snapshot.velocity[free_rows(self.of, sample.snapshot)], axis=1)

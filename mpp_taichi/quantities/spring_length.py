@@ -3,7 +3,7 @@
 import numpy as np
 
 from mpp_taichi.component import Pair, component, param
-from mpp_taichi.quantities._base import Look, OfEach, Setting
+from mpp_taichi.quantities._base import OfEach, RunSample, Setting
 from mpp_taichi.quantities._springs import chosen_springs, label_of, lengths
 
 
@@ -22,10 +22,10 @@ class SpringLength(OfEach):
         """Between what."""
         return label_of("length", self.between, setting)
 
-    def measure(self, look: Look) -> float:
+    def measure(self, sample: RunSample) -> float:
         """The mean length."""
-        return float(self.each(look).mean())
+        return float(self.each(sample).mean())
 
-    def each(self, look: Look) -> np.ndarray:
+    def each(self, sample: RunSample) -> np.ndarray:
         """The lengths."""
-        return lengths(look, self._springs)
+        return lengths(sample, self._springs)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from mpp_taichi.component import Pair, component, param
-from mpp_taichi.quantities._base import Look, OfEach, Setting
+from mpp_taichi.quantities._base import OfEach, RunSample, Setting
 from mpp_taichi.quantities._springs import chosen_springs, label_of, lengths
 
 
@@ -21,12 +21,12 @@ class SpringStrain(OfEach):
         """Between what."""
         return label_of("strain", self.between, setting)
 
-    def measure(self, look: Look) -> float:
+    def measure(self, sample: RunSample) -> float:
         """The mean strain."""
-        return float(self.each(look).mean())
+        return float(self.each(sample).mean())
 
-    def each(self, look: Look) -> np.ndarray:
+    def each(self, sample: RunSample) -> np.ndarray:
         """The strains; springs without a length at rest have none."""
-        rest = look.snapshot.springs.rest_length[self._springs]
+        rest = sample.snapshot.springs.rest_length[self._springs]
         with np.errstate(divide="ignore", invalid="ignore"):
-            return lengths(look, self._springs) / rest - 1.0
+            return lengths(sample, self._springs) / rest - 1.0

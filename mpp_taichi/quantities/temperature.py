@@ -1,12 +1,11 @@
 """Temperature of a gas."""
 
-import math
+import numpy as np
 
-from mpp_taichi import component as components
 from mpp_taichi.component import Particles, component, param
-from mpp_taichi.diagnostics._base import NoResultError
-from mpp_taichi.diagnostics.kinetic_temperature import KineticTemperature
-from mpp_taichi.quantities._base import ENERGY, Look, Quantity, Setting, of_which
+from mpp_taichi.kinetic_theory.speeds import kinetic_temperature
+from mpp_taichi.quantities._base import ENERGY, NoResultError, Quantity, RunSample, Setting, of_which
+from mpp_taichi.quantities._particles import free_rows
 
 
 @component
@@ -19,18 +18,18 @@ class Temperature(Quantity):
 
     def begin(self, setting: Setting) -> None:
         """Find the particles."""
-        self._meter: KineticTemperature = components.build(
-            "diagnostics", "kinetic_temperature", {"of": self.of, "drift": self.drift}
-        )
-        self._meter.begin(setting.spec, setting.start)
+        self._dimensions, self._rows = setting.spec.dimensions, free_rows(self.of, setting.start)
+        if len(self._rows) < 1 + self.drift:
+            raise NoResultError("there are too few free particles for a temperature")
 
     def label(self, setting: Setting) -> str:
-        """Of what."""
+        """`temperature k T of gas`."""
         return of_which("temperature k T", setting.name_of(self.of))
 
-    def measure(self, look: Look) -> float:
-        """k T; NaN where too few have not merged."""
-        try:
-            return self._meter.measure(look.snapshot)
-        except NoResultError:
-            return math.nan
+    def measure(self, sample: RunSample) -> float:
+        """k T."""
+        rows = self._rows[sample.snapshot.present[self._rows]]
+        if len(rows) < 1 + self.drift:
+            raise NoResultError("too few particles have not merged for a temperature")
+        velocity, mass = sample.snapshot.velocity[rows], sample.snapshot.mass[rows]
+        return float(np.float64(kinetic_temperature(velocity, mass, self._dimensions, drift=self.drift)))

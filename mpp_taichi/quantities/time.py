@@ -1,7 +1,7 @@
 """Time, which panels plot against where they say nothing else."""
 
 from mpp_taichi.component import component
-from mpp_taichi.quantities._base import Look, Quantity, Setting
+from mpp_taichi.quantities._base import Quantity, RunSample, Setting
 
 
 @component
@@ -14,6 +14,6 @@ class Time(Quantity):
         """Time."""
         return "time"
 
-    def measure(self, look: Look) -> float:
-        """The time of the look."""
-        return look.time
+    def measure(self, sample: RunSample) -> float:
+        """The time of the sample."""
+        return sample.time

@@ -2,7 +2,7 @@
 
 from mpp_taichi.component import component
 from mpp_taichi.energy.mechanics import kinetic_energies, total
-from mpp_taichi.quantities._base import ENERGY, Look, Quantity, Setting
+from mpp_taichi.quantities._base import ENERGY, Quantity, RunSample, Setting
 
 
 @component
@@ -15,6 +15,6 @@ class TotalEnergy(Quantity):
         """Total energy."""
         return "total energy"
 
-    def measure(self, look: Look) -> float:
+    def measure(self, sample: RunSample) -> float:
         """The sum."""
-        return total(kinetic_energies(look.snapshot)) + look.potential_energy
+        return total(kinetic_energies(sample.snapshot)) + sample.potential_energy

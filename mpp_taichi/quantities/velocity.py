@@ -3,8 +3,8 @@
 import numpy as np
 
 from mpp_taichi.component import Particles, component, param
-from mpp_taichi.diagnostics._gas import rows_of
-from mpp_taichi.quantities._base import Look, OfEach, Setting, center_of, component_of, of_which
+from mpp_taichi.quantities._base import OfEach, RunSample, Setting, of_which
+from mpp_taichi.quantities._particles import AXES, center_of, component_of, free_rows
 
 
 @component
@@ -18,13 +18,13 @@ class Velocity(OfEach):
     dimension = (1, -1, 0)
 
     def label(self, setting: Setting) -> str:
-        """The component, and of what."""
+        """`velocity z of planet`."""
         return of_which(f"velocity {self.axis}", setting.name_of(self.of))
 
-    def measure(self, look: Look) -> float:
+    def measure(self, sample: RunSample) -> float:
         """The component."""
-        return component_of(center_of(look.snapshot.velocity, look.snapshot, self.of), self.axis)
+        return component_of(center_of(sample.snapshot.velocity, sample.snapshot, self.of), self.axis)
 
-    def each(self, look: Look) -> np.ndarray:
-        """The components."""
-        return look.snapshot.velocity[rows_of(self.of, look.snapshot), "xyz".index(self.axis)]
+    def each(self, sample: RunSample) -> np.ndarray:
+        """The components of all free particles of the group."""
+        return sample.snapshot.velocity[free_rows(self.of, sample.snapshot), AXES.index(self.axis)]

@@ -15,7 +15,7 @@ MOST_DIFFERENCES = 3  # each doubles what the rounding to the grid leaves, from 
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class EncodedColumn:
     """One encoded column; `planes` is empty, and byte_count 0, where every entry is the same in all frames."""
 
     name: str
@@ -40,12 +40,12 @@ def grid_step(values: np.ndarray, byte_count: int) -> np.ndarray:
     return (high - low) / _last_code(byte_count)
 
 
-def encode(name: str, values: np.ndarray, byte_count: int) -> Column:
+def encode(name: str, values: np.ndarray, byte_count: int) -> EncodedColumn:
     """A column of the values, shape (frames, entries), in one to three bytes for each."""
     low, high = _range(values)
     seen = np.isfinite(values)
     if bool(seen.all()) and np.array_equal(low, high):
-        return Column(name, low, np.zeros_like(low), 0, 0, b"")
+        return EncodedColumn(name, low, np.zeros_like(low), 0, 0, b"")
     last = _last_code(byte_count)
     step = (high - low) / last
     share = (np.where(seen, values, low) - low) / np.where(step > 0.0, step, 1.0)
@@ -53,7 +53,7 @@ def encode(name: str, values: np.ndarray, byte_count: int) -> Column:
     order, residual = _smallest(code, 8 * byte_count)
     folded = np.where(residual < 0, -2 * residual - 1, 2 * residual).astype("<u4")
     parts = folded.view(np.uint8).reshape(-1, 4)
-    return Column(name, low, step, byte_count, order, b"".join(parts[:, plane].tobytes() for plane in range(byte_count)))
+    return EncodedColumn(name, low, step, byte_count, order, b"".join(parts[:, plane].tobytes() for plane in range(byte_count)))
 
 
 def stacked(frames: Sequence[np.ndarray]) -> np.ndarray:

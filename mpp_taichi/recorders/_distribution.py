@@ -1,11 +1,11 @@
-"""Distribution: how a quantity that every particle has is distributed, beside what a gas in equilibrium would show."""
+"""Distribution: the histogram of a quantity that every particle has, beside the distribution of a gas in equilibrium."""
 
 import numpy as np
 
-from mpp_taichi.diagnostics._gas import rows_of
 from mpp_taichi.kinetic_theory.speeds import component_density, kinetic_temperature, speed_density, speed_scale
 from mpp_taichi.plots import Histogram
-from mpp_taichi.quantities._base import Look, OfEach
+from mpp_taichi.quantities._base import OfEach, RunSample
+from mpp_taichi.quantities._particles import free_rows
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
@@ -14,25 +14,25 @@ REACH = 3.0  # of a histogram of speeds at least, in units of b; beyond it are 1
 ROOM = 0.05  # of the span, beyond the outermost values
 
 
-class Gas:
+class MaxwellBoltzmann:
     """Maxwell and Boltzmann's distribution of the speeds, or of one component of the velocities, at a kinetic temperature.
 
     Where masses differ it is the mean over the particles.
     """
 
     def __init__(self, spec: SceneSpec, entry: ComponentSpec) -> None:
-        """`entry` is the speed or the velocity that is drawn."""
+        """`entry` names the speed or the velocity whose distribution is drawn."""
         self._of, self._along, self._dimensions = entry.parameters["of"], entry.name == "velocity", spec.dimensions
 
     def measure(self, snapshot: Snapshot) -> tuple[float, np.ndarray, np.ndarray]:
-        """k T, the masses that occur, and how often."""
-        rows = rows_of(self._of, snapshot)
+        """k T, the different masses, and the number of particles of each."""
+        rows = free_rows(self._of, snapshot)
         rows = rows[snapshot.present[rows]]
         masses, counts = np.unique(snapshot.mass[rows], return_counts=True)
         return kinetic_temperature(snapshot.velocity[rows], snapshot.mass[rows], self._dimensions), masses, counts
 
     def reach(self, snapshot: Snapshot) -> float:
-        """How far almost all of it extends."""
+        """The speed below which almost all particles are."""
         temperature, masses, _ = self.measure(snapshot)
         return REACH * float(np.max(speed_scale(masses, temperature), initial=0.0)) if temperature > 0.0 else 0.0
 
@@ -49,28 +49,28 @@ class Gas:
 
 
 class Distribution:
-    """Fills a histogram: with the present look, or from `after` on with all looks together."""
+    """Fills a histogram: with the last sample, or from `after` on with all samples together."""
 
-    def __init__(self, plot: Histogram, quantity: OfEach, after: float | None, law: Gas | None) -> None:
-        """`law` is what theory says."""
+    def __init__(self, plot: Histogram, quantity: OfEach, after: float | None, law: MaxwellBoltzmann | None) -> None:
+        """`law` is the distribution by theory."""
         self._plot, self._quantity, self._after, self._law = plot, quantity, after, law
         self.restart()
 
     def restart(self) -> None:
-        """Forget what was counted."""
+        """Forget every sample."""
         self._counts: np.ndarray | None = None
         self._seen = 0
         self._temperatures: list[float] = []
         self._plot.clear()
 
-    def look(self, look: Look) -> None:
-        """Count."""
-        values = self._quantity.each(look)
+    def add(self, sample: RunSample) -> None:
+        """Count the values of a sample."""
+        values = self._quantity.each(sample)
         values = values[np.isfinite(values)]
-        edges = self._edges(values, look)
+        edges = self._edges(values, sample)
         counts, _ = np.histogram(values, edges)
         seen = len(values)
-        together = self._after is not None and look.time >= self._after
+        together = self._after is not None and sample.time >= self._after
         if together and self._counts is not None:
             counts, seen = self._counts + counts, self._seen + seen
         else:
@@ -79,20 +79,20 @@ class Distribution:
         curve = np.linspace(edges[0], edges[-1], CURVE_POINTS) if self._law is not None else np.zeros(0)
         theory = np.zeros(0)
         if self._law is not None:
-            temperature, masses, numbers = self._law.measure(look.snapshot)
+            temperature, masses, numbers = self._law.measure(sample.snapshot)
             self._temperatures.append(temperature)
             theory = self._law.density(curve, float(np.mean(self._temperatures)), masses, numbers)
         self._plot.show(edges, counts / (max(seen, 1) * (edges[1] - edges[0])), curve, theory)
 
-    def _edges(self, values: np.ndarray, look: Look) -> np.ndarray:
-        """Those of the looks before; new ones, and all looks together begin anew, where something lies outside."""
+    def _edges(self, values: np.ndarray, sample: RunSample) -> np.ndarray:
+        """The edges of the bins so far; new edges, and a histogram that begins anew, where a value lies outside."""
         edges = self._plot.edges
         low, high = float(np.min(values, initial=0.0)), float(np.max(values, initial=0.0))
         if not self._law and len(values):
             low, high = float(values.min()), float(values.max())
         if len(edges) and edges[0] <= low and high <= edges[-1]:
             return edges
-        reach = self._law.reach(look.snapshot) if self._law is not None else 0.0
+        reach = self._law.reach(sample.snapshot) if self._law is not None else 0.0
         low, high = (min(low, -reach) if low < 0.0 else low), max(high, reach)
         room = ROOM * (high - low) or 0.5 * abs(high) or 0.5
         self._counts = None

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.recorders._column_code import Column, encode, grid_step, stacked
+from mpp_taichi.recorders._column_code import EncodedColumn, encode, grid_step, stacked
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.version import __version__
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame
@@ -98,7 +98,7 @@ def _template(name: str) -> str:
     return (TEMPLATE_FOLDER / name).read_text(encoding="utf-8")
 
 
-def _position_columns(frames: Sequence[Frame], camera: Camera, size: tuple[int, int]) -> tuple[list[Column], float]:
+def _position_columns(frames: Sequence[Frame], camera: Camera, size: tuple[int, int]) -> tuple[list[EncodedColumn], float]:
     """The coordinates, and by how many pixels of the first view rounding them may shift a particle."""
 
     def axis(number: int) -> np.ndarray:
@@ -133,7 +133,7 @@ def _largest_shift(position: np.ndarray, reach: np.ndarray, camera: Camera, size
     return float(shifts[seen].max(initial=0.0))
 
 
-def _other_columns(frames: Sequence[Frame], speeds: Sequence[np.ndarray]) -> list[Column]:
+def _other_columns(frames: Sequence[Frame], speeds: Sequence[np.ndarray]) -> list[EncodedColumn]:
     columns = [
         encode("radius", stacked([frame.radius for frame in frames]), 2),
         encode("color", stacked([frame.color for frame in frames]), 1),
@@ -194,7 +194,7 @@ def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _notes(recording: Recording, positions: Sequence[Column], shift: float, trails: int) -> list[str]:
+def _notes(recording: Recording, positions: Sequence[EncodedColumn], shift: float, trails: int) -> list[str]:
     """What a reader should know about the numbers of the page."""
     spec, frames = recording.spec, recording.frames
     width, height = recording.size

@@ -1,25 +1,34 @@
-"""Mode plot: amplitudes against time, the energy that is elsewhere, and the spectra against theory."""
+"""Mode plot: amplitudes against time, the shares of the energy, and the spectra against theory."""
 
 import importlib.util
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from mpp_taichi.errors import BackendError
+from mpp_taichi.modes.mode_set import ModeSet
 
-if TYPE_CHECKING:
-    from mpp_taichi.recorders.modes import ModeRecorder
-
-# Okabe and Ito's colours, told apart by the colour-blind; the styles tell apart more modes than there are colours, and in grey.
+# Okabe and Ito's colours, which the colour-blind can tell apart; the styles tell apart more modes than colours, and in grey.
 COLORS = ("#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#000000")
 STYLES = ("-", "--", "-.", ":")
-SMALLEST = 1e-17  # of the energy or of a spectrum's peak; below, a logarithmic axis shows rounding only
+SMALLEST = 1e-17  # of the energy or of a spectrum's peak; smaller values are rounding
 SIZE = (9.0, 9.5)  # inches
 
 
+class RecordedModes(Protocol):
+    """Modes along a run: `ModeRecorder`."""
+
+    title: str
+    units: dict[str, str]
+    modes: ModeSet
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """time (sample_count,); amplitude and energy_share (sample_count, mode_count)."""
+
+
 def require_matplotlib() -> None:
-    """Refuse a plot where nothing can draw it.
+    """Refuse a plot where there is no matplotlib to draw it.
 
     Raises:
         BackendError: matplotlib is not installed.
@@ -28,12 +37,12 @@ def require_matplotlib() -> None:
         raise BackendError("a plot needs matplotlib: pip install 'mpp-taichi[report]'; .csv and .npz need nothing")
 
 
-def draw(recorder: "ModeRecorder", path: Path) -> None:
-    """Draw what was recorded into a picture of the format that the suffix says."""
+def draw(recorder: RecordedModes, path: Path) -> None:
+    """Draw the modes into a picture of the format that the suffix says."""
     figure_of(recorder).savefig(path, dpi=120)
 
 
-def figure_of(recorder: "ModeRecorder") -> Any:
+def figure_of(recorder: RecordedModes) -> Any:
     """The drawing, a matplotlib Figure."""
     from matplotlib.figure import Figure
 
@@ -56,7 +65,7 @@ def figure_of(recorder: "ModeRecorder") -> Any:
     return figure
 
 
-def _title(recorder: "ModeRecorder") -> str:
+def _title(recorder: RecordedModes) -> str:
     return f"{recorder.title or 'Spring network'}: modes, by {recorder.modes.source}"
 
 
@@ -68,14 +77,14 @@ def _look(number: int) -> dict[str, Any]:
     return {"color": COLORS[number % len(COLORS)], "linestyle": STYLES[number // len(COLORS) % len(STYLES)], "linewidth": 1.4}
 
 
-def _draw_amplitudes(axes: Any, recorder: "ModeRecorder", found: dict[str, np.ndarray], label: str) -> None:
+def _draw_amplitudes(axes: Any, recorder: RecordedModes, found: dict[str, np.ndarray], label: str) -> None:
     for number, mode in enumerate(recorder.modes.modes):
         axes.plot(found["time"], found["amplitude"][:, number], label=f"mode {mode.label}", **_look(number))
     axes.set_ylabel(label)
 
 
-def _draw_energy(axes: Any, recorder: "ModeRecorder", found: dict[str, np.ndarray]) -> None:
-    """Shares on a logarithmic axis, so that a millionth is seen as well."""
+def _draw_energy(axes: Any, recorder: RecordedModes, found: dict[str, np.ndarray]) -> None:
+    """Shares on a logarithmic axis, so that a share of a millionth is seen as well."""
     share = found["energy_share"]
     for number, mode in enumerate(recorder.modes.modes):
         axes.plot(found["time"], np.maximum(share[:, number], SMALLEST), label=f"mode {mode.label}", **_look(number))
@@ -85,7 +94,7 @@ def _draw_energy(axes: Any, recorder: "ModeRecorder", found: dict[str, np.ndarra
     axes.set_ylabel("share of the energy")
 
 
-def _draw_spectra(axes: Any, recorder: "ModeRecorder", found: dict[str, np.ndarray]) -> None:
+def _draw_spectra(axes: Any, recorder: RecordedModes, found: dict[str, np.ndarray]) -> None:
     """|FFT| of each amplitude under a Hann window, zero-padded fourfold, over the largest of all; theory as vertical lines."""
     time = found["time"]
     theory = [mode.angular_frequency for mode in recorder.modes.modes]

@@ -1,24 +1,46 @@
 """Speed plot: the histogram of a gas beside the distribution of Maxwell and Boltzmann."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from mpp_taichi.recorders.speed_histogram import SpeedHistogram
-
-BAR, CURVE = "#56B4E9", "#D55E00"  # Okabe and Ito's, told apart by the colour-blind
+BAR, CURVE = "#56B4E9", "#D55E00"  # Okabe and Ito's, which the colour-blind can tell apart
 SIZE = (8.0, 5.0)  # inches
 CURVE_POINTS = 400
 
 
-def draw(recorder: "SpeedHistogram", path: Path) -> None:
-    """Draw what was recorded into a picture of the format that the suffix says."""
+class RecordedSpeeds(Protocol):
+    """The speeds of a gas: `SpeedHistogram`."""
+
+    title: str
+    speed_unit: str
+
+    @property
+    def temperature(self) -> float:
+        """k T."""
+
+    @property
+    def label(self) -> str:
+        """The number of particles and of samples."""
+
+    @property
+    def distance(self) -> float:
+        """Kolmogorov–Smirnov distance of the speeds from the curve."""
+
+    def theory(self, speed: np.ndarray) -> np.ndarray:
+        """The curve f(v)."""
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """edge (bins + 1,); density and standard_error (bins,)."""
+
+
+def draw(recorder: RecordedSpeeds, path: Path) -> None:
+    """Draw the histogram into a picture of the format that the suffix says."""
     figure_of(recorder).savefig(path, dpi=120)
 
 
-def figure_of(recorder: "SpeedHistogram") -> Any:
+def figure_of(recorder: RecordedSpeeds) -> Any:
     """The drawing, a matplotlib Figure."""
     from matplotlib.figure import Figure
 

@@ -18,7 +18,7 @@ FIELDS = ("time", "i", "j", "impulse")
 HEADER = ("time", "i", "j", "surface", "impulse")
 
 
-class EventLog:
+class EventLogRecorder:
     """Collects collisions as they come, in batches, and keeps them in memory: 24 bytes each.
 
     time      of the collision [time]

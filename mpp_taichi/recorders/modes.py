@@ -1,4 +1,4 @@
-"""Modes: amplitudes along a run, the frequencies they show, and the files they are written to."""
+"""Modes: amplitudes along a run, their frequencies, and the files they are written to."""
 
 import csv
 import math
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpp_taichi.atomic_file import whole_file
-from mpp_taichi.modes.frequency_meter import FrequencyMeter, Measured
-from mpp_taichi.modes.mode_set import ModeError, ModeSet, Reading, find_modes
+from mpp_taichi.modes.frequency_meter import FrequencyMeter, MeasuredFrequency
+from mpp_taichi.modes.mode_set import ModeError, ModeReading, ModeSet, find_modes
 from mpp_taichi.scene.spec import ModesSpec
 
 if TYPE_CHECKING:
@@ -17,21 +17,21 @@ if TYPE_CHECKING:
 
 PLOT_FORMATS = (".png", ".svg", ".pdf")
 FORMATS = (*PLOT_FORMATS, ".csv", ".npz")
-SAMPLES_KEPT = 100_000  # beyond, every second one is let go; frequencies are measured from all
-EXCITED = 1e-3  # of the largest amplitude, times √(modal mass); what is smaller is rounding, or what other modes force on it
+SAMPLES_KEPT = 100_000  # with more, every second sample is dropped; frequencies are measured from all
+EXCITED = 1e-3  # of the largest amplitude, times √(modal mass); a smaller one is rounding, or is forced by other modes
 CAPTION_MODES = 3
 SMALL = 1e-9  # of the largest amplitude: captions call it 0
 
 
 class ModeRecorder:
-    """Projects the particles on a few modes, as often as the fastest of them asks for; every `every` steps while none swings.
+    """Projects the particles on a few modes, as often as the fastest of them needs; every `every` steps while no mode swings.
 
     For each mode: its amplitude [length] and rate, its share of the energy of the linear network, and its frequency from the
     times at which it goes through zero. Leakage is the share of the energy outside all of them.
     """
 
     def __init__(self, simulation: "Simulation", asked: ModesSpec | None, every: int) -> None:
-        """Find the modes; without a wish, the lowest few.
+        """Find the modes; where none are asked for, the lowest few.
 
         Raises:
             ModeError: they do not exist, or cannot be found.
@@ -50,53 +50,53 @@ class ModeRecorder:
     def restart(self) -> None:
         """Forget every sample."""
         self.times: list[float] = []
-        self.readings: list[Reading] = []
+        self.readings: list[ModeReading] = []
         self._meters = [FrequencyMeter() for _ in self.modes.modes]
         self._shares = np.zeros(len(self._meters))
         self._leakage = 0.0
-        self._looks, self._moving_looks, self._stride = 0, 0, 1
+        self._sample_count, self._moving_samples, self._stride = 0, 0, 1
         self._due_step, self._seen_step = 0, -1
 
     def steps_until_due(self, simulation: "Simulation") -> int:
-        """Until the next look."""
+        """Until the next sample."""
         return self._due_step - simulation.step_count
 
     def record(self, simulation: "Simulation") -> None:
-        """Look."""
+        """Take a sample."""
         self._seen_step = simulation.step_count
         if simulation.time >= self.after:
             self._take(simulation.time, self.modes.read(simulation.snapshot()))
-        wish = min(meter.interval(mode.angular_frequency) for meter, mode in zip(self._meters, self.modes.modes))
-        steps = max(1, int(wish / simulation.dt)) if wish < math.inf else self.every
+        wanted = min(meter.interval(mode.angular_frequency) for meter, mode in zip(self._meters, self.modes.modes))
+        steps = max(1, int(wanted / simulation.dt)) if wanted < math.inf else self.every
         self._due_step = simulation.step_count + steps
 
-    def _take(self, time: float, reading: Reading) -> None:
+    def _take(self, time: float, reading: ModeReading) -> None:
         for meter, amplitude, rate in zip(self._meters, reading.amplitude, reading.rate):
             meter.observe(time, float(amplitude), float(rate))
         if reading.total_energy > 0.0:
-            self._moving_looks += 1
-            self._shares += (reading.share - self._shares) / self._moving_looks
+            self._moving_samples += 1
+            self._shares += (reading.share - self._shares) / self._moving_samples
             self._leakage = max(self._leakage, 1.0 - float(reading.share.sum()))
-        if self._looks % self._stride == 0:
+        if self._sample_count % self._stride == 0:
             self.times.append(time)
             self.readings.append(reading)
             if len(self.times) == SAMPLES_KEPT:
                 self.times, self.readings, self._stride = self.times[::2], self.readings[::2], 2 * self._stride
-        self._looks += 1
+        self._sample_count += 1
 
     def finish(self, simulation: "Simulation") -> None:
-        """Take the last sample, unless that was just done."""
+        """Take the last sample, unless there is one of this step."""
         if self._seen_step != simulation.step_count:
             self.record(simulation)
 
-    def measured(self) -> list[Measured | None]:
-        """Frequency of each mode; None for one that is not excited or has not crossed zero three times."""
+    def measured(self) -> list[MeasuredFrequency | None]:
+        """Frequency of each mode; None for a mode that is not excited or has not crossed zero three times."""
         inertia = np.sqrt(self.modes.modal_mass)
         sizes = inertia * [meter.largest for meter in self._meters]
         return [meter.measured() if size >= EXCITED * sizes.max() else None for meter, size in zip(self._meters, sizes)]
 
     def summary(self) -> dict[str, Any]:
-        """`modes`, one entry each; where their theory comes from; and the largest share of the energy outside them.
+        """`modes`, with an entry for each mode; the source of their theory; and the largest share of the energy outside them.
 
         Shares are None where springs are slack: the linear network holds no energy in such a mode.
         """
@@ -122,9 +122,9 @@ class ModeRecorder:
         """The amplitudes now: `modes (1, 1) +0.0098  (2, 1) -1.2e-06`."""
         if not self.readings:
             return ""
-        told = zip(self.modes.modes[:CAPTION_MODES], self.readings[-1].amplitude)
+        shown = zip(self.modes.modes[:CAPTION_MODES], self.readings[-1].amplitude)
         rounding = SMALL * max(meter.largest for meter in self._meters)
-        return "modes " + "  ".join(f"{mode.label} {a if abs(a) > rounding else 0.0:+.2g}" for mode, a in told)
+        return "modes " + "  ".join(f"{mode.label} {a if abs(a) > rounding else 0.0:+.2g}" for mode, a in shown)
 
     def columns(self) -> dict[str, np.ndarray]:
         """time and total_energy (sample_count,); amplitude, rate and energy_share (sample_count, mode_count)."""

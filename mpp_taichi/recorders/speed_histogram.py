@@ -1,4 +1,4 @@
-"""Speed histogram: how the speeds of a gas are distributed, beside the curve of theory, and the files that is written to."""
+"""Speed histogram: the distribution of the speeds of a gas beside the curve of theory, and its files."""
 
 import csv
 from pathlib import Path
@@ -18,17 +18,18 @@ PLOT_FORMATS = (".png", ".svg", ".pdf")
 FORMATS = (*PLOT_FORMATS, ".csv", ".npz")
 BINS = 30
 REACH = 3.0  # of the curve at least, in units of b; beyond it are 10⁻⁴ of the particles
-LOOKS_KEPT = 1000  # beyond, every second one is let go
+SAMPLES_KEPT = 1000  # with more, every second sample is dropped
 
 
 class SpeedHistogram:
-    """Speeds of the particles that are free along every axis: at the last look, or at all looks from `after` on together.
+    """Speeds of the particles that are free along every axis: in the last sample, or in all samples from `after` on together.
 
-    The curve is that of the mean kinetic temperature of these looks; where masses differ it is the mean of the particles' own.
+    The curve belongs to the mean kinetic temperature of these samples; where masses differ it is the mean of the curves of all
+    particles.
     """
 
     def __init__(self, simulation: "Simulation", *, after: float | None = None, every: int = 1) -> None:
-        """Look every `every` steps from `after` on; without `after`, at the end only.
+        """Take a sample every `every` steps from `after` on; without `after`, at the end only.
 
         Raises:
             OutputError: no particle is free.
@@ -47,59 +48,59 @@ class SpeedHistogram:
         self.restart()
 
     def restart(self) -> None:
-        """Forget every look."""
+        """Forget every sample."""
         self._speeds: list[np.ndarray] = []
         self._temperatures: list[float] = []
-        self._seen_step, self._looks, self._stride = -1, 0, 1
+        self._seen_step, self._sample_count, self._stride = -1, 0, 1
         self.time = 0.0
 
     def steps_until_due(self, simulation: "Simulation") -> int:
-        """Until the next look; none before the end without `after`."""
+        """Until the next sample; without `after` there is none before the end."""
         if self.after is None:
             return 2**31
         return 0 if self._seen_step < 0 else self._seen_step + self.every - simulation.step_count
 
     def record(self, simulation: "Simulation") -> None:
-        """Look."""
+        """Take a sample."""
         self._seen_step, self.time = simulation.step_count, simulation.time
         if self.after is not None and simulation.time < self.after:
             return
         snapshot = simulation.snapshot()
-        if self._looks % self._stride == 0:
-            self.look(snapshot.velocity[self._rows])
-        self._looks += 1
-        if len(self._speeds) == LOOKS_KEPT:
+        if self._sample_count % self._stride == 0:
+            self.add(snapshot.velocity[self._rows])
+        self._sample_count += 1
+        if len(self._speeds) == SAMPLES_KEPT:
             self._speeds, self._temperatures = self._speeds[::2], self._temperatures[::2]
             self._stride *= 2
 
-    def look(self, velocity: np.ndarray) -> None:
+    def add(self, velocity: np.ndarray) -> None:
         """Keep the velocities of the free particles at one time, (n, 3)."""
         self._speeds.append(np.linalg.norm(velocity, axis=1))
         self._temperatures.append(kinetic_temperature(velocity, self.mass, self.dimensions))
 
     def finish(self, simulation: "Simulation") -> None:
-        """Take the last look, unless that was just done."""
+        """Take the last sample, unless there is one of this step."""
         if self._seen_step != simulation.step_count:
             self.record(simulation)
 
     @property
     def temperature(self) -> float:
-        """k T, mean over the looks."""
+        """k T, mean over the samples."""
         return float(np.mean(self._temperatures)) if self._temperatures else 0.0
 
     @property
     def label(self) -> str:
-        """What the bars are."""
-        looks = len(self._speeds)
+        """The number of particles, and the time or the number of samples."""
+        samples = len(self._speeds)
         return (
             f"{len(self.mass):,} particles at time {self.time:.6g}"
-            if looks == 1
-            else f"{len(self.mass):,} particles, {looks} looks"
+            if samples == 1
+            else f"{len(self.mass):,} particles, {samples} samples"
         )
 
     @property
     def distance(self) -> float:
-        """Kolmogorov–Smirnov distance of the last look from the curve; 1 where nothing moves."""
+        """Kolmogorov–Smirnov distance of the last sample from the curve; 1 where nothing moves."""
         scale = speed_scale(self.mass, self.temperature)
         if not (self._speeds and self.temperature > 0.0):
             return 1.0
@@ -114,7 +115,7 @@ class SpeedHistogram:
         return np.average(curves, axis=0, weights=counts)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """edge (BINS + 1,); density, its standard_error, as if all looks were independent, and theory over the bin (BINS,)."""
+        """edge (BINS + 1,); density, its standard_error as of independent samples, and theory over the bin (BINS,)."""
         speeds = np.concatenate([np.zeros(0), *self._speeds])
         largest = float(speeds.max()) if len(speeds) else 0.0
         reach = max(1.0001 * largest, REACH * float(np.max(speed_scale(self.mass, self.temperature)))) or 1.0

@@ -11,6 +11,9 @@ import numpy as np
 from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.energy.energy_error import ZERO_ENERGY, EnergyError, ratio
 from mpp_taichi.errors import OutputError
+from mpp_taichi.quantities._base import Setting
+from mpp_taichi.recorders._measured_columns import MeasuredColumns
+from mpp_taichi.recorders._simulation_sample import SimulationSample
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
@@ -24,10 +27,27 @@ _VECTORS = ("momentum", "angular_momentum", "center_of_mass")
 ERRORS = ("relative_energy_error", "momentum_error", "angular_momentum_error", "center_of_mass_error")
 
 
+def asked_columns(simulation: "Simulation") -> MeasuredColumns | None:
+    """The columns that `record: {table: {columns: […]}}` of a scene names; None where it names none.
+
+    Raises:
+        SceneError: a quantity is not defined for this scene.
+    """
+    table = simulation.spec.record.table
+    if table is None:
+        return None
+    found = MeasuredColumns(Setting(simulation.spec, simulation.start))
+    for number, entry in enumerate(table.columns):
+        found.add(entry, f"record.table.columns[{number}]")
+    return found
+
+
 class TableRecorder:
     """Samples energies, momentum, angular momentum and centre of mass every `every` steps, all in f64.
 
-    Errors are against the first sample, that of the energy against the energy at the start of the present phase:
+    With `asked` it samples these quantities besides, and its file has their columns in place of its own.
+
+    Errors are against the first sample; the error of the energy is against the energy at the start of the present phase:
 
     relative_energy_error   |E − E₀| / |E₀|; where E₀ is zero, over the largest kinetic + |potential| seen so far instead
     momentum_error          |P − P₀| over the largest Σ m |v| seen so far
@@ -38,18 +58,20 @@ class TableRecorder:
     Where an external force acts or a particle is held (`conserves_momentum` is False), the last three are changes, not errors.
 
     With an energy balance also energy_balance_error, |E + D − W − E₀| over the largest kinetic energy, dissipated energy D or
-    |work| W of the whole run, or over its largest kinetic + |potential| where that is all rounding.
+    |work| W of the whole run, or over its largest kinetic + |potential| where these three are no more than rounding.
     """
 
-    def __init__(self, every: int) -> None:
-        """Sample every `every` steps; `finish` takes the last one."""
-        self.every = max(1, every)
+    def __init__(self, every: int, asked: MeasuredColumns | None = None) -> None:
+        """Sample every `every` steps; `finish` takes the last sample."""
+        self.every, self.asked = max(1, every), asked
         self.rows: list[dict[str, Any]] = []
         self.restart()
 
     def restart(self) -> None:
         """Forget every sample."""
         self.rows.clear()
+        if self.asked is not None:
+            self.asked.restart()
         self._drift = np.zeros(3)
         self._radius = 0.0
         self._phase_number = 0
@@ -57,9 +79,9 @@ class TableRecorder:
         self._largest = dict.fromkeys(("momentum", "angular_momentum", "way"), 0.0)
 
     def go_back(self, simulation: "Simulation") -> None:
-        """Forget the samples from the step on to which a simulation has gone back; one is taken there anew."""
+        """Forget the samples from the step on to which a simulation has gone back; a new sample is taken there."""
         self.rows[:] = [row for row in self.rows if row["step"] < simulation.step_count]
-        self._phase_number = -1  # the phase that comes may have the number of one that is forgotten
+        self._phase_number = -1  # the phase that comes may have the number of a phase that is forgotten
         if not self.rows:
             self.restart()
 
@@ -72,15 +94,16 @@ class TableRecorder:
         return max(SPARSE_STEPS if sparse else 1, 100 if steps is None else steps // SAMPLES_PER_RUN)
 
     def steps_until_due(self, simulation: "Simulation") -> int:
-        """Until the next sample; a new phase is looked at as it begins."""
+        """Until the next sample; a new phase has a sample at its beginning."""
         if self.rows and simulation.phase_number != self._phase_number:
             return 0
         return self.rows[-1]["step"] + self.every - simulation.step_count if self.rows else 0
 
     def record(self, simulation: "Simulation") -> None:
         """Take a sample."""
-        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is found, and said, by the watchdog
-            row = simulation.diagnostics()
+        with np.errstate(over="ignore", invalid="ignore"):  # the watchdog finds numbers that overflow
+            sample = SimulationSample(simulation)
+            row = dict(sample.mechanics)
             if not self.rows:
                 self._remember_start(simulation)
             self._phase_number = simulation.phase_number
@@ -89,9 +112,11 @@ class TableRecorder:
                 "conserves_momentum": simulation.phase.conserves_momentum,
             }
             self.rows.append({**row, **self._errors(row, simulation), **kept})
+            if self.asked is not None:
+                self.rows[-1]["asked"] = self.asked.measure(sample)
 
     def finish(self, simulation: "Simulation") -> None:
-        """Take the last sample, unless that was just done."""
+        """Take the last sample, unless there is one of this step."""
         if not self.rows or self.rows[-1]["step"] != simulation.step_count:
             self.record(simulation)
 
@@ -131,7 +156,8 @@ class TableRecorder:
     def summary(self) -> dict[str, float]:
         """First and last energy, and the largest of every error (`relative_energy_error_max`, …).
 
-        `conserved_energy_error_max` is that of the energy while every force present had a potential; absent if that never was.
+        `conserved_energy_error_max` is the largest error of the energy while every force present had a potential; it is absent
+        where some force never had one.
         """
         found = {
             "total_energy_initial": self.rows[0]["total_energy"],
@@ -158,12 +184,14 @@ class TableRecorder:
         return [_ratio(row["energy_balance_residual"], scale) for row in self.rows]
 
     def _derived(self) -> dict[str, list[float]]:
-        """The errors, and the energy balance where it is kept."""
+        """The columns that are computed from others: the errors, and the energy balance where it is kept."""
         found = {name: [row[name] for row in self.rows] for name in (*ERRORS, *(_BALANCE if self.is_balanced else ()))}
         return found | ({"energy_balance_error": self._balance_errors()} if self.is_balanced else {})
 
     def columns(self) -> dict[str, Any]:
-        """Every column: scalars (sample_count,), vectors (sample_count, 3)."""
+        """Every column: scalars (sample_count,), vectors (sample_count, 3); or the columns asked for, (sample_count,) each."""
+        if self.asked is not None:
+            return {name: np.array([row["asked"][k] for row in self.rows]) for k, name in enumerate(self.asked.names)}
         measured = {name: [row[name] for row in self.rows] for name in (*_SCALARS, *_VECTORS)}
         return {name: np.array(values) for name, values in (measured | self._derived()).items()}
 
@@ -185,6 +213,8 @@ class TableRecorder:
 
     def _lines(self) -> list[Sequence[str]]:
         """Header and rows; numbers in their shortest exact spelling."""
+        if self.asked is not None:
+            return [self.asked.names, *([repr(float(value)) for value in row["asked"]] for row in self.rows)]
         derived = self._derived()
         header = [*_SCALARS, *(f"{name}_{axis}" for name in _VECTORS for axis in "xyz"), *derived]
         lines: list[Sequence[str]] = [header]

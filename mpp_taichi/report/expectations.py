@@ -1,13 +1,16 @@
 """Expectations: a scene's own statements of physics, watched while it runs and judged at the end."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import component
-from mpp_taichi.diagnostics._base import Diagnostic, NoResultError
-from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
+from mpp_taichi.diagnostics._base import Diagnostic
+from mpp_taichi.diagnostics._reductions import reduced
+from mpp_taichi.quantities._base import NoResultError, Setting
+from mpp_taichi.recorders._simulation_sample import SimulationSample
+from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES, kind_of, reduction_keys
 from mpp_taichi.scene.spec import Expectation
 
 if TYPE_CHECKING:
@@ -16,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Verdict:
-    """One expectation and what came of it; `value` is None when the quantity was not defined, and `reason` says why."""
+    """One expectation and its outcome; `value` is None where the quantity was not defined, and `reason` says why."""
 
     quantity: str
     parameters: dict[str, Any]
@@ -33,63 +36,62 @@ class Verdict:
 
 
 class Watcher:
-    """The recorder that shows a run to the diagnostics its scene's `expect:` names; only those are imported.
+    """The recorder that measures what a scene's `expect:` names; only these diagnostics and quantities are imported.
 
-    They look at the start, every `every` steps, as often as they ask for, and at the end (`finish`).
+    It takes samples at the start, every `every` steps, as often as a diagnostic asks for, and at the end (`finish`).
     """
 
     def __init__(self, expectations: Sequence[Expectation], every: int) -> None:
-        """Import and build what is named."""
+        """Import and build the diagnostics and quantities."""
         self.expectations = tuple(expectations)
         self.every = every
         self.restart()
 
     def restart(self) -> None:
-        """Forget what was seen."""
+        """Forget every sample."""
         self._diagnostics: dict[int, Diagnostic] = {}
         self._failures: dict[int, str] = {}
         for number, expectation in enumerate(self.expectations):
             if expectation.quantity not in SUMMARY_QUANTITIES:
-                self._diagnostics[number] = component.build("diagnostics", expectation.quantity, expectation.parameters)
+                self._diagnostics[number] = diagnostic_of(expectation)
         self._due_step: int | None = None
         self._seen_step = -1
 
     def steps_until_due(self, simulation: "Simulation") -> int:
-        """Until the earliest look that any diagnostic wants."""
+        """Until the earliest sample that any diagnostic asks for."""
         if not self._diagnostics:
             return 2**31
         return 0 if self._due_step is None else self._due_step - simulation.step_count
 
     def record(self, simulation: "Simulation") -> None:
-        """Show the particles to every diagnostic."""
-        snapshot = simulation.snapshot()
+        """Let every diagnostic take a sample."""
+        sample = SimulationSample(simulation)
         if self._seen_step < 0:
             self._begin(simulation)
         self._seen_step = simulation.step_count
-        for number, diagnostic in self._diagnostics.items():
-            try:
-                if number not in self._failures:
-                    if simulation.contacts is not None:
-                        diagnostic.observe_contacts(simulation.time, simulation.contact_report)
-                    diagnostic.observe(simulation.time, snapshot)
-            except NoResultError as error:
-                self._failures[number] = str(error)
+        self._each(lambda diagnostic: diagnostic.observe(sample))
         watching = [diagnostic for number, diagnostic in self._diagnostics.items() if number not in self._failures]
         shortest = min((diagnostic.interval for diagnostic in watching), default=math.inf)
         steps = self.every if shortest == math.inf else min(self.every, max(1, int(shortest / simulation.dt)))
         self._due_step = simulation.step_count + steps
 
     def _begin(self, simulation: "Simulation") -> None:
+        setting = Setting(simulation.spec, simulation.start)
+        self._each(lambda diagnostic: diagnostic.begin(setting))
+
+    def _each(self, do: Callable[[Diagnostic], None]) -> None:
         for number, diagnostic in self._diagnostics.items():
             try:
-                diagnostic.begin(simulation.spec, simulation.start)
+                if number not in self._failures:
+                    do(diagnostic)
             except NoResultError as error:
                 self._failures[number] = str(error)
 
     def finish(self, simulation: "Simulation") -> None:
-        """Look at the end, unless that was the last look."""
+        """Take a sample at the end, unless that was the last sample; measure what only the end has."""
         if self._diagnostics and self._seen_step != simulation.step_count:
             self.record(simulation)
+        self._each(lambda diagnostic: diagnostic.finish())
 
     def verdicts(self, summary: Mapping[str, Any], precision: str) -> list[Verdict]:
         """Judge every expectation; `summary` holds the quantities that every run measures anyway."""
@@ -98,7 +100,7 @@ class Watcher:
             value, reason = self._value(number, expectation, summary)
             passed = value is not None and holds(expectation, value, precision)
             bound = bound_text(expectation, precision)
-            rows.append(Verdict(expectation.quantity, dict(expectation.parameters), value, bound, passed, reason))
+            rows.append(Verdict(expectation.quantity, _shown(expectation), value, bound, passed, reason))
         return rows
 
     def _value(self, number: int, expectation: Expectation, summary: Mapping[str, Any]) -> tuple[float | None, str]:
@@ -111,6 +113,30 @@ class Watcher:
             return self._diagnostics[number].result(), ""
         except NoResultError as error:
             return None, str(error)
+
+
+def diagnostic_of(expectation: Expectation) -> Diagnostic:
+    """The diagnostic that an expectation names, or the reduction of the quantity that it names."""
+    kind, given = kind_of(expectation.quantity), dict(expectation.parameters)
+    if kind != "quantities":
+        found: Diagnostic = component.build("diagnostics", expectation.quantity, given)
+        return found
+    keys = {key: given.pop(key, default) for key, default in reduction_keys(expectation.quantity).items()}
+    return reduced(component.build("quantities", expectation.quantity, given), **keys)
+
+
+def _shown(expectation: Expectation) -> dict[str, Any]:
+    """The parameters for a reader: a group of one particle as the index of the particle, no reduction that is the usual one."""
+    kind = kind_of(expectation.quantity)
+    if kind is None:
+        return dict(expectation.parameters)
+    groups = {each.name for each in component.declaration(kind, expectation.quantity).parameters if each.type == "Particles"}
+    usual = reduction_keys(expectation.quantity) if kind == "quantities" else {}
+    return {
+        key: value[0] if key in groups and value is not None and value[1] == 1 else value
+        for key, value in expectation.parameters.items()
+        if key not in usual or value != usual[key]
+    }
 
 
 def holds(expectation: Expectation, value: float, precision: str) -> bool:

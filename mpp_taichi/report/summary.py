@@ -5,6 +5,7 @@ import time as clock
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from mpp_taichi.device.fast_taichi import switch
 from mpp_taichi.energy.numerical_damping import numerical_damping
 from mpp_taichi.modes.network_report import mode_lines, network_lines
 from mpp_taichi.report.adaptive_summary import step_control, step_control_line
@@ -90,6 +91,7 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
         "precision": device.precision,
         "plan": simulation.plan,
         "plan_reason": plan_reason(simulation, plan_asked),
+        **switch.facts(),
         "integrator": spec.integrator.name,
         "dt": simulation.dt,
         "effects": list(dict.fromkeys(name for phase in phases for name in phase.effects)),
@@ -206,6 +208,7 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         ("rewound", found.get("rewound", "")),
         ("device", f"{found['backend']}: {found['device']}{threads}"),
         ("plan", f"{found['plan']}: {found['plan_reason']}"),
+        ("off", switch.line(found)),
         ("reached", f"t = {found['time']:.9g} in {found['steps']:,} steps{_rate(found)}"),
         *(("phase", line) for line in _phase_lines(found["phases"])),
         ("control", control),

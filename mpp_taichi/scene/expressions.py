@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.scene.faults import shown, suggestion
+from mpp_taichi.scene.did_you_mean import suggestion
+from mpp_taichi.scene.faults import shown
 
 LENGTH_ALLOWED = 1000  # characters
 NODES_ALLOWED = 300

@@ -1,7 +1,5 @@
 """Faults of a scene: collected all at once, one line each, with the source line and a caret for the terminal."""
 
-import difflib
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -81,23 +79,3 @@ def shown(value: Any) -> str:
     if isinstance(value, (int, float)):
         return f"{value:.12g}" if isinstance(value, float) else str(value)
     return printable(repr(str(value)[: 2 * _VALUE_WIDTH]), width=_VALUE_WIDTH)
-
-
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """`, did you mean 'x'?` when a known spelling is near, else nothing."""
-    spellings = {each.lower(): each for each in list(known)[:10_000]}
-    near = difflib.get_close_matches(word[:100].lower(), spellings, n=1, cutoff=0.5 if len(word) == 2 else 0.6)
-    return f", did you mean {spellings[near[0]]!r}?" if near else ""
-
-
-def choices(word: str, known: Iterable[str]) -> str:
-    """`, did you mean 'x'? allowed: x, y, z`."""
-    known = list(known)
-    return f"{suggestion(word, known) or ','} {allowed(known)}"
-
-
-def allowed(known: Iterable[str]) -> str:
-    """`allowed: a, b, c`, or what to say when there is none."""
-    words = sorted(known)
-    text = ", ".join(words[:40]) + (", …" if len(words) > 40 else "")
-    return f"allowed: {text}" if words else "none is allowed here"

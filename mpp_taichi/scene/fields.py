@@ -13,8 +13,9 @@ from typing import Any, ClassVar
 
 from pydantic_core import PydanticCustomError, core_schema
 
+from mpp_taichi.scene.did_you_mean import choices
 from mpp_taichi.scene.expressions import ExpressionError, Formula, UnresolvedConstant, parse
-from mpp_taichi.scene.faults import choices, shown
+from mpp_taichi.scene.faults import shown
 
 LARGEST_NUMBER = 1e300
 

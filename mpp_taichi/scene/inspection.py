@@ -1,6 +1,6 @@
 """Inspection: the model of `inspect:`, panels that plot one quantity against another, or how a quantity is distributed."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Annotated, Any
 
 from pydantic import BaseModel, create_model
@@ -8,8 +8,9 @@ from pydantic import Field as Describe
 from pydantic_core import core_schema
 
 from mpp_taichi import component
+from mpp_taichi.scene.did_you_mean import choices
 from mpp_taichi.scene.document import Node
-from mpp_taichi.scene.faults import Faults, choices, shown
+from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.fields import Context, Field, Flag, ListOf, Number, PerParticle, Text, Whole
 from mpp_taichi.scene.parameters import STRICT
 from mpp_taichi.scene.spec import ComponentSpec, PanelSpec
@@ -100,8 +101,15 @@ def named(scene: Any) -> set[str]:
     for panel in panels if isinstance(panels, list) else ():
         for key in ("x", "y", "histogram"):
             entries = panel.get(key) if isinstance(panel, dict) else None
-            for entry in entries if isinstance(entries, list) else [entries]:
-                found |= {entry} if isinstance(entry, str) else set(entry) if isinstance(entry, dict) else set()
+            found |= words_of(entries if isinstance(entries, list) else [entries])
+    return found
+
+
+def words_of(entries: Iterable[Any]) -> set[Any]:
+    """The names of quantities in entries that are words or mappings, as plain data."""
+    found: set[Any] = set()
+    for entry in entries:
+        found |= {entry} if isinstance(entry, str) else set(entry) if isinstance(entry, dict) else set()
     return found
 
 
@@ -115,11 +123,11 @@ def build(validated: Sequence[Any], node: Node | None, faults: Faults) -> tuple[
 
 def _panel(panel: Any, node: Node, number: int, faults: Faults) -> PanelSpec:
     time = ComponentSpec("time", {}, node.place)
-    x = _component(panel.x, node.value["x"]) if panel.x is not None else time
+    x = quantity_entry(panel.x, node.value["x"]) if panel.x is not None else time
     y_node = node.get("y")
     places = (y_node.value if isinstance(y_node.value, list) else [y_node]) if y_node is not None else []
-    y = tuple(_component(each, place) for each, place in zip(panel.y or (), places))
-    histogram = _component(panel.histogram, node.value["histogram"]) if panel.histogram is not None else None
+    y = tuple(quantity_entry(each, place) for each, place in zip(panel.y or (), places))
+    histogram = quantity_entry(panel.histogram, node.value["histogram"]) if panel.histogram is not None else None
     made = PanelSpec(panel.title, x, y, histogram, panel.bins, panel.after, panel.theory, panel.logarithmic, node.place)
     for key, message in _conflicts(made, panel.model_fields_set):
         place = node.get(key)
@@ -128,7 +136,8 @@ def _panel(panel: Any, node: Node, number: int, faults: Faults) -> PanelSpec:
     return made
 
 
-def _component(entry: Any, node: Node) -> ComponentSpec:
+def quantity_entry(entry: Any, node: Node) -> ComponentSpec:
+    """A checked quantity as the specification holds it; `node` gives its place."""
     (name,) = entry.model_fields_set
     body = getattr(entry, name)
     child = node.get(name)

@@ -8,7 +8,8 @@ from typing import Any
 
 from mpp_taichi import component
 from mpp_taichi.errors import PlacementError, SceneError
-from mpp_taichi.scene.faults import choices, shown
+from mpp_taichi.scene.did_you_mean import choices
+from mpp_taichi.scene.faults import shown
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 
 _PART = re.compile(r"(?P<name>[^\[\]]+)\[(?P<first>[0-9]{0,9}):(?P<end>[0-9]{0,9})\]", re.ASCII)

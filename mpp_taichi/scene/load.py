@@ -18,6 +18,7 @@ from mpp_taichi.scene import (
     right_half,
     sliders,
     spring_types,
+    table_columns,
     timeline,
     units,
 )
@@ -152,8 +153,8 @@ def _specification(validated: Any, tree: Node, name: str, context: Context, faul
         move_to_center_of_mass=validated.move_to_center_of_mass,
         run=validated.run,
         view=validated.view,
-        record=validated.record,
-        expect=expectations.build(validated.expect, tree.get("expect")),
+        record=table_columns.build(validated.record, tree.get("record")),
+        expect=expectations.build(validated.expect, tree.get("expect"), faults),
         modes=validated.modes,
         inspect=inspection.build(validated.inspect, tree.get("inspect"), faults),
         accuracy=validated.accuracy,

@@ -8,9 +8,10 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from mpp_taichi import component
+from mpp_taichi.scene import expectations
+from mpp_taichi.scene.did_you_mean import allowed, choices, suggestion
 from mpp_taichi.scene.document import Node
-from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
-from mpp_taichi.scene.faults import Faults, allowed, choices, shown, suggestion
+from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.model import KIND_OF_KEY, available
 
@@ -97,14 +98,16 @@ def _message(detail: Any, place: _Place, model: type[BaseModel]) -> str:
 def _unknown_key(place: _Place, known: list[str]) -> str:
     word = place.last
     if place.path[:1] == ("expect",) and len(place.path) == 2:
-        known = sorted({*SUMMARY_QUANTITIES, *available("diagnostics")})
+        known = expectations.names()
     elif place.path[0] in KIND_OF_KEY and all(isinstance(step, int) for step in place.path[1:-1]) and len(place.path) > 1:
         return _unknown_component(KIND_OF_KEY[str(place.path[0])], word)
     return f"unknown key {shown(word)}{choices(word, known)}"
 
 
 def _is_quantity(path: tuple[Any, ...]) -> bool:
-    """Whether a pydantic location is that of a quantity's name, `inspect[0].y.position`."""
+    """Whether a pydantic location is that of a quantity's name, `inspect[0].y.position` or `record.table.columns[0].speed`."""
+    if path[:3] == ("record", "table", "columns"):
+        return len([*filter(_is_word, path)]) == 4
     return path[0] == "inspect" and path[2:3] in (("x",), ("y",), ("histogram",)) and len([*filter(_is_word, path)]) == 3
 
 
@@ -120,7 +123,7 @@ def _unknown_component(kind: str, word: str) -> str:
 
 
 def _not_one_component(place: _Place) -> str:
-    kind = "quantities" if place.path[0] == "inspect" else KIND_OF_KEY[str(place.path[0])]
+    kind = "quantities" if place.path[0] in ("inspect", "record") else KIND_OF_KEY[str(place.path[0])]
     value = place.node.value
     given = f"{len(value)} keys" if isinstance(value, dict) else shown(place.node.plain())
     near = isinstance(value, str) and suggestion(value, available(kind)) or ","

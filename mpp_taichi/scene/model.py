@@ -15,13 +15,12 @@ from pydantic_core import PydanticCustomError
 
 from mpp_taichi import component
 from mpp_taichi.precision import PRECISIONS
-from mpp_taichi.scene import fields, inspection, units
+from mpp_taichi.scene import expectations, fields, inspection, table_columns, units
 from mpp_taichi.scene.contacts import contacts_model
-from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.fields import Context, Field, Number, OneOrMore, Text, Whole, Wrong
 from mpp_taichi.scene.parameters import STRICT, parameter_fields
 from mpp_taichi.scene.slider_model import slider_model
-from mpp_taichi.scene.spec import EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec, ViewSpec
+from mpp_taichi.scene.spec import EventSpec, ModesSpec, RunSpec, SpringTypeSpec, ViewSpec
 from mpp_taichi.scene.target import Target
 
 # Keys of a scene that hold components, and the kind of those.
@@ -93,13 +92,14 @@ def scene_model(selection: Selection) -> type[BaseModel]:
 def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[BaseModel]:
     del extra_folders  # only tells apart models made from other files of the same names
     chosen = dict(selection)
-    expect = _expect_model(chosen["diagnostics"])
+    expect = _expect_model(chosen["diagnostics"], chosen["quantities"])
     particles, springs, forces, walls, integrator = (
         _entries(kind, chosen[kind]) for kind in ("generators", "networks", "forces", "walls", "integrators")
     )
     contacts: Any = contacts_model(chosen["contacts"])
     quantity = inspection.quantity_of(_entries("quantities", chosen["quantities"]), chosen["quantities"])
     panel = inspection.panel_model(quantity, _one_or_more(quantity))
+    record = table_columns.record_model(_list_of(quantity))
     numbers = dict[str, Annotated[float, ResolvedBefore()]]
     types = dict[str, SpringTypeSpec]
     return create_model(
@@ -135,7 +135,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         run=(RunSpec, Describe(RunSpec(), description="how long to run")),
         timeline=(_list_of(EventSpec), Describe([], description="what changes at a time; a list of {at, set}")),
         view=(ViewSpec, Describe(ViewSpec(), description="what is drawn")),
-        record=(RecordSpec, Describe(RecordSpec(), description="how a film is made")),
+        record=(record, Describe(record(), description="how a film is made, and the table of a run")),
         inspect=(_list_of(panel), Describe([], description="panels that plot quantities while the scene runs")),
         sliders=(_list_of(slider_model()), Describe([], description="parameters to be moved while the scene runs")),
         modes=(ModesSpec | None, Describe(None, description="modes of the springs that are followed while they swing")),
@@ -162,8 +162,10 @@ def select(scene: Mapping[str, Any]) -> Selection:
         named = {name for entry in entries if isinstance(entry, dict) for name in entry}
         found.append((kind, tuple(name for name in sorted(named) if _exists(kind, name))))
     solver = contact_solver(scene)
-    inspected = tuple(name for name in sorted(inspection.named(scene)) if _exists("quantities", name))
-    return (*found, ("contacts", (solver,) if solver is not None else ()), ("quantities", inspected))
+    expected = scene.get("expect")
+    words = inspection.named(scene) | table_columns.named(scene) | set(expected if isinstance(expected, dict) else ())
+    quantities = tuple(name for name in sorted(words, key=str) if _exists("quantities", name))
+    return (*found, ("contacts", (solver,) if solver is not None else ()), ("quantities", quantities))
 
 
 def _exists(kind: str, name: str) -> bool:
@@ -199,14 +201,16 @@ def _checked_before(model: Any, check: Callable[[Any], Any]) -> Any:
     return Annotated[model, BeforeValidator(check)]
 
 
-def _expect_model(names: Iterable[str]) -> Any:
+def _expect_model(diagnostics: Iterable[str], measured: Iterable[str]) -> Any:
     quantities: dict[str, Any] = {}
     bounds = _one_or_more(create_model("Bounds", __config__=STRICT, **_BOUND_FIELDS))
-    for name, summary in SUMMARY_QUANTITIES.items():
+    for name, summary in expectations.SUMMARY_QUANTITIES.items():
         quantities[name] = (bounds, Describe(None, description=summary))
-    for name in names:
-        declared = component.declaration("diagnostics", name)
-        keys = {**_BOUND_FIELDS, **parameter_fields(declared.parameters)}
+    for name in [*diagnostics, *(each for each in measured if expectations.kind_of(each) == "quantities")]:
+        kind = expectations.kind_of(name)
+        declared = component.declaration(str(kind), name)
+        reduction = expectations.reduction_fields(name) if kind == "quantities" else {}
+        keys = {**_BOUND_FIELDS, **parameter_fields(declared.parameters), **reduction}
         body = create_model(f"{declared.class_name}Bounds", __config__=STRICT, **keys)
         quantities[name] = (_one_or_more(body), Describe(None, description=declared.summary.split("\n\n")[0]))
     return create_model("Expect", __config__=STRICT, **quantities)

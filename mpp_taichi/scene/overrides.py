@@ -11,8 +11,9 @@ from dataclasses import replace
 from typing import Any
 
 from mpp_taichi.errors import SceneError
+from mpp_taichi.scene.did_you_mean import allowed, suggestion
 from mpp_taichi.scene.document import Node, from_python, read_value
-from mpp_taichi.scene.faults import Faults, allowed, printable, shown, suggestion
+from mpp_taichi.scene.faults import Faults, printable, shown
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.model import KIND_OF_KEY

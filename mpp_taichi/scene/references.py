@@ -5,8 +5,10 @@ from typing import Any
 
 from mpp_taichi.component import Declaration, declaration
 from mpp_taichi.errors import PlacementError
+from mpp_taichi.scene.did_you_mean import choices
 from mpp_taichi.scene.document import Node
-from mpp_taichi.scene.faults import Faults, choices, shown
+from mpp_taichi.scene.expectations import kind_of
+from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.layout import ParticleLayout, build, particle_layout
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.model import KIND_OF_KEY
@@ -38,9 +40,13 @@ def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
         pairs = tuple(finder.pair(number, pair) for number, pair in enumerate(spec.contacts.pairs))
         changed["contacts"] = replace(spec.contacts, pairs=pairs)
     changed["expect"] = tuple(
-        replace(each, parameters=finder.parameters(each.parameters, _diagnostic(each.quantity), ("expect", each.quantity)))
+        replace(each, parameters=finder.parameters(each.parameters, _measured(each.quantity), ("expect", each.quantity)))
         for each in spec.expect
     )
+    if spec.record.table is not None:
+        table, path = spec.record.table, ("record", "table", "columns")
+        columns = (finder.entry(each, "quantities", (*path, number, each.name)) for number, each in enumerate(table.columns))
+        changed["record"] = replace(spec.record, table=replace(table, columns=tuple(columns)))
     changed["view"] = resolve_view(spec.view, layout, finder)
     changed["inspect"] = tuple(finder.panel(number, each) for number, each in enumerate(spec.inspect))
     if spec.modes is not None:
@@ -55,11 +61,9 @@ def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
     return replace(spec, **changed)
 
 
-def _diagnostic(quantity: str) -> Declaration | None:
-    try:
-        return declaration("diagnostics", quantity)
-    except KeyError:
-        return None
+def _measured(quantity: str) -> Declaration | None:
+    kind = kind_of(quantity)
+    return None if kind is None else declaration(kind, quantity)
 
 
 class _Finder:

@@ -14,7 +14,17 @@ from mpp_taichi.scene.view_spec import ViewSpec
 
 __all__ = [
     *("CameraSpec", "ComponentSpec", "ContactsSpec", "Event", "EventSpec", "Expectation", "Location", "ModesSpec"),
-    *("PanelSpec", "RecordSpec", "RunSpec", "SceneSpec", "SliderSpec", "SliderTarget", "SpringTypeSpec", "ViewSpec"),
+    *(
+        "PanelSpec",
+        "RecordSpec",
+        "RunSpec",
+        "SceneSpec",
+        "SliderSpec",
+        "SliderTarget",
+        "SpringTypeSpec",
+        "TableSpec",
+        "ViewSpec",
+    ),
 ]
 _CLOSED = ConfigDict(extra="forbid")
 _COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
@@ -31,8 +41,16 @@ class ComponentSpec:
 
 
 @dataclass(frozen=True)
+class TableSpec:
+    """The table of a run: a column for each quantity."""
+
+    columns: tuple[ComponentSpec, ...]
+    location: Location
+
+
+@dataclass(frozen=True)
 class RecordSpec:
-    """How a film is made; `seconds` is the length of the film, over which `run.duration` is spread."""
+    """How a film is made, and the table of a run; `seconds` is the length of the film, over which `run.duration` is spread."""
 
     __pydantic_config__ = _CLOSED
     size: Annotated[tuple[int, int], ListOf(Whole(minimum=16, maximum=8192), (2,)), Field(description="pixels")] = (1280, 720)
@@ -52,6 +70,7 @@ class RecordSpec:
             "integrator: rk4, dt: 0.05 say; absent: one picture"
         ),
     ] = None
+    table: TableSpec | None = None
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
+from mpp_taichi.scene.did_you_mean import choices
 from mpp_taichi.scene.document import Node
-from mpp_taichi.scene.faults import Faults, choices, shown
+from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.spec import ComponentSpec, SpringTypeSpec
 
 _SHARED = tuple(field.name for field in fields(SpringTypeSpec))

@@ -9,9 +9,10 @@ from mpp_taichi import component
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene import overrides, sliders
 from mpp_taichi.scene.contacts import merges
+from mpp_taichi.scene.did_you_mean import choices
 from mpp_taichi.scene.document import Node, from_python
 from mpp_taichi.scene.expressions import Formula
-from mpp_taichi.scene.faults import Faults, choices, shown
+from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.spec import ComponentSpec, Event, SceneSpec, SliderSpec

@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any, Protocol
 
+from mpp_taichi.scene.did_you_mean import allowed
 from mpp_taichi.scene.document import Node
-from mpp_taichi.scene.faults import Faults, allowed
+from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.layout import ParticleLayout
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.view_spec import ArrowsSpec, BodyViewSpec, GroupColorsSpec, ViewSpec

@@ -1,6 +1,6 @@
 """The spheres and walls of a scene, as contact solvers want them. Host side; no Taichi."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ class ContactSetup:
     radius         (n,) [length]
     inverse_mass   (n, 3) [1 / mass]; 0 along an axis that is held, so a held sphere is infinitely heavy
     material       (n,) int32, index into `restitution`
-    restitution    (m, m), symmetric: e of a contact between two materials, 0 … 1
+    restitution    (m, m), symmetric: e of a contact between two materials, 0 … 1; NaN where the scene gives none of its own
     contact_time   t_c of the TC model [time]: a contact within it after the last one of either sphere is elastic; 0: off.
                    Source: Luding & McNamara, Granular Matter 1 (1998) 113.
     force_free     whether nothing but the solver changes positions and velocities, or it is told (`ContactSolver.prepare`)
@@ -36,6 +36,11 @@ class ContactSetup:
     enclosure: Enclosure = field(default_factory=Enclosure)
     force_free: bool = False
     names: tuple[str, ...] = ()
+
+    def with_bounces(self, restitution: float, contact_time: float) -> "ContactSetup":
+        """The same setup with a solver's own parameters: its restitution where the scene gives none, and its contact time."""
+        matrix = np.where(np.isnan(self.restitution), restitution, self.restitution)
+        return replace(self, restitution=matrix, contact_time=contact_time)
 
     def label(self, i: int) -> str:
         """Sphere i as a message calls it; −1 − w is surface w."""
@@ -62,7 +67,6 @@ def contact_setup(spec: SceneSpec, particles: Snapshot, *, force_free: bool = Fa
         inverse_mass=inverse,
         material=material,
         restitution=restitution,
-        contact_time=spec.contacts.solver.parameters.get("contact_time", 0.0),
         gravity=gravity,
         enclosure=enclosure_of(spec),
         force_free=force_free,
@@ -83,14 +87,16 @@ def enclosure_of(spec: SceneSpec) -> Enclosure:
 
 
 def _materials(count: int, contacts: ContactsSpec) -> tuple[np.ndarray, np.ndarray]:
-    """For each particle a material, and the restitution of every two; particles of the same groups are of one material."""
-    default = contacts.solver.parameters.get("restitution", 0.0)  # what merges has none
+    """For each particle a material, and the restitution of every two materials, NaN where the scene gives none.
+
+    Particles of the same groups are of one material.
+    """
     groups = sorted({group for pair in contacts.pairs for group in pair.between})
     member = np.zeros((count, len(groups)), dtype=bool)
     for column, (first, length) in enumerate(groups):
         member[first : first + length, column] = True
     kinds, material = np.unique(member, axis=0, return_inverse=True) if groups else (member[:1], np.zeros(count, np.intp))
-    restitution = np.full((len(kinds), len(kinds)), default)
+    restitution = np.full((len(kinds), len(kinds)), np.nan)
     for pair in contacts.pairs:  # a later one holds against an earlier
         first, second = (np.flatnonzero(kinds[:, groups.index(group)]) for group in pair.between)
         restitution[np.ix_(first, second)] = pair.restitution

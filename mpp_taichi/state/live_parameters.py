@@ -14,6 +14,7 @@ import taichi as ti
 
 from mpp_taichi.device import bulk_copy
 from mpp_taichi.scene.spec import ComponentSpec
+from mpp_taichi.state.field_group import FieldGroup
 
 COMPONENTS = 3  # of a vector
 
@@ -34,13 +35,11 @@ class LiveParameters:
                 count += COMPONENTS
         self._values = np.zeros(count)
         self.forces = tuple(forces)
-        self._tree: Any = None
+        self._memory: Any = None
         if count == 0:
             return
-        builder = ti.FieldsBuilder()
         self._field = ti.field(float)
-        builder.dense(ti.i, count).place(self._field)
-        self._tree = builder.finalize()
+        self._memory = FieldGroup((count, self._field))
         made = [self._loading(entry, force) for entry, force in zip(entries, forces)]
         self.forces = (*made, *forces[len(entries) :])
         self.write(entries)
@@ -52,14 +51,14 @@ class LiveParameters:
                 value, place = entry.parameters[name], self._places[entry.name, name]
                 numbers = value if isinstance(value, tuple) else (value,)
                 self._values[place : place + len(numbers)] = numbers
-        if self._tree is not None:
+        if self._memory is not None:
             dtype = np.float32 if self._field.dtype == ti.f32 else np.float64
             bulk_copy.write([self._field], [self._values.astype(dtype)])
 
     def destroy(self) -> None:
-        """Give the memory back."""
-        if self._tree is not None:
-            self._tree.destroy()
+        """Free the memory."""
+        if self._memory is not None:
+            self._memory.destroy()
 
     def _loading(self, entry: ComponentSpec, force: Any) -> Any:
         """The force, with properties in place of its live parameters."""

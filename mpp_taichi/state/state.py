@@ -1,4 +1,4 @@
-"""State: the device fields of a simulation, allocated only for what some effect of the scene needs."""
+"""State: the fields of a simulation on the device, of which only those are allocated that the scene needs."""
 
 import copy
 from collections.abc import Iterable, Mapping
@@ -12,20 +12,19 @@ from mpp_taichi.arithmetic.low_parts import split
 from mpp_taichi.device import bulk_copy
 from mpp_taichi.precision import carries_low_parts, forces_see_low_parts
 from mpp_taichi.snapshot import MERGED_ARRAYS, Snapshot
+from mpp_taichi.state.field_group import FieldGroup, Row
 
-# Quantities one entry of which belongs to each particle, and the snapshot array they come from.
+# Quantities with an entry for each particle; the snapshot has an array of the same name.
 PARTICLE_QUANTITIES = ("mass", "charge", "radius")
 # Quantities of the half-springs, gathered per particle (compressed sparse rows).
 SPRING_QUANTITIES = ("spring_start", "spring_neighbor", "spring_stiffness", "spring_rest_length", "spring_damping")
 
-# The trees of work fields that do not hold numbers of the run's precision.
-TREES = {"index": "integers", "wide": "wide", "wide_pair": "wide", "lattice": "wide"}
-
 
 def half_springs(snapshot: Snapshot) -> dict[str, np.ndarray]:
-    """Both ends of every spring, sorted by the particle they pull at: compressed sparse rows.
+    """The half-springs of all springs, sorted by the particle that each pulls at: compressed sparse rows.
 
-    Row i is spring_start[i] … spring_start[i+1]; within a row the order is that of the scene, so sums are repeatable.
+    Row i goes from spring_start[i] to spring_start[i+1]. Within a row the order is that of the scene, so that sums are
+    repeatable.
     """
     springs = snapshot.springs
     ends = np.concatenate([springs.between[:, 0], springs.between[:, 1]])
@@ -47,12 +46,12 @@ class State:
     """Fields for `replica_count` copies of `particle_count` particles, one copy after the other.
 
     position, velocity, acceleration   vectors of `dimensions` components in the run's precision
-    free                               1 or 0 per axis, only where an axis of some particle is fixed
+    free                               1 or 0 per axis, only where an axis of some particle is fixed, or where spheres merge
     mass, charge, radius, spring_…     only where named in `needs`, or where spheres merge
-    merged_into                        where spheres merge, as in `Snapshot`; there `free` is always kept, too
-    position_low, velocity_low         what rounding took from both, where the precision carries it (f32c, ds; see low_parts)
+    merged_into                        only where spheres merge, as in `Snapshot`
+    position_low, velocity_low         the low parts of both, only in f32c and ds (low_parts.py)
     scratch_0, scratch_1, …            vectors that an integrator asks for
-    and whatever else it names in `work`: name → (kind, count for each replica)
+    the fields named in `work`         of an integrator: name → (kind, count for each replica)
 
     Vectors are stored component by component when a pair sum streams over all of them, else together.
     """
@@ -72,13 +71,13 @@ class State:
         precision: str = "f64",
         guards_rounding: bool = False,
     ):
-        """Allocate for the needs, and fill with the snapshot in every replica.
+        """Allocate for the needs, and fill every replica with the snapshot.
 
-        `precision` says whether there are low parts, `guards_rounding` whether they must be kept from the compiler's eyes.
+        `precision` says whether there are low parts; `guards_rounding` says whether their sums must be hidden from a compiler
+        that reorders sums (low_parts.py).
         """
         self.dimensions = dimensions
-        self.memory = memory  # names of what a step hands on to the next, beside position and velocity
-        self.wide = wide  # of energies: f64 where the device has it
+        self.wide = wide  # number type of energies: f64 where the device has it
         self.particle_count = snapshot.particle_count
         self.replica_count = replica_count
         self.total_count = snapshot.particle_count * replica_count
@@ -87,98 +86,89 @@ class State:
         self.carries_low = self.velocity_has_low = carries_low_parts(precision)
         self.forces_see_low = forces_see_low_parts(precision)
         self.guards_rounding = guards_rounding and self.carries_low
+        low = ("position_low", "velocity_low") if self.carries_low else ()
+        # Names of the fields that a step hands on to the next step, beside position and velocity.
+        self.memory = (*memory, *(MERGED_ARRAYS if self.merges else ()), *low)
         needs = frozenset(needs) | frozenset(PARTICLE_QUANTITIES if self.merges else ())
-        if self.merges:
-            self.memory = (*memory, *MERGED_ARRAYS)
-        if self.carries_low:
-            self.memory = (*self.memory, "position_low", "velocity_low")
-        unknown = needs - set(PARTICLE_QUANTITIES) - set(SPRING_QUANTITIES)
-        if unknown:
+        if unknown := needs - set(PARTICLE_QUANTITIES) - set(SPRING_QUANTITIES):
             raise TypeError(f"an effect needs {sorted(unknown)}, which State does not know")
-        self.quantities: list[str] = ["position", "velocity", "acceleration"]
-        if self.carries_low:
-            self.quantities += ["position_low", "velocity_low"]
-        self._builders: dict[str, ti.FieldsBuilder] = {}
-        layout = ti.Layout.SOA if streaming else ti.Layout.AOS
-        for name in self.quantities:
-            setattr(self, name, self._vector(layout))
-        for k in range(scratch_count):
-            setattr(self, f"scratch_{k}", self._vector(layout))
-            self.quantities.append(f"scratch_{k}")
-        self.scratch = tuple(getattr(self, f"scratch_{k}") for k in range(scratch_count))
-        if self.has_fixed_axes:
-            self.free = self._vector(layout)
-            self.quantities.append("free")
-        for name in PARTICLE_QUANTITIES:
-            if name in needs:
-                self._scalar(name, float, self.total_count)
-        if self.merges:
-            self._scalar("merged_into", ti.i32, self.total_count)
-        if self.guards_rounding:
-            self.nothing = ti.field(ti.i32)  # 0, which only the running kernel finds out
-            self._builder("integers").place(self.nothing)
         host = half_springs(snapshot) if needs & set(SPRING_QUANTITIES) else {}
-        for name in SPRING_QUANTITIES:
-            if name in needs:
-                self._scalar(name, ti.i32 if host[name].dtype == np.int32 else float, max(len(host[name]), 1))
+        self.quantities: list[str] = []
+        self._rows: list[Row] = []  # what is to be allocated
+        self._layout = ti.Layout.SOA if streaming else ti.Layout.AOS
+        self._declare_vectors(low, scratch_count)
+        self._declare_quantities(needs, host)
         for name in work:
-            self._work(name, *work[name], layout)
-        self._trees = [builder.finalize() for builder in self._builders.values()]
+            self._declare_work(name, *work[name])
+        self._fields = FieldGroup(*self._rows)
         self._fill(snapshot, needs, host)
         self.moving_as_scratch = tuple(self._moving_as(field) for field in self.scratch)
 
+    def _declare_vectors(self, low: tuple[str, ...], scratch_count: int) -> None:
+        scratch = tuple(f"scratch_{k}" for k in range(scratch_count))
+        free = ("free",) if self.has_fixed_axes else ()
+        for name in ("position", "velocity", "acceleration", *low, *scratch, *free):
+            self._declare(name, self._vector())
+        self.scratch = tuple(getattr(self, name) for name in scratch)
+
+    def _declare_quantities(self, needs: frozenset, host: dict[str, np.ndarray]) -> None:
+        for name in PARTICLE_QUANTITIES:
+            if name in needs:
+                self._declare_scalar(name, float, self.total_count)
+        if self.merges:
+            self._declare_scalar("merged_into", ti.i32, self.total_count)
+        if self.guards_rounding:
+            self.nothing = ti.field(ti.i32)  # 0, which only the running kernel finds out
+            self._rows.append((None, self.nothing))
+        for name in SPRING_QUANTITIES:
+            if name in needs:
+                self._declare_scalar(name, ti.i32 if host[name].dtype == np.int32 else float, max(len(host[name]), 1))
+
+    def _declare_work(self, name: str, kind: str, count: int) -> None:
+        """A field of an integrator, `count` for each replica: a vector, matrix, scalar, index or integers, a sum or two."""
+        count *= self.replica_count
+        if kind == "vector" and count == self.total_count:
+            self._declare(name, self._vector())
+            return
+        made = {
+            "vector": lambda: ti.Vector.field(self.dimensions, float),
+            "vector4": lambda: ti.Vector.field(4, float),
+            "vector8": lambda: ti.Vector.field(8, float),
+            "matrix": lambda: ti.Matrix.field(self.dimensions, self.dimensions, float),
+            "scalar": lambda: ti.field(float),
+            "index": lambda: ti.field(ti.i32),
+            "lattice": lambda: ti.Vector.field(self.dimensions, ti.i64),
+            "pair": lambda: ti.Vector.field(2, float),
+            "wide": lambda: ti.field(self.wide),
+            "wide_pair": lambda: ti.Vector.field(2, self.wide),
+        }[kind]()
+        self._rows.append((max(count, 1), made))
+        self._declare(name, made)
+
+    def _declare_scalar(self, name: str, dtype: Any, count: int) -> None:
+        made = ti.field(dtype)
+        self._rows.append((count, made))
+        self._declare(name, made)
+
+    def _declare(self, name: str, field: Any) -> None:
+        setattr(self, name, field)
+        self.quantities.append(name)
+
+    def _vector(self) -> Any:
+        """A vector for each particle of all replicas, in the layout of the state."""
+        result = ti.Vector.field(self.dimensions, float)
+        if self._layout == ti.Layout.SOA:
+            self._rows.append((self.total_count, *(result.get_scalar_field(k) for k in range(self.dimensions))))
+        else:
+            self._rows.append((self.total_count, result))
+        return result
+
     def _moving_as(self, velocity: Any) -> "State":
-        """The same fields, but another for the velocities: what forces are to see on the way through a step."""
+        """The same fields with another field as velocity: the state that forces see on the way through a step."""
         result = copy.copy(self)
         result.velocity = velocity
         result.velocity_has_low = False
         return result
-
-    def _builder(self, tree: str) -> ti.FieldsBuilder:
-        """Of one tree for each width of numbers.
-
-        In a tree with 4-byte numbers 8-byte ones may come to lie across their alignment, and on Vulkan share bytes with others.
-        """
-        if tree not in self._builders:
-            self._builders[tree] = ti.FieldsBuilder()
-        return self._builders[tree]
-
-    def _vector(self, layout: Any) -> Any:
-        result = ti.Vector.field(self.dimensions, float)
-        if layout == ti.Layout.SOA:
-            for k in range(self.dimensions):
-                self._builder("numbers").dense(ti.i, self.total_count).place(result.get_scalar_field(k))
-        else:
-            self._builder("numbers").dense(ti.i, self.total_count).place(result)
-        return result
-
-    def _scalar(self, name: str, dtype: Any, count: int) -> None:
-        result = ti.field(dtype)
-        self._builder("integers" if dtype == ti.i32 else "numbers").dense(ti.i, count).place(result)
-        setattr(self, name, result)
-        self.quantities.append(name)
-
-    def _work(self, name: str, kind: str, count: int, layout: Any) -> None:
-        """A field of an integrator, `count` for each replica: a vector, matrix, scalar, index or integers, a sum or two."""
-        count *= self.replica_count
-        if kind == "vector" and count == self.total_count:
-            setattr(self, name, self._vector(layout))
-        else:
-            made = {
-                "vector": lambda: ti.Vector.field(self.dimensions, float),
-                "vector4": lambda: ti.Vector.field(4, float),
-                "vector8": lambda: ti.Vector.field(8, float),
-                "matrix": lambda: ti.Matrix.field(self.dimensions, self.dimensions, float),
-                "scalar": lambda: ti.field(float),
-                "index": lambda: ti.field(ti.i32),
-                "lattice": lambda: ti.Vector.field(self.dimensions, ti.i64),
-                "pair": lambda: ti.Vector.field(2, float),
-                "wide": lambda: ti.field(self.wide),
-                "wide_pair": lambda: ti.Vector.field(2, self.wide),
-            }[kind]()
-            self._builder(TREES.get(kind, "numbers")).dense(ti.i, max(count, 1)).place(made)
-            setattr(self, name, made)
-        self.quantities.append(name)
 
     def _fill(self, snapshot: Snapshot, needs: frozenset, host: dict[str, np.ndarray]) -> None:
         arrays = {}
@@ -201,11 +191,11 @@ class State:
         return np.float32 if self.position.dtype == ti.f32 else np.float64
 
     def rounded(self, number: float) -> float:
-        """A number as the device keeps it."""
+        """A number rounded to the precision of the device."""
         return float(self._dtype(number))
 
     def as_kept(self, values: np.ndarray) -> np.ndarray:
-        """Numbers as the device keeps them, in float64."""
+        """Numbers rounded to the precision of the device, as float64."""
         return np.asarray(values).astype(self._dtype).astype(np.float64)
 
     def write(self, position: np.ndarray, velocity: np.ndarray) -> None:
@@ -224,11 +214,11 @@ class State:
         bulk_copy.write([getattr(self, name) for name in arrays], list(arrays.values()))
 
     def _read(self, *names: str) -> list[np.ndarray]:
-        """Vectors of all replicas as the device keeps them."""
+        """Vectors of all replicas, in the precision of the device."""
         return bulk_copy.read([getattr(self, name) for name in names], self._dtype)
 
     def take_over(self, earlier: "State", free: np.ndarray) -> None:
-        """Positions and velocities of all replicas as another state has them, bit for bit; an axis that is not free stops."""
+        """Copy the positions and velocities of another state bit for bit; the velocity along an axis that is not free is 0."""
         free = np.tile(free[:, : self.dimensions], (self.replica_count, 1))
         names = ("position", "velocity", *(("position_low", "velocity_low") if self.carries_low else ()))
         arrays = dict(zip(names, earlier._read(*names)))
@@ -243,7 +233,7 @@ class State:
         bulk_copy.write([getattr(self, name) for name in names], [host[name].astype(self._dtype) for name in names])
 
     def write_spheres(self, snapshot: Snapshot) -> None:
-        """Set what merging changes of each sphere, the same in every replica."""
+        """Set the arrays that merging changes, the same in every replica."""
         self._write(self._spheres(snapshot))
 
     def _spheres(self, snapshot: Snapshot) -> dict[str, np.ndarray]:
@@ -256,7 +246,7 @@ class State:
         return found
 
     def read_spheres(self, particles: Snapshot) -> dict[str, Any]:
-        """What merging changes of each sphere, as a Snapshot has it; `particles` are those of the scene."""
+        """The arrays that merging changes, as in a Snapshot; `particles` is the snapshot of the scene."""
         found = {name: getattr(self, name).to_numpy().astype(np.float64) for name in ("mass", "radius", "charge")}
         into = self.merged_into.to_numpy()
         free = particles.free.copy()
@@ -276,11 +266,11 @@ class State:
         return results[0], results[1]
 
     def save(self) -> tuple[np.ndarray, ...]:
-        """Positions and velocities of all replicas, and what the integrator remembers, bit for bit."""
+        """Positions and velocities of all replicas, and the fields of `memory`, bit for bit."""
         return (*self._read("position", "velocity"), *(getattr(self, name).to_numpy() for name in self.memory))
 
     def restore(self, saved: tuple[np.ndarray, ...]) -> None:
-        """Put back what `save` gave."""
+        """Write back the result of `save`."""
         position, velocity, *others = saved
         self._write({"position": position, "velocity": velocity})
         for name, values in zip(self.memory, others, strict=True):
@@ -297,6 +287,5 @@ class State:
         return sizes
 
     def destroy(self) -> None:
-        """Give the memory back."""
-        for tree in self._trees:
-            tree.destroy()
+        """Free the memory."""
+        self._fields.destroy()

@@ -92,7 +92,7 @@ class LaunchedForceSum(ForceSum):
             self.plain.add_up(force, time)
             return
         if self.pairs_alone and force is self.total_force:
-            force.pairs.set_accelerations(self.state)
+            force.pair_sum.set_accelerations(self.state)
         else:
             with self.loops:
                 self._begin_sum(force, time)

@@ -1,7 +1,6 @@
 """What every view takes and gives: a `Frame` in, a picture (or a window) out."""
 
 from abc import ABC, abstractmethod
-from bisect import bisect_left
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,18 +16,18 @@ WALL_WIDTH = 1.5  # pixels of a picture of 720 rows
 class Frame:
     """One moment of a scene as a view draws it; plain host arrays, so that no view knows a simulation or a device.
 
-    position     [length], shape (particle_count, 3); not a number for what is not there
+    position     [length], shape (particle_count, 3); NaN for a particle that has merged into another
     radius       [length], shape (particle_count,)
     color        red, green, blue in 0…1 as displayed (sRGB), shape (particle_count, 3)
     between      particle indices of the two ends of each spring, shape (spring_count, 2)
     spring_color as `color`, shape (spring_count, 3)
     center       what a camera without a target looks at [length]; the middle of the bounding box when None
-    velocity     [length / time], shape (particle_count, 3); tells a camera without a position in which plane things move
+    velocity     [length / time], shape (particle_count, 3); shows a camera without a position in which plane particles move
     acceleration [length / time²], shape (particle_count, 3); None where no view asks for it
     extra        one more line of caption, such as the energy error
     outline      segments of walls [length], shape (count, 2, 3)
-    mass, charge, name   of the particles, shape (particle_count,); None, or no names, where nobody knows them
-    rest_length, stiffness   of the springs, shape (spring_count,); None where nobody knows them
+    mass, charge, name   of the particles, shape (particle_count,); None, or no names, where they are unknown
+    rest_length, stiffness   of the springs, shape (spring_count,); None where they are unknown
     """
 
     position: np.ndarray
@@ -99,50 +98,3 @@ class View(ABC):
     @abstractmethod
     def close(self) -> None:
         """Release what the view holds; harmless when called twice."""
-
-
-class Trails:
-    """The last positions of every particle, as line segments that fade into the background.
-
-    `length` counts frames. A frame at the same time as the last one (a paused simulation) adds nothing; one at an earlier
-    time takes back what came after it, and one with another number of particles starts afresh.
-    """
-
-    def __init__(self, length: int) -> None:
-        """Keep nothing yet."""
-        self.length = length
-        self._positions: list[np.ndarray] = []
-        self._times: list[float] = []
-
-    def clear(self) -> None:
-        """Forget every position."""
-        self._positions.clear()
-        self._times.clear()
-
-    def add(self, frame: Frame) -> None:
-        """Remember where the particles of a frame are."""
-        if self.length < 1 or (self._times and frame.time == self._times[-1]):
-            return
-        if self._positions and len(self._positions[-1]) != len(frame.position):
-            self.clear()
-        kept = bisect_left(self._times, frame.time)
-        del self._times[kept:], self._positions[kept:]
-        self._times.append(frame.time)
-        self._positions.append(np.array(frame.position, dtype=float))
-        del self._times[: -(self.length + 1)], self._positions[: -(self.length + 1)]
-
-    def segments(self, color: np.ndarray, background: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Segments from oldest to newest: ends (count, 2, 3) and colours of both ends (count, 2, 3), then the ages.
-
-        The age of a segment, shape (count,), is 0 for the newest and grows to 1 for the oldest.
-        """
-        steps = len(self._positions) - 1
-        if steps < 1 or self.length < 1:
-            return np.zeros((0, 2, 3)), np.zeros((0, 2, 3)), np.zeros(0)
-        path = np.stack(self._positions)
-        ends = np.stack([path[:-1], path[1:]], axis=2).reshape(-1, 2, 3)
-        brightness = 1.0 - np.arange(steps, -1, -1)[:, None, None] / self.length
-        fading = background + brightness * (np.asarray(color, dtype=float) - background)
-        colors = np.stack([fading[:-1], fading[1:]], axis=2).reshape(-1, 2, 3)
-        age = np.repeat(1.0 - brightness[1:, 0, 0], len(color))
-        return ends, colors, age

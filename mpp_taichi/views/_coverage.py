@@ -1,10 +1,12 @@
-"""What the samples of a picture see: for CPUs a row of a tile at a time, for GPUs pixel by pixel.
+"""The primitive that each sample of a picture shows: for CPUs found by rows of a tile, for GPUs pixel by pixel.
 
-A primitive looks at its own few pixels of a row, whose samples stay in the nearest cache; a pixel of a GPU looks through all
-primitives of its tile. The result is the same to the last bit: the nearest one, and of equally near ones the first.
+On a CPU each primitive tests the few pixels of a row that it may cover, whose samples stay in the nearest cache; on a GPU each
+pixel tests all primitives of its tile. The result is the same to the last bit: the nearest primitive, and of equally near
+primitives the first.
 
-Both fill `depth` along the rays, in camera distances, and `hit`, rows of the table, four of each for a pixel. They come as
-nothing seen, `NOWHERE` and −1; returned is 1 where anything is seen.
+Both functions fill `depth`, the depth along the ray in camera distances, and `hit`, the row of the table, four of each for a
+pixel. The caller sets them to `NOWHERE` and −1, which mean that no primitive was hit. The functions return 1 if any
+sample hits a primitive.
 """
 
 import taichi as ti
@@ -16,7 +18,7 @@ from mpp_taichi.views._sample_hits import line_hit, rays, sample_places, sphere_
 
 @ti.func
 def depths_of(drawing: Template, p, x, y):
-    """Of primitive p, where the samples at pixel positions meet it."""
+    """Depth at which the rays through pixel positions meet primitive p, or `NOWHERE`."""
     found = x
     if p < drawing.sphere_count:
         right, up = rays(drawing, x, y)
@@ -28,7 +30,7 @@ def depths_of(drawing: Template, p, x, y):
 
 @ti.func
 def cover_row(drawing: Template, tile, row, left, depth: Template, hit: Template):
-    """The samples of one row of a tile, from its pixel `left` on."""
+    """Find the primitives of all samples in one row of a tile, from its pixel `left` on."""
     table = ti.static(drawing.table)
     some = 0
     for k in range(drawing.start[tile], drawing.start[tile + 1]):
@@ -51,7 +53,7 @@ def cover_row(drawing: Template, tile, row, left, depth: Template, hit: Template
 
 @ti.func
 def cover_pixel(drawing: Template, tile, row, column, depth: Template, hit: Template):
-    """The samples of one pixel."""
+    """Find the primitives of the samples of one pixel."""
     table = ti.static(drawing.table)
     x, y = sample_places(column, row)
     k, end = drawing.start[tile], drawing.start[tile + 1]

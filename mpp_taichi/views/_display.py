@@ -15,7 +15,7 @@ above light of 0.0031, where its second derivative is 2400 · 255, by ⅛ of tha
 
 @ti.func
 def displayed(curve: Template, light, share):
-    """The level of light, one more where the fractional part of the level and the `share` in 0…1 make one."""
+    """The level of light, rounded up where the fractional part of the level and the `share` in 0…1 add up to 1 or more."""
     place = light * (ENTRIES - 1)
     first = ti.min(ti.max(ti.cast(place, ti.i32), 0), ENTRIES - 2)
     level = curve[first] + (place - ti.cast(first, ti.f32)) * (curve[first + 1] - curve[first])
@@ -24,9 +24,9 @@ def displayed(curve: Template, light, share):
 
 @ti.func
 def dither(row, column):
-    """A number in 0…1 for each pixel, the same in every frame: rounded by it, neighbours together have the right mean.
+    """A number in 0…1 for each pixel, the same in every frame: rounded by it, neighbouring pixels have the right mean.
 
-    Without that the slow gradients of a glow in a dark sky show as rings.
+    Without this dithering the slow gradients of a glow in a dark sky show as rings.
     """
     mixed = ti.cast(row * 73856093 ^ column * 19349663, ti.u32)
     mixed = (mixed ^ (mixed >> 16)) * ti.cast(0x7FEB352D, ti.u32)

@@ -1,22 +1,22 @@
-"""What the functions of the kernel that draws are given, under one name."""
+"""The arguments of the drawing kernel, under one name for all functions that it calls."""
 
 from typing import Any, NamedTuple
 
 
 class Drawing(NamedTuple):
-    """The arguments of `draw_pixels`, put together while it is compiled: nothing of it is left in the kernel.
+    """The arguments of `draw_pixels`, grouped while the kernel is compiled; the group itself does not exist in the kernel.
 
     width, height   of the picture [pixels]
     per_pixel       length at unit depth that a pixel shows; at any depth when `orthographic` is 1, which is 0 in perspective
     table, sphere_count, start, entry   the primitives (`_primitives.py`)
-    picture         at first what lies behind all
+    picture         at first the background
     curve           how light is displayed (`_display.py`)
     light           direction that light comes from where no body shines
-    surfaces        whether anything has a texture, shines or throws shadows, at compile time; what follows is of these
+    surfaces        whether a body has a texture, shines or casts a shadow, at compile time; the rows below are used only then
     material, place, texels, lights, casters, glow_count   as in `SurfaceTables`
     levels          light of the 256 values of a texel
     light_count, caster_count   rows of `lights` and `casters`
-    ambient         light that is everywhere
+    ambient         light from all directions
     """
 
     width: Any

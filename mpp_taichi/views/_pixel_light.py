@@ -1,4 +1,4 @@
-"""The light of one pixel, from what its samples see."""
+"""The light of one pixel, from the primitives that its samples hit."""
 
 import taichi as ti
 
@@ -9,20 +9,20 @@ from mpp_taichi.views._surface_shading import glow, shade_plain, shade_surface, 
 
 @ti.func
 def pixel_light(drawing: Template, row, column, depth, hit, behind):
-    """The mean of a pixel's samples, and whether it is anything else than what is behind."""
+    """The mean light of a pixel's samples, and whether it differs from the background."""
     x, y = sample_places(column, row)
     right, up = rays(drawing, x, y)
     changed, total = 1, ti.Vector([single(0)] * 3)
     if hit.max() < 0:
         changed = 0
-        if ti.static(drawing.surfaces):  # one sample will do where there are no edges
+        if ti.static(drawing.surfaces):  # one sample is enough where there are no edges
             halo = glow(drawing, right[0], up[0], single(NOWHERE))
             if halo.max() > 0:
                 changed, total = 1, ti.min(behind + halo, single(1))
     elif ti.static(drawing.surfaces):
         left = ti.Vector([1, 1, 1, 1])
         while left.max() > 0:
-            # Once for all samples that see the same, in their middle, which a sphere and a line cover too.
+            # Shade once for all samples that hit the same primitive, at their mean position, which it also covers.
             p, seen_depth = -1, single(NOWHERE)
             for s in ti.static(range(4)):
                 if left[s] == 1:
@@ -36,7 +36,7 @@ def pixel_light(drawing: Template, row, column, depth, hit, behind):
             middle_x, middle_y = middle_x / shared, middle_y / shared
             if 0 <= p < drawing.sphere_count:
                 middle = sphere_hit(drawing, p, middle_x, middle_y)
-                if middle < single(NOWHERE):  # not so where rounding takes it off the rim
+                if middle < single(NOWHERE):  # rounding may move the mean position off the rim
                     seen_depth = middle
             light = ray_light(drawing, p, middle_x, middle_y, seen_depth, behind)
             light += glow(drawing, middle_x, middle_y, seen_depth)
@@ -50,7 +50,7 @@ def pixel_light(drawing: Template, row, column, depth, hit, behind):
 
 @ti.func
 def ray_light(drawing: Template, p, x, y, depth, behind):
-    """Light along the ray through (x, y), which meets primitive p at a depth, or nothing where p is −1."""
+    """Light along the ray through (x, y), which meets primitive p at a depth; for p = −1 the light of the background."""
     light = behind
     if p >= drawing.sphere_count:
         light = ti.Vector([drawing.table[p, k] for k in ti.static(range(13, 16))])

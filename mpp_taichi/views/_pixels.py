@@ -1,4 +1,4 @@
-"""The kernel that draws a picture: what the pixels of some tiles show."""
+"""The kernel that draws a picture: the pixels of some tiles."""
 
 import taichi as ti
 
@@ -41,7 +41,7 @@ def draw_pixels(
     caster_count: ti.i32,
     ambient: ti.f32,
 ):
-    """Draw what these tiles show over what lies behind all.
+    """Draw the primitives of these tiles over the background.
 
     The picture is bytes, (height, width, 3), for CPUs, which go `by_row`, and red | green << 8 | blue << 16, (height, width),
     for GPUs, which may not know bytes. `taken` is one 0.
@@ -73,7 +73,7 @@ def draw_pixels(
         )
     )
     if ti.static(by_row):
-        # Tiles differ, and other programs want the cores, too: each thread takes the next tile that nobody has taken.
+        # Tiles need different times, and other programs use the cores too: each thread takes the next free tile.
         grain, threads = ti.static(loop_grain(), ti.lang.impl.current_cfg().cpu_max_num_threads)
         for q in range(threads * grain):
             if q % grain == 0:
@@ -128,7 +128,7 @@ def draw_run(drawing: Template, by_row: Template, tile, row, left):
 
 @ti.func
 def light_behind(drawing: Template, by_row: Template, row, column):
-    """Light of what the picture shows as yet."""
+    """Light of the background, which the picture holds before it is drawn."""
     light = ti.Vector([single(0)] * 3)
     if ti.static(by_row):
         for channel in ti.static(range(3)):

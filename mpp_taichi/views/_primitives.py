@@ -1,4 +1,4 @@
-"""From particles and segments to what the renderer draws: a table of primitives and the list of them in each tile.
+"""From particles and segments to the data of the renderer: a table of primitives, and a list of primitives for each tile.
 
 All lengths are divided by the camera's distance, so that a scene in astronomical units, in metres or in nanometres looks the
 same to single precision. Screen coordinates are pixels from the upper left corner.
@@ -26,7 +26,7 @@ FIELDS = 16
 
 @dataclass(frozen=True, eq=False)
 class Primitives:
-    """What is drawn: rows of `table` in front-to-back order within each tile; the first `sphere_count` rows are spheres.
+    """The primitives of a picture: rows of `table`, front to back within each tile; the first `sphere_count` rows are spheres.
 
     The rows seen in tile t are entry[start[t]] … entry[start[t + 1] - 1].
     """
@@ -73,7 +73,7 @@ def spheres(
     """
     usable = (np.abs(center) < FAR).all(axis=1) & (radius > 0.0) & (radius < FAR) & (center[:, 2] + radius > NEAR)
     if not screen.orthographic:
-        with np.errstate(over="ignore", invalid="ignore"):  # of what is left out anyway
+        with np.errstate(over="ignore", invalid="ignore"):  # the sphere is left out anyway
             usable &= np.einsum("ij,ij->i", center, center) > radius * radius * (1.0 + 1.0e-6)
     center, radius, color = center[usable], radius[usable], color[usable]
     right, up, depth = center.T
@@ -126,7 +126,7 @@ def lines(ends: np.ndarray, color: np.ndarray, width: np.ndarray, screen: Screen
     table = np.empty((len(a), FIELDS), np.float32)
     table[:, 0], table[:, 1] = np.minimum(a[:, 0], b[:, 0]) - half, np.maximum(a[:, 0], b[:, 0]) + half
     table[:, 2], table[:, 3] = np.minimum(a[:, 1], b[:, 1]) - half, np.maximum(a[:, 1], b[:, 1]) + half
-    table[:, 4] = nearest * (1.0 - 1.0e-5)  # the depth found on the screen may round to less
+    table[:, 4] = nearest * (1.0 - 1.0e-5)  # rounding may make the depth found on the screen smaller
     table[:, 5:8], table[:, 8:11] = a, along
     table[:, 11] = np.where(length2 > 0.0, 1.0 / np.where(length2 > 0.0, length2, 1.0), 0.0)
     table[:, 12] = half
@@ -184,7 +184,7 @@ def bin_into_tiles(sphere_table: np.ndarray, line_table: np.ndarray, screen: Scr
     span, offset = _spread(np.arange(len(owner)), np.maximum(last - first + 1, 0))
     tile = row[span] * across + first[span] + offset
     if across * down <= 1 << 16:
-        tile = tile.astype(np.uint16)  # which NumPy sorts ten times as fast: by its digits
+        tile = tile.astype(np.uint16)  # 16-bit integers, which NumPy sorts ten times as fast, by radix
     by_tile = np.argsort(tile, kind="stable")
     start = np.zeros(across * down + 1, np.int32)
     start[1:] = np.cumsum(np.bincount(tile, minlength=across * down))

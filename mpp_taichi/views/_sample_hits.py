@@ -1,11 +1,11 @@
-"""Where rays through samples of a picture meet a sphere or a line; x and y are numbers, or vectors of several samples."""
+"""Depths at which rays through samples of a picture meet a sphere or a line; x and y are numbers or vectors of samples."""
 
 import taichi as ti
 
 from mpp_taichi.types import Template
 from mpp_taichi.views._surface_shading import single
 
-NOWHERE = 3.0e38  # depth of what is not met
+NOWHERE = 3.0e38  # depth of a ray that meets no primitive
 SAMPLES = ((-0.125, -0.375), (0.375, -0.125), (-0.375, 0.125), (0.125, 0.375))  # rotated grid, in pixels from the middle
 
 
@@ -21,7 +21,7 @@ def sample_places(column, row):
 
 @ti.func
 def rays(drawing: Template, x, y):
-    """Where the rays through pixel positions meet the plane at unit depth: to the right and up, from the picture's middle."""
+    """Points at which rays through pixel positions meet the plane at unit depth: right and up from the picture's middle."""
     middle_x, middle_y = single(0.5) * drawing.width, single(0.5) * drawing.height
     return (x - middle_x) * drawing.per_pixel, (middle_y - y) * drawing.per_pixel
 
@@ -30,8 +30,8 @@ def rays(drawing: Template, x, y):
 def sphere_hit(drawing: Template, p, x, y):
     """Depth where the ray through (x, y) meets sphere p, or `NOWHERE`; the ray is (x, y, 1) t, or (x, y) + (0, 0, t).
 
-    Measured from the point of the ray nearest to the centre, so that far small spheres keep their shape in single precision.
-    Nothing is branched to: processors then take the samples of a pixel together.
+    The depth is measured from the point of the ray nearest to the centre, so that small far spheres keep their shape in single
+    precision. There is no branch, so that processors compute the samples of a pixel together.
     """
     table = ti.static(drawing.table)
     one, aside = single(1), ti.cast(drawing.orthographic, ti.f32)
@@ -47,7 +47,7 @@ def sphere_hit(drawing: Template, p, x, y):
 
 @ti.func
 def line_hit(drawing: Template, p, x, y):
-    """Depth where the pixel position (x, y) lies on line p, `NOWHERE` where it lies beside."""
+    """Depth at which the pixel position (x, y) lies on line p, or `NOWHERE` where the position lies beside the line."""
     table = ti.static(drawing.table)
     ax, ay = x - table[p, 5], y - table[p, 6]
     share = ti.min(ti.max((ax * table[p, 8] + ay * table[p, 9]) * table[p, 11], single(0)), single(1))

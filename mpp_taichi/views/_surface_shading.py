@@ -1,6 +1,7 @@
 """Shading of surfaces on the device: textures, light from bodies that shine, and the shadows of spheres on spheres.
 
-Only pictures that ask for any of it compile this. All in single precision, whatever the simulation's is.
+Only pictures with textures, shining bodies or shadows compile this code. All numbers are in single precision, whatever the
+precision of the simulation.
 """
 
 import math
@@ -10,10 +11,10 @@ import taichi as ti
 from mpp_taichi.types import Template
 
 LIMB_DARKENING = 0.6  # of a body that shines: I(μ)/I(1) = 1 − u (1 − μ), about the Sun's in visible light
-HOT = 0.45  # how white the middle of what shines is
+HOT = 0.45  # share of white in the middle of a shining body
 GLOW = 0.35  # of the air and the eye around a light: GLOW (radius/distance)³ …
 GLOW_END = 1.5e-4  # … less half of what can be displayed, so that it ends
-AMBIENT, DIFFUSE, SPECULAR = 0.12, 0.88, 0.18  # where no body shines
+AMBIENT, DIFFUSE, SPECULAR = 0.12, 0.88, 0.18  # in scenes without a shining body
 
 
 @ti.func
@@ -72,7 +73,7 @@ def texture_light(drawing: Template, m, normal):
 
 @ti.func
 def covered_share(a, b, c):
-    """Share of a disk of radius a that is covered by one of radius b whose middle is at a distance c from its own."""
+    """Share of a disk of radius a that a disk of radius b covers, with their middles at the distance c."""
     share = single(0.0)
     if c < a + b:
         if c <= ti.abs(a - b):
@@ -89,7 +90,7 @@ def covered_share(a, b, c):
 
 @ti.func
 def seen_share(drawing: Template, point, to_light, distance, light_radius, index):
-    """Share of a light's disk that is seen from a point of particle `index`, past all casters between them.
+    """Share of a light's disk that is visible from a point of particle `index`, past all casters of shadows between them.
 
     Disks are compared in the plane at unit distance from the point; where casters overlap, their shares are multiplied.
     """
@@ -101,7 +102,7 @@ def seen_share(drawing: Template, point, to_light, distance, light_radius, index
             along = way.dot(to_light)
             if along > 0 and along < distance:
                 aside = way - along * to_light
-                reach = casters[k, 3] + along * disk  # of the half shadow, as far from the point as the caster
+                reach = casters[k, 3] + along * disk  # of the half shadow, at the distance of the caster from the point
                 if aside.dot(aside) < reach * reach:
                     share *= 1 - covered_share(disk, casters[k, 3] / along, ti.sqrt(aside.dot(aside)) / along)
     return share
@@ -109,7 +110,7 @@ def seen_share(drawing: Template, point, to_light, distance, light_radius, index
 
 @ti.func
 def surface_at(drawing: Template, p, x, y, depth):
-    """Where the ray through (x, y) meets sphere p at a depth: the ray, the point, and the normal there."""
+    """The ray through (x, y), the point at a depth where it meets sphere p, and the normal of the sphere there."""
     table = ti.static(drawing.table)
     ray = ti.Vector([x, y, single(1.0)])
     point = ray * depth
@@ -121,7 +122,7 @@ def surface_at(drawing: Template, p, x, y, depth):
 
 @ti.func
 def shade_plain(drawing: Template, p, x, y, depth):
-    """Light that reaches the eye from sphere p: ambient, diffuse and a highlight, by a light from afar."""
+    """Light that reaches the eye from sphere p: ambient, diffuse and a highlight, from a distant light."""
     albedo = ti.Vector([drawing.table[p, k] for k in ti.static(range(9, 12))])
     ray, _, normal = surface_at(drawing, p, x, y, depth)
     return lit_from_afar(drawing, albedo, normal, ray, single(SPECULAR))
@@ -129,14 +130,14 @@ def shade_plain(drawing: Template, p, x, y, depth):
 
 @ti.func
 def lit_from_afar(drawing: Template, albedo, normal, ray, specular):
-    """Light from a surface where no body shines."""
+    """Light from a surface in a scene without a shining body."""
     diffuse = ti.max(normal.dot(drawing.light), single(0.0))
     return albedo * (single(AMBIENT) + single(DIFFUSE) * diffuse) + specular * highlight(normal, ray, drawing.light)
 
 
 @ti.func
 def shade_surface(drawing: Template, p, x, y, depth):
-    """Light that reaches the eye from sphere p: by the bodies that shine, or from afar where none does."""
+    """Light that reaches the eye from sphere p: from shining bodies, or from a distant light in a scene without them."""
     lights, material = ti.static(drawing.lights, drawing.material)
     color = ti.Vector([drawing.table[p, k] for k in ti.static(range(9, 12))])
     ray, point, normal = surface_at(drawing, p, x, y, depth)
@@ -149,7 +150,7 @@ def shade_surface(drawing: Template, p, x, y, depth):
             specular = single(0.0)
     if shines > 0:
         toward_eye = ti.max(-normal.dot(direction(ray)), single(0.0))
-        white = single(HOT) * toward_eye * toward_eye  # as a film shows what is too bright for it
+        white = single(HOT) * toward_eye * toward_eye  # as a film shows light that is too bright for it
         color = (color + white * (1 - color)) * (1 - single(LIMB_DARKENING) * (1 - toward_eye))
     elif drawing.light_count == 0:
         color = lit_from_afar(drawing, color, normal, ray, specular)
@@ -171,7 +172,7 @@ def shade_surface(drawing: Template, p, x, y, depth):
 
 @ti.func
 def glow(drawing: Template, x, y, depth):
-    """Light that is seen around bodies that shine, the first so many of the lights, in front of what is behind them."""
+    """The glow around shining bodies, which are the first lights of the table, in front of everything behind them."""
     lights = ti.static(drawing.lights)
     total = ti.Vector([single(0.0), single(0.0), single(0.0)])
     for k in range(drawing.glow_count):

@@ -1,6 +1,6 @@
-"""Appearance: a frame as the scene's `view:` wants it drawn. Places, sizes and colours, and the lines that are added to them.
+"""Appearance: a frame prepared as the scene's `view:` asks: places, sizes and colours, and additional lines.
 
-All renderers draw what comes out of here, so that they agree. Nothing here knows a device.
+All renderers draw the prepared frame, so that they agree. This module uses no device.
 """
 
 from dataclasses import dataclass, replace
@@ -17,17 +17,17 @@ from mpp_taichi.views.marks import Label, Marks, Segments
 
 @dataclass(frozen=True, eq=False)
 class Legend:
-    """What the colours mean, and further lines of text."""
+    """The legend: the meaning of the colours, and further lines of text."""
 
     entries: tuple[ColorBar | GroupKey, ...]
     lines: tuple[str, ...]
 
 
 class Appearance:
-    """Dresses the frames of one view; ranges of colours and lengths that fit are remembered from frame to frame."""
+    """Prepares the frames of one view; ranges of colours and lengths of arrows are remembered from frame to frame."""
 
     def __init__(self, spec: ViewSpec, dimensions: int = 3) -> None:
-        """Nothing has been seen yet."""
+        """No frame has been prepared yet."""
         self.spec = spec
         self._coloring = Coloring(spec.color_by, spec.spring_color_by)
         self._marks = Marks(spec, dimensions)
@@ -58,15 +58,15 @@ class Appearance:
         return replace(frame, **changed) if changed else frame
 
     def segments(self, frame: Frame, camera: Camera) -> Segments:
-        """The lines added to a dressed frame: arrows, axes, grid."""
+        """The additional lines of a prepared frame: arrows, axes, grid."""
         return self._marks.segments(frame, camera)
 
     def labels(self) -> list[Label]:
-        """Texts in the scene, as of the last segments."""
+        """Texts in the scene that belong to the last segments."""
         return self._marks.labels
 
     def legend(self) -> Legend:
-        """What is to be written beside the picture; empty where the scene wants no legend."""
+        """The legend beside the picture; empty where the scene asks for no legend."""
         if not self.spec.legend:
             return Legend((), ())
         key = self._marks.arrow_key()
@@ -74,7 +74,7 @@ class Appearance:
 
 
 def _primaries_first(bodies: dict[tuple[int, int], BodyViewSpec]) -> list[tuple[tuple[int, int], BodyViewSpec]]:
-    """The entries drawn at another distance, those first that others are drawn around; there is no circle among them."""
+    """The entries with distances scaled for display, centres before the entries around them; there is no circle among them."""
     left = {key: body for key, body in bodies.items() if body.around is not None}
     ordered: list[tuple[tuple[int, int], BodyViewSpec]] = []
     while left:

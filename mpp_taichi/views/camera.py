@@ -10,25 +10,25 @@ from mpp_taichi.views._base import Frame
 
 MARGIN = 1.12  # room left around the scene when it is framed
 FLAT = 1.0e-3  # an axis whose extent is below this share of the largest one counts as flat
-HORIZON = 1.0e100  # scene lengths; what is farther, or nowhere, is lost
+HORIZON = 1.0e100  # scene lengths; a particle farther away, or at NaN, is lost
 POLE = math.radians(89.0)  # a turntable never quite looks along its own axis
 AXIS_VIEWS = {
     "x": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
     "y": ((0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
     "z": ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
 }
-"""For each axis view: where the camera stands, seen from its target, and what is up."""
+"""For each axis view: the direction from the target to the camera, and the direction that is up."""
 THREE_QUARTER_VIEW = ((0.55, -0.75, 0.45), (0.0, 0.0, 1.0))
 
 
 class Camera:
-    """A turntable around `target`: `backward` points from the target to the camera, `axis` is what rotation turns about.
+    """A turntable around `target`: `backward` points from the target to the camera, `axis` is the axis of rotation.
 
     Camera coordinates are (right, up, depth), the depth growing away from the viewer [length].
     """
 
     def __init__(self, spec: CameraSpec, frame: Frame, *, aspect: float, dimensions: int = 3) -> None:
-        """Take what the spec says and choose the rest so that every particle of the frame is in view."""
+        """Take the settings of the spec, and choose the others so that every particle of the frame is in view."""
         self.field_of_view = spec.field_of_view
         self.orthographic = spec.projection == "orthographic"
         backward, axis = default_view(frame, dimensions)
@@ -51,7 +51,7 @@ class Camera:
 
     @property
     def position(self) -> np.ndarray:
-        """Where the camera stands [length], shape (3,)."""
+        """Position of the camera [length], shape (3,)."""
         return self.target + self.distance * self.backward
 
     @property
@@ -75,13 +75,13 @@ class Camera:
     def view(self, points: np.ndarray) -> np.ndarray:
         """Camera coordinates (right, up, depth) of points of shape (…, 3)."""
         offset = np.asarray(points, dtype=float) - self.target
-        with np.errstate(over="ignore", invalid="ignore"):  # a run that blew up is drawn without what is not finite
+        with np.errstate(over="ignore", invalid="ignore"):  # of a run that blew up, particles that are not finite are not drawn
             turned = offset @ np.stack([self.right, self.up, -self.backward], axis=1)
         turned[..., 2] += self.distance
         return turned
 
     def length_per_pixel(self, depth: np.ndarray, rows: int) -> np.ndarray:
-        """What one pixel of a picture of so many rows covers at a depth [length]."""
+        """Length that one pixel of a picture with this number of rows covers at a depth [length]."""
         if self.orthographic:
             return np.full_like(depth, self.height / rows)
         return np.maximum(depth, 0.0) * (2.0 * math.tan(math.radians(self.field_of_view) / 2.0) / rows)
@@ -89,7 +89,7 @@ class Camera:
     def drawn_radius(
         self, radius: np.ndarray, depth: np.ndarray, rows: int, *, scale: float, minimum_pixels: float
     ) -> np.ndarray:
-        """Radius at which a sphere is drawn [length]: scaled, and never below so many pixels."""
+        """Radius at which a sphere is drawn [length]: scaled, and at least the given number of pixels."""
         return np.maximum(radius * scale, minimum_pixels * self.length_per_pixel(depth, rows))
 
     def turn_to(self, backward: tuple[float, ...] | np.ndarray, axis: tuple[float, ...] | np.ndarray) -> None:
@@ -123,7 +123,7 @@ class Camera:
         self.height /= factor
 
     def turn_projection(self) -> None:
-        """Change between perspective and orthographic; what is at the target's depth stays as large as it is."""
+        """Change between perspective and orthographic; a length at the target's depth keeps its size in the picture."""
         if self.orthographic:
             self.distance = self.height / (2.0 * math.tan(math.radians(self.field_of_view) / 2.0))
         else:
@@ -131,7 +131,7 @@ class Camera:
         self.orthographic = not self.orthographic
 
     def reset(self) -> None:
-        """Go back to where the camera was at first."""
+        """Return the camera to its first position."""
         target, self.backward, self.axis, self.distance, self.height = self._start
         self.target = target.copy()
 
@@ -156,7 +156,7 @@ class Camera:
         self.height = 2.0 * reach / min(aspect, 1.0)
 
     def _fit_walls(self, corners: np.ndarray, aspect: float) -> None:
-        """Walls hold what is inside them: no room is left for it to grow, and the picture is filled with them."""
+        """Walls keep the particles inside: no room is left around them, and the walls fill the picture."""
         offset = corners - self.target
         wide, high = np.abs(offset @ self.right) / aspect, np.abs(offset @ self.up)
         needed = MARGIN * np.maximum(wide, high)
@@ -165,7 +165,7 @@ class Camera:
         self.height = 2.0 * float(needed.max()) or 1.0
 
     def as_yaml(self) -> str:
-        """The `view:` entry of a scene that puts the camera where it is now."""
+        """The `view:` entry of a scene that puts a camera at the present position."""
 
         def numbers(vector: np.ndarray) -> str:
             return "[" + ", ".join(f"{value:.6g}" for value in vector) + "]"
@@ -197,7 +197,7 @@ def bounds(frame: Frame) -> tuple[np.ndarray, float]:
 
 
 def default_view(frame: Frame, dimensions: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Where to stand and what is up: face on when all lies and moves in one plane, else from above at an angle."""
+    """Directions to the camera and up: face on when all particles lie and move in one plane, else from above at an angle."""
     flat = _flat(frame.position)
     if frame.velocity is not None:
         flat &= _flat(np.concatenate([frame.velocity, np.zeros((1, 3))]))
@@ -218,6 +218,6 @@ def _flat(vectors: np.ndarray) -> np.ndarray:
 
 
 def _cross(a: Sequence[float] | np.ndarray, b: np.ndarray) -> np.ndarray:
-    """a × b of two vectors, without the forty microseconds that NumPy's takes for any shape."""
+    """a × b of two vectors; NumPy's function, made for any shape, takes 40 µs."""
     (a0, a1, a2), (b0, b1, b2) = map(float, a), b.tolist()
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])

@@ -40,7 +40,7 @@ def draw_caption(picture: np.ndarray, frame: Frame, background: Background = DAR
 
 
 def draw_text(picture: np.ndarray, text: str, background: Background = DARK) -> None:
-    """Write lines of text into the upper left corner of a picture, in place; what does not fit is cut off."""
+    """Write lines of text into the upper left corner of a picture, in place; text that does not fit is cut off."""
     height, width = picture.shape[:2]
     size = text_height(picture)
     margin = size // 2

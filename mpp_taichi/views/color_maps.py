@@ -1,7 +1,7 @@
 """Colour maps: numbers to colours, by tables in this file.
 
 viridis    S. van der Walt & N. Smith (2015), dedicated to the public domain (CC0)
-cividis    J. Nuñez, C. Anderton & R. Renslow, PLOS ONE 13 (2018) e0199239 (CC0), made to look alike to colour-blind eyes
+cividis    J. Nuñez, C. Anderton & R. Renslow, PLOS ONE 13 (2018) e0199239 (CC0), alike to colour-blind and other eyes
 diverging  blue, grey, red, with the neutral grey in the middle: K. Moreland, Advances in Visual Computing (2009), 92
 groups     eight colours that colour-blind eyes tell apart: M. Okabe & K. Ito, Color Universal Design (2008)
 """
@@ -60,11 +60,11 @@ GROUP_COLORS = (
     / 255.0
 )
 NOWHERE = (0.5, 0.5, 0.5)
-"""Colour of what has no value: not a number, or not positive on a logarithmic scale."""
+"""Colour of a particle or spring without a value: NaN, or not positive on a logarithmic scale."""
 
 
 def colors_of(share: np.ndarray, name: str) -> np.ndarray:
-    """Colours at shares 0…1 of a map, shape (count, 3); beyond its ends those of its ends."""
+    """Colours at shares 0…1 of a map, shape (count, 3); shares beyond an end have the colour of that end."""
     table = COLOR_TABLES[name]
     place = np.linspace(0.0, 1.0, len(table))
     known = np.isfinite(share)

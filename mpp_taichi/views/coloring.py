@@ -1,4 +1,4 @@
-"""Colouring: particles and springs in the colours of a quantity, and the legend that says which colour is which number."""
+"""Colouring: particles and springs in the colours of a quantity, and the legend that relates colours to numbers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -72,22 +72,22 @@ PARTICLE_QUANTITIES: dict[str, Callable[[Frame], _Values]] = {
     "z": lambda frame: frame.position[:, 2],
     "index": lambda frame: np.arange(len(frame.position), dtype=float),
 }
-"""Values of all particles of a frame; None where the frame does not know."""
+"""Values of all particles of a frame; None where the frame does not hold the quantity."""
 SPRING_QUANTITIES: dict[str, Callable[[Frame], _Values]] = {"strain": _strain, "tension": _tension, "length": _spring_length}
-SIGNED = ("strain", "tension")  # with a zero that must be seen
+SIGNED = ("strain", "tension")  # quantities whose zero must be visible
 
 
 class Coloring:
-    """Colours by quantities. A range that the scene does not give is that of all frames so far, so that it only grows."""
+    """Colours by quantities. A range that the scene does not give is the range of all frames so far, so it only grows."""
 
     def __init__(self, particles: ColorBySpec | None, springs: SpringColorBySpec | None) -> None:
-        """Find what is asked for."""
+        """Find the quantities that the view asks for."""
         self._groups: GroupColorsSpec | None = particles.group if particles is not None else None
         self._particles = _chosen(particles, PARTICLE_QUANTITIES)
         self._springs = _chosen(springs, SPRING_QUANTITIES)
 
     def particle_colors(self, frame: Frame) -> np.ndarray | None:
-        """Colours of the particles as displayed, shape (particle_count, 3); None where nothing is asked for, or known."""
+        """Colours of the particles as displayed, shape (particle_count, 3); None where no quantity is asked for, or known."""
         if self._groups is not None:
             colors = np.array(frame.color, dtype=float)
             for number, (_, first, count) in enumerate(self._groups.of):
@@ -99,13 +99,13 @@ class Coloring:
         return self._particles.colors(PARTICLE_QUANTITIES[self._particles.name](frame), seen)
 
     def spring_colors(self, frame: Frame) -> np.ndarray | None:
-        """Colours of the springs, as those of the particles."""
+        """Colours of the springs as displayed, shape (spring_count, 3), or None as for the particles."""
         if self._springs is None:
             return None
         return self._springs.colors(SPRING_QUANTITIES[self._springs.name](frame), np.ones(len(frame.between), bool))
 
     def legend(self) -> list[ColorBar | GroupKey]:
-        """What the colours mean, for the frames so far."""
+        """The legend of the colours, for the frames so far."""
         entries: list[ColorBar | GroupKey] = []
         if self._groups is not None:
             names = tuple(name for name, _, _ in self._groups.of)
@@ -122,7 +122,7 @@ class _Scale:
         self.low, self.high = spec.range or (np.inf, -np.inf)
 
     def colors(self, values: _Values, seen: np.ndarray) -> np.ndarray | None:
-        """Colours of values, the range taken from those that are seen."""
+        """Colours of values; a range that the scene does not give takes in the values of visible particles."""
         if values is None:
             return None
         values = np.asarray(values, dtype=float)
@@ -147,7 +147,7 @@ class _Scale:
             self.low = -self.high
 
     def bar(self) -> ColorBar | None:
-        """Its entry in the legend, once there are values."""
+        """The entry of the scale in the legend, once there are values."""
         if not self.low <= self.high:
             return None
         label = self.spec.label or self.name.replace("_", " ")
@@ -155,7 +155,7 @@ class _Scale:
 
 
 def _chosen(spec: ColorBySpec | SpringColorBySpec | None, quantities: dict[str, Callable[[Frame], _Values]]) -> _Scale | None:
-    """The one scale that is asked for."""
+    """The scale of the quantity that the view asks for."""
     for each in fields(spec) if spec is not None else ():
         if each.name in quantities and getattr(spec, each.name) is not None:
             return _Scale(each.name, getattr(spec, each.name))

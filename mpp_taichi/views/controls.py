@@ -1,4 +1,4 @@
-"""What keys and mouse do in a window; knows nothing of GGUI, so that it can be tested without a display."""
+"""The actions of keys and mouse in a window; without any use of GGUI, so that a test needs no display."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -36,7 +36,7 @@ HELP = (
 ZOOM_PER_SECOND = 2.5  # factor while I or O is held
 ZOOM_PER_HEIGHT = 8.0  # factor for a drag over the height of the window
 MANY_STEPS = 50
-CLICK = 0.01  # heights of the window that a hand moves while it clicks
+CLICK = 0.01  # heights of the window that a mouse may move during a click
 Box = tuple[float, float, float, float]
 """Left, top, width and height, in 0…1 from the upper left corner of the window."""
 
@@ -55,7 +55,7 @@ def _holds(box: Box, cursor: tuple[float, float]) -> bool:
 
 @dataclass(eq=False)
 class Controls:
-    """What the user has asked for. Keys are named as GGUI names them: letters in lower case, `Escape`, `Right`, … ."""
+    """The requests of the user. Keys have GGUI's names: letters in lower case, `Escape`, `Right`, … ."""
 
     running: bool = True
     trails: bool = True
@@ -74,11 +74,11 @@ class Controls:
     single_steps: int = 0
     steps_back: int = 0
     faster: int = 0
-    occupied: Sequence[Box] = ()  # where the mouse is another's
+    occupied: Sequence[Box] = ()  # where the mouse belongs to a panel
     _cursor: tuple[float, float] | None = field(default=None, repr=False)
     _pressed: tuple[float, float] | None = field(default=None, repr=False)  # where a click may have begun
     _clicked: tuple[float, float] | None = field(default=None, repr=False)
-    _taken: bool = field(default=False, repr=False)  # the drag began where the mouse is another's
+    _taken: bool = field(default=False, repr=False)  # the drag began where the mouse belongs to a panel
 
     def press(self, key: str, *, shift: bool, camera: Camera, frame: Frame, aspect: float) -> None:
         """A key went down."""
@@ -112,7 +112,7 @@ class Controls:
             camera.look_along(key)
 
     def move(self, cursor: tuple[float, float], held: set[str], *, camera: Camera, seconds: float, aspect: float) -> None:
-        """Drag and held keys since the last call, `seconds` ago; `cursor` in 0…1 from the lower left corner of the window."""
+        """Take the drag and the held keys since the last call, `seconds` ago; `cursor` in 0…1 from the lower left corner."""
         last, self._cursor = self._cursor, cursor if held & BUTTONS else None
         self._watch_clicks(cursor, held, begins=last is None, aspect=aspect)
         if self._taken:
@@ -130,7 +130,7 @@ class Controls:
             camera.zoom(ZOOM_PER_SECOND ** (direction * seconds))
 
     def _watch_clicks(self, cursor: tuple[float, float], held: set[str], *, begins: bool, aspect: float) -> None:
-        """A click is the left button, alone, down and up again at one place."""
+        """Notice clicks: the left button alone goes down and up again at one place."""
         if not held & BUTTONS:
             self._clicked, self._pressed, self._taken = self._pressed or self._clicked, None, False
         elif begins:
@@ -153,16 +153,16 @@ class Controls:
         return asked
 
     def take_faster(self) -> int:
-        """How many times twice as fast was asked for since the last call."""
+        """Number of requests for twice the speed since the last call, less the requests for half the speed."""
         faster, self.faster = self.faster, 0
         return faster
 
     def take_steps_back(self) -> int:
-        """How often back was asked for since the last call."""
+        """Number of requests to go back since the last call."""
         steps, self.steps_back = self.steps_back, 0
         return steps
 
     def take_steps(self) -> int:
-        """Single steps asked for since the last call."""
+        """Number of single steps requested since the last call."""
         steps, self.single_steps = self.single_steps, 0
         return steps

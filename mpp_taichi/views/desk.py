@@ -1,4 +1,4 @@
-"""Desk: what a window offers besides running: sliders, a way back, and files; a window without one offers none of it."""
+"""Desk: the actions of a window besides running: sliders, a way back, and files. A window without a desk has none of them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,14 +28,14 @@ def _nothing_moved(moved: Mapping[str, float]) -> str:
 
 @dataclass(frozen=True)
 class Desk:
-    """What lies on it; each of the actions but `back` gives a line to show.
+    """Sliders and actions; each action except `back` returns a line to show.
 
-    move   set parameters, path → value; the line says what is wrong, if anything is
-    back   go back by a frame; False where there is none to go back to
+    move   set parameters, path → value; the line states the error, if there is one
+    back   go back by a frame; False where no earlier frame is kept
     save   write the state to a file
-    log    write what was done to a file
+    log    write the moves of the sliders to a file, as a scene
     scenes the scenes that can be opened instead of this one, by name; `present` is this one
-    open   make another scene ready, for the window to be handed on to; the line says why it cannot be, if it cannot
+    open   prepare another scene, to which the window is handed on; the line states the error, if there is one
     """
 
     knobs: Sequence[Knob] = ()

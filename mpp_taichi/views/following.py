@@ -9,7 +9,7 @@ CENTER = "center of mass"
 
 
 class Follower:
-    """Moves the camera's target by as much as what it follows; `what` is a particle's index, `CENTER`, or None."""
+    """Moves the camera's target together with `what`: a particle's index, `CENTER` for the centre of mass, or None."""
 
     def __init__(self) -> None:
         """Follow nothing."""
@@ -17,7 +17,7 @@ class Follower:
         self._last: np.ndarray | None = None
 
     def next(self, picked: int | None) -> str:
-        """Go on to the next of: the particle that is picked, the centre of mass, nothing; and say what is followed."""
+        """Change to the next choice: the picked particle, the centre of mass, nothing. Returns a line that names the choice."""
         choices: list[int | str | None] = [CENTER, None] if picked is None else [picked, CENTER, None]
         place = choices.index(self.what) if self.what in choices else len(choices) - 1
         self.what, self._last = choices[(place + 1) % len(choices)], None
@@ -26,7 +26,7 @@ class Follower:
         return f"follows the {CENTER}" if self.what == CENTER else f"follows particle {self.what}"
 
     def update(self, camera: Camera, frame: Frame) -> None:
-        """Go along: aim at it when it is new, then keep it where it is in the picture."""
+        """Move the target: aim at a newly followed particle, then keep its place in the picture."""
         place = self._place(frame)
         if place is None or not np.isfinite(place).all():
             return

@@ -1,7 +1,7 @@
 """Drawing with GGUI, Taichi's Vulkan window system: into a window, or into a picture without one.
 
 GGUI needs a Vulkan driver whatever backend computes (Mesa's lavapipe, in software, will do), and for a window a display.
-A driver that is broken may abort the whole process, so `probe` tries it in another one.
+A broken driver may abort the whole process, so `probe` tries the driver in a process of its own.
 """
 
 import os
@@ -16,11 +16,12 @@ import taichi as ti
 
 from mpp_taichi.errors import BackendError
 from mpp_taichi.scene.spec import ViewSpec
-from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
+from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, View
 from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
 from mpp_taichi.views.legend import draw_labels, draw_legend
+from mpp_taichi.views.trails import Trails
 
 PROBE_SECONDS = 60.0
 PROBE = """
@@ -38,7 +39,7 @@ else:
 LIGHT = (-0.75, 1.0, 1.1)  # right, up, towards the viewer, in camera distances from the target
 NEAR, FAR = 1.0e-3, 1.0e3  # in camera distances
 TRAIL_WIDTH = 1.5  # pixels
-THINNEST = 1.0  # pixels; of a thinner line GGUI, which does not smooth edges, draws some pixels or none
+THINNEST = 1.0  # pixels; GGUI does not smooth edges, and draws only some pixels of a thinner line
 
 
 @lru_cache(maxsize=2)
@@ -66,14 +67,14 @@ def probe(*, shown: bool) -> str:
 
 
 class GguiScene:
-    """Puts frames into the scene of one GGUI window. It holds fields, so it ends with the `ti.init` it was made under.
+    """Puts frames into the scene of one GGUI window. It holds fields, so it is valid until the next `ti.init`.
 
     Everything is handed over relative to the camera's target and in camera distances, which keeps single precision enough
     at any place and scale.
     """
 
     def __init__(self, window: "ti.ui.Window", spec: ViewSpec, *, dimensions: int = 3) -> None:
-        """Make what can be made before the first frame."""
+        """Make the objects of GGUI that need no frame."""
         ti.set_logging_level(ti.ERROR)  # GGUI logs every picture read back, and warns of its own kernels under f64
         self._window, self._spec = window, spec
         self._canvas, self._scene = window.get_canvas(), window.get_scene()
@@ -85,7 +86,7 @@ class GguiScene:
         self._canvas.set_background_color(tuple(spec.background))
 
     def draw(self, frame: Frame, camera: Camera, trails: Trails | None) -> None:
-        """Draw a dressed frame on the window's canvas; showing it, or reading it back, is the caller's."""
+        """Draw a prepared frame on the window's canvas; the caller shows the canvas or reads it back."""
         width, height = self._window.get_window_shape()
         self._place(camera, width / height)
         light = LIGHT[0] * camera.right + LIGHT[1] * camera.up + LIGHT[2] * camera.backward
@@ -177,7 +178,7 @@ class _Points:
         self.position = self.color = self.radius = None
 
     def put(self, position: np.ndarray, color: np.ndarray, radius: np.ndarray | None) -> int:
-        """Copy points to the device and say how many; those that are not finite are moved out of sight."""
+        """Copy points to the device and return their number; points that are not finite are moved out of sight."""
         count = len(position)
         if count > self._capacity:
             self._capacity = max(count, 2 * self._capacity)
@@ -242,7 +243,7 @@ class GguiView(View):
 
 
 def read_back(window: "ti.ui.Window") -> np.ndarray:
-    """What a window holds, uint8, shape (height, width, 3), first row on top.
+    """The picture in a window, uint8, shape (height, width, 3), first row on top.
 
     GGUI gives (width, height, 4) floats from the lower left corner, at the size of the real frame buffer.
     """
@@ -251,4 +252,4 @@ def read_back(window: "ti.ui.Window") -> np.ndarray:
 
 
 def _nothing() -> None:
-    """What closing a closed view does."""
+    """Do nothing: closing a closed view is harmless."""

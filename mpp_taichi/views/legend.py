@@ -15,12 +15,12 @@ from mpp_taichi.views.marks import Label
 
 BAR_WIDTH = 13  # of a colour bar, in heights of a line
 TICKS = (("la", 0.0), ("ma", 0.5), ("ra", 1.0))  # how its numbers are set, and where
-MOST_NAMES = 16  # of groups, before the rest is counted
-BACKING = 0.4  # what is left of the picture behind the legend
+MOST_NAMES = 16  # of groups; further groups are only counted
+BACKING = 0.4  # share of the picture's light that remains behind the legend
 
 
 def legend_lines(legend: Legend) -> list[str]:
-    """The legend in words, where there is nothing but text."""
+    """The legend in words, for output that has text only."""
     lines = []
     for entry in legend.entries:
         if isinstance(entry, ColorBar):
@@ -31,7 +31,7 @@ def legend_lines(legend: Legend) -> list[str]:
 
 
 def draw_legend(picture: np.ndarray, legend: Legend, background: Background = DARK) -> None:
-    """Draw a legend into the lower left corner of a picture (height, width, 3), in place; what does not fit is cut off."""
+    """Draw a legend into the lower left corner of a picture (height, width, 3), in place; the rest is cut off."""
     if not legend.entries and not legend.lines:
         return
     size = _text_height(picture)
@@ -59,7 +59,7 @@ def draw_legend(picture: np.ndarray, legend: Legend, background: Background = DA
 
 
 def draw_labels(picture: np.ndarray, labels: list[Label], camera: Camera, background: Background = DARK) -> None:
-    """Write texts at places of the scene, in place; what is behind the camera is left out."""
+    """Write texts at places of the scene, in place; texts behind the camera are left out."""
     if not labels:
         return
     height, width = picture.shape[:2]
@@ -84,13 +84,13 @@ def number_text(value: float, span: float) -> str:
 
 
 def _text_height(picture: np.ndarray) -> int:
-    """As of a caption; in a wide strip above panels, as of the caption of the whole."""
+    """Height of a line, as in a caption; in a wide strip above panels, as in the caption of the whole picture."""
     height, width = picture.shape[:2]
     return min(max(text_height(picture), width * 9 // 16 // LINES_PER_PICTURE), max(height // 12, text_height(picture)))
 
 
 def _names(key: GroupKey) -> list[tuple[str, Color | None]]:
-    """The lines of a key: names with their colours, and what is left out."""
+    """The lines of a key: names with their colours, and the number of names left out."""
     lines: list[tuple[str, Color | None]] = [(name, _bytes(color)) for name, color in zip(key.names, key.colors, strict=True)]
     if len(lines) <= MOST_NAMES:
         return lines

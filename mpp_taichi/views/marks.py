@@ -20,11 +20,11 @@ GRID_SHARE = 0.125  # of the picture's height: the spacing of a grid, before it 
 AXIS_SHARE = 0.3
 AXIS_WIDTH, GRID_WIDTH = 2.0, 1.0  # pixels of a picture of 720 rows
 AXIS_COLORS = np.array([[0.90, 0.35, 0.30], [0.35, 0.75, 0.40], [0.40, 0.60, 0.95]])
-GRID_LIGHTNESS = 0.25  # how far the grid's colour is from the background to white, or to black on a light one
+GRID_LIGHTNESS = 0.25  # share of white in the grid's colour, or of black on a light background
 
 
 Label = tuple[str, np.ndarray, np.ndarray]
-"""A text in the scene, its place [length] and its colour in 0…1."""
+"""A text in the scene with its place [length] and its colour in 0…1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class Marks:
     """The marks of one view; lengths that the scene leaves open are chosen for the first picture and then kept."""
 
     def __init__(self, spec: ViewSpec, dimensions: int) -> None:
-        """Nothing is chosen yet."""
+        """No length is chosen yet."""
         self.spec, self.dimensions = spec, dimensions
         self.labels: list[Label] = []
         self._scales = [arrows.length_per_quantity for arrows in spec.arrows]
@@ -61,7 +61,7 @@ class Marks:
         self._middle: np.ndarray | None = None
 
     def segments(self, frame: Frame, camera: Camera) -> Segments:
-        """The lines for a dressed frame; sets `labels`."""
+        """The lines for a prepared frame; sets `labels`."""
         self.labels = []
         parts = []
         if self.spec.grid is not None:
@@ -74,21 +74,21 @@ class Marks:
         return Segments.joined(parts)
 
     def lines(self) -> list[str]:
-        """What the legend says of lengths."""
+        """Lines of the legend about lengths."""
         told = [f"arrows: {text}" for text, _ in self._told_arrows()] if len(self.spec.arrows) == 1 else []
         if self.spec.grid is not None and self._spacing is not None:
             told.append(f"grid: {self._spacing:g}")
         return told
 
     def arrow_key(self) -> GroupKey | None:
-        """The colours that tell several kinds of arrows apart, once their scales are known; None where there is but one."""
+        """The colours of several kinds of arrows, once their scales are known; None for a single kind."""
         told = self._told_arrows()
         if len(self.spec.arrows) < 2 or not told:
             return None
         return GroupKey(tuple(text for text, _ in told), np.array([color for _, color in told]), ARROWS)
 
     def _told_arrows(self) -> list[tuple[str, tuple[float, float, float]]]:
-        """What each kind of arrows is of, with its colour."""
+        """The text of each kind of arrows with its colour."""
         return [
             (f"{arrows.quantity} × {scale:g}", arrows.color or ARROW_COLORS[arrows.quantity])
             for arrows, scale in zip(self.spec.arrows, self._scales, strict=True)
@@ -140,7 +140,7 @@ class Marks:
         if self._spacing is None:
             self._spacing = round_number(GRID_SHARE * camera.visible_height)
         first, second = ("xyz".index(letter) for letter in spec.plane)
-        if self._middle is None:  # on the grid, near what the camera looks at
+        if self._middle is None:  # on the grid, near the camera's target
             self._middle = np.round(camera.target / self._spacing) * self._spacing
             self._middle[3 - first - second] = spec.at
         offset = self._spacing * np.arange(-spec.lines, spec.lines + 1)
@@ -153,7 +153,7 @@ class Marks:
 
 
 def _vectors(quantity: str, frame: Frame) -> np.ndarray | None:
-    """What the arrows are of, (particle_count, 3); None where the frame has not got it."""
+    """The vectors that arrows show, shape (particle_count, 3); None where the frame does not hold them."""
     found = frame.velocity if quantity == "velocity" else frame.acceleration
     if found is None or (quantity == "force" and frame.mass is None):
         return None

@@ -20,7 +20,7 @@ def open_offscreen(spec: ViewSpec, size: tuple[int, int], *, dimensions: int = 3
     """
     if renderer not in RENDERERS:
         raise ValueError(f"renderer {renderer!r} is none of {', '.join(RENDERERS)}")
-    # Imported here because each imports Taichi, and only one is used.
+    # Imported here because each of the two modules imports Taichi, and only one of them is used.
     if renderer == "ggui":
         from mpp_taichi.views.ggui import GguiView
 

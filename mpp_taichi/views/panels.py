@@ -12,7 +12,7 @@ from mpp_taichi.scene.spec import CameraSpec, RecordSpec, ViewSpec
 from mpp_taichi.views._base import Frame, View
 from mpp_taichi.views.caption import draw_caption
 
-LEAST = 16  # pixels of either part
+LEAST = 16  # pixels of each part
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Division:
 
     @staticmethod
     def of(size: tuple[int, int], record: RecordSpec) -> "Division | None":
-        """As `record:` says; None where there are to be no panels."""
+        """The division that `record:` asks for; None without panels."""
         if record.panels == "none":
             return None
         width, height = size
@@ -46,7 +46,7 @@ class ViewWithPanels(View):
     """A view of the scene in one part of the picture, and panels in the other."""
 
     def __init__(self, view: View, plots: Sequence[Plot], division: Division, *, caption: bool) -> None:
-        """`view` draws pictures as large as the scene's part, and without a caption, which is as large as it would be alone."""
+        """`view` draws the scene's part without a caption; the caption is as large as in a picture of the whole size."""
         self.view, self.division, self.caption = view, division, caption
         (width, height), (wide, high) = division.scene, division.panels
         size = (width + wide, height) if division.right else (width, height + high)
@@ -69,16 +69,16 @@ class ViewWithPanels(View):
 
 
 def widening(camera: CameraSpec, before: tuple[int, int], after: tuple[int, int]) -> float:
-    """By how much more a camera has to take in, so that a part of the picture shows all that the whole showed along both axes.
+    """Factor by which a camera's field must grow so that a part of the picture shows everything that the whole showed.
 
-    1 for a camera that chooses its own place, as it does so for any shape.
+    The factor is 1 for a camera that chooses its own place, since it fits any shape.
     """
     chosen = camera.position is None and camera.height is None
     return 1.0 if chosen else max(1.0, (before[0] / before[1]) / (after[0] / after[1]))
 
 
 def widened(field_of_view: float, factor: float) -> float:
-    """The vertical angle in which a factor more is seen [degrees]."""
+    """The vertical angle that shows a height larger by a factor [degrees]."""
     return math.degrees(2.0 * math.atan(factor * math.tan(math.radians(field_of_view) / 2.0)))
 
 

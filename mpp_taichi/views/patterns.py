@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 ROWS = 320  # of a pattern; twice as many columns
-LATTICE = 32  # of the noise, which repeats beyond
+LATTICE = 32  # of the noise, which repeats after this size
 CRATERS, LARGEST_CRATER, SMALLEST_CRATER = 140, 0.28, 0.025  # angular radii [radians]
 SEA_SHARE = 0.62
 CHECKS = 12  # from pole to pole
@@ -107,7 +107,7 @@ def _cratered(direction: np.ndarray, color: np.ndarray, random: np.random.Genera
 
 
 def _checker(direction: np.ndarray, color: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Squares of 15°, one meridian marked, by which a turn is seen."""
+    """Squares of 15° with one meridian marked, so that a rotation is visible."""
     del random
     rows, columns = np.arange(ROWS)[:, None] * CHECKS // ROWS, np.arange(2 * ROWS)[None, :] * CHECKS // ROWS
     surface = np.where(((rows + columns) % 2 == 0)[..., None], color, 0.4 * color)

@@ -1,4 +1,4 @@
-"""Picking: which particle is under the cursor, by the projection of our own camera, and what there is to say of it."""
+"""Picking: the particle under the cursor, by the projection of the program's own camera, and the text about it."""
 
 import math
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from mpp_taichi.scene.spec import ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
 
-REACH = 6.0  # pixels that a hand may miss by
+REACH = 6.0  # pixels by which a click may miss a particle
 CORNERS = 48  # of a ring
 CLEARANCE = 4.0  # pixels between a particle and its ring
 NEAREST_DEPTH = 1e-3  # in camera distances, as for GGUI
@@ -17,7 +17,7 @@ NEAREST_DEPTH = 1e-3  # in camera distances, as for GGUI
 
 @dataclass(frozen=True, eq=False)
 class Discs:
-    """Where particles are drawn in a window: middles in pixels from the lower left corner, radii in pixels, depths [length]."""
+    """Places of particles in a window: middles in pixels from the lower left corner, radii in pixels, depths [length]."""
 
     middle: np.ndarray
     radius: np.ndarray
@@ -29,7 +29,7 @@ def discs(
 ) -> Discs:
     """All particles of a frame; `shift` moves the picture to the right and up, in halves of the window's height.
 
-    What is behind the camera, or not there, is nowhere: its middle is not a number.
+    The middle of a particle behind the camera, or of a merged particle, is NaN.
     """
     seen = camera.view(frame.position)
     depth = seen[:, 2]
@@ -42,7 +42,7 @@ def discs(
 
 
 def pick(drawn: Discs, cursor: tuple[float, float], size: tuple[int, int]) -> int | None:
-    """The nearest particle under the cursor (0…1 from the lower left corner), or closest to it within `REACH`; None without."""
+    """The nearest particle under the cursor (0…1 from the lower left corner), else the closest within `REACH`, or None."""
     away = np.linalg.norm(drawn.middle - np.array(cursor) * np.array(size), axis=1) - drawn.radius
     away = np.where(np.isnan(away), np.inf, away)
     under = np.flatnonzero(away <= 0.0)

@@ -9,7 +9,7 @@ from mpp_taichi.atomic_file import whole_file
 
 
 def save_picture(picture: np.ndarray, path: Path) -> None:
-    """Write one PNG by way of a temporary file, so that no half a picture is left.
+    """Write a PNG through a temporary file, so that no incomplete picture remains.
 
     Raises:
         OutputError: it cannot be written.

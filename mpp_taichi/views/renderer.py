@@ -1,7 +1,7 @@
 """The program's own renderer: shaded spheres and lines, drawn by one Taichi kernel on whatever backend runs.
 
-It needs no graphics driver and no display, works in single precision, and gives the same picture twice: every pixel gathers
-from the list of its tile, in one order, and nothing is added atomically.
+It needs no graphics driver and no display, works in single precision, and repeats a picture to the bit: every pixel
+gathers from the list of its tile in a fixed order, and no number is added atomically.
 """
 
 import logging
@@ -12,7 +12,7 @@ import taichi as ti
 
 from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 from mpp_taichi.scene.spec import ViewSpec
-from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, Trails, View
+from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, View
 from mpp_taichi.views._display import CURVE
 from mpp_taichi.views._pixels import draw_pixels
 from mpp_taichi.views._primitives import Primitives, Screen, at_least_one, bin_into_tiles, lines, spheres
@@ -24,12 +24,13 @@ from mpp_taichi.views.sky import Sky
 from mpp_taichi.views.srgb import linear_from_srgb
 from mpp_taichi.views.surfaces import Surfaces, SurfaceTables
 from mpp_taichi.views.textures import LEVELS
+from mpp_taichi.views.trails import Trails
 
 logger = logging.getLogger(__name__)
 
-LIGHT = np.array([-0.45, 0.6, -0.66]) / math.sqrt(0.45**2 + 0.6**2 + 0.66**2)  # from where: upper left, before the scene
+LIGHT = np.array([-0.45, 0.6, -0.66]) / math.sqrt(0.45**2 + 0.6**2 + 0.66**2)  # to the light: upper left, in front
 TRAIL_WIDTH = 1.5  # pixels
-TRAIL_DEPTH = 1.0e-3  # of its distance, that the oldest part of a trail is drawn behind its place
+TRAIL_DEPTH = 1.0e-3  # share of its distance by which the oldest part of a trail is drawn behind its place
 LOOP_LIMIT = 65_000  # software Vulkan ends a thread's loop silently at 65,535 iterations
 
 
@@ -37,7 +38,7 @@ class Renderer(View):
     """Draws frames at a fixed size. `ti.init` has been called; the renderer owns no field, so several may live together."""
 
     def __init__(self, spec: ViewSpec, size: tuple[int, int], *, dimensions: int = 3) -> None:
-        """Set up; the camera is placed by the first frame."""
+        """Set up the renderer; the first frame places the camera."""
         self.spec, self.size, self.dimensions = spec, size, dimensions
         self.camera: Camera | None = None
         self.trails = Trails(spec.trails)
@@ -62,11 +63,11 @@ class Renderer(View):
         return picture
 
     def see(self, frame: Frame) -> None:
-        """Let ranges of colours that the scene does not give take in a frame that is drawn later."""
+        """Extend the ranges of colours that the scene does not give to a frame that is drawn later."""
         self._appearance.dress(frame)
 
     def close(self) -> None:
-        """Nothing is held on the device."""
+        """Do nothing: the renderer holds no memory of the device."""
 
     def _primitives(self, frame: Frame, camera: Camera, screen: Screen) -> tuple[Primitives, SurfaceTables]:
         scale, spec = camera.distance, self.spec
@@ -83,7 +84,7 @@ class Renderer(View):
         ends, colors, age = self.trails.segments(np.asarray(frame.color), np.array(spec.background))
         springs = center[np.asarray(frame.between, dtype=np.int64)].reshape(-1, 2, 3)
         walls, added = camera.view(frame.outline), self._appearance.segments(frame, camera)
-        # Older parts lie a little farther away: where a path is gone again, its newest part is seen.
+        # Older parts lie a little farther away: where a path overlaps itself, its newest part is visible.
         trails, push = camera.view(ends), (1.0 + TRAIL_DEPTH * age)[:, None]
         if camera.orthographic:
             trails[:, :, 2] *= push
@@ -111,13 +112,13 @@ class Renderer(View):
             )
         assert self.camera is not None
         behind = self._plain if self._sky is None else self._sky.picture(self.camera)
-        # Most of a picture is empty, unless something glows.
+        # Most tiles of a picture are empty, unless a body glows.
         shows = np.diff(primitives.start) > 0
         tiles = np.flatnonzero(shows if not tables.glow_count else np.ones_like(shows)).astype(np.int32)
         if not len(tiles):
             return behind.copy()
         by_row = on_cpu()
-        # Graphics cards may not know bytes.
+        # Graphics cards may have no type for bytes.
         canvas = behind.copy() if by_row else _packed(behind)
         draw_pixels(
             tiles,
@@ -152,7 +153,7 @@ class Renderer(View):
 def _packed(picture: np.ndarray) -> np.ndarray:
     """Red | green << 8 | blue << 16 of every pixel."""
     packed = np.zeros((*picture.shape[:2], 4), np.uint8)
-    for k in range(3):  # one color at a time: four times as fast as all
+    for k in range(3):  # one colour at a time is four times as fast as all colours together
         packed[:, :, k] = picture[:, :, k]
     return packed.view(np.uint32)[:, :, 0]
 

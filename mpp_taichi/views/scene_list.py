@@ -1,4 +1,4 @@
-"""A list of scenes in a window: as buttons and by arrow keys, with room for what is wrong with the one that was chosen."""
+"""A list of scenes in a window, with buttons and arrow keys, and with room for the fault of a chosen scene."""
 
 import textwrap
 from collections.abc import Callable, Sequence
@@ -12,37 +12,37 @@ Box = tuple[float, float, float, float]
 
 
 class Gui(Protocol):
-    """What is asked of GGUI's window in the window."""
+    """The functions of GGUI's panel that the list uses."""
 
     def button(self, text: str) -> bool:
-        """Draw a button, and say whether it was clicked."""
+        """Draw a button, and return whether it was clicked."""
 
     def text(self, text: str) -> None:
         """Write a line."""
 
 
 class SceneList:
-    """The names of `names()`, of which `present` is the one that runs; `shown` is toggled by the user.
+    """The scenes that `names()` returns, of which `present` runs now; `shown` is toggled by the user.
 
-    Where not all of them fit, those about the marked one are shown.
+    Where the names do not all fit, the names around the marked name are shown.
     """
 
     def __init__(self, names: Callable[[], Sequence[str]], present: str) -> None:
-        """Nothing is shown yet."""
+        """The list is hidden at first."""
         self._find, self.present = names, present
         self.names: Sequence[str] = ()
         self.shown, self.marked, self.message = False, 0, ""
         self._chosen: str | None = None
 
     def toggle(self) -> None:
-        """Show what there is now, or nothing."""
+        """Show the list with its present names, or hide it."""
         self.shown = not self.shown
         if self.shown:
             self.names, self.message = tuple(self._find()), ""
             self.marked = self.names.index(self.present) if self.present in self.names else 0
 
     def press(self, key: str) -> bool:
-        """A key went down; whether it was for the list."""
+        """Take a pressed key; returns whether the key was meant for the list."""
         if not self.shown or key not in ("Up", "Down", "Return", "Escape"):
             return False
         if key == "Escape":
@@ -59,7 +59,7 @@ class SceneList:
         return chosen
 
     def rows(self, height: int) -> int:
-        """How many names fit into a window so many pixels high."""
+        """The number of names that fit into a window of this height in pixels."""
         room = height - 16 - HEAD - LINE * (MESSAGE_LINES + 1)
         return max(1, min(len(self.names), room // ROW))
 

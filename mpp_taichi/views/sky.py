@@ -1,4 +1,4 @@
-"""The sky: what is behind everything, as a picture of light. NumPy on the host, drawn anew only when the camera has moved."""
+"""The sky: the background as a picture of light. NumPy on the host, drawn anew only when the camera has moved."""
 
 import math
 
@@ -18,9 +18,9 @@ COLOR_SPREAD = 0.35  # between the reddest and the bluest
 class Sky:
     """The light behind the scene for one size of picture.
 
-    Stars are spread evenly over the sphere of directions. Their light I has as many above any I as the stars around us have,
-    N(> I) ∝ I^(−3/2), cut off at the faintest. A parallel projection, which has one direction only, shows the sky of a
-    perspective picture of 45°.
+    Stars are spread evenly over the sphere of directions. The number of stars with more light than I follows the law of the
+    stars around the Sun, N(> I) ∝ I^(−3/2), cut off at the faintest star. A parallel projection, which has a single
+    direction, shows the sky of a perspective picture of 45°.
     """
 
     def __init__(self, spec: SkySpec, size: tuple[int, int], background: np.ndarray) -> None:
@@ -38,7 +38,7 @@ class Sky:
         self._star_light = np.minimum(brightness, 4.0)[:, None] * tint
 
     def picture(self, camera: Camera) -> np.ndarray:
-        """What is displayed of it, uint8, shape (height, width, 3)."""
+        """The sky as displayed, uint8, shape (height, width, 3)."""
         angle = 45.0 if camera.orthographic else camera.field_of_view
         view = (*camera.right, *camera.up, angle)
         if view != self._view:

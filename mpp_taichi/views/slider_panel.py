@@ -1,4 +1,4 @@
-"""Sliders in a window: what stands beside each, and what number a place on its way stands for; GGUI only draws them.
+"""Sliders in a window: the text beside each slider, and the value at each of its places. GGUI only draws the sliders.
 
 GGUI's sliders know f32 and show three decimals, so a range is scaled by a power of ten, or to its decimal logarithm.
 """
@@ -10,13 +10,13 @@ from typing import Protocol
 
 import numpy as np
 
-DIGITS = 6  # of a number that a hand sets
+DIGITS = 6  # digits of a value that is set by hand
 WIDTH, ROW, HEAD = 420, 23, 32  # pixels: of the panel, of a slider in it, and of its title with the rim
 
 
 @dataclass(frozen=True)
 class Knob:
-    """A parameter from `low` to `high`; `read` says what it is now."""
+    """A parameter from `low` to `high`; `read` returns its present value."""
 
     path: str
     label: str
@@ -27,44 +27,44 @@ class Knob:
 
     @property
     def unit(self) -> float:
-        """What 1 on the slider stands for, on a linear scale: a power of ten that lets three decimals say something."""
+        """The value of 1 on a linear slider: a power of ten for which three decimals are enough."""
         decade = math.floor(math.log10(max(abs(self.low), abs(self.high))))
         return 1.0 if -1 <= decade <= 4 else 10.0**decade
 
     def place(self, value: float) -> float:
-        """Where the slider stands at a value."""
+        """The place of the slider at a value."""
         value = min(max(value, self.low), self.high)
         return math.log10(value) if self.logarithmic else value / self.unit
 
     def value(self, place: float) -> float:
-        """The value at a place, in as many digits as a hand can mean, and within the range."""
+        """The value at a place, rounded to the digits that a hand can set, and within the range."""
         value = 10.0**place if self.logarithmic else place * self.unit
         return min(max(float(f"{value:.{DIGITS}g}"), self.low), self.high)
 
     @property
     def text(self) -> str:
-        """What stands beside the slider, which shows its place; by what follows ### GGUI knows it while the text changes."""
+        """The text beside the slider. GGUI identifies the slider by the part after ###, while the text before it changes."""
         scale = "  [log10]" if self.logarithmic else "" if self.unit == 1.0 else f"  [{self.unit:.0e}]"
         return f"{self.label} = {self.read():.4g}{scale}###{self.path}"
 
 
 class Gui(Protocol):
-    """What is asked of GGUI's window in the window."""
+    """The functions of GGUI's panel that the sliders use."""
 
     def slider_float(self, text: str, old_value: float, minimum: float, maximum: float) -> float:
-        """Draw a slider, and say where it stands."""
+        """Draw a slider, and return its place."""
 
 
 class SliderPanel:
     """All sliders of a scene; `shown` is toggled by the user."""
 
     def __init__(self, knobs: Sequence[Knob]) -> None:
-        """They are shown where there are any."""
+        """The sliders are shown where the scene has sliders."""
         self.knobs = tuple(knobs)
         self.shown = bool(self.knobs)
 
     def toggle(self) -> None:
-        """Show them, or do not."""
+        """Show or hide the sliders."""
         self.shown = bool(self.knobs) and not self.shown
 
     def box(self, size: tuple[int, int], top: int) -> tuple[float, float, float, float]:
@@ -73,7 +73,7 @@ class SliderPanel:
         return 8 / size[0], top / size[1], width / size[0], height / size[1]
 
     def draw(self, gui: Gui) -> dict[str, float]:
-        """Put the sliders into a window of GGUI; which parameters have been moved, and to what."""
+        """Put the sliders into a window of GGUI; returns the parameters that were moved, with their new values."""
         moved = {}
         for knob in self.knobs:
             place = float(np.float32(knob.place(knob.read())))

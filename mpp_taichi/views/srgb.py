@@ -1,4 +1,4 @@
-"""Between displayed values and light.  [IEC 61966-2-1]"""
+"""Conversion between displayed values and light.  [IEC 61966-2-1]"""
 
 import numpy as np
 

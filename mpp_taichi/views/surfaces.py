@@ -1,4 +1,4 @@
-"""Surfaces: textures of bodies, what shines, and what casts shadows, as tables for the renderer. NumPy on the host."""
+"""Surfaces: textures of bodies, shining bodies and casters of shadows, as tables for the renderer. NumPy on the host."""
 
 import math
 from dataclasses import dataclass
@@ -13,20 +13,20 @@ from mpp_taichi.views.srgb import linear_from_srgb
 from mpp_taichi.views.textures import Texture, make_texture
 
 MOST_CASTERS = 64
-"""Spheres that cast shadows: the largest, and of equal ones all or none."""
-AFAR = 1.0e4  # camera distances to light from afar
+"""Most spheres that cast shadows: the largest spheres; of spheres with equal radii all or none."""
+AFAR = 1.0e4  # camera distances to a distant light
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceTables:
-    """What the renderer's kernel reads; lengths in camera distances, places in camera coordinates.
+    """The arrays that the renderer's kernel reads; lengths in camera distances, places in camera coordinates.
 
     marks     of every particle: its row in `material`, −1 for none, and its index; shape (particle_count, 2)
     material  0…8: prime meridian, 90° east of it and north pole as directions; 9: 1 where it shines; shape (rows, 10)
     place     of the texture: first texel, columns, rows; 0 columns where it has none; shape (rows, 3)
     texels    of all textures, red | green << 8 | blue << 16 as displayed, rows from the north, from −180° eastward
-    lights    place, radius, light of their glow in red, green, blue, shape (count, 7); what they light they light white
-    casters   place, radius and index of what casts shadows, shape (count, 5)
+    lights    place, radius, light of the glow in red, green, blue, shape (count, 7); the light on other bodies is white
+    casters   place, radius and index of the spheres that cast shadows, shape (count, 5)
     glow_count  the first lights are bodies, which glow
     """
 
@@ -40,7 +40,7 @@ class SurfaceTables:
 
     @staticmethod
     def none() -> "SurfaceTables":
-        """Of a view without such bodies; one row each, since no array of a kernel may be empty."""
+        """Tables of a view without such bodies: one row each, since no array of a kernel may be empty."""
         floats = [np.zeros((1, columns), np.float32) for columns in (10, 7, 5)]
         return SurfaceTables(
             np.zeros((0, 2)), floats[0], np.zeros((1, 3), np.int32), np.zeros(1, np.uint32), floats[1], floats[2]
@@ -48,23 +48,23 @@ class SurfaceTables:
 
 
 class Surfaces:
-    """The bodies of one view that have a texture or shine; textures are made, or read, for the first picture."""
+    """The bodies of a view that have a texture or shine; textures are made, or read, for the first picture."""
 
     def __init__(self, spec: ViewSpec) -> None:
-        """Find them."""
+        """Find the bodies with a texture and the bodies that shine."""
         self.bodies = {key: body for key, body in spec.bodies.items() if body.light or body.texture is not None}
-        self._textures: list[tuple[Texture, list[int]] | None] | None = None  # and where each level begins
+        self._textures: list[tuple[Texture, list[int]] | None] | None = None  # textures, and the first texel of each level
         self._texels = np.zeros(1, np.uint32)
         self._light = spec.light
 
     def __bool__(self) -> bool:
-        """Whether there are any, or light that makes shadows."""
+        """Whether a body has a texture or shines, or the light casts shadows."""
         return bool(self.bodies) or self._light is not None
 
     def tables(
         self, frame: Frame, camera: Camera, center: np.ndarray, size: np.ndarray, drawn: np.ndarray, rows: int
     ) -> SurfaceTables:
-        """Tables for one picture of so many rows.
+        """Tables for a picture with this number of rows.
 
         Places `center` in camera coordinates, true radii `size` and radii as `drawn`, all in camera distances.
         """
@@ -138,7 +138,7 @@ def _orientation(spin: SpinSpec | None, time: float, camera: Camera) -> np.ndarr
 
 
 def _light_from_afar(spec: LightSpec, camera: Camera) -> np.ndarray:
-    """A row of lights for a sphere far away, without a glow."""
+    """A row of `lights` for a distant sphere without a glow."""
     direction = np.array(spec.direction, dtype=float)
     place = AFAR * np.stack([camera.right, camera.up, -camera.backward]) @ direction / np.linalg.norm(direction)
     return np.array([[*place, AFAR * math.tan(math.radians(spec.angular_radius)), 0.0, 0.0, 0.0]], np.float32)

@@ -12,25 +12,28 @@ from mpp_taichi.scene.view_spec import TextureSpec
 from mpp_taichi.views.patterns import pattern_picture
 from mpp_taichi.views.srgb import linear_from_srgb, srgb_from_linear
 
-WIDEST = 4096  # texels; larger pictures are made smaller
-SMALLEST_LEVEL = 8  # texels down
+WIDEST = 4096  # texels in a row; larger pictures are reduced
+SMALLEST_LEVEL = 8  # texels in a column
 LEVELS = np.asarray(linear_from_srgb(np.arange(256) / 255.0), dtype=np.float32)
 """Light of the 256 values of a texel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A picture of a sphere in halving sizes: longitude −180° … 180° from left to right, north on top, sRGB as uint8."""
+    """A picture of a sphere's surface in levels, each half the size of the level before, sRGB as uint8.
+
+    Longitude runs from −180° to 180° from left to right, north is on top.
+    """
 
     levels: tuple[np.ndarray, ...]
 
     def level_for(self, pixels: float) -> int:
-        """The level whose texels are about as large as pixels, for a sphere of so many pixels radius."""
-        texels = self.levels[0].shape[1] / (2.0 * math.pi * max(pixels, 1e-3))  # in a pixel, at the middle of the disk
+        """The level whose texels are about as large as pixels, for a sphere with a radius of this number of pixels."""
+        texels = self.levels[0].shape[1] / (2.0 * math.pi * max(pixels, 1e-3))  # across a pixel, at the middle of the disk
         return int(np.clip(round(math.log2(max(texels, 1.0))), 0, len(self.levels) - 1))
 
     def light(self, direction: np.ndarray) -> np.ndarray:
-        """Light from unit directions (…, 3), between the four nearest texels."""
+        """Light of the surface in unit directions (…, 3), interpolated between the four nearest texels."""
         texels = self.levels[0]
         height, width = texels.shape[:2]
         u = (np.arctan2(direction[..., 1], direction[..., 0]) / (2.0 * np.pi) + 0.5) * width - 0.5
@@ -45,7 +48,7 @@ class Texture:
 
 
 def make_texture(spec: TextureSpec, color: tuple[float, ...]) -> Texture:
-    """The texture of a body of a colour."""
+    """The texture of a body: read from the file of the spec, or a pattern in shades of the body's colour."""
     if spec.file is not None:
         return read_picture(spec.file)
     assert spec.pattern is not None
@@ -59,10 +62,10 @@ def _pattern(name: str, seed: int, color: tuple[float, ...]) -> Texture:
 
 @lru_cache(maxsize=32)
 def read_picture(path: str) -> Texture:
-    """The texture in a file of any kind that Pillow reads.
+    """The texture in a picture file of any format that Pillow reads.
 
     Raises:
-        OutputError: it cannot be read.
+        OutputError: the file cannot be read.
     """
     try:
         with Image.open(path) as image:
@@ -76,7 +79,7 @@ def read_picture(path: str) -> Texture:
 
 
 def _halved(picture: np.ndarray) -> tuple[np.ndarray, ...]:
-    """The picture and its halves, each texel the mean light of four."""
+    """The picture and its reduced levels; each texel is the mean light of four texels of the level before."""
     levels = [np.ascontiguousarray(picture[:, :, :3], dtype=np.uint8)]
     light = LEVELS[levels[0]]
     while light.shape[0] >= 2 * SMALLEST_LEVEL and light.shape[1] >= 2 * SMALLEST_LEVEL:

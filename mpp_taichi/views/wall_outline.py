@@ -1,4 +1,4 @@
-"""Outlines of walls, for pictures: segments that follow the walls that move. NumPy on the host."""
+"""Outlines of walls, for pictures: segments, which follow moving walls. NumPy on the host."""
 
 from dataclasses import dataclass, field
 
@@ -14,7 +14,7 @@ FULL_TURN = np.linspace(0.0, 2.0 * np.pi, CIRCLE + 1)
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Segments at time 0, (m, 2, 3) [length], and the velocity of each, (m, 3) [length / time]; and the box that repeats."""
+    """Segments at time 0, (m, 2, 3) [length], the velocity of each segment, (m, 3) [length / time], and the periodic box."""
 
     segments: np.ndarray
     velocity: np.ndarray
@@ -25,7 +25,7 @@ class Outline:
         return self.segments + time * self.velocity[:, None, :]
 
     def inside(self, position: np.ndarray) -> np.ndarray:
-        """Positions as they are drawn: of all copies the one within the box that repeats."""
+        """Positions as they are drawn: of all periodic copies of a particle the copy within the box."""
         if not any(self.repeating.period):
             return position
         period, origin = np.array(self.repeating.period), np.array(self.repeating.origin)
@@ -34,7 +34,7 @@ class Outline:
 
 
 def outline_of(spec: SceneSpec, position: np.ndarray) -> Outline:
-    """The walls of a checked scene; what has no end is drawn as far as the particles' first places and closed walls reach."""
+    """The outline of a checked scene; an infinite wall reaches as far as the particles' first places and the closed walls."""
     enclosures = [
         component.build("walls", wall.name, wall.parameters).enclosure(spec.dimensions, wall.name) for wall in spec.walls
     ]
@@ -53,7 +53,7 @@ def outline_of(spec: SceneSpec, position: np.ndarray) -> Outline:
 
 
 def _extent(enclosures: list[Enclosure], position: np.ndarray) -> tuple[np.ndarray, float]:
-    """Middle of the scene, and how far it reaches from there."""
+    """Middle of the scene, and its half extent along each axis."""
     corners = [position]
     for enclosure in enclosures:
         for surface in enclosure.surfaces:

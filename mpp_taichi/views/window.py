@@ -1,7 +1,7 @@
-"""The interactive window: a GGUI window, our orbit camera, and a simulation driven frame by frame.
+"""The interactive window: a GGUI window, the program's orbit camera, and a simulation driven frame by frame.
 
-Needed: Vulkan (Mesa's lavapipe, in software, will do) and a display; any backend may compute, the CPU included.
-Linux without a display, CI for one, can have one in memory: `xvfb-run python -m mpp_taichi …`.
+The window needs Vulkan (Mesa's lavapipe, in software, is enough) and a display; any backend may compute, the CPU included.
+Linux without a display can have a display in memory: `xvfb-run python -m mpp_taichi …`.
 """
 
 import atexit
@@ -16,7 +16,7 @@ import taichi as ti
 
 from mpp_taichi.errors import BackendError, OutputError
 from mpp_taichi.scene.spec import RecordSpec, ViewSpec
-from mpp_taichi.views._base import Frame, Trails
+from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import caption_lines, draw_caption
 from mpp_taichi.views.controls import BUTTONS, HELP, Controls
@@ -29,36 +29,37 @@ from mpp_taichi.views.picking import discs, pick
 from mpp_taichi.views.picture import save_picture
 from mpp_taichi.views.scene_list import SceneList
 from mpp_taichi.views.slider_panel import SliderPanel
+from mpp_taichi.views.trails import Trails
 from mpp_taichi.views.window_mark import WindowMark
 from mpp_taichi.views.window_panels import WindowPanels
 
 FRAMES_PER_SECOND = 60
 MESSAGE_SECONDS = 3.0
-DEFAULT_TRAIL = 60  # frames, when T asks for trails that the scene did not
-CAPTION_COLUMNS, CAPTION_ROWS = 36, 5  # GGUI never resizes a panel once it is there
+DEFAULT_TRAIL = 60  # frames, when T switches on trails that the scene does not have
+CAPTION_COLUMNS, CAPTION_ROWS = 36, 5  # GGUI never resizes a panel after its first frame
 LEGEND_COLUMNS = 44
 HELD_KEYS = ("LMB", "MMB", "RMB", "Shift", "Control", "i", "o")
 
 
 class Steerable(Protocol):
-    """What the window needs of a simulation."""
+    """The functions of a simulation that the window uses."""
 
     @property
     def finished(self) -> bool:
         """Whether the run has reached its end; single steps may still go on."""
 
     def advance(self, steps: int) -> None:
-        """Go on by so many steps."""
+        """Take the given number of steps."""
 
     def frame(self) -> Frame:
-        """What there is to see now."""
+        """The present frame."""
 
     def restart(self) -> None:
         """Go back to the start."""
 
 
 def _keep_folder_clean() -> None:
-    """Let the panel library behind GGUI leave its layout file, which it writes as the process ends, among temporary files."""
+    """Keep the layout file of GGUI's panel library, which it writes when the process ends, out of the working folder."""
     layout = Path("imgui.ini").absolute()
 
     def leave() -> None:
@@ -88,7 +89,7 @@ class Window:
     ) -> None:
         """Open the window, with panels beside the scene and sliders where there are some; `ti.init` has been called.
 
-        With the `glass` of another Window it stays where and as large as that is, and under its name.
+        With the `glass` of another Window, the window keeps its place, its size and its name.
 
         Raises:
             BackendError: there is no display, or GGUI does not work on it.
@@ -113,7 +114,7 @@ class Window:
         self._message, self._message_end = "", 0.0
 
     def run(self, simulation: Steerable, *, steps_per_frame: int = 1, paused: bool = False) -> None:
-        """Drive the simulation until the window is closed; there are fewer steps per frame while they are slow."""
+        """Drive the simulation until the window is closed, with fewer steps per frame while steps are slow."""
         controls = Controls(running=not paused, trails=self.spec.trails > 0)
         frame = self._look(simulation)
         camera = Camera(self.spec.camera, frame, aspect=self._aspect(), dimensions=self.dimensions)
@@ -146,18 +147,18 @@ class Window:
                 self._window.destroy()
 
     def _go_back(self, simulation: Steerable, times: int) -> Frame:
-        """Back by so many frames, or as many as are kept."""
+        """Go back by the given number of frames, or by as many as are kept."""
         if not any([self._desk.back() for _ in range(times)]):
             self._say("there is no way back from here")
         return self._look(simulation)
 
     def _look(self, simulation: Steerable) -> Frame:
-        """What there is to see, as the scene wants it drawn."""
+        """The present frame, prepared as the scene asks."""
         self._bare = simulation.frame()
         return self._scene.appearance.dress(self._bare)
 
     def _scene_share(self) -> float:
-        """The share of the window's height that the scene has, above panels below it."""
+        """The scene's share of the window's height, where panels are below the scene."""
         size = self._window.get_window_shape()
         division = self._panels.division(size)
         return 1.0 if division is None else float(division.scene[1] / size[1])
@@ -168,8 +169,8 @@ class Window:
     def _read_input(self, controls: Controls, camera: Camera, frame: Frame, seconds: float) -> None:
         keys = [event.key for event in self._window.get_events(ti.ui.PRESS)]
         held = {key for key in HELD_KEYS if self._window.is_pressed(key)}
-        held |= BUTTONS & set(keys)  # a click may come and go between two frames
-        shift = "Shift" in held or "Shift" in keys  # a key may come and go between two frames
+        held |= BUTTONS & set(keys)  # a click may begin and end between two frames
+        shift = "Shift" in held or "Shift" in keys  # a key may go down and up between two frames
         for key in keys:
             if not self._scenes.press(key):
                 controls.press(key, shift=shift, camera=camera, frame=frame, aspect=self._aspect())
@@ -192,7 +193,7 @@ class Window:
         self._draw(frame, camera, controls.trails)
         if controls.take("screenshot"):
             self._save(frame)
-            self._draw(frame, camera, controls.trails)  # reading back used up what was drawn
+            self._draw(frame, camera, controls.trails)  # reading back empties the canvas
         if controls.take("export"):
             self._say(self._panels.export())
         for request, action in (("save", self._desk.save), ("log", self._desk.log)):
@@ -225,7 +226,7 @@ class Window:
         self._panels.draw(self._window.get_canvas(), size, self._window.get_cursor_pos())
 
     def _save(self, frame: Frame) -> None:
-        """Write the picture, without the panels, into the working directory, under the first number that is free."""
+        """Write the picture, without the panels, into the working directory, with the first free number in its name."""
         path = next(path for number in range(10**6) if not (path := Path(f"screenshot_{number:04d}.png")).exists())
         picture = read_back(self._window)
         if self.spec.caption:
@@ -263,11 +264,11 @@ class Window:
                     panel.text(f"{keys:24s}{does}")
 
     def _caption_bottom(self) -> int:
-        """Pixels from the top that the caption may take."""
+        """Height of the caption in pixels, at most."""
         return 17 * CAPTION_ROWS + 48 if self.spec.caption else 8
 
     def _move_sliders(self) -> None:
-        """Draw the sliders, and set what was moved: the next step is with it."""
+        """Draw the sliders, and set the moved parameters; the next step uses them."""
         size = self._window.get_window_shape()
         gui = self._window.get_gui()
         with gui.sub_window("sliders", *self._sliders.box(size, self._caption_bottom())) as panel:
@@ -276,9 +277,10 @@ class Window:
             self._say(message)
 
     def _list_scenes(self, controls: Controls) -> None:
-        """Draw the list of scenes, and leave for the one that was chosen, if it can be opened."""
+        """Draw the list of scenes, and hand the window on to the chosen scene if it can be opened."""
         size = self._window.get_window_shape()
-        rows = self._scenes.rows(size[1])  # part of what GGUI knows the panel by, as it never resizes one
+        # The number of rows is part of the name by which GGUI identifies the panel, since GGUI never resizes a panel.
+        rows = self._scenes.rows(size[1])
         with self._window.get_gui().sub_window(f"scenes###{rows}", *self._scenes.box(size)) as panel:
             self._scenes.draw(panel, size[1])
         if (name := self._scenes.take()) is not None:

@@ -1,4 +1,4 @@
-"""The picked particle in a window: a ring about it, and what there is to say of it, at the lower rim."""
+"""The picked particle in a window: a ring around the particle, and a text about it at the lower rim."""
 
 from typing import Any
 
@@ -10,14 +10,14 @@ from mpp_taichi.views.picking import CORNERS, Discs, described, ring
 
 COLOR = (0.9, 0.62, 0.0)  # orange of Okabe and Ito
 RING_WIDTH = 2.0  # pixels
-COLUMNS, ROWS = 52, 4  # GGUI never resizes a panel once it is there
+COLUMNS, ROWS = 52, 4  # GGUI never resizes a panel after its first frame
 
 
 class WindowMark:
-    """Marks the particle `index`, if there is one."""
+    """Marks the particle `index`; None marks no particle."""
 
     def __init__(self) -> None:
-        """Nothing is picked."""
+        """No particle is picked at first."""
         self.index: int | None = None
         self._ends: Any = None
 
@@ -34,7 +34,7 @@ class WindowMark:
         canvas.lines(self._ends, RING_WIDTH / size[1], color=COLOR)
 
     def write(self, window: "ti.ui.Window", frame: Frame, left: int) -> None:
-        """Write at the lower rim, `left` pixels from the left one, what is known of it."""
+        """Write the text about the particle at the lower rim, `left` pixels from the left rim."""
         if self.index is None or self.index >= len(frame.position):
             return
         width, height = window.get_window_shape()

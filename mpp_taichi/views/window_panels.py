@@ -1,4 +1,4 @@
-"""Panels in a window: the same picture as in a film, put over the scene point by point, as GGUI lays no image over a scene."""
+"""Panels in a window: the picture of a film's panels, drawn over the scene as points, as GGUI draws no image there."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,7 +14,7 @@ from mpp_taichi.scene.spec import CameraSpec, RecordSpec
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.panels import Division, widened, widening
 
-SPARE = 1.5  # times the points that are needed now: GGUI compiles its copies anew for every field
+SPARE = 1.5  # times the number of points needed now: GGUI compiles its copy kernels anew for every field
 RADIUS = 0.5  # pixels: a disc of this radius about the middle of a pixel covers that pixel and no other
 NOWHERE = -2.0
 
@@ -22,11 +22,11 @@ NOWHERE = -2.0
 class WindowPanels:
     """Shows plots beside the scene; `shown` is toggled by the user.
 
-    `export` writes what was recorded into files, and says which, or why not.
+    `export` writes the recorded curves into files, and returns a line with their names or with the error.
     """
 
     def __init__(self, plots: Sequence[Plot], record: RecordSpec, export: Callable[[], str]) -> None:
-        """Nothing is drawn yet."""
+        """No panel is drawn yet."""
         self.plots, self.export = tuple(plots), export
         self.shown = bool(plots) and record.panels != "none"
         self.record = replace(record, panels="right") if record.panels == "none" else record
@@ -37,24 +37,24 @@ class WindowPanels:
         self._ground = _Ground()
 
     def division(self, size: tuple[int, int]) -> Division | None:
-        """How a window of this size is divided; None while no panels are shown."""
+        """The division of a window of this size; None while no panels are shown."""
         return Division.of(size, self.record) if self.shown else None
 
     def toggle(self) -> None:
-        """Show the panels, or do not; where films have none, they are to the right."""
+        """Show or hide the panels; where films have no panels, they are at the right."""
         self.shown = bool(self.plots) and not self.shown
 
     def aspect(self, size: tuple[int, int], camera: CameraSpec) -> float:
-        """Width over height of what a camera is to fill."""
+        """Width over height of the scene's part of the window."""
         division = self.division(size)
         width, height = size if division is None or widening(camera, size, division.scene) > 1.0 else division.scene
         return width / height
 
     @contextmanager
     def aside(self, camera: Camera, spec: CameraSpec, size: tuple[int, int]) -> Iterator[tuple[float, float]]:
-        """A block in which the camera shows in the whole window what it is to show in the scene's part of it.
+        """A block in which the camera's picture for the scene's part is extended to the whole window.
 
-        Gives how far the picture is to be shifted to the right and up, in halves of the window's height.
+        Yields the shift of the picture to the right and up, in halves of the window's height.
         """
         division = self.division(size)
         if division is None:
@@ -69,7 +69,7 @@ class WindowPanels:
             camera.field_of_view, camera.height = angle, camera.height / factor
 
     def draw(self, canvas: "ti.ui.Canvas", size: tuple[int, int], cursor: tuple[float, float]) -> None:
-        """Put the panels on the canvas, over what is there; `cursor` in 0…1 from the lower left corner of the window."""
+        """Put the panels on the canvas, over the scene; `cursor` in 0…1 from the lower left corner of the window."""
         division = self.division(size)
         if division is None:
             return

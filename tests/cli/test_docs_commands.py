@@ -37,6 +37,7 @@ PARSED_ONLY = {
 DONE_ONCE = ("run", "record", "accuracy")
 """Verbs that are run for real once for each set of options; then the scene is loaded and placed, and a run tried dry."""
 WITHOUT_A_KIND = ("--set", "--headless", "--quiet", "--budget", "--precisions", "--backends", "--integrators", "--until")
+TOOLS = ("pytest", "ruff", "mypy")  # of a contributor: the files that they are given are there
 LENGTHS = ("--until", "--steps")
 LARGEST_PLACED = 10_000  # particles of a scene that are placed here; more take seconds
 
@@ -126,7 +127,9 @@ class Reader:
             offered = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
             assert words[0] == "install" and all(re.search(rf"^{extra} = \[", offered, re.M) for extra in extras)
         else:
-            assert words[:2] == ["-m", "venv"] or words == ["-m", "pytest"], "no test knows what to make of it"
+            assert words[:1] == ["-m"] and words[1] in ("venv", *TOOLS), "no test knows what to make of it"
+            named = [word for word in words[2:] if words[1] in TOOLS and "/" in word]
+            assert all((ROOT / word).exists() for word in named), f"one of {named} is not there"
 
     # --- Python and YAML --------------------------------------------------------------------------------------------------
 

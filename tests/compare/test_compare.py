@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import drift_particle, kick_particle
+from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle
 from mpp_taichi.cli._terminal import plain
 from mpp_taichi.compare import busy, neighbors, numpy_reference, numpy_steps, scaling, tree_forces, words
 from mpp_taichi.compare.certificate import Judge, verdict
@@ -17,7 +17,7 @@ from mpp_taichi.compare.numpy_contender import NumpyContender
 from mpp_taichi.compare.numpy_reference import Reference, bodies
 from mpp_taichi.compare.taichi_contender import TaichiContender
 from mpp_taichi.contacts.sweep.contact_group import ContactGroup
-from mpp_taichi.contacts.sweep.island_play import IslandPlay
+from mpp_taichi.contacts.sweep.contact_memory import ContactMemory
 from mpp_taichi.device import backends
 from mpp_taichi.errors import BackendError
 from mpp_taichi.forces.newtonian_gravity import NewtonianGravity
@@ -312,11 +312,11 @@ def test_an_impulse_that_does_not_act_on_the_other_sphere_is_a_bug(monkeypatch, 
     assert verdict(gas.course.findings(evidence, "f64"))["verdict"] == "bug"
 
 
-class WeakBounce(IslandPlay):
+class WeakBounce(ContactMemory):
     """A thousandth of the impulse is missing."""
 
     @ti.func
-    def _restitution(self, nominal, i, j, t):
+    def restitution(self, nominal, i, j, t):
         return ti.cast(0.998, float), 0
 
 
@@ -326,7 +326,7 @@ def test_exact_contacts_are_judged_and_a_weak_one_is_a_bug(monkeypatch, request,
         request.getfixturevalue("software_vulkan")
     gas = disks("swept")
     assert judged(gas, backend) == "rounding"
-    plant(monkeypatch, IslandPlay, "_restitution", WeakBounce)
+    plant(monkeypatch, ContactMemory, "restitution", WeakBounce)
     assert judged(gas, backend) == "bug"
 
 

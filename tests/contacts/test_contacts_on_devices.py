@@ -10,8 +10,7 @@ from mpp_taichi import Simulation
 from mpp_taichi.contacts.overlap.overlaps import Overlaps
 from mpp_taichi.contacts.overlap.rounds import OverlapRounds
 from mpp_taichi.contacts.shared.loop_watch import LoopWatch
-from mpp_taichi.contacts.sweep.device_sweep import DeviceSweep
-from mpp_taichi.contacts.sweep.sweep import Sweep
+from mpp_taichi.contacts.sweep.sweep import sweep_in_pairs, sweep_on_device
 from mpp_taichi.device import backends
 
 STEPS = 4
@@ -40,7 +39,7 @@ def test_rounds_of_pairs_that_share_no_sphere_end_as_one_pair_after_the_other():
 
 DEVICE_KINDS = {
     "pairwise": (Overlaps, OverlapRounds, {"all_pairs": True}, {"all_pairs": True}),
-    "swept": (Sweep, DeviceSweep, {"event_limit": 1000, "all_pairs": False}, {"event_limit": 1000}),
+    "swept": (sweep_in_pairs, sweep_on_device, {"event_limit": 1000, "all_pairs": False}, {"event_limit": 1000}),
 }
 
 

@@ -94,3 +94,17 @@ def test_it_overlaps_and_says_so():
     state.write(np.array([[0.0, 0.0], [4.0, 0.0]]), np.array([[30.0, 0.0], [0.0, 0.0]]))
     solver.drift(0.0, 1.0)
     assert solver.collect().pair_count == 0
+
+
+@pytest.mark.parametrize("given", [float("nan"), 0.75], ids=["of the solver", "of the scene"])
+def test_a_solver_reads_its_own_restitution_where_the_scene_gives_none(given):
+    """Equal disks head on: each leaves with e times half of the approach speed, in the frame of their centre of mass."""
+    backends.start("cpu", "f64", threads=1)
+    setup = setup_of(np.ones(2), dimensions=2, restitution=given)
+    state = Places([[0.0, 0.0], [2.5, 0.0]], [[1.0, 0.0], [-1.0, 0.0]])
+    solver = Pairwise(restitution=0.25, contact_time=0.5)
+    solver.bind(setup, state)
+    solver.drift(state, 0.0, 0.5)
+    e = 0.25 if np.isnan(given) else given
+    assert state.read()[1][:, 0].tolist() == [-e, e]
+    assert solver.setup.contact_time == 0.5

@@ -8,8 +8,8 @@ from spheres import Spheres, bound, plane, setup_of
 
 from mpp_taichi.contacts.simultaneous import Simultaneous
 from mpp_taichi.contacts.sweep.contact_group import ContactGroup
-from mpp_taichi.contacts.sweep.group_sweep import GroupSweep
 from mpp_taichi.contacts.sweep.reflections import Reflections
+from mpp_taichi.contacts.sweep.sweep import sweep_in_groups
 from mpp_taichi.device import backends
 from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 
@@ -277,7 +277,7 @@ def test_the_cell_grid_finds_the_same_groups_as_all_pairs(taichi):
     outcomes = []
     for all_pairs in (True, False):
         spheres = Spheres(position, velocity, 2)
-        sweep = GroupSweep(setup_of(np.full(22, 0.5), dimensions=2), spheres, event_limit=1000, all_pairs=all_pairs)
+        sweep = sweep_in_groups(setup_of(np.full(22, 0.5), dimensions=2), spheres, event_limit=1000, all_pairs=all_pairs)
         with quick_compilation():
             for k in range(4):
                 sweep.drift(k * 1.0, 1.0)
@@ -298,7 +298,7 @@ def test_inelastic_collapse_ends_in_contact_and_none_above_the_threshold_does(ta
     )
     collisions = {}
     for e in (0.05, 0.10):
-        solver.sweep.bounce.restitution.fill(e)
+        solver.sweep.parts.bounce.restitution.fill(e)
         spheres.write([(0.0, 0.0), (1.3, 0.0), (2.7, 0.0)], [(1.0, 0.0), (0.0, 0.0), (-0.2, 0.0)])
         solver.drift(spheres, 0.0, 10.0)
         place, speed = spheres.read()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sphere_gases import Places, setup_of
 
-from mpp_taichi.contacts.sweep.sweep import Sweep
+from mpp_taichi.contacts.sweep.sweep import sweep_in_pairs
 from mpp_taichi.device import backends
 from mpp_taichi.walls._base import Enclosure
 
@@ -20,7 +20,7 @@ def at_rest():
     position = np.delete(position, [1, 2, 3], axis=0)  # a gap of 8 radii above the first of them
     state = Places(position, np.zeros_like(position))
     setup = setup_of(np.ones(len(position)), enclosure=Enclosure(period=(EDGE,) * 3), force_free=True)
-    return state, Sweep(setup, state, event_limit=1000, all_pairs=False)
+    return state, sweep_in_pairs(setup, state, event_limit=1000, all_pairs=False)
 
 
 def kick(state, sweep, i, velocity):
@@ -42,7 +42,7 @@ def test_the_longest_way_is_measured_also_of_spheres_that_bounce(at_rest):
         sweep.write_back()
         after = state.read()[0]
         ways.append(np.linalg.norm(after - before, axis=1).max())
-        assert sweep._motion.way == pytest.approx(ways[-1], abs=8 * np.spacing(EDGE))
+        assert sweep.parts.slots.motion.way == pytest.approx(ways[-1], abs=8 * np.spacing(EDGE))
         before = after
     assert min(ways) == pytest.approx(0.25, rel=1e-12) and sweep.collect().pair_count >= 2
 

@@ -7,7 +7,7 @@ import pytest
 from reference.sequential_contacts import fly
 from sphere_gases import Places, box, box_walls, gas, largest_overlap, setup_of
 
-from mpp_taichi.contacts.sweep.sweep import Sweep
+from mpp_taichi.contacts.sweep.sweep import sweep_in_pairs
 from mpp_taichi.contacts.swept import Swept
 from mpp_taichi.device import backends
 from mpp_taichi.walls._base import Enclosure
@@ -18,7 +18,7 @@ BOTH = pytest.mark.parametrize("all_pairs", [True, False], ids=["all pairs", "gr
 
 def sweep_of(position, velocity, setup, *, all_pairs, event_limit=100_000):
     state = Places(position, velocity)
-    return state, Sweep(setup, state, event_limit=event_limit, all_pairs=all_pairs)
+    return state, sweep_in_pairs(setup, state, event_limit=event_limit, all_pairs=all_pairs)
 
 
 def swept(position, velocity, setup, h, *, steps=1, all_pairs=True, time=0.0):
@@ -220,8 +220,8 @@ def test_the_bits_do_not_depend_on_the_threads_nor_on_chance(h, steps):
 
 def count_builds(sweep, built):
     """Have the sweep note in `built` each time its grid is built."""
-    build = sweep.grid.build
-    sweep.grid.build = lambda *given: (built.append(1), build(*given))
+    build = sweep.parts.grid.build
+    sweep.parts.grid.build = lambda *given: (built.append(1), build(*given))
 
 
 @pytest.mark.thorough
@@ -408,4 +408,4 @@ def test_a_period_too_short_for_its_spheres_is_refused():
     backends.start("cpu", "f64", threads=2)
     state = Places(np.zeros((2, 3)), np.zeros((2, 3)))
     with pytest.raises(ValueError, match="period of 3 is too short"):
-        Sweep(setup_of(np.ones(2), enclosure=Enclosure(period=(3.0, 0.0, 0.0))), state, event_limit=10)
+        sweep_in_pairs(setup_of(np.ones(2), enclosure=Enclosure(period=(3.0, 0.0, 0.0))), state, event_limit=10)

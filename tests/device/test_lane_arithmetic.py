@@ -68,6 +68,7 @@ def exact_roots(values):
     return inverse_roots(values[0], values[1], True)
 
 
+@pytest.mark.fast_taichi("explicit_vectors", "lane_arithmetic")
 @pytest.mark.skipif(not FUSES, reason="this processor, or this system, joins no product and sum")
 def test_a_product_and_a_sum_are_rounded_once(real):
     precision, kind = real
@@ -109,6 +110,7 @@ def test_inverse_roots_of_all_magnitudes(formula, real):
         assert np.abs(inverse * np.sqrt(wide) - 1).max() <= limit * 1.01
 
 
+@pytest.mark.fast_taichi("explicit_vectors", "lane_arithmetic")
 def test_a_vector_of_another_width_is_refused_by_name(monkeypatch):
     for _ in started("f32"):
         monkeypatch.setattr(lane_arithmetic, "in_hardware", lambda *_, **__: True)

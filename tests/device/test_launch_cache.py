@@ -12,6 +12,7 @@ from scenes import cluster
 
 ti = backends.import_taichi()
 launch_cache.ALSO_SHORT.add(__name__)
+pytestmark = pytest.mark.fast_taichi("launch_cache")
 
 
 @ti.data_oriented

@@ -38,6 +38,7 @@ class Ticket:
             self.number[first + i] = ti.atomic_add(self.drawn[None], 1 if x >= 0.0 else 2)
 
 
+@pytest.mark.fast_taichi("serial_loops")
 def test_loops_run_in_order_and_so_do_those_of_functions():
     backends.start("cpu", "f64", threads=4)
     serial, parallel = Ticket(), Ticket()

@@ -6,6 +6,8 @@ from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.simulation.simulation import Simulation
 from scenes import cluster
 
+pytestmark = pytest.mark.fast_taichi("source_cache")
+
 
 @pytest.fixture
 def plain(monkeypatch):
@@ -50,24 +52,39 @@ def test_a_mistake_in_a_kernel_is_told_at_its_place():
     assert getsourcelines.cache_info().hits > 0
 
 
-def test_a_field_knows_where_it_was_declared(monkeypatch):
+DECLARE = """
+def declare(ti):
+    builder, field = ti.FieldsBuilder(), ti.field(ti.f32)
+    builder.dense(ti.i, 3).place(field)
+    builder.finalize()
+    ti.Vector.field(2, ti.f32, shape=4)
+"""
+
+
+@pytest.mark.parametrize("package", ["mpp_taichi", "program"])
+def test_a_field_of_this_package_knows_its_place_and_a_field_of_a_program_all_that_taichi_tells(package, monkeypatch):
     ti = import_taichi()
     from taichi.lang import impl, snode, util
 
     told = []
 
-    def compared(stacklevel=1):
-        stack = util.get_traceback(stacklevel + 1).splitlines()
-        told.append((quick(stacklevel + 1).strip(), [line.strip() for line in stack if line.startswith("  File ")][-1]))
-        return told[-1][0]
+    def compared(remembering):
+        def get_traceback(stacklevel=1):
+            told.append((remembering(stacklevel + 1), util.get_traceback(stacklevel + 1)))
+            return told[-1][0]
 
-    quick = impl.get_traceback
-    assert quick is snode.get_traceback and quick is not util.get_traceback
+        return get_traceback
+
     for module in (impl, snode):
-        monkeypatch.setattr(module, "get_traceback", compared)
+        monkeypatch.setattr(module, "get_traceback", compared(module.get_traceback))
     ti.init(arch=ti.cpu, log_level=ti.ERROR)
-    builder, field = ti.FieldsBuilder(), ti.field(ti.f32)
-    builder.dense(ti.i, 3).place(field)
-    builder.finalize()
-    assert len(told) >= 3 and all(found == plain for found, plain in told)
-    assert "test_source_cache.py" in told[1][0]
+    names = {"__name__": f"{package}.declaring"}
+    exec(compile(DECLARE, "declaring.py", "exec"), names)
+    names["declare"](ti)
+    declared = [(found, plain) for found, plain in told if "declaring.py" in plain]
+    assert len(declared) >= 3
+    for found, plain in declared:
+        if package == "program":
+            assert found == plain and "test_source_cache.py" in found
+        else:
+            assert found.strip() == [line.strip() for line in plain.splitlines() if line.startswith("  File ")][-1]

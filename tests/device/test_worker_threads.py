@@ -1,4 +1,4 @@
-"""The threads that share a kernel's loops: every block once, whatever the number of threads, and nobody left behind."""
+"""The threads that share a kernel's loops do every block once, whatever their number, and end with Taichi."""
 
 import os
 import subprocess
@@ -13,9 +13,10 @@ import pytest
 from mpp_taichi.device import backends
 from mpp_taichi.device.fast_taichi import worker_threads
 
-pytestmark = pytest.mark.skipif(
-    sys.platform != "linux" or os.uname().machine != "x86_64", reason="Taichi's own threads are used"
-)
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux" or os.uname().machine != "x86_64", reason="Taichi's own threads are used"),
+    pytest.mark.fast_taichi("worker_threads"),
+]
 LOOPS = 200
 SIZES = (1, 513, 5_000, 100_000)  # Taichi gives a thread at least 512 iterations: one block, two, several, many
 
@@ -92,7 +93,7 @@ def test_they_are_as_many_as_wanted_and_leave_with_taichi(threads):
     import taichi as ti
 
     assert become(threads - 1)
-    worker_threads.dismiss()
+    worker_threads.stop()
     assert become(0)
     counted, count = counting()
     count(max(SIZES))  # on the calling thread
@@ -153,22 +154,10 @@ def test_a_forked_process_does_its_loops_alone(threads):
     child = os.fork()
     if child == 0:
         count(max(SIZES))
-        worker_threads.dismiss()  # does not wait for those of the parent
+        worker_threads.stop()  # does not wait for those of the parent
         os._exit(0 if (counted.to_numpy() == 9).all() else 1)
     assert os.waitpid(child, 0)[1] == 0
     assert counted[0] == 3
-
-
-def test_another_version_of_taichi_keeps_its_own(monkeypatch):
-    backends.stop()
-    monkeypatch.setattr(worker_threads, "KNOWN", (1, 8, 0))
-    backends.start("cpu", "f64", threads=3)
-    assert become(0)
-    counted, count = counting()
-    counted.fill(1)
-    count(max(SIZES))
-    assert (counted.to_numpy() == 3).all()
-    backends.stop()
 
 
 @pytest.mark.parametrize(
@@ -176,10 +165,60 @@ def test_another_version_of_taichi_keeps_its_own(monkeypatch):
 )
 def test_a_process_ends_in_good_order_right_after_a_loop(ending):
     code = (
-        "from mpp_taichi import backends\nbackends.start('cpu', 'f64', threads=2)\n"
-        "import sys\nsys.path[:0] = ['tests/support', 'tests']\n"
+        "from mpp_taichi.device import backends\nbackends.start('cpu', 'f64', threads=2)\n"
+        "import sys\nsys.path[:0] = ['tests/device']\n"
         f"from test_worker_threads import SIZES, counting\ncounted, count = counting()\ncount(max(SIZES))\n{ending}\n"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[2], capture_output=True, timeout=120)
     assert done.returncode == 0, done.stderr.decode()
     assert not done.stderr
+
+
+LIMITED = """
+import resource, sys
+from pathlib import Path
+sys.path[:0] = ["tests/device"]
+from mpp_taichi.device import backends, fast_taichi
+from test_worker_threads import SIZES, become, counting, workers
+from mpp_taichi.errors import CapacityError
+
+def leave_room_for(threads):
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    room = pages * resource.getpagesize() + (threads << 30) + (1 << 29)
+    resource.setrlimit(resource.RLIMIT_AS, (room, resource.RLIM_INFINITY))
+
+def start_in_little_room():
+    leave_room_for(3)
+    start_threads()
+    resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+
+start_threads, fast_taichi.start_threads = fast_taichi.start_threads, start_in_little_room
+backends.start("cpu", "f64", threads=8)
+assert become(3), workers()
+counted, count = counting()
+counted.fill(1)
+count(max(SIZES))
+assert (counted.to_numpy() == 3).all()
+backends.stop()
+leave_room_for(20)
+try:
+    backends.start("cpu", "f64", threads=64)
+except CapacityError as error:
+    print(error)
+"""
+
+
+def test_where_the_system_starts_few_threads_few_work_and_a_start_that_needs_more_is_refused():
+    """A thread's stack takes 1 GiB of addresses here, and the room for addresses is limited."""
+    import resource
+
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        timeout=200,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_STACK, (1 << 30, resource.RLIM_INFINITY)),
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("the system has no room for 64 threads and starts ")

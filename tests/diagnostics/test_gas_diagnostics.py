@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured import MadeUpSample, measuring
 
-from mpp_taichi import Simulation, component
+from mpp_taichi import Simulation
 from mpp_taichi.contacts._report import ContactReport
-from mpp_taichi.diagnostics._base import NoResultError
 from mpp_taichi.diagnostics._gas import Total, box_of
 from mpp_taichi.diagnostics.mean_square_displacement import shortest
 from mpp_taichi.kinetic_theory import gas_in_box, kolmogorov_smirnov
+from mpp_taichi.quantities._base import NoResultError, Setting
 from mpp_taichi.report.expectations import Watcher
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.start.assemble import assemble
@@ -94,13 +95,11 @@ def shown(name, parameters, described, looks):
     """What a diagnostic says after the start of a scene and these looks: time, changes of the particles, report."""
     spec = load_scene(described)
     start = assemble(spec)
-    diagnostic = component.build("diagnostics", name, parameters)
-    defaults = {each.name: each.default for each in component.declaration("diagnostics", name).parameters}
-    assert set(parameters) <= set(defaults)
-    diagnostic.begin(spec, start)
+    diagnostic = measuring(name, **parameters)
+    diagnostic.begin(Setting(spec, start))
     for time, changes, report in [(0.0, {}, ContactReport()), *looks]:
-        diagnostic.observe_contacts(time, report)
-        diagnostic.observe(time, replace(start, **{key: np.array(value, float) for key, value in changes.items()}))
+        snapshot = replace(start, **{key: np.array(value, float) for key, value in changes.items()})
+        diagnostic.observe(MadeUpSample(snapshot, time, report))
     return diagnostic.result()
 
 
@@ -161,9 +160,9 @@ def test_ways_are_followed_through_the_sides_of_a_periodic_box(wrapped):
 def test_a_fast_particle_is_looked_at_often_enough():
     """A tenth of the shortest period, 1.5, at speed 5."""
     spec = load_scene(scene([body([1, 1], [3, 4])], walls=[{"periodic_box": {"lower": [0, 0], "upper": [2, 1.5]}}]))
-    diagnostic = component.build("diagnostics", "mean_square_displacement", {})
-    diagnostic.begin(spec, assemble(spec))
-    diagnostic.observe(0.0, assemble(spec))
+    diagnostic = measuring("mean_square_displacement")
+    diagnostic.begin(Setting(spec, assemble(spec)))
+    diagnostic.observe(MadeUpSample(assemble(spec)))
     assert diagnostic.interval == pytest.approx(0.03)
 
 
@@ -193,7 +192,7 @@ def test_totals_know_their_rate_and_their_scatter():
     short = Total()
     short.add(0.0, 1.0)
     short.add(0.0, 2.0)
-    with pytest.raises(NoResultError, match="no two looks"):
+    with pytest.raises(NoResultError, match="no two samples"):
         short.rate()
 
 

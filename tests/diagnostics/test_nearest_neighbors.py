@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 from compiled import snapshot_of
+from measured import MadeUpSample, measuring
 from scipy.spatial import cKDTree
 
-from mpp_taichi import component
-from mpp_taichi.diagnostics._base import NoResultError
-from mpp_taichi.diagnostics.nearest_neighbor_distance import nearest_distances
+from mpp_taichi.quantities._base import NoResultError
+from mpp_taichi.quantities.nearest_neighbor_distance import nearest_distances
 
 
 @pytest.mark.parametrize("shape", [(1.0, 1.0, 1.0), (1.0, 1e-3, 1e-3), (1e-3, 1.0, 0.0), (0.0, 1.0, 1.0)])
@@ -37,14 +37,14 @@ def test_a_group_is_looked_at_when_it_is_asked_for():
     place = np.array([[0.0, 0, 0], [0.1, 0, 0], [1.0, 0, 0], [3.0, 0, 0], [3.5, 0, 0]])
     found = {}
     for at in (None, 1.5):
-        diagnostic = component.build("diagnostics", "nearest_neighbor_distance", {"of": (1, 3), "at": at})
+        diagnostic = measuring("nearest_neighbor_distance", of=(1, 3), at=at)
         for time in (0.0, 1.0, 2.0, 3.0):
-            diagnostic.observe(time, snapshot_of(place * (1.0 + time)))
+            diagnostic.observe(MadeUpSample(snapshot_of(place * (1.0 + time)), time))
             assert diagnostic.interval == (max(0.5, 1.5 - time) if at and time < at else math.inf)
         found[at] = diagnostic.result()
     # Three of the group: 0.9, 0.9 and 2 from the nearest of them, as large as the time says.
     assert found == {None: pytest.approx(4.0 * 3.8 / 3.0), 1.5: pytest.approx(3.0 * 3.8 / 3.0)}
-    late = component.build("diagnostics", "nearest_neighbor_distance", {"at": 9.0})
-    late.observe(0.0, snapshot_of(place))
+    late = measuring("nearest_neighbor_distance", at=9.0)
+    late.observe(MadeUpSample(snapshot_of(place)))
     with pytest.raises(NoResultError, match="before time 9"):
         late.result()

@@ -241,12 +241,12 @@ def test_a_grid_built_again_knows_that_spheres_grew_or_left_the_box(period):
     places, sizes = random.random((800, 3)), 0.03 * random.uniform(0.6, 1.0, 800)
     backends.start("cpu", "f64", threads=2)
     finder = Finder(places, sizes, **({"period": period} if period else {}))
-    stay = [finder.grid.table]
+    stay = [finder.grid.levels.table]
     for position, reach in ((places, sizes), (places * [1, 1, 3], sizes), (places, sizes), (places, 1.5 * sizes)):
         finder.position.from_numpy(position)
         finder.reach.from_numpy(reach)
         finder.grid.build(finder.position, finder.reach)
-        stay.append(finder.grid.table is stay[0])
+        stay.append(finder.grid.levels.table is stay[0])
         assert finder.once() == brute_force(position, reach, period)
     assert stay[1:] == [True, False, False, False]
     backends.stop()
@@ -265,7 +265,7 @@ def test_threads_of_a_device_build_the_same_grid(factors):
         reach.from_numpy(reaches)
         grid = kind(3000, 2, (1.0, 0.0, 0.0))
         grid.build(position, reach, skin=1e-3)
-        assert int(grid.level_count[0]) == len(grid.table) and (len(grid.table) > 1) == (len(factors) > 1)
+        assert int(grid.levels.count[0]) == len(grid.levels.table) and (len(grid.levels.table) > 1) == (len(factors) > 1)
         kept = (grid.order, grid.sorted_position, grid.sorted_reach)
         found.append([field.to_numpy().tobytes() for field in kept])
     assert found[0] == found[1]

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from compiled import random_snapshot, snapshot_of
+from measured import MadeUpSample
 from reference import truss
 from scipy.optimize import brentq
 
 from mpp_taichi import Simulation, component
-from mpp_taichi.diagnostics._base import NoResultError
+from mpp_taichi.quantities._base import NoResultError
 
 SCENES = Path(__file__).parents[2] / "scenes"
 
@@ -94,10 +95,8 @@ def test_a_chain_of_fifty_links_hangs_as_the_truss_and_nearly_as_the_elastic_cat
 
 
 def pull(snapshot, of, axis):
-    """What `spring_force` measures of the last look."""
-    diagnostic = component.build("diagnostics", "spring_force", {"of": of, "axis": axis})
-    diagnostic.observe(0.0, snapshot)
-    return diagnostic.result()
+    """The spring force that the quantity measures."""
+    return component.build("quantities", "spring_force", {"of": of, "axis": axis}).measure(MadeUpSample(snapshot))
 
 
 def test_springs_pull_against_the_gradient_of_their_energy_and_within_a_group_not_at_all():

@@ -1,15 +1,18 @@
 """Quantities that panels plot, against numbers worked out by hand."""
 
 import math
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from measured import MadeUpSample
 
 from mpp_taichi import component
 from mpp_taichi.errors import SceneError
 from mpp_taichi.quantities._base import NoResultError, Setting
+from mpp_taichi.recorders._measured_columns import MeasuredColumns
 from mpp_taichi.scene.load import load_scene
+from mpp_taichi.scene.spec import ComponentSpec, Location
 from mpp_taichi.start.assemble import assemble
 
 # A 3-4-5 triangle of masses 1, 2 and 3; the first is held, the spring of the others is 1 longer than at rest.
@@ -78,18 +81,18 @@ def named(name: str, inspect: dict):
 def test_a_quantity_is_what_it_says(setting, name, parameters, expected, label, unit):
     quantity = named(name, parameters)
     quantity.begin(setting)
-    look = SimpleNamespace(time=7.0, snapshot=setting.start, potential_energy=-1.5, phase_number=0, phase_energy=None)
-    assert quantity.measure(look) == pytest.approx(expected, rel=1e-15)
+    sample = MadeUpSample(setting.start, time=7.0, potential_energy=-1.5)
+    assert quantity.measure(sample) == pytest.approx(expected, rel=1e-15)
     assert quantity.label(setting) == label
     assert setting.unit(quantity.dimension) == unit
 
 
 def test_what_every_particle_has_is_measured_one_by_one(setting):
-    look = SimpleNamespace(snapshot=setting.start)
+    sample = MadeUpSample(setting.start)
     # Held particles are no part of a gas; their places are counted.
-    assert named("speed", {}).each(look) == pytest.approx([2, math.sqrt(5), 0, 0, 0])
-    assert named("position", {"axis": "x"}).each(look).tolist() == [0, 3, 3, 0, 0, 0]
-    assert named("kinetic_energy", {"of": "b"}).each(look).tolist() == [7.5]
+    assert named("speed", {}).each(sample) == pytest.approx([2, math.sqrt(5), 0, 0, 0])
+    assert named("position", {"axis": "x"}).each(sample).tolist() == [0, 3, 3, 0, 0, 0]
+    assert named("kinetic_energy", {"of": "b"}).each(sample).tolist() == [7.5]
 
 
 def test_the_energy_error_begins_anew_with_a_phase(setting):
@@ -97,8 +100,7 @@ def test_the_energy_error_begins_anew_with_a_phase(setting):
     quantity.begin(setting)
 
     def error(potential: float, phase: int = 0, began: float | None = None) -> float:
-        look = {"snapshot": setting.start, "potential_energy": potential, "phase_number": phase, "phase_energy": began}
-        return quantity.measure(SimpleNamespace(**look))
+        return quantity.measure(MadeUpSample(setting.start, potential_energy=potential, phase_number=phase, phase_energy=began))
 
     # The kinetic energy is 11.5 throughout.
     assert error(-1.5) == 0.0
@@ -126,9 +128,14 @@ def test_a_merged_particle_is_nowhere(setting):
     start = setting.start
     merged = np.full(start.particle_count, -1)
     merged[2] = 1
-    gone = SimpleNamespace(snapshot=SimpleNamespace(**{**vars(start), "present": merged < 0, "particle_count": 6}))
-    assert math.isnan(named("position", {"of": "b", "axis": "x"}).measure(gone))
+    gone = MadeUpSample(replace(start, merged_into=merged))
+    with pytest.raises(NoResultError, match="particle 2 merged into particle 1"):
+        named("position", {"of": "b", "axis": "x"}).measure(gone)
     assert named("position", {"of": "a", "axis": "x"}).measure(gone) == 3.0
+    columns = MeasuredColumns(setting)
+    for name in ("a", "b"):
+        columns.add(ComponentSpec("position", {"of": setting.layout.group(name), "axis": "x"}, Location("", 0, 0)), "y")
+    assert columns.measure(gone) == pytest.approx([3.0, math.nan], nan_ok=True), "a panel has a gap there"
 
 
 def test_an_unknown_quantity_is_refused_with_its_place(tmp_path):

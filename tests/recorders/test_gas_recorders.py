@@ -9,7 +9,7 @@ import pytest
 
 from mpp_taichi import Simulation
 from mpp_taichi.errors import OutputError
-from mpp_taichi.recorders.event_log import EventLog
+from mpp_taichi.recorders.event_log import EventLogRecorder
 from mpp_taichi.recorders.speed_histogram import BINS, SpeedHistogram
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.start.assemble import assemble
@@ -29,7 +29,7 @@ def histogram(velocity=None, particles=None, dimensions=2, **options):
     )
     start = assemble(spec)
     recorder = SpeedHistogram(SimpleNamespace(spec=spec, start=start), **options)
-    recorder.look(start.velocity[start.free.all(axis=1)] if velocity is None else velocity)
+    recorder.add(start.velocity[start.free.all(axis=1)] if velocity is None else velocity)
     return recorder
 
 
@@ -59,8 +59,8 @@ def test_unlike_masses_have_the_mean_of_their_curves():
     assert recorder.distance < 1.95 / math.sqrt(6000)
 
 
-def test_looks_of_a_run_from_a_time_on_are_taken_together():
-    """Free flight: four looks from 0.6 on of a run of 1.0 in steps of 0.1, every second one."""
+def test_samples_of_a_run_from_a_time_on_are_taken_together():
+    """Free flight: four samples from 0.6 on of a run of 1.0 in steps of 0.1, every second one."""
     described = {
         "dimensions": 2,
         "particles": [{"gas": {**GAS, "count": 50, "speed": 2}}],
@@ -72,7 +72,7 @@ def test_looks_of_a_run_from_a_time_on_are_taken_together():
         for each in (recorder, last):
             each.finish(simulation)
             each.finish(simulation)
-    assert recorder.label == "50 particles, 4 looks"  # at 0.4, 0.6, 0.8 and 1
+    assert recorder.label == "50 particles, 4 samples"  # at 0.4, 0.6, 0.8 and 1
     assert last.label == "50 particles at time 1"
     assert last.temperature == pytest.approx(2 * 4 / 2)
 
@@ -120,7 +120,7 @@ def test_without_free_particles_there_is_nothing_to_draw():
 
 
 def a_log():
-    log = EventLog(("floor", "lid"))
+    log = EventLogRecorder(("floor", "lid"))
     log.append([0.1, 0.25], [3, 1], [7, -1], [0.5, 1.0])
     log.append([], [], [], [])
     log.append([1 / 3], [2], [-2], [1e-300])
@@ -154,7 +154,7 @@ def test_a_log_that_cannot_be_written_says_so(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["events.csv"]
     with pytest.raises(ValueError, match="different shapes"):
         a_log().append([1.0], [1, 2], [3], [4.0])
-    assert len(EventLog().columns()["time"]) == 0
+    assert len(EventLogRecorder().columns()["time"]) == 0
 
 
 @pytest.mark.thorough
@@ -169,7 +169,7 @@ def test_the_log_of_an_event_driven_run_is_its_count():
         "run": {"duration": 4, "every": 3},
     }
     with Simulation(described, backend="cpu", precision="f64", event_log=True) as simulation:
-        log = EventLog([surface.label for surface in simulation.contacts.setup.enclosure.surfaces])
+        log = EventLogRecorder([surface.label for surface in simulation.contacts.setup.enclosure.surfaces])
         simulation.run(recorders=[log])
         log.finish(simulation)
     found = log.columns()

@@ -5,12 +5,12 @@ import math
 
 import numpy as np
 import pytest
+from measured import MadeUpSample, measuring
 
 from mpp_taichi import OutputError, Simulation, Snapshot
 from mpp_taichi.atomic_file import whole_file
-from mpp_taichi.diagnostics._base import NoResultError
 from mpp_taichi.diagnostics.orbital_period import OrbitalPeriod
-from mpp_taichi.diagnostics.return_error import ReturnError
+from mpp_taichi.quantities._base import NoResultError
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
 from mpp_taichi.recorders.table import TableRecorder
@@ -252,9 +252,8 @@ def test_orbital_period_of_kepler_orbits(eccentricity, direction):
         position, velocity = kepler_state(eccentricity, time)
         turn = np.array([1.0, direction, direction])
         center = np.array([3.0 + time, 0.0, 0.0])  # the centre may move
-        diagnostic.observe(
-            time, snapshot_at([center, center + position * turn], [[1, 0, 0], np.array([1, 0, 0]) + velocity * turn])
-        )
+        seen = snapshot_at([center, center + position * turn], [[1, 0, 0], np.array([1, 0, 0]) + velocity * turn])
+        diagnostic.observe(MadeUpSample(seen, time))
         time += min(diagnostic.interval, 0.5)
         looks += 1
     assert diagnostic.result() == pytest.approx(2.0 * math.pi, rel=1e-8)
@@ -278,20 +277,20 @@ def test_half_an_orbit_has_no_period():
     diagnostic = OrbitalPeriod(of=1, around=0)
     for time in np.linspace(0.0, math.pi, 40):
         position, velocity = kepler_state(0.0, time)
-        diagnostic.observe(time, snapshot_at([[0, 0, 0], position], [[0, 0, 0], velocity]))
+        diagnostic.observe(MadeUpSample(snapshot_at([[0, 0, 0], position], [[0, 0, 0], velocity]), time))
     with pytest.raises(NoResultError, match="did not complete a turn.*180.0 degrees"):
         diagnostic.result()
 
 
 def test_motion_along_a_line_is_no_orbit():
     with pytest.raises(NoResultError, match="along one line"):
-        OrbitalPeriod(of=1, around=0).observe(0.0, snapshot_at([[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [-1, 0, 0]]))
+        OrbitalPeriod(of=1, around=0).observe(MadeUpSample(snapshot_at([[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [-1, 0, 0]])))
 
 
 def test_return_error_is_the_largest_distance_at_the_end():
-    diagnostic = ReturnError()
+    diagnostic = measuring("return_error")
     for shift in (0.0, 5.0, 0.25):
-        diagnostic.observe(shift, snapshot_at([[0, 0, 0], [1 + shift, 0, 0]], np.zeros((2, 3))))
+        diagnostic.observe(MadeUpSample(snapshot_at([[0, 0, 0], [1 + shift, 0, 0]], np.zeros((2, 3))), shift))
     assert diagnostic.result() == 0.25
 
 

@@ -10,6 +10,7 @@ import yaml
 from mpp_taichi import component
 from mpp_taichi.scene.document import read_file
 from mpp_taichi.scene.estimate import check_capacity, estimate
+from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.schema import SCHEMA_FILE, scene_schema, schema_text
@@ -92,6 +93,8 @@ def test_every_component_and_parameter_is_described():
             keys = set(described["properties"])
             assert parameters <= keys if kind in BESIDE_OTHER_KEYS else parameters == keys
             assert (definitions["Expect"]["properties"][name] if kind == "diagnostics" else described)["description"]
+            if kind == "quantities" and name not in SUMMARY_QUANTITIES:  # a key of `expect:` as well
+                assert parameters <= set(definitions[declared.class_name + "Bounds"]["properties"])
 
 
 def test_every_declared_default_passes_its_own_check():

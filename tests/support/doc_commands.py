@@ -38,8 +38,9 @@ class Block:
 
 
 def pages() -> list[str]:
-    """The pages that are tested: the README and all below docs/."""
-    return ["README.md", *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md"))]
+    """The pages that are tested: the README, CONTRIBUTING.md and all below docs/ that show a command, Python or YAML."""
+    below = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md"))
+    return ["README.md", "CONTRIBUTING.md", *(page for page in below if blocks(page))]
 
 
 def blocks(page: str, text: str | None = None) -> list[Block]:

@@ -43,7 +43,6 @@ class EventRun:
             inverse_mass=np.tile(weight[:, None], (1, 3)) if weight.ndim == 1 else weight,
             material=np.zeros(n, np.int32) if material is None else np.asarray(material, np.int32),
             restitution=np.asarray(restitution, dtype=float),
-            contact_time=contact_time,
             gravity=gravity,
             enclosure=Enclosure(tuple(surfaces), period),
         )
@@ -51,7 +50,7 @@ class EventRun:
         self.real = np.float32 if precision == "f32" else np.float64
         self._write(position, velocity)
         log_capacity = parameters.pop("log_capacity", 0)
-        self.solver = EventDriven(**parameters)
+        self.solver = EventDriven(contact_time=contact_time, **parameters)
         self.solver.logs, self.solver.log_capacity = log_capacity > 0, log_capacity
         self.solver.bind(self.setup, self.state)
         self.start()

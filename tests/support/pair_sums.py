@@ -4,12 +4,12 @@ import os
 
 import numpy as np
 
-os.environ["TI_SKIP_VERSION_CHECK"] = "ON"  # the check of `import taichi` calls a server
-
-import taichi as ti
-
+from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.neighbors.all_pairs import AllPairs
 from mpp_taichi.types import Template
+
+os.environ["TI_SKIP_VERSION_CHECK"] = "ON"  # the check of `ti.init` calls a server
+ti = import_taichi()
 
 
 class _InverseCube:

@@ -16,8 +16,8 @@ from mpp_taichi.errors import BackendError
 from mpp_taichi.scene.spec import CameraSpec, ViewSpec
 from mpp_taichi.scene.view_spec import ArrowsSpec, AxesSpec, BodyViewSpec, GridSpec, SkySpec, TextureSpec
 from mpp_taichi.views import _primitives, caption
-from mpp_taichi.views._base import Trails
 from mpp_taichi.views.offscreen import open_offscreen
+from mpp_taichi.views.trails import Trails
 
 PARALLEL = replace(FRONT, projection="orthographic", height=8.0)
 

@@ -50,13 +50,13 @@ class Ours:
 
         from mpp_taichi.contacts._base import ContactSetup
         from mpp_taichi.contacts.overlap.overlaps import Overlaps
-        from mpp_taichi.contacts.sweep.sweep import Sweep
+        from mpp_taichi.contacts.sweep.sweep import sweep_in_pairs
         from mpp_taichi.device.fast_taichi.large_pages import MANY_PARTICLES, use_large_pages
         from mpp_taichi.walls._base import Enclosure
 
         position, velocity, edge = scene
         n = len(position)
-        self.h, self.sync, self.sweep = h, ti.sync, Sweep
+        self.h, self.sync, self.has_slots = h, ti.sync, kind == "swept"
         state = SimpleNamespace(
             position=ti.Vector.field(3, float, shape=n), velocity=ti.Vector.field(3, float, shape=n), wide=ti.f64
         )
@@ -73,7 +73,7 @@ class Ours:
             force_free=True,
         )
         if kind == "swept":
-            self.solver = Sweep(setup, state, event_limit=1_000_000, all_pairs=all_pairs)
+            self.solver = sweep_in_pairs(setup, state, event_limit=1_000_000, all_pairs=all_pairs)
         else:
             self.solver = Overlaps(setup, state, all_pairs=all_pairs)
         if n >= MANY_PARTICLES:
@@ -85,7 +85,7 @@ class Ours:
 
     def finish(self):
         """Bring the state up to date, and wait until all is done."""
-        if isinstance(self.solver, self.sweep):
+        if self.has_slots:
             self.solver.write_back()
         self.sync()
 

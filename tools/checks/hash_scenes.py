@@ -50,8 +50,8 @@ LARGE_GAS: dict[str, Any] = {
 }
 METHOD_BESIDE = {
     "event_driven": {"event_driven": {"dt": 0.01}},
-    "located": {"ias15": {}},
-}  # where leapfrog does not go with a solver
+    "located": {"ias15": {"dt": 0.01}},
+}  # solvers that leapfrog does not go with
 
 
 def cases() -> Iterator[tuple[str, Any, dict[str, Any]]]:
@@ -78,6 +78,8 @@ def cases() -> Iterator[tuple[str, Any, dict[str, Any]]]:
                     )
     for name in component.names("contacts"):
         for label, gas, restitution in (("elastic", GAS, 1.0), ("inelastic", GAS, 0.8), ("large", LARGE_GAS, 1.0)):
+            if name == "located" and label == "large":
+                continue  # minutes: it is made for few spheres
             spheres: dict[str, Any] = {"solver": name}
             if name != "merging":
                 spheres["restitution"] = restitution

@@ -1,4 +1,4 @@
-"""The README's pictures: a film of ten seconds and a still of five scenes in 1920 × 1080, made without a display.
+"""The pictures of README.md and docs/scenes.md: films of ten seconds and stills of five scenes in 1920 × 1080, with no display.
 
     python tools/make/make_gallery.py [--scenes ring …] [--into out/gallery] [--pictures docs/pictures]
 

@@ -7,7 +7,7 @@ import taichi as ti
 
 from mpp_taichi.contacts.events.grid import Grid
 from mpp_taichi.contacts.events.lines import Lines
-from mpp_taichi.contacts.events.spheres import Spheres
+from mpp_taichi.contacts.events.spheres import FlyingSpheres
 from mpp_taichi.device.fast_taichi.prefetch import prefetch
 from mpp_taichi.walls._roots import first_contact
 
@@ -19,7 +19,7 @@ NEAREST = -1
 class EventCells:
     """Which cell of a grid each sphere is in, and when it leaves it."""
 
-    def __init__(self, grid: Grid, spheres: Spheres, lines: Lines, builder: Any) -> None:
+    def __init__(self, grid: Grid, spheres: FlyingSpheres, lines: Lines, builder: Any) -> None:
         """Place the fields; `write` fills them."""
         self.grid, self.spheres, self.count, self.dimensions = grid, spheres, spheres.count, spheres.dimensions
         # A third axis of one cell in two dimensions; and along an axis whose cells all touch nobody needs to leave one.

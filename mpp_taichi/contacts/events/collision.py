@@ -7,7 +7,9 @@ import taichi as ti
 
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts.events.cells import EventCells
-from mpp_taichi.contacts.events.spheres import Spheres
+from mpp_taichi.contacts.events.spheres import FlyingSpheres
+from mpp_taichi.contacts.shared.bounce import impulse_along
+from mpp_taichi.contacts.shared.restitution import restitution_after
 from mpp_taichi.walls._geometry import gap, normal, surface_velocity
 
 # Contacts in a row of one sphere that all fall on the same float of the time: more of those that take energy is an
@@ -20,7 +22,7 @@ STALLED_ELASTIC = 1000
 class Collision:
     """Impulses along the normal, and sums over them."""
 
-    def __init__(self, setup: ContactSetup, spheres: Spheres, cells: EventCells, builder: Any) -> None:
+    def __init__(self, setup: ContactSetup, spheres: FlyingSpheres, cells: EventCells, builder: Any) -> None:
         """Of these spheres; sums start at 0."""
         self.spheres, self.cells = spheres, cells
         self.surfaces = setup.enclosure.surfaces
@@ -81,18 +83,21 @@ class Collision:
         n = q / distance
         speed = n.dot(self.spheres.velocity[i] - self.spheres.velocity[j])
         softness = (n * n).dot(self.spheres.inverse_mass(i) + self.spheres.inverse_mass(j))
-        e = self._restitution(self.table[self.spheres.material[i], self.spheres.material[j]], last, time)
+        nominal = self.table[self.spheres.material[i], self.spheres.material[j]]
+        e, elastic = restitution_after(nominal, time - last, self.contact_time)
+        self._count_elastic(elastic)
         self.impulse[None] = 0.0
         self._note_overlap(
             self.spheres.radius(i) + self.spheres.radius(j) - distance, ti.min(self.spheres.radius(i), self.spheres.radius(j))
         )
         if speed < 0 and softness > 0:
-            impulse = -(1 + e) * speed / softness
+            found = impulse_along(softness, speed, e)
+            impulse, lost = found[0], found[1]
             self.spheres.velocity[i] += self.spheres.inverse_mass(i) * n * impulse
             self.spheres.velocity[j] -= self.spheres.inverse_mass(j) * n * impulse
             self.pair_count[None] += 1
             self.virial[None] += ti.cast(impulse * distance, self.spheres.wide)
-            self.dissipated[None] += ti.cast((1 - e * e) * speed * speed / softness / 2, self.spheres.wide)
+            self.dissipated[None] += ti.cast(lost, self.spheres.wide)
             self.impulse[None] = impulse
         goes_on = self._note_contact(i, j, e)
         return self._note_contact(j, i, e) and goes_on
@@ -104,34 +109,31 @@ class Collision:
         self._begin(i, time)
         x, now = self.spheres.position[i], ti.cast(time, float)
         n, velocity = ti.Vector.zero(float, self.spheres.dimensions), ti.Vector.zero(float, self.spheres.dimensions)
-        e, depth = 1.0, 0.0
+        nominal, depth = 1.0, 0.0
         for k, surface in ti.static(enumerate(self.surfaces)):
             if w == k:
                 n, velocity = normal(surface, x, now), surface_velocity(surface, x)
-                e, depth = ti.cast(surface.restitution, float), -gap(surface, x, self.spheres.radius(i), now)
-        e = self._restitution(e, last, time)
+                nominal, depth = ti.cast(surface.restitution, float), -gap(surface, x, self.spheres.radius(i), now)
+        e, elastic = restitution_after(nominal, time - last, self.contact_time)
+        self._count_elastic(elastic)
         speed = n.dot(self.spheres.velocity[i] - velocity)
         softness = (n * n).dot(self.spheres.inverse_mass(i))
         self._note_overlap(depth, self.spheres.radius(i))
         self.impulse[None] = 0.0
         if speed < 0 and softness > 0:
-            impulse = -(1 + e) * speed / softness
+            found = impulse_along(softness, speed, e)
+            impulse, lost = found[0], found[1]
             self.spheres.velocity[i] += self.spheres.inverse_mass(i) * n * impulse
             self.wall_count[None] += 1
             self.wall_impulse[w] += ti.cast(impulse, self.spheres.wide)
-            self.dissipated[None] += ti.cast((1 - e * e) * speed * speed / softness / 2, self.spheres.wide)
+            self.dissipated[None] += ti.cast(lost, self.spheres.wide)
             self.impulse[None] = impulse
         return self._note_contact(i, -1 - w, e)
 
     @ti.func
-    def _restitution(self, e, last, time):
-        """Of this contact: 1 if the last one of either was less than the contact time ago."""
-        result = e
+    def _count_elastic(self, elastic):
         if ti.static(self.contact_time > 0):
-            if time - last < ti.static(self.contact_time) and e < 1:
-                result = 1.0
-                self.elastic_count[None] += 1
-        return result
+            self.elastic_count[None] += elastic
 
     @ti.func
     def _last_contact(self, i):

@@ -3,7 +3,7 @@
 import taichi as ti
 
 from mpp_taichi.contacts.events.cells import EventCells
-from mpp_taichi.contacts.events.spheres import Spheres
+from mpp_taichi.contacts.events.spheres import FlyingSpheres
 from mpp_taichi.device.fast_taichi.prefetch import prefetch
 
 ROOM = 4096  # rows that can wait to be fetched; a power of two
@@ -19,7 +19,7 @@ class Fetches:
     for the test of a dozen pairs. So they are asked for between such tests.
     """
 
-    def __init__(self, spheres: Spheres, cells: EventCells, builder: ti.FieldsBuilder, *, is_worthwhile: bool) -> None:
+    def __init__(self, spheres: FlyingSpheres, cells: EventCells, builder: ti.FieldsBuilder, *, is_worthwhile: bool) -> None:
         """Of these spheres in their cells; nothing is done if it is not worthwhile."""
         self.spheres, self.cells, self.is_worthwhile = spheres, cells, is_worthwhile
         self.ring, self.filled, self.done = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)

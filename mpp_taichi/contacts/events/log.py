@@ -9,7 +9,7 @@ RECORD = np.dtype([("time", "f8"), ("i", "i4"), ("j", "i4"), ("impulse", "f8")])
 
 
 @ti.data_oriented
-class EventLog:
+class ContactLog:
     """Time, spheres and momentum of each contact; j is −1 − w for surface w. Full, it must be emptied first."""
 
     def __init__(self, capacity: int, builder: Any, wide: Any) -> None:

@@ -6,7 +6,7 @@ import taichi as ti
 from mpp_taichi.contacts.events.cells import EventCells
 from mpp_taichi.contacts.events.fetches import Fetches
 from mpp_taichi.contacts.events.queue import EventQueue
-from mpp_taichi.contacts.events.spheres import Spheres
+from mpp_taichi.contacts.events.spheres import FlyingSpheres
 from mpp_taichi.device.fast_taichi.prefetch import prefetch
 
 TOGETHER = 4  # buckets of the queue that are looked at at a time
@@ -25,7 +25,7 @@ class LookAhead:
     wrong guess of the processor costs as much as a dozen fetches.
     """
 
-    def __init__(self, spheres: Spheres, cells: EventCells, queue: EventQueue, builder: ti.FieldsBuilder) -> None:
+    def __init__(self, spheres: FlyingSpheres, cells: EventCells, queue: EventQueue, builder: ti.FieldsBuilder) -> None:
         """For the events of a queue; nothing is done for few spheres, or cells."""
         self.spheres, self.cells, self.queue = spheres, cells, queue
         # From a cell to the next one along each axis, and to the middles of the rows of three cells that it is among.

@@ -5,7 +5,7 @@ from typing import Any
 import taichi as ti
 
 from mpp_taichi.contacts.events.lines import Lines
-from mpp_taichi.contacts.events.spheres import Spheres
+from mpp_taichi.contacts.events.spheres import FlyingSpheres
 
 # Events that a bucket is made to hold: with few, lists are short; with many, the heads of all lists stay in the cache.
 PER_BUCKET = 4
@@ -34,7 +34,7 @@ class EventQueue:
     Source: Paul, J. Comput. Phys. 221 (2007) 615 (physics/0606226).
     """
 
-    def __init__(self, spheres: Spheres, lines: Lines, builder: Any) -> None:
+    def __init__(self, spheres: FlyingSpheres, lines: Lines, builder: Any) -> None:
         """Place the fields, one event for each of these spheres."""
         self.spheres, self.count, self.bucket_count = spheres, spheres.count, max(spheres.count // PER_BUCKET, 8)
         self.wide = wide = spheres.wide

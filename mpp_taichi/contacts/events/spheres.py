@@ -11,7 +11,7 @@ from mpp_taichi.device import bulk_copy
 
 
 @ti.data_oriented
-class Spheres:
+class FlyingSpheres:
     """Where each sphere was at its own clock; between contacts it is in free flight.
 
     What a prediction reads of a neighbour lies in one line of the cache. Spheres are numbered anew, `order` says by whom

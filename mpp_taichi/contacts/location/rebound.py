@@ -7,6 +7,7 @@ import taichi as ti
 from mpp_taichi.contacts.location.paths import StepPaths
 from mpp_taichi.contacts.shared.bounce import Bounce
 from mpp_taichi.contacts.shared.contact_counts import Tally
+from mpp_taichi.contacts.shared.restitution import restitution_at
 from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 
@@ -52,7 +53,8 @@ class Rebound:
             v_i, v_j = self.state.velocity[i], self.state.velocity[j]
             u = v_j - v_i
             if n.dot(u) < -self.bounce.slowest * (v_i.norm() + v_j.norm()):
-                e, elastic = self._restitution(self.bounce.restitution_of(i, j), i, j, time)
+                nominal = self.bounce.restitution_of(i, j)
+                e, elastic = restitution_at(time, nominal, i, j, self.state.last_contact, self.contact_time)
                 impulse = self.bounce.pair_impulse(i, j, n, u, e)
                 if impulse[0] > 0.0:
                     self.state.velocity[i] = v_i - impulse[0] * self.bounce.inverse_mass[i] * n
@@ -75,7 +77,8 @@ class Rebound:
             n = _geometry.normal(self.surfaces[k], x, now)
             u = v - w
             if n.dot(u) < -self.bounce.slowest * (v.norm() + w.norm()):
-                e, elastic = self._restitution(ti.static(self.surfaces[k].restitution), i, i, time)
+                nominal = ti.static(self.surfaces[k].restitution)
+                e, elastic = restitution_at(time, nominal, i, i, self.state.last_contact, self.contact_time)
                 impulse = self.bounce.wall_impulse(i, n, u, e)
                 if impulse[0] > 0.0:
                     self.state.velocity[i] = v + impulse[0] * self.bounce.inverse_mass[i] * n
@@ -85,18 +88,6 @@ class Rebound:
                     self._see_overlap(-gap, self.bounce.radius[i])
                     result = 1
         return result
-
-    @ti.func
-    def _restitution(self, nominal, i, j, time):
-        """The e of this contact, and 1 if the contact time has made it elastic."""
-        e, elastic = ti.cast(nominal, float), 0
-        if ti.static(self.contact_time > 0.0):
-            since = time - ti.max(self.state.last_contact[i], self.state.last_contact[j])
-            if since < self.contact_time and e < 1.0:
-                e, elastic = 1.0, 1
-            self.state.last_contact[i] = time
-            self.state.last_contact[j] = time
-        return e, elastic
 
     @ti.func
     def _see_overlap(self, depth, radius):

@@ -9,6 +9,7 @@ import taichi as ti
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts.mergers.merge_events import Agenda
 from mpp_taichi.contacts.mergers.merger import Merger
+from mpp_taichi.contacts.shared.bounce import impulse_along
 from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.walls import _geometry
@@ -272,11 +273,11 @@ class MergingDrift:
                 w = self.state.free[i] / self.state.mass[i]
                 yielding, approach = (n * n).dot(w), n.dot(u)
                 if yielding > 0.0:
-                    impulse = -(1.0 + e) * approach / yielding
-                    after = v + impulse * (w * n)
+                    impulse = impulse_along(yielding, approach, e)
+                    after = v + impulse[0] * (w * n)
                     self.state.velocity[i] = after
                     self.state.position[i] = x - after * t
                     self.tally.begin(i)
-                    self.tally.add_wall(i, s, impulse, (1.0 - e) * (1.0 + e) * approach * approach / (2.0 * yielding), 0)
+                    self.tally.add_wall(i, s, impulse[0], impulse[1], 0)
                     self.tally.keep(0, i)
-                    self.log.note(time + t, i, -1 - s, ti.abs(impulse))
+                    self.log.note(time + t, i, -1 - s, ti.abs(impulse[0]))

@@ -6,7 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSetup
-from mpp_taichi.contacts.events.log import EventLog
+from mpp_taichi.contacts.events.log import ContactLog
 from mpp_taichi.contacts.shared.contact_counts import Tally
 from mpp_taichi.start.overlaps import ALLOWED
 from mpp_taichi.walls._roots import first_contact_curved
@@ -37,7 +37,7 @@ class Merger:
         self.rounding = ROUNDINGS * float(np.finfo(real).eps)
         self.tally = Tally(setup.particle_count, len(setup.enclosure.surfaces), self.wide)
         builder = ti.FieldsBuilder()
-        self.log = EventLog(log_capacity, builder, self.wide)
+        self.log = ContactLog(log_capacity, builder, self.wide)
         self.potential_change = ti.field(self.wide)
         builder.place(self.potential_change)
         self._tree = builder.finalize()
@@ -171,4 +171,4 @@ class Merger:
     @ti.func
     def _between(self, i, x_i, k, x_k):
         separation = ti.cast(x_k, self.wide) - ti.cast(x_i, self.wide)
-        return self.forces.pairs.potential_between(self.state, i, k, separation)
+        return self.forces.pair_sum.potential_between(self.state, i, k, separation)

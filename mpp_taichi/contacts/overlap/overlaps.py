@@ -5,51 +5,33 @@ from typing import Any
 import taichi as ti
 
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
-from mpp_taichi.contacts.shared.bounce import Bounce
-from mpp_taichi.contacts.shared.contact_counts import CHUNKS, Tally
+from mpp_taichi.contacts.overlap.overlap_bounces import OverlapBounces
+from mpp_taichi.contacts.shared.contact_counts import CHUNKS
 from mpp_taichi.device.fast_taichi.serial_loops import loop_grain
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.plain_rows import is_plain, visit_rows
 from mpp_taichi.types import Template
-from mpp_taichi.walls import _geometry
 
 ALL_PAIRS_UP_TO = 500  # spheres; more are faster on the cell grid, see tools/benchmarks/benchmark_contacts.py
 PAIRS_PER_SPHERE = 8  # for which there is room: a contact graph of spheres has fewer than 7.5 edges for each
 FEW = 64  # spheres for each pair: where there are more, pairs are few
-LONG_AGO = -1e30  # when a sphere that never touched anything did so last
 
 
 @ti.data_oriented
 class Overlaps:
-    """A pair that overlaps by δ is moved apart by δ along n from i to j, each sphere by its share of the inverse mass:
+    """Overlapping pairs on the CPU, found on the cell grid or among all pairs, listed by number and worked off in one thread.
 
-        Δx_i = −δ w_i n / Σ_k n_k² (w_ik + w_jk),   Δx_j = +δ w_j n / Σ_k n_k² (w_ik + w_jk)
-
-    and gets the impulse of `Bounce` if it approaches. Spheres that reach through a surface are put back onto it and reflected.
-    Pairs are found on the cell grid, or among all, listed by number and worked off in one thread: the result is the same.
+    The result does not depend on how the pairs are found.
     """
-
-    apart: bool | None = False  # whether each sphere has totals of its own
 
     def __init__(self, setup: ContactSetup, state: Any, *, all_pairs: bool | None = None) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
-        n = setup.particle_count
-        self.particle_count = n
+        n = self.particle_count = setup.particle_count
         self.state = state
         self.all_pairs = n <= ALL_PAIRS_UP_TO if all_pairs is None else all_pairs
         self.capacity = PAIRS_PER_SPHERE * n + 64
-        self.contact_time = float(setup.contact_time)
-        self.bounce = Bounce(setup)
-        self.tally = Tally(n, len(self.bounce.surfaces), getattr(state, "wide", ti.f64), apart=self.apart)
-        self.last_contact = ti.field(float)
-        builder = ti.FieldsBuilder()
-        builder.dense(ti.i, n if self.contact_time > 0.0 else 1).place(self.last_contact)
-        self._parts = [self.bounce, self.tally, builder.finalize(), *self._prepare_search(setup)]
-        self.last_contact.fill(LONG_AGO)
-
-    def _prepare_search(self, setup: ContactSetup) -> list[Any]:
-        """Allocate what pairs are found with; returns what has memory to be given back."""
-        n = self.particle_count
+        self.bounces = OverlapBounces(setup, state, apart=False)
+        self.bounce, self.tally = self.bounces.bounce, self.bounces.tally
         builder = ti.FieldsBuilder()
         self.found = ti.Vector.field(2, ti.i32)
         self.partner, self.row, self.found_count = ti.field(ti.i32), ti.field(ti.i32), ti.field(ti.i32)
@@ -57,13 +39,15 @@ class Overlaps:
             builder.dense(ti.i, self.capacity).place(field)
         builder.dense(ti.i, n + 2).place(self.row)
         builder.dense(ti.i, 1).place(self.found_count)
-        self.grid = None if self.all_pairs else CellGrid(n, setup.dimensions, setup.enclosure.period, setup.enclosure.origin)
-        return [builder.finalize(), *([self.grid] if self.grid else [])]
+        self._tree = builder.finalize()
+        enclosure = setup.enclosure
+        self.grid: Any = None if self.all_pairs else CellGrid(n, setup.dimensions, enclosure.period, enclosure.origin)
 
     def destroy(self) -> None:
         """Give the memory back."""
-        for part in self._parts:
-            part.destroy()
+        for part in (self.bounces, self._tree, self.grid):
+            if part is not None:
+                part.destroy()
 
     def collect(self) -> ContactReport:
         """What was counted since it was last asked."""
@@ -71,7 +55,7 @@ class Overlaps:
 
     def drift(self, time: float, h: float) -> None:
         """Move all spheres by h along their velocities, then let those that overlap bounce."""
-        self._move(h)
+        self.bounces.move(h)
         self.correct(time + h)
 
     def correct(self, time: float) -> None:
@@ -97,7 +81,7 @@ class Overlaps:
         for i in range(self.particle_count):
             self.row[i] = count
             for j in range(i + 1, self.particle_count):
-                if self._overlap_together(i, j):
+                if self.bounces.do_overlap(i, j):
                     if count < self.capacity:
                         self.partner[count] = j
                         count += 1
@@ -106,12 +90,7 @@ class Overlaps:
         self.row[self.particle_count] = count
         self._work_off(time)
         for i in range(self.particle_count):
-            self._bounce_off_walls(0, i, time)
-
-    @ti.kernel
-    def _move(self, h: float):
-        for i in range(self.particle_count):
-            self.state.position[i] = self.state.position[i] + self.state.velocity[i] * h
+            self.bounces.bounce_off_walls(0, i, time)
 
     @ti.kernel
     def _find(self, plain: Template):
@@ -126,7 +105,7 @@ class Overlaps:
     def _note_run(self, x, reach, slot, _, begin, end):
         for other in range(begin, end):
             together = reach + self.grid.sorted_reach[other]
-            if self.grid._square_distance(x, self.grid.sorted_position[other]) <= together * together:
+            if self.grid.square_distance(x, self.grid.sorted_position[other]) <= together * together:
                 self._note(slot, other, 0.0, 0.0)
         return slot
 
@@ -134,16 +113,10 @@ class Overlaps:
     def _note(self, slot, other, _, __):
         one, two = self.grid.order[slot], self.grid.order[other]
         i, j = ti.min(one, two), ti.max(one, two)
-        if self._overlap_together(i, j):
+        if self.bounces.do_overlap(i, j):
             k = ti.atomic_add(self.found_count[0], 1)  # in any order: they are sorted below
             if k < self.capacity:
                 self.found[k] = ti.Vector([i, j])
-
-    @ti.func
-    def _overlap_together(self, i, j):
-        separation = self.bounce.separation(self.state.position[i], self.state.position[j])
-        reach = self.bounce.radius[i] + self.bounce.radius[j]
-        return separation.dot(separation) < reach * reach
 
     @ti.kernel
     def _bounce_pairs(self, time: float):
@@ -156,7 +129,7 @@ class Overlaps:
             else:
                 self._sort_many(count)
             for k in range(count):
-                self._bounce_pair(0, self.found[k][0], self.found[k][1], time)
+                self.bounces.bounce_pair(0, self.found[k][0], self.found[k][1], time)
 
     @ti.func
     def _sort_few(self, count):
@@ -210,33 +183,7 @@ class Overlaps:
     def _work_off(self, time):
         for i in range(self.particle_count):
             for k in range(self.row[i], self.row[i + 1]):
-                self._bounce_pair(0, i, self.partner[k], time)
-
-    @ti.func
-    def _bounce_pair(self, chunk, i, j, time):
-        separation = self.bounce.separation(self.state.position[i], self.state.position[j])
-        distance = separation.norm()
-        reach = self.bounce.radius[i] + self.bounce.radius[j]
-        overlap = reach - distance
-        if overlap > 0.0:
-            self.tally.see_overlap(i, overlap / ti.min(self.bounce.radius[i], self.bounce.radius[j]))
-            n = ti.Vector.unit(self.bounce.dimensions, 0, float)  # centres at one place have no direction: take x
-            if distance > 0.0:
-                n = separation / distance
-            w_i, w_j = self.bounce.inverse_mass[i], self.bounce.inverse_mass[j]
-            u = self.state.velocity[j] - self.state.velocity[i]
-            if n.dot(u) < 0.0:
-                e, elastic = self._restitution(self.bounce.restitution_of(i, j), i, j, time)
-                result = self.bounce.pair_impulse(i, j, n, u, e)
-                self.state.velocity[i] = self.state.velocity[i] - result[0] * (w_i * n)
-                self.state.velocity[j] = self.state.velocity[j] + result[0] * (w_j * n)
-                self.tally.begin(i)
-                self.tally.add_pair(i, result[0], distance, result[1], elastic)
-                self.tally.keep(chunk, i)
-            yielding = (n * n).dot(w_i + w_j)
-            if yielding > 0.0:
-                self.state.position[i] = self.state.position[i] - (overlap / yielding) * (w_i * n)
-                self.state.position[j] = self.state.position[j] + (overlap / yielding) * (w_j * n)
+                self.bounces.bounce_pair(0, i, self.partner[k], time)
 
     @ti.kernel
     def _bounce_walls(self, time: float):
@@ -246,49 +193,4 @@ class Overlaps:
                 if q % grain == 0:
                     chunk = q // grain
                     for i in range(self.tally.begin_of(chunk), self.tally.begin_of(chunk + 1)):
-                        self._bounce_off_walls(chunk, i, time)
-
-    @ti.func
-    def _bounce_off_walls(self, chunk, i, time):
-        # Most spheres touch no wall: one look at all of them, without a branch for each.
-        place, radius = self.state.position[i], self.bounce.radius[i]
-        least = ti.cast(0.0, float)
-        for s in ti.static(range(len(self.bounce.surfaces))):
-            least = ti.min(least, _geometry.gap(self.bounce.surfaces[s], place, radius, time))
-        if least < 0.0:
-            self._bounce_off_each_wall(chunk, i, time)
-
-    @ti.func
-    def _bounce_off_each_wall(self, chunk, i, time):
-        for s in ti.static(range(len(self.bounce.surfaces))):
-            x = self.state.position[i]
-            gap = _geometry.gap(self.bounce.surfaces[s], x, self.bounce.radius[i], time)
-            if gap < 0.0:
-                if self.bounce.radius[i] > 0.0:
-                    self.tally.see_overlap(i, -gap / self.bounce.radius[i])
-                n = _geometry.normal(self.bounce.surfaces[s], x, time)
-                w = self.bounce.inverse_mass[i]
-                u = self.state.velocity[i] - _geometry.surface_velocity(self.bounce.surfaces[s], x)
-                yielding = (n * n).dot(w)
-                if n.dot(u) < 0.0 and yielding > 0.0:
-                    e, elastic = self._restitution(ti.static(self.bounce.surfaces[s].restitution), i, i, time)
-                    result = self.bounce.wall_impulse(i, n, u, e)
-                    self.state.velocity[i] = self.state.velocity[i] + result[0] * (w * n)
-                    self.tally.begin(i)
-                    self.tally.add_wall(i, s, result[0], result[1], elastic)
-                    self.tally.keep(chunk, i)
-                if yielding > 0.0:
-                    self.state.position[i] = self.state.position[i] - (gap / yielding) * (w * n)
-
-    @ti.func
-    def _restitution(self, nominal, i, j, time):
-        """E of a contact, 1 shortly after another (TC model), and whether that made it elastic."""
-        e = ti.cast(nominal, float)
-        elastic = 0
-        if ti.static(self.contact_time > 0.0):
-            if time - ti.max(self.last_contact[i], self.last_contact[j]) < self.contact_time and e < 1.0:
-                e = 1.0
-                elastic = 1
-            self.last_contact[i] = time
-            self.last_contact[j] = time
-        return e, elastic
+                        self.bounces.bounce_off_walls(chunk, i, time)

@@ -4,8 +4,9 @@ from typing import Any
 
 import taichi as ti
 
-from mpp_taichi.contacts._base import ContactSetup
-from mpp_taichi.contacts.overlap.overlaps import Overlaps
+from mpp_taichi.contacts._base import ContactReport, ContactSetup
+from mpp_taichi.contacts.overlap.overlap_bounces import OverlapBounces
+from mpp_taichi.contacts.overlap.overlaps import ALL_PAIRS_UP_TO, PAIRS_PER_SPHERE
 from mpp_taichi.contacts.shared.loop_watch import LoopWatch
 from mpp_taichi.neighbors.device_grid import DeviceGrid
 from mpp_taichi.neighbors.prefix_sum import PrefixSum
@@ -14,7 +15,7 @@ ROUNDS_AT_ONCE = 4  # before the host looks whether a pair is left
 
 
 @ti.data_oriented
-class OverlapRounds(Overlaps):
+class OverlapRounds:
     """What `Overlaps` does, by a thread for each sphere.
 
     Row i are the spheres that overlap sphere i, by number, and next[i] is the first whose turn is to come. A pair has its turn
@@ -23,11 +24,14 @@ class OverlapRounds(Overlaps):
     totals of their own sphere alone: nothing is added atomically.
     """
 
-    apart = True
-
-    def _prepare_search(self, setup: ContactSetup) -> list[Any]:
-        n = self.particle_count
-        self.capacity *= 2  # each pair in both of its rows
+    def __init__(self, setup: ContactSetup, state: Any, *, all_pairs: bool | None = None) -> None:
+        """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""
+        n = self.particle_count = setup.particle_count
+        self.state = state
+        self.all_pairs = n <= ALL_PAIRS_UP_TO if all_pairs is None else all_pairs
+        self.capacity = 2 * (PAIRS_PER_SPHERE * n + 64)  # each pair in both of its rows
+        self.bounces = OverlapBounces(setup, state, apart=True)
+        self.bounce, self.tally = self.bounces.bounce, self.bounces.tally
         self.partner, self.partner_count, self.row, self.next, self.ready = (ti.field(ti.i32) for _ in range(5))
         self.left = ti.field(ti.i32)
         builder = ti.FieldsBuilder()
@@ -36,12 +40,26 @@ class OverlapRounds(Overlaps):
             builder.dense(ti.i, n).place(field)
         builder.dense(ti.i, n + 1).place(self.row)
         builder.dense(ti.i, 1).place(self.left)
-        tree = builder.finalize()
+        self._tree = builder.finalize()
         self.watch = LoopWatch()
         self.sums = PrefixSum(n)
         enclosure = setup.enclosure
-        self.grid = None if self.all_pairs else DeviceGrid(n, setup.dimensions, enclosure.period, enclosure.origin)
-        return [tree, self.watch, self.sums, *([self.grid] if self.grid else [])]
+        self.grid: Any = None if self.all_pairs else DeviceGrid(n, setup.dimensions, enclosure.period, enclosure.origin)
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        for part in (self.bounces, self._tree, self.watch, self.sums, self.grid):
+            if part is not None:
+                part.destroy()
+
+    def collect(self) -> ContactReport:
+        """Counts since the last call."""
+        return self.tally.collect()
+
+    def drift(self, time: float, h: float) -> None:
+        """Move all spheres by h along their velocities, then let those that overlap bounce."""
+        self.bounces.move(h)
+        self.correct(time + h)
 
     def correct(self, time: float) -> None:
         """Let those bounce that overlap at `time`."""
@@ -103,7 +121,7 @@ class OverlapRounds(Overlaps):
     def _count(self, k, other, _, __):
         i, j = self._sphere(k), self._sphere(other)
         if i != j:
-            if self._overlap_together(i, j):
+            if self.bounces.do_overlap(i, j):
                 self.partner_count[i] = self.partner_count[i] + 1
 
     @ti.func
@@ -111,7 +129,7 @@ class OverlapRounds(Overlaps):
         """Into the row of sphere k, which stays in order."""
         i, j = self._sphere(k), self._sphere(other)
         if i != j:
-            if self._overlap_together(i, j):
+            if self.bounces.do_overlap(i, j):
                 hole = self.row[i] + self.partner_count[i]
                 self.partner_count[i] = self.partner_count[i] + 1
                 while hole > self.row[i] and self.partner[ti.max(hole - 1, 0)] > j:
@@ -130,7 +148,7 @@ class OverlapRounds(Overlaps):
         for i in range(self.particle_count):
             j = self.ready[i]
             if j >= 0:
-                self._bounce_pair(i, i, j, time)
+                self.bounces.bounce_pair(i, i, j, time)
                 self.next[i] = self.next[i] + 1
                 self.next[j] = self.next[j] + 1
 
@@ -146,4 +164,4 @@ class OverlapRounds(Overlaps):
     @ti.kernel
     def _bounce_walls(self, time: float):
         for i in range(self.particle_count):
-            self._bounce_off_walls(i, i, time)
+            self.bounces.bounce_off_walls(i, i, time)

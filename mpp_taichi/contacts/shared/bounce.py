@@ -13,6 +13,21 @@ ROUNDINGS = 4.0  # of the velocities from which an approach is computed
 SLACK = 1e-5  # more than round-off, even of f32, relative to a squared distance
 
 
+@ti.func
+def impulse_along(yielding, separating, e):
+    """Impulse along the normal of a contact [momentum], and the kinetic energy that it takes [energy]; 0 if nothing yields.
+
+    yielding     Σ_k n_k² (w_ik + w_jk), the sum of the inverse masses along the normal n [1 / mass]
+    separating   speed at which the two part along n before the contact, negative as they approach [length / time]
+    e            restitution
+    """
+    result = ti.Vector.zero(float, 2)
+    if yielding > 0.0:
+        result[0] = -(1.0 + e) * separating / yielding
+        result[1] = (1.0 - e) * (1.0 + e) * separating * separating / (2.0 * yielding)
+    return result
+
+
 @ti.data_oriented
 class Bounce:
     """The spheres of a setup on the device, and the formulas of their contacts.
@@ -113,17 +128,9 @@ class Bounce:
     def pair_impulse(self, i, j, n, u, e):
         """Impulse along n and the kinetic energy that it takes, with u = v_j − v_i; none where nothing can move."""
         yielding = (n * n).dot(self.inverse_mass_of(i) + self.inverse_mass_of(j))
-        return self._impulse(yielding, n.dot(u), e)
+        return impulse_along(yielding, n.dot(u), e)
 
     @ti.func
     def wall_impulse(self, i, n, u, e):
         """The same off a surface with the normal n, with u the velocity of i relative to it."""
-        return self._impulse((n * n).dot(self.inverse_mass_of(i)), n.dot(u), e)
-
-    @ti.func
-    def _impulse(self, yielding, separating, e):
-        result = ti.Vector.zero(float, 2)
-        if yielding > 0.0:
-            result[0] = -(1.0 + e) * separating / yielding
-            result[1] = (1.0 - e) * (1.0 + e) * separating * separating / (2.0 * yielding)
-        return result
+        return impulse_along((n * n).dot(self.inverse_mass_of(i)), n.dot(u), e)

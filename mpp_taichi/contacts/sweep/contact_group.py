@@ -1,4 +1,4 @@
-"""The contacts that touch at one instant, and how they pull at each other's spheres."""
+"""The contacts of a group, which touch at one instant, and how an impulse at one changes the speeds at the others."""
 
 import taichi as ti
 
@@ -6,7 +6,7 @@ from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.shared.field_trees import FieldTrees
 from mpp_taichi.types import Template
 
-ROUND_OFF = 64  # roundings that a relative speed may have gathered; a slower approach is none
+ROUND_OFF = 64  # roundings that a relative speed may have gathered; a slower approach counts as no approach
 
 
 @ti.data_oriented
@@ -16,10 +16,10 @@ class ContactGroup:
     normal         unit vector from second to first
     restitution    e of the contact
     surface_speed  n·(velocity of the surface) [length / time]; 0 between spheres
-    impulse        Σ of the impulses given along the normal since it was last set to 0 [momentum]
-    lost           kinetic energy that these took, relative to surfaces [energy]
-    hits           how often it was given one
-    made_elastic   1 where e is 1 because the contact follows another soon
+    impulse        sum of the impulses that were given along the normal since the row was set [momentum]
+    lost           kinetic energy that these impulses took, relative to surfaces [energy]
+    hits           number of these impulses
+    made_elastic   1 where e is 1 because the contact follows another one within the contact time
 
     The separating speed of a contact is n·(v_first − v_second), negative where it approaches.
     """
@@ -29,7 +29,7 @@ class ContactGroup:
         self.dimensions = setup.dimensions
         self.capacity = max(capacity, 1)
         self.particle_count = setup.particle_count
-        # Of the run's precision; the relative speed below which a contact does not approach.
+        # Rounding unit of the precision, and the speed, relative to the largest, below which a contact does not approach.
         self.epsilon = 2.0**-23 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-52
         self.threshold = ROUND_OFF * self.epsilon
         self._trees = FieldTrees()
@@ -52,7 +52,7 @@ class ContactGroup:
 
     @ti.func
     def set_row(self, c, first, second, normal, surface_speed, restitution, made_elastic):
-        """A contact that was not hit yet."""
+        """Write row c, a contact that has had no impulse yet."""
         self.first[c] = first
         self.second[c] = second
         self.normal[c] = normal
@@ -65,7 +65,7 @@ class ContactGroup:
 
     @ti.func
     def separating_speed(self, state: Template, c):
-        """n·(v_first − v_second), negative where they approach [length / time]."""
+        """n·(v_first − v_second), negative where the two approach [length / time]."""
         relative = state.velocity[self.first[c]]
         if self.second[c] >= 0:
             relative -= state.velocity[self.second[c]]
@@ -73,7 +73,7 @@ class ContactGroup:
 
     @ti.func
     def speed_scale(self, state: Template, count):
-        """Largest speed in the group, which says what round-off is [length / time]."""
+        """Largest speed in the group, to which round-off is relative [length / time]."""
         largest = ti.cast(0.0, float)
         for c in range(count):
             largest = ti.max(largest, state.velocity[self.first[c]].norm(), ti.abs(self.surface_speed[c]))

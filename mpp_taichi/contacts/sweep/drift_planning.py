@@ -1,4 +1,4 @@
-"""How far spheres fly: into which pieces a drift is cut, and how far around a sphere partners are looked for."""
+"""Plans of a drift: into which pieces it is cut, and how far around a sphere its candidate partners are."""
 
 import math
 from collections.abc import Sequence
@@ -9,34 +9,36 @@ import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.shared.contact_counts import CHUNKS
+from mpp_taichi.contacts.shared.field_trees import FieldTrees
 from mpp_taichi.device.fast_taichi.serial_loops import loop_grain, on_cpu
 from mpp_taichi.types import Template
 
-SLACK = 1.25  # margin over the way that a sphere of the same speed makes: contacts make some faster
-TRAVEL_PER_GAP = 0.5  # root mean square way in a piece, at most, over the mean gap between spheres
-TRAVEL_PER_RADIUS = 0.25  # the same where they nearly touch
-LEAST_TRAVEL_PER_RADIUS = 0.02  # below this a piece is not cut because of its many contacts: they are there at any length
+SLACK = 1.25  # margin over the way of a sphere at its present speed: contacts make some spheres faster
+TRAVEL_PER_GAP = 0.5  # largest root mean square way in a piece, over the mean gap between spheres
+TRAVEL_PER_RADIUS = 0.25  # the same over the mean radius, where the spheres nearly touch
+LEAST_TRAVEL_PER_RADIUS = 0.02  # a shorter piece is not cut for its many contacts: any piece has them
 CROWD = 0.3  # contacts per sphere, above which islands grow together and a piece is cut
-OUTLIER = 6.0  # root mean square speeds; margins of all spheres allow for that, faster ones have their own
-DRIFTS_PER_SKIN = 3  # for which a grid is kept, beyond that for which it was built
-SKIN_PER_RADIUS = 0.4  # at most
-SKIN_SLACK = 1.05  # for spheres that are made a little faster than the fastest
-DEVICE_CHUNKS = 4096  # of spheres, whose speeds are measured by a thread each
-ROUNDINGS = 16  # of a coordinate, by which a pair must not be missed
+OUTLIER = 6.0  # root mean square speeds that the margins of all spheres allow for; faster spheres have their own margins
+DRIFTS_PER_SKIN = 3  # more drifts for which a grid is kept
+SKIN_PER_RADIUS = 0.4  # largest skin over the mean radius
+SKIN_SLACK = 1.05  # skin over the way of the fastest sphere, for spheres that become a little faster
+DEVICE_CHUNKS = 4096  # of spheres on another device than the CPU, each measured by a thread
+ROUNDINGS = 16  # of a coordinate, in every margin, so that rounding hides no pair
 
 
 class Piece(NamedTuple):
-    """A piece of a drift. (Plans are made with plain numbers: arrays of three cost more than what is computed with them.)
+    """A piece of a drift. Its plan is made with plain numbers, as arrays of three entries cost more than the arithmetic.
 
-    h        its length [time]
-    common   margin that every sphere has at least [length]
-    largest  that some sphere may have
-    lower, upper  bounding box of all positions
-    rounding part of every margin, for what rounding may make of a pair [length]
-    time     in which each sphere's own margin is flown through, with its slack [time]
-    skin     by which the cell grid is to reach farther, to be good for some drifts; 0: not worth it [length]
-    is_uniform  whether all margins are `common`
-    bounds   what the cell grid wants to know: the box, least and largest reach
+    h             length [time]
+    common        least margin, which every sphere has [length]
+    largest       largest margin that a sphere may have [length]
+    lower, upper  bounding box of all positions [length]
+    speed, rms    largest and root mean square speed [length / time]
+    reference     speed that the common margin allows for [length / time]
+    rounding      part of every margin, for the rounding of positions [length]
+    time          time in which a sphere at its speed flies through its own margin: h and the slack [time]
+    skin          distance by which the cell grid reaches farther, to be good for some drifts; 0: not worthwhile [length]
+    tries         how often its margins were widened
     """
 
     h: float
@@ -61,19 +63,19 @@ class Piece(NamedTuple):
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray, float, float]:
-        """What the cell grid wants to know: the box, and between which two all reaches are."""
+        """Arguments of the cell grid: the bounding box, and the least and largest reach."""
         lower, upper = np.array(self.lower), np.array(self.upper)
         return lower, upper, self.least_radius + self.common, self.largest_radius + self.largest
 
 
-class Motion(NamedTuple):
-    """What a drift is planned by.
+class MotionSummary(NamedTuple):
+    """Summary of the motion of all spheres, from which a drift is planned.
 
-    lower, upper  bounding box of all positions
-    total         Σ v²
-    speed         the largest
-    farthest      the largest margin that is remembered [length]
-    way           the longest that a sphere came in the piece before, if that was measured [length]
+    lower, upper  bounding box of all positions [length]
+    total         Σ v² [length² / time²]
+    speed         largest speed [length / time]
+    farthest      largest margin that is remembered of spheres that left theirs [length]
+    way           longest way of a sphere in the piece before; 0 if it was not measured [length]
     """
 
     lower: Sequence[float]
@@ -85,11 +87,16 @@ class Motion(NamedTuple):
 
 
 @ti.data_oriented
-class Flight:
-    """Margins of the spheres of a state: reach = radius + margin.
+class DriftPlanner:
+    """Cuts a drift into pieces, and gives each sphere of a state its margin; reach = radius + margin.
 
-    A sphere's margin covers its own way with some slack, and that of ordinarily fast partners that may hit it. One that left
-    its margin is remembered with twice its way, and the piece is done again.
+    The margin of a sphere covers its own way with some slack, and the way of a partner of ordinary speed that may hit it. A
+    sphere that left its margin is remembered with twice its way, and the piece is done again.
+
+    reach        (n,) [length]
+    remembered   (n,) margins of the spheres that left theirs, else 0 [length]
+    farthest     largest of the remembered margins [length]
+    violations   1: some sphere left its margin in this piece
     """
 
     def __init__(self, setup: ContactSetup, state: Any) -> None:
@@ -106,7 +113,8 @@ class Flight:
             float(radius.max()),
         )
         largest_two = float(np.sort(radius)[-2:].sum())
-        self.room = 0.5 * (self.shortest_period / 2.0 - largest_two)  # for a margin; beyond, another image may be nearer
+        # Room for a margin: beyond it another image of the partner may be nearer.
+        self.room = 0.5 * (self.shortest_period / 2.0 - largest_two)
         if not self.room > 0.0:
             raise ValueError(
                 f"a period of {self.shortest_period:g} is too short for spheres of radius {self.largest_radius:g}: "
@@ -118,20 +126,22 @@ class Flight:
         self.chunks = CHUNKS if self.on_cpu else DEVICE_CHUNKS
         self.radius, self.reach, self.remembered = (ti.field(float) for _ in range(3))
         self.measured = ti.Vector.field(2 * self.dimensions + 3, float)
-        builder = ti.FieldsBuilder()
-        for field in (self.radius, self.reach, self.remembered):
-            builder.dense(ti.i, self.particle_count).place(field)
-        builder.dense(ti.i, self.chunks).place(self.measured)
         self.farthest = ti.field(float)
-        builder.dense(ti.i, 1).place(self.farthest)
-        self._tree = builder.finalize()
+        self.violations = ti.field(ti.i32)
+        self._trees = FieldTrees()
+        for field in (self.radius, self.reach, self.remembered):
+            self._trees.place(self.particle_count, field)
+        self._trees.place(self.chunks, self.measured)
+        self._trees.place(1, self.farthest)
+        self._trees.place(1, integers=[self.violations])
+        self._trees.finish()
         self.radius.from_numpy(radius.astype(self.radius.to_numpy().dtype))
 
     def destroy(self) -> None:
         """Give the memory back."""
-        self._tree.destroy()
+        self._trees.destroy()
 
-    def plan(self, rest: float, motion: Motion) -> Piece:
+    def plan(self, rest: float, motion: MotionSummary) -> Piece:
         """The next piece of a drift of which `rest` is left."""
         speed = motion.speed
         rms = math.sqrt(motion.total / self.particle_count)
@@ -151,20 +161,20 @@ class Flight:
         piece = Piece(h, 0.0, 0.0, motion.lower, motion.upper, *radii, speed, rms, reference, rounding)
         return self._with_margins(piece, motion.farthest)
 
-    def measure(self, position: Any, velocity: Any) -> Motion:
-        """How spheres move that are there, in whatever order."""
+    def measure(self, position: Any, velocity: Any) -> MotionSummary:
+        """Summarize the motion of spheres in any order."""
         if self.on_cpu:
             return self.motion(self._measure_at_once(position, velocity))
         d = self.dimensions
         self._measure(position, velocity)
         found = self.measured.to_numpy().astype(float)
         lower, upper, farthest = found[:, :d].min(0), found[:, d : 2 * d].max(0), float(self.farthest[0])
-        return Motion(lower, upper, float(found[:, 2 * d].sum()), float(found[:, 2 * d + 1].max()), farthest, 0.0)
+        return MotionSummary(lower, upper, float(found[:, 2 * d].sum()), float(found[:, 2 * d + 1].max()), farthest, 0.0)
 
-    def motion(self, whole: Sequence[float]) -> Motion:
-        """What `whole` says."""
+    def motion(self, whole: Sequence[float]) -> MotionSummary:
+        """The summary that the entries of `whole` make."""
         d = self.dimensions
-        return Motion(whole[:d], whole[3 : 3 + d], *whole[6:])
+        return MotionSummary(whole[:d], whole[3 : 3 + d], *whole[6:])
 
     def _with_margins(self, piece: Piece, farthest: float) -> Piece:
         common = SLACK * piece.reference * piece.h + piece.rounding
@@ -172,44 +182,45 @@ class Flight:
         return piece._replace(common=common, largest=largest, time=SLACK * piece.h, skin=self._skin(piece, largest))
 
     def _skin(self, piece: Piece, largest: float) -> float:
-        """Room for the fastest in some more drifts of this length, as far as that leaves the spheres few partners."""
+        """Room for the fastest sphere in some more drifts of this length, 0 where the spheres would get too many partners."""
         way = SKIN_SLACK * piece.speed * piece.h
         limit = min(SKIN_PER_RADIUS * self.mean_radius, 0.9 * self.room - largest)
         return way * min(DRIFTS_PER_SKIN, math.floor(limit / way)) if 0.0 < way <= limit else 0.0
 
     def shorten(self, piece: Piece) -> Piece:
-        """Half of it, with everything forgotten that was remembered."""
+        """The first half of a piece; all margins that were remembered are forgotten."""
         self.remembered.fill(0.0)
         self.farthest.fill(0.0)
         return self._with_margins(piece._replace(h=piece.h / 2.0, tries=0), 0.0)
 
     def widen(self, piece: Piece) -> Piece:
-        """The same with margins for what is remembered, or half of it where that does not help."""
+        """The same piece with the remembered margins, or its first half where wider margins did not help or have no room."""
         farthest = float(self.farthest[0])
         if piece.tries >= 6 or farthest > 0.9 * self.room:
             return self.shorten(piece)
         return self._with_margins(piece._replace(tries=piece.tries + 1), farthest)
 
     def is_crowded(self, piece: Piece, links: int) -> bool:
-        """Whether it has so many contacts that two halves cost less."""
+        """Whether a piece has so many contacts that its two halves cost less."""
         return links > CROWD * self.particle_count and piece.rms * piece.h > LEAST_TRAVEL_PER_RADIUS * self.mean_radius
 
     @ti.func
-    def remember(self, i, way):
-        """Give sphere i a wider margin when the piece is done again."""
+    def note_violation(self, i, way):
+        """Note that sphere i has left its margin by going so far, and give it a wider one when the piece is done again."""
+        self.violations[0] = 1
         self.remembered[i] = 2.0 * way
         if ti.static(self.on_cpu):
             ti.atomic_max(self.farthest[0], 2.0 * way)
 
     @ti.kernel
     def find_farthest(self):
-        """The largest margin that is remembered; on the CPU that is known."""
+        """Set `farthest`; on the CPU it is set whenever a margin is remembered."""
         for i in range(self.particle_count):
             if self.remembered[i] > self.farthest[0]:
                 ti.atomic_max(self.farthest[0], self.remembered[i])
 
     def set_reaches(self, piece: Piece) -> None:
-        """Write down how far each sphere reaches, by the velocities of the state."""
+        """Set the reach of each sphere, by the velocities of the state."""
         self._set_reaches(piece.common, piece.time, piece.rounding)
 
     @ti.kernel
@@ -219,7 +230,7 @@ class Flight:
 
     @ti.func
     def margin(self, i, v, common, time, rounding):
-        """Of sphere i, which flies with v; what is remembered is looked up where there is anything."""
+        """Margin of sphere i, which flies with v; its remembered margin is read only where some sphere has one."""
         result = ti.max(common, time * v.norm() + rounding)
         if self.farthest[0] > 0.0:
             result = ti.max(result, self.remembered[i])
@@ -231,7 +242,7 @@ class Flight:
 
     @ti.kernel
     def _measure_at_once(self, position: Template, velocity: Template) -> ti.types.vector(10, ti.f64):
-        """The same, and what it comes to; one launch."""
+        """Measure and return the summary of all chunks, in one launch."""
         self._measure_all(position, velocity)
         return self.whole()
 
@@ -244,7 +255,7 @@ class Flight:
 
     @ti.func
     def measure_chunk(self, chunk, position: Template, velocity: Template, way):
-        """Note how the spheres of a chunk move, that came `way` at most in the piece before."""
+        """Summarize the motion of the spheres of a chunk, whose longest way in the piece before was `way`."""
         lower = ti.Vector([ti.math.inf] * self.dimensions, float)
         upper = -lower
         total, largest = 0.0, 0.0
@@ -263,7 +274,7 @@ class Flight:
 
     @ti.func
     def whole(self):
-        """What the chunks come to: lower and upper corner, Σ v², largest speed, margin and way; not inside a loop."""
+        """Summary of all chunks: lower and upper corner, Σ v², largest speed, margin and way; not inside a loop."""
         lower, upper = ti.Vector([ti.math.inf] * 3, ti.f64), ti.Vector([-ti.math.inf] * 3, ti.f64)
         total, speed, way = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
         ti.loop_config(serialize=True)

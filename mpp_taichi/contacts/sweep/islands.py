@@ -8,7 +8,7 @@ import taichi as ti
 from mpp_taichi.contacts.shared.field_trees import FieldTrees
 from mpp_taichi.device.fast_taichi.prefetch import prefetch
 
-LINKS_AHEAD = 16  # whose spheres are fetched before they are joined
+LINKS_AHEAD = 16  # links whose spheres are fetched before they are joined
 LINKS_PER_SPHERE = 8  # a contact graph of spheres has fewer than 7.5 edges for each: half the mean kissing number, below 14.96
 
 
@@ -19,20 +19,23 @@ class Islands:
     island          (n,) its root, or -1: the sphere flies freely
     first_time      (n,) its first contact if nothing else happens [time], with first_partner
     following       (n,) another sphere of the same island: one after the other, they form a ring
-    pending         roots of islands that are to be played through, `count[PENDING]` of them
-    members         their spheres, those of an island one after the other from `begin[root]`, `size[root]` of them, in an order
-                    on which nothing may depend; `count[MEMBERS]` in all
-    involved        all spheres in islands, `count[INVOLVED]`
-    links           pairs that were linked since the islands were last formed, `count[LINKS]`
+    pending         roots of the islands that are to be played, `count[PENDING]` of them
+    members         the spheres of pending islands, `count[MEMBERS]` in all: those of one island from `begin[root]` on,
+                    `size[root]` of them, in an order on which no result may depend
+    involved        the spheres of all islands, `count[INVOLVED]` of them
+    links           pairs that were linked since the islands were last formed, `count[LINKS]` of them
     """
 
     LINKS, INVOLVED, PENDING, MEMBERS = 0, 1, 2, 3
 
     def __init__(self, particle_count: int, beside: Sequence[Any], indices: Sequence[Any], order: Any = None) -> None:
-        """Allocate, and place floats `beside`, and `indices`, beside those that an event touches; needs a started Taichi.
+        """Allocate; needs a started Taichi.
 
-        `order` tells the numbers of the spheres by which events at one time are ordered, if not their indices here.
-        Spheres of islands are far apart in memory, and each line of it that is fetched costs more than the formulas.
+        beside    fields of floats that an event touches, to be placed beside those that are made here
+        indices   the same, of integers
+        order     numbers of the spheres, by which events at one time are ordered; None: their indices here
+
+        Spheres of an island are far apart in memory, and to fetch a line of memory costs more than to evaluate the formulas.
         """
         self.particle_count = particle_count
         self.has_order, self.order = order is not None, order
@@ -40,7 +43,7 @@ class Islands:
         self.parent, self.island, self.members, self.begin, self.size = (ti.field(ti.i32) for _ in range(5))
         self.following, self.changed, self.pending, self.involved, self.tree = (ti.field(ti.i32) for _ in range(5))
         self.place, self.first_partner = ti.field(ti.i32), ti.field(ti.i32)
-        self.filler = ti.field(ti.i32)  # in f64 and space what is of one sphere now fills two lines of memory
+        self.filler = ti.field(ti.i32)  # pads the entry of a sphere to two lines of memory, in f64 and three dimensions
         self.first_time, self.best_time, self.link_time = (ti.field(float) for _ in range(3))
         self.links = ti.Vector.field(2, ti.i32)
         self.count = ti.field(ti.i32)
@@ -65,15 +68,20 @@ class Islands:
 
     @ti.func
     def link(self, i, j, time):
-        """Note that i and j belong together, or that i meets a surface, j < 0; `time` of their first contact, or infinity."""
+        """Note that i and j belong together, or that i meets a surface, j < 0, at `time`; infinity if it is not known."""
         k = ti.atomic_add(self.count[self.LINKS], 1)
         if k < self.capacity:
             self.links[k] = ti.Vector([i, j])
             self.link_time[k] = time
 
     @ti.func
+    def wish(self, i, j):
+        """Note that i and j, which are played already, shall be in one island when it is played again."""
+        self.link(i, j, ti.math.inf)
+
+    @ti.func
     def form(self):
-        """Join what was linked, and list as pending all islands that changed; inside a serialized loop."""
+        """Join the spheres that are linked, and list all islands that changed as pending; inside a serialized loop."""
         for k in range(self.count[self.PENDING]):
             self.changed[self.pending[k]] = 0
         link_count = ti.min(self.count[self.LINKS], self.capacity)
@@ -100,7 +108,7 @@ class Islands:
 
     @ti.func
     def _fetch_ahead(self, k):
-        """Have what is of linked spheres fetched, as memory is slow to answer."""
+        """Fetch the entries of linked spheres before they are needed, as memory is slow to answer."""
         i, j = self.links[k][0], ti.max(self.links[k][1], 0)
         prefetch(self.first_time, i)
         prefetch(self.first_time, j)
@@ -120,7 +128,10 @@ class Islands:
 
     @ti.func
     def _join(self, one, other):
-        """Make two islands one, unless they are, by their roots: two rings whose next spheres are exchanged are one."""
+        """Make two islands one, by their roots, unless they are one already.
+
+        Two rings become one ring when the spheres that follow their roots are exchanged.
+        """
         if one != other:
             self.parent[ti.max(one, other)] = ti.min(one, other)
             after = self.following[one]
@@ -129,7 +140,7 @@ class Islands:
 
     @ti.func
     def _list_members(self, root, begin):
-        """Returns the place after the last."""
+        """List the members of an island from the place `begin` on; returns the place after the last."""
         self.begin[root] = begin
         place, i = begin, root
         listing = True
@@ -145,20 +156,20 @@ class Islands:
 
     @ti.func
     def leave(self, i):
-        """Sphere i is in no island."""
+        """Take sphere i out of its island; to be called for all of its members."""
         self.parent[i] = -1
         self.island[i] = -1
 
     @ti.func
     def offer(self, i, j, time):
-        """Note the first of all contacts that are offered; of those at one time that with the lowest number."""
+        """Note a contact of i if it is the first that was offered; of contacts at one time, the lowest partner comes first."""
         if time < self.first_time[i] or (time == self.first_time[i] and self.number(j) < self.number(self.first_partner[i])):
             self.first_time[i] = time
             self.first_partner[i] = j
 
     @ti.func
     def number(self, i):
-        """Of a sphere, or what is less than 0 as it is."""
+        """Number of sphere i, by which events at one time are ordered; numbers of surfaces, i < 0, stay as they are."""
         result = i
         if ti.static(self.has_order):
             if i >= 0:
@@ -175,7 +186,7 @@ class Islands:
 
     @ti.func
     def everything(self):
-        """One island of all spheres, with root 0; inside a serialized loop."""
+        """Form one island of all spheres, with root 0; inside a serialized loop."""
         for i in range(self.particle_count):
             self.island[i] = 0
             self.members[i] = i
@@ -183,18 +194,18 @@ class Islands:
         self.begin[0] = 0
         self.size[0] = self.particle_count
 
-    # What happens first: a tournament over the members, whose inner nodes 1 … size − 1 keep the winners' places --------
+    # The earliest event: a tournament over the members, whose inner nodes 1 … size − 1 keep the places of the winners ------
 
     @ti.func
     def start_tournament(self, root):
-        """After `best_time` of all members was set."""
+        """Play all matches, after `best_time` of all members was set."""
         size = self.size[root]
         for back in range(1, size):
             self._play(self.begin[root], size, size - back)
 
     @ti.func
     def replay(self, root, i):
-        """After `best_time[i]` was changed."""
+        """Play the matches of member i again, after `best_time[i]` was changed."""
         size = self.size[root]
         node = (self.place[i] + size) // 2
         while node >= 1:
@@ -203,7 +214,7 @@ class Islands:
 
     @ti.func
     def next(self, root):
-        """The member with the earliest event; of equal ones that with the smallest number."""
+        """The member with the earliest event; of members with events at one time, the one with the smallest number."""
         p = 0
         if self.size[root] > 1:
             p = self.tree[self.begin[root] + 1]

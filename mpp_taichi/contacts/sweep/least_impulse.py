@@ -5,7 +5,7 @@ import taichi as ti
 from mpp_taichi.contacts.shared.field_trees import FieldTrees
 from mpp_taichi.contacts.sweep.contact_group import ContactGroup
 
-MEMBERS = 512  # contacts that approach together; what has more is not solved, and said so
+MEMBERS = 512  # contacts of the largest problem that is solved; a larger one is given up and reported
 
 
 @ti.data_oriented
@@ -13,11 +13,11 @@ class LeastImpulse:
     """Find λ with 0 ≤ λ ⟂ A λ − b ≥ 0, A = N M⁻¹ Nᵀ the coupling of some contacts and b their approaching speeds.
 
     The velocities v + M⁻¹ Nᵀ λ are the closest to v, measured by the kinetic energy of the difference, at which none of the
-    contacts approaches. They are unique, whatever the numbering, also where λ is not. The method is that of Lawson & Hanson,
-    Solving Least Squares Problems (1974) ch. 23, on the normal equations, each contact scaled to A_cc = 1.
+    contacts approaches. These velocities are unique, whatever the numbering, also where λ is not unique. The method is the one
+    of Lawson & Hanson, Solving Least Squares Problems (1974) ch. 23, on the normal equations, each contact scaled to A_cc = 1.
 
-    With `shift` 1 it solves (A + 1 1ᵀ) λ = 1 instead: the contacts are jammed, there is no velocity at which all of them
-    open, where the remainder 1 − Σ λ is zero (Gordan's alternative).
+    With `shift` 1 it solves (A + 1 1ᵀ) λ = 1 instead. The contacts are jammed, so that at no velocity all of them open, if the
+    remainder 1 − Σ λ is zero (Gordan's alternative).
     """
 
     def __init__(self, group: ContactGroup):
@@ -41,14 +41,14 @@ class LeastImpulse:
 
     @ti.func
     def solve(self, count, shift):
-        """Solve for member[0 … count), whose scaled approaching speeds are in `right`; 1 if no end was found.
+        """Solve for member[0 … count), whose scaled approaching speeds are in `right`; returns 1 if it did not converge.
 
         `size` holds √A_cc of each member, and `impulse` becomes λ_c √A_cc.
         """
         largest_right = ti.cast(0.0, float)
         largest_impulse = ti.cast(0.0, float)
         for p in range(count):
-            self.flag[p] = 0  # 0: λ = 0, 1: λ > 0, 2: lies in the span of those with λ > 0
+            self.flag[p] = 0  # 0: λ = 0, 1: λ > 0, 2: linearly dependent on the members with λ > 0
             self.impulse[p] = 0.0
             largest_right = ti.max(largest_right, self.right[p])
         rank = 0
@@ -112,12 +112,12 @@ class LeastImpulse:
 
     @ti.func
     def _entry(self, p, q, shift):
-        """Of the scaled and shifted matrix."""
+        """Entry (p, q) of the scaled and shifted matrix."""
         return self.group.coupling(self.member[p], self.member[q]) / (self.size[p] * self.size[q]) + shift
 
     @ti.func
     def _factor_rows(self, start, rank, shift):
-        """Cholesky factor of the passive members, rows start … rank − 1; 0 if the last depends on those before."""
+        """Rows start … rank − 1 of the Cholesky factor of the passive members; 0 if the last member depends on the others."""
         independent = 1
         for r in range(start, rank):
             p = self.passive[r]
@@ -150,7 +150,7 @@ class LeastImpulse:
 
     @ti.func
     def _step(self, rank):
-        """How far to go from `impulse` to `trial` before the first becomes negative, 0 … 1."""
+        """Share of the way from `impulse` to `trial` after which the first impulse would become negative, 0 … 1."""
         step = ti.cast(1.0, float)
         for r in range(rank):
             if self.trial[r] <= 0.0:
@@ -159,6 +159,6 @@ class LeastImpulse:
 
     @ti.func
     def _ratio(self, q, r):
-        """Where on the way from `impulse` to a `trial` that is not positive it is zero, 0 … 1."""
+        """Share of the way from `impulse` to a `trial` ≤ 0 at which the impulse of member q is zero, 0 … 1."""
         way = self.impulse[q] - self.trial[r]
         return self.impulse[q] / way if way > 0.0 else 0.0

@@ -7,24 +7,24 @@ from mpp_taichi.contacts.sweep.contact_group import ContactGroup
 from mpp_taichi.contacts.sweep.least_impulse import LeastImpulse
 from mpp_taichi.types import Template
 
-PATIENCE = 64, 8  # waves, and waves for each contact, after which a group is looked at again
-WAVES = 10_000_000  # a group that still approaches then is given up
+PATIENCE = 64, 8  # waves, and waves for each contact, after which it is asked whether the group can still open
+WAVES = 10_000_000  # a group that still approaches after so many is given up
 
 
 @ti.data_oriented
 class Reflections:
     """Velocities after a simultaneous impact without friction.
 
-    A wave takes the contacts that approach, falls into parts that share no movable sphere, and reflects each part,
-    v' = v + (1 + e) M⁻¹ Nᵀ λ, with the impulses λ ≥ 0 that would just end its approach (`LeastImpulse`). For e = 1 that is a
-    mirror image in the metric of the kinetic energy, which it keeps; momentum is kept by any impulses. Waves follow until
-    nothing approaches by more than round-off. As only what approaches takes part, the shock runs through a row of balls one
-    contact a wave, and k balls in are k balls out. Where restitutions differ within a part, e is their mean weighted by the
-    energy λ b that goes into each contact, so that no part gains energy.
+    A wave takes the contacts that approach, divides them into parts that share no movable sphere, and reflects each part,
+    v' = v + (1 + e) M⁻¹ Nᵀ λ, with the impulses λ ≥ 0 that would just end its approach (`LeastImpulse`). For e = 1 the new
+    velocities are a mirror image in the metric of the kinetic energy, so that the energy is kept; any impulses keep the
+    momentum. Waves follow until no contact approaches by more than round-off. As only approaching contacts take part, a shock
+    runs through a row of balls by one contact in each wave, and as many balls leave as come in. Where restitutions differ
+    within a part, e is their mean weighted by the energy λ b that goes into each contact, so that no part gains energy.
 
-    It ends because every wave of a group that can open makes way (elastic groups), and as follows where it would not:
-    groups with e = 0 throughout, groups that lose energy and have not ended after PATIENCE waves, and jammed groups, which no
-    velocity opens, go over to the closest velocities at which none of their contacts approaches.
+    The waves of an elastic group that can open come to an end. Other groups take the closest velocities at which none of their
+    contacts approaches: groups with e = 0 throughout, groups that lose energy and still approach after PATIENCE waves, and
+    jammed groups, which no velocity opens.
 
     Sources: Smith, Kaufman, Vouga, Tamstorf, Grinspun, ACM Trans. Graphics 31 (2012) 106; Vouga, Smith, Kaufman, Tamstorf,
     Grinspun, ACM Trans. Graphics 36 (2017) 151, for when and how reflections end.
@@ -51,7 +51,7 @@ class Reflections:
 
     @ti.func
     def resolve(self, state: Template, count):
-        """Change the velocities; returns (waves, contacts that were given up)."""
+        """Change the velocities of the first `count` contacts; returns (waves, contacts that were given up)."""
         waves = 0
         failed = 0
         least_e, largest_e = ti.cast(1.0, float), ti.cast(0.0, float)
@@ -60,10 +60,10 @@ class Reflections:
             largest_e = ti.max(largest_e, self.group.restitution[c])
         scale = ti.cast(0.0, float)
         patience = ti.static(PATIENCE[0]) + ti.static(PATIENCE[1]) * count
-        ending = 1 if largest_e == 0.0 else 0  # all contacts at once, and without a rebound
+        ending = 1 if largest_e == 0.0 else 0  # 1: the next wave is the last, of all contacts and without a rebound
         going = 1
         while going == 1:
-            testing = 1 if waves == patience and least_e == 1.0 and ending == 0 else 0  # whether the group is jammed
+            testing = 1 if waves == patience and least_e == 1.0 and ending == 0 else 0  # 1: test whether the group is jammed
             scale = ti.max(scale, self.group.speed_scale(state, count))
             active = self._find_parts(state, count, -self.group.threshold * scale, ending + testing)
             reflected = 0
@@ -85,7 +85,7 @@ class Reflections:
 
     @ti.func
     def _find_parts(self, state: Template, count, limit, all_contacts):
-        """Number those that take part by the first of their part in `part`, others −1; returns how many approach."""
+        """Set `part` of each contact to the first contact of its part, −1: not in this wave; returns how many approach."""
         approaching = 0
         for c in range(count):
             self.speed[c] = self.group.separating_speed(state, c)
@@ -111,7 +111,7 @@ class Reflections:
 
     @ti.func
     def _join(self, c, i):
-        """Put c into one part with the contact that met sphere i before; what cannot move couples nothing."""
+        """Put c into one part with the contact that had sphere i before; a sphere that cannot move couples no contacts."""
         if self.group.inverse_mass[i].max() > 0.0:
             if self.seen_by[i] >= 0:
                 a, b = self._root(c), self._root(self.seen_by[i])
@@ -129,7 +129,7 @@ class Reflections:
 
     @ti.func
     def _solve_part(self, state: Template, root, count, ending, testing):
-        """Reflect a part; returns 1 if it was tested and is jammed, minus the number of contacts that were given up."""
+        """Reflect a part; returns 1 if it was tested and is jammed, −m if its m contacts were given up, else 0."""
         outcome = 0
         size = self.part_size[root]
         if size == 1 and testing == 0:

@@ -1,7 +1,7 @@
-"""Functions in LLVM's own bitcode called from kernels: what Taichi has no word for.
+"""Functions in LLVM's own bitcode, called from kernels: operations for which Taichi has no function.
 
-Taichi 1.7 links the file into the kernel it compiles and optimises both together. The files lie beside their sources, which
-tools/make/assemble_bitcode.py makes them from.
+Taichi 1.7 links the file into the kernel that it compiles and optimises both together. Each file of bitcode lies beside its
+source, from which tools/make/assemble_bitcode.py makes it.
 """
 
 import sys
@@ -12,12 +12,15 @@ from typing import Any
 
 @cache
 def bitcode(source: Path) -> str:
-    """Path of what a source was assembled to; Taichi's cache knows it by name, so that has a digest of the source in it."""
+    """Path of the bitcode of a source.
+
+    Taichi's cache of kernels knows a file of bitcode by its name only, so the name has a digest of the source in it.
+    """
     return str(next(source.parent.glob(f"{source.stem}_*.bc")))
 
 
 def on_linux_x64() -> bool:
-    """Whether the kernel that is compiled now is for the system and processor that the files were assembled for."""
+    """Whether the kernel that is compiled now is for the system and processor for which the files were assembled."""
     import taichi as ti
 
     return sys.platform == "linux" and ti.lang.impl.current_cfg().arch == ti.x64
@@ -33,7 +36,7 @@ def has_avx512() -> bool:
 
 
 def call(source: Path, name: str, *variables: Any) -> Any:
-    """Have the kernel that is compiled call a function with pointers to local variables of it; within `ti.static`."""
+    """Make the kernel that is compiled call a function with pointers to local variables of the kernel; inside `ti.static`."""
     from taichi._lib import core
     from taichi.lang import impl
     from taichi.lang.expr import make_expr_group

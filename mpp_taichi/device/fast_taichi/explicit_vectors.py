@@ -1,39 +1,39 @@
-"""Explicit vectors: kernels whose `ti.Vector`s become vector registers of the CPU.
+"""Explicit vectors: kernels in which a `ti.Vector` becomes a vector register of the CPU.
 
-Taichi normally takes every vector apart and leaves it to LLVM to find the vectors again. LLVM 15 does not know the newer
-processors and then uses 128 of their 512 bits. Under `explicit_vectors()` a `ti.Vector` of 8 or 16 lanes is one LLVM
-vector from end to end, whatever LLVM knows of the machine: three to four times the speed in the pair sum.
+Taichi normally takes every vector apart into numbers and leaves it to LLVM to find the vectors again. LLVM 15 does not know the
+newer processors and then uses 128 of their 512 bits. Under `explicit_vectors()` a `ti.Vector` of 8 or 16 lanes is one LLVM
+vector from end to end, for any processor: the pair sum becomes three to four times as fast.
 
-Taichi's code generator lacks part of this mode, and stops the process where it does: no transcendental function, `abs`,
-cast, comparison result, unary minus or `+=` on a whole vector, and no load or store of a whole vector field. Hence it is
-switched on only while a kernel written for it is compiled, never for a scene's other kernels. Without Taichi's own
-optimisation (`quick_compilation`) such kernels compute wrong numbers and say nothing: the two must not meet. Parts of a vector
-field that keeps its vectors together are reached by `field.get_scalar_field(lane)[i]` alone; then eight of them are one load.
+Taichi's code generator lacks part of this mode, and ends the process where a kernel needs the missing part: a transcendental
+function, `abs`, a cast, the result of a comparison, a unary minus or `+=` on a whole vector, and a load or store of a whole
+vector of a field. Hence the mode is switched on only while a kernel written for it is compiled, never for a scene's other
+kernels. It does not hold together with `quick_compilation` (see compile_mode.py). A load or store of a component of a vector
+field whose components are interleaved is wrong in this mode without a message (`require_components_apart` refuses such fields).
+A component of a vector field that keeps its vectors together is reached by `field.get_scalar_field(lane)[i]` only; eight
+components are then one load.
 """
 
 import ast
 import inspect
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from typing import Any
 
-import taichi as ti
+from mpp_taichi.device.fast_taichi.compile_mode import CompileMode
 
 _OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
 _ALLOWED = (ast.BinOp, ast.Name, ast.Constant, ast.Attribute, ast.Return, ast.Assign, ast.Load, ast.Store, *_OPERATORS)
+_mode = CompileMode()
 
 
-@contextmanager
-def explicit_vectors() -> Iterator[None]:
-    """Compile the kernels first called inside with vectors kept whole (CPU only; part of the key of Taichi's cache)."""
-    config = ti.lang.impl.current_cfg()
-    before = config.real_matrix_scalarize
-    config.real_matrix_scalarize = False
-    try:
-        yield
-    finally:
-        config.real_matrix_scalarize = before
+def install() -> None:
+    """Let `explicit_vectors` have its effect."""
+    _mode.use(opt_level=1, real_matrix_scalarize=False)
+
+
+def explicit_vectors() -> CompileMode:
+    """Compile the kernels that are first called inside with vectors kept whole (CPU only)."""
+    return _mode
 
 
 def require_components_apart(state: Any, names: Sequence[str]) -> None:

@@ -1,9 +1,9 @@
-; What the vector units of a CPU have and Taichi cannot say (lane_arithmetic.py calls it, tools/make/assemble_bitcode.py makes the
-; .bc beside this file, which is what Taichi reads).
+; Operations of a CPU's vector units for which Taichi has no function. lane_arithmetic.py calls them. Taichi reads the .bc file
+; beside this file; tools/make/assemble_bitcode.py makes it.
 ;
-; `fmuladd` joins a product and a sum with one rounding, `arcp afn` let LLVM begin at the processor's approximate inverse root and
-; improve it by a step of Newton's: each where the machine that runs has it. Only the last function names a processor's
-; instruction: the approximate inverse root of AVX-512, as LLVM has no way of its own to it in f64.
+; `fmuladd` computes a product and a sum with one rounding, if the processor has such an instruction. The flags `arcp afn` allow
+; LLVM to start from the processor's approximate inverse root, if it has one, and to improve it by one step of Newton's method.
+; Only the last function names an instruction: the approximate inverse root of AVX-512, which LLVM never uses by itself in f64.
 
 target datalayout = "e-m:e-p270:32:32-p271:32:32-p272:64:64-i64:64-f80:128-n8:16:32:64-S128"
 target triple = "x86_64-pc-linux-gnu"
@@ -44,7 +44,7 @@ declare <8 x double> @llvm.fma.v8f64(<8 x double>, <8 x double>, <8 x double>)
 declare <8 x double> @llvm.x86.avx512.rsqrt14.pd.512(<8 x double>, <8 x double>, i8)
 
 ; With y = (1 + d)/sqrt(x), |d| < 2^-14, and e = 1 - x y^2, 1/sqrt(x) = y (1 - e)^(-1/2) = y (1 + e/2 + 3/8 e^2 + 5/16 e^3 + ...):
-; what is left out is less than 35/128 e^4 < 2^-53.
+; the terms that are left out are less than 35/128 e^4 < 2^-53.
 define void @inverse_sqrt_f64(<8 x double>* %a, <8 x double>* %out) alwaysinline nounwind {
   %x = load <8 x double>, <8 x double>* %a
   %y = call <8 x double> @llvm.x86.avx512.rsqrt14.pd.512(<8 x double> %x, <8 x double> zeroinitializer, i8 -1)

@@ -1,8 +1,9 @@
-"""Large pages for Taichi's fields: a place far away is then found without a look into tables that are far away too.
+"""Large pages for Taichi's fields: an access to memory then rarely waits for the address of its page.
 
-A processor keeps the addresses of one or two thousand pages at hand. With 4 KiB a page that is a few megabytes, and a program
-that jumps about in more, as the event-driven solver and the walk of a tree do, waits twice for what it reads. Linux from 6.1 on
-moves memory into pages of 2 MiB when asked to  [madvise(2), MADV_COLLAPSE]; elsewhere nothing is done.
+A processor keeps the addresses of one or two thousand pages at hand. With pages of 4 KiB these cover a few megabytes. A program
+that jumps about in more memory, as the event-driven solver and the walk of a tree do, waits twice for each access: first for
+the address of the page, then for the number itself. Linux from 6.1 on moves memory into pages of 2 MiB on request
+[madvise(2), MADV_COLLAPSE]; on other systems nothing is done.
 """
 
 import ctypes
@@ -14,21 +15,23 @@ from pathlib import Path
 
 import numpy as np
 
+from mpp_taichi.device.fast_taichi import switch
+
 LARGE_PAGE = 1 << 21
 MANY_PARTICLES = 1 << 14
-"""From so many on fields are large enough to gain by it: the fields of fewer lie at hand anyway."""
+"""From this number on the fields are so large that they gain; the fields of fewer particles fit into the cache."""
 MADV_COLLAPSE = 25
 PRESENT = 1  # in the answers of mincore
 _MAPPING = re.compile(r"([0-9a-f]+)-([0-9a-f]+) rw-p 00000000 00:00 0\s*$")
 
 
 def use_large_pages() -> int:
-    """Move all memory of this process that is in use, page by page of 2 MiB, into large pages; the bytes that are in such now.
+    """Move the memory in use by this process into pages of 2 MiB, and return the number of bytes that lie in them now.
 
-    What is not in use, as most of what Taichi reserves, stays unused. Where the system has no such pages to give, or keeps
-    them from programs, everything goes on as before.
+    Memory that is not in use, as most of the memory that Taichi reserves, stays unused. Where the system has no large pages
+    left, or gives none to programs, nothing changes.
     """
-    if not sys.platform.startswith("linux"):
+    if not sys.platform.startswith("linux") or not switch.is_on("large_pages"):
         return 0
     try:
         mappings = Path("/proc/self/maps").read_text().splitlines()
@@ -47,7 +50,7 @@ def use_large_pages() -> int:
 
 
 def _in_use(in_core: Callable[[int, int, int], int], first: int, end: int) -> Iterator[tuple[int, int]]:
-    """Runs (address, bytes) of whole large pages of a mapping, all of whose small pages are in use."""
+    """Stretches (address, bytes) of a mapping that consist of whole large pages, of which all small pages are in use."""
     first, end = -(-first // LARGE_PAGE) * LARGE_PAGE, end // LARGE_PAGE * LARGE_PAGE
     if end <= first:
         return

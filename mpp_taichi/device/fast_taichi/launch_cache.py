@@ -1,10 +1,9 @@
-"""Launching a kernel of Taichi again with other numbers, without the way through Python that its first launch takes.
+"""Launching a kernel again with other numbers, without the way through Taichi's Python that its first launch takes.
 
-Classes with kernels (`ti.data_oriented`) bind them as Python binds methods.
-
-Taichi 1.7.4 takes tens of microseconds from a call to the device: it looks up for which objects the kernel was compiled, makes
-functions for every kind of argument, and asks the compiler for the result that is there. Threads that wait so long fall asleep,
-and waking them takes longer still: the forces of a thousand bodies took twice the time of their loops.
+Taichi 1.7.4 takes tens of microseconds from the call of a kernel to the device. It looks up for which objects the kernel was
+compiled, makes functions for every kind of argument, and asks the compiler for the result, which is already there. Worker
+threads that wait so long fall asleep, and waking them takes longer still: the forces of a thousand bodies took twice the time
+of their loops. The kernels of a class (`ti.data_oriented`) are bound as Python binds methods.
 """
 
 import functools
@@ -12,30 +11,30 @@ import weakref
 from collections.abc import Callable
 from typing import Any
 
-MOST = 1000  # forms of one kernel that are kept
-ALSO_SHORT = {"taichi._kernels"}  # other modules whose kernels are launched the short way: Taichi's own fill and copy fields
+MOST = 1000  # compiled forms that are kept of one kernel
+ALSO_SHORT = {"taichi._kernels"}  # further modules whose kernels take the short way: Taichi's own, which fill and copy fields
 PLAIN = (int, float, bool, str, type(None))  # template arguments that are compared by value
 
 
 class Launches:
     """The compiled forms of one kernel by its template arguments.
 
-    A kernel of another package, or a kernel that takes anything but template arguments and numbers, is not `simple`, and is
-    left to Taichi.
+    A kernel of another package, or a kernel with arguments other than template arguments and numbers, is not `simple` and is
+    launched by Taichi.
     """
 
     def __init__(self, kernel: Any) -> None:
-        """Nothing is known yet."""
+        """Without any compiled form."""
         from taichi.lang import kernel_impl
         from taichi.lang.matrix import VectorType
 
-        self.compiled = kernel.compiled_kernels  # another one after Taichi was reset
+        self.compiled = kernel.compiled_kernels  # another dictionary after Taichi was reset
         self.known: dict[tuple, tuple] = {}
         self.count = len(kernel.arguments)
         self.templates: list[int] = []
         self.numbers: list[tuple[int, bool, str]] = []  # place among the arguments, whether it is a float, how it is set
         self.simple = is_ours(kernel.func) and kernel.autodiff_mode == kernel_impl.AutodiffMode.NONE
-        self.returned: list[tuple[str, int]] = []  # how each is asked for, and of vectors the numbers of entries
+        self.returned: list[tuple[str, int]] = []  # for each result: its getter, and the length of a vector
         for kind in kernel.return_type or ():
             scalar, entries = (kind.dtype, kind.n) if isinstance(kind, VectorType) else (kind, 0)
             if name := _name_of(scalar):
@@ -51,16 +50,16 @@ class Launches:
                 self.simple = False
 
     def find(self, arguments: tuple) -> tuple[tuple, tuple | None]:
-        """Key of the template arguments, and what was compiled for them."""
+        """Key of the template arguments, and the form that was compiled for them."""
         objects = [arguments[place] for place in self.templates]
         key = tuple([(type(each), each) if type(each) in PLAIN else id(each) for each in objects])
         found = self.known.get(key)
         if found is not None and any(known() is not each for known, each in zip(found[0], objects) if known is not None):
-            return key, None  # another object at the place of one that is gone
+            return key, None  # a new object at the address of an object that is gone
         return key, found
 
     def remember(self, kernel: Any, key: tuple, arguments: tuple) -> None:
-        """Keep what Taichi has just compiled and launched; not where an object cannot be told from a later one."""
+        """Keep the form that Taichi has just compiled and launched, unless one of its objects takes no weak reference."""
         objects = [arguments[place] for place in self.templates]
         try:
             alive = [None if type(each) in PLAIN else weakref.ref(each) for each in objects]
@@ -70,13 +69,13 @@ class Launches:
             self.simple = False
             return
         if len(self.known) >= MOST:
-            self.known.clear()  # most are of objects that are gone
+            self.known.clear()  # most forms belong to objects that are gone
         program = kernel.runtime.prog
         made = kernel.compiled_kernels[kernel.ensure_compiled(*arguments)]
         self.known[key] = alive, made, program.compile_kernel(program.config(), program.get_device_caps(), made)
 
     def fits(self, arguments: tuple) -> bool:
-        """Whether the numbers are plain ones; Taichi says what is wrong with others."""
+        """Whether the numbers are plain numbers of Python; otherwise Taichi reports the error."""
         return all(
             isinstance(arguments[place], int) or (is_float and isinstance(arguments[place], float))
             for place, is_float, _ in self.numbers
@@ -84,13 +83,13 @@ class Launches:
 
 
 def is_ours(made: Any) -> bool:
-    """Whether a function or a class is of this package, or has asked for short launches; others go Taichi's own way."""
+    """Whether a function or a class belongs to this package or to `ALSO_SHORT`; all others are left to Taichi."""
     module = str(made.__module__)
     return module.split(".")[0] == "mpp_taichi" or module in ALSO_SHORT
 
 
 def _name_of(kind: Any) -> str:
-    """What launches call numbers of a type; empty where it is no type of numbers."""
+    """The name of a type of numbers in the functions of a launch context; empty where it is no type of numbers."""
     from taichi.lang import kernel_impl
 
     types = kernel_impl.primitive_types
@@ -101,20 +100,18 @@ def _name_of(kind: Any) -> str:
     return ""
 
 
-def remember_launches() -> None:
-    """Let kernels remember how they were launched; where another version of Taichi has other names, it stays as it is."""
+def install() -> None:
+    """Let kernels remember how they were launched, and classes bind their kernels without Taichi's search."""
     import taichi
     from taichi.lang import kernel_impl
 
     kernel = kernel_impl.Kernel
-    if not hasattr(kernel.__call__, "remembers") and hasattr(kernel, "ensure_compiled"):
-        kernel.__call__ = _remembering(kernel.__call__, kernel_impl.handle_exception_from_cpp)
-        if hasattr(kernel_impl, "_BoundedDifferentiableMethod"):
-            taichi.data_oriented = _binding(kernel_impl.data_oriented, kernel_impl._BoundedDifferentiableMethod)
+    kernel.__call__ = _remembering(kernel.__call__, kernel_impl.handle_exception_from_cpp)
+    taichi.data_oriented = _binding(kernel_impl.data_oriented, kernel_impl._BoundedDifferentiableMethod)
 
 
 class _ClassKernel:
-    """A kernel among the attributes of a class: bound to an object when it is asked of one."""
+    """A kernel among the attributes of a class; an object that is asked for it gives the kernel bound to the object."""
 
     def __init__(self, kernel: Any, bound: Callable) -> None:
         self.kernel, self.bound = kernel, bound
@@ -128,7 +125,7 @@ class _ClassKernel:
 
 
 def _binding(plain: Callable, bound: Callable) -> Callable:
-    """`data_oriented` without its price: to bind kernels, Taichi looks in Python at each attribute that is asked for."""
+    """`data_oriented` without its cost: to bind kernels, Taichi examines in Python every attribute that is read."""
 
     @functools.wraps(plain)
     def data_oriented(cls: Any) -> Any:
@@ -148,9 +145,9 @@ def _binding(plain: Callable, bound: Callable) -> Callable:
 
 
 def _returned(context: Any, place: int, getter: str, entries: int) -> Any:
-    """A number, or a vector as a list of numbers: to make its own vector of them takes Taichi 60 microseconds.
+    """A returned number, or a returned vector as a list of numbers.
 
-    Nor is Taichi asked for each number, which looks up its type among all types that there are for 4 microseconds.
+    Taichi takes 60 µs to make a vector of its own, and for each number 4 µs to search for its type among all types.
     """
     if entries:
         return [getattr(context, getter)((place, entry)) for entry in range(entries)]
@@ -158,7 +155,7 @@ def _returned(context: Any, place: int, getter: str, entries: int) -> Any:
 
 
 def _remembering(plain: Callable, told: Callable[[Exception], Exception]) -> Callable:
-    """`Kernel.__call__`, by the short way where it is known."""
+    """`Kernel.__call__`, which takes the short way for a form that is known."""
 
     @functools.wraps(plain)
     def call(self: Any, *arguments: Any, **named: Any) -> Any:
@@ -187,5 +184,4 @@ def _remembering(plain: Callable, told: Callable[[Exception], Exception]) -> Cal
         parts = [_returned(context, place, *returned) for place, returned in enumerate(launches.returned)]
         return parts[0] if len(parts) == 1 else parts
 
-    call.remembers = True  # type: ignore[attr-defined]
     return call

@@ -1,4 +1,5 @@
-; Asking for memory before it is needed (prefetch.py calls it, tools/make/assemble_bitcode.py makes the .bc beside this file).
+; A request for memory before it is needed. prefetch.py calls it. Taichi reads the .bc file beside this file;
+; tools/make/assemble_bitcode.py makes it.
 
 target datalayout = "e-m:e-p270:32:32-p271:32:32-p272:64:64-i64:64-f80:128-n8:16:32:64-S128"
 target triple = "x86_64-pc-linux-gnu"

@@ -1,7 +1,8 @@
-"""Loops of few particles on the calling thread: it has done them before another one is awake.
+"""Loops over few particles run on the calling thread, which finishes them before a second thread is awake.
 
-A worker of Taichi takes 25 to 100 µs to wake, for every parallel loop of a kernel, and the thread that called sleeps meanwhile;
-a loop over a thousand particles takes a fraction of that. Those of worker_threads.py cost 2 µs, and a wake-up after a pause.
+One of Taichi's worker threads takes 25 to 100 µs to wake up, for every parallel loop of a kernel, and the calling thread sleeps
+meanwhile; a loop over a thousand particles takes a fraction of this time. A loop shared among the threads of worker_threads.py
+costs 2 µs, and the time of a wake-up after a pause.
 """
 
 from types import TracebackType
@@ -13,37 +14,41 @@ FEW = 4096  # particles: a loop of 15 ns for each is done in 60 µs
 
 
 class SerialLoops:
-    """Within this, kernels are compiled as though each of their loops had `ti.loop_config(serialize=True)` before it.
+    """Within this context kernels are compiled as though each of their loops had `ti.loop_config(serialize=True)` before it.
 
-    For kernels that are launched in no other way, as what was compiled stays. Their results are those of parallel loops, as far
-    as the loops' iterations may come in any order.
+    A compiled kernel stays as it is, so the context is for kernels that are always launched within it. Their results are those
+    of parallel loops, provided that the iterations of each loop may come in any order.
     """
 
-    depth = 0
+    depth = 0  # how many of these contexts are entered
+    counted = 0  # 1 once `install` has replaced Taichi's reading of loops; until then a context has no effect
 
     def __enter__(self) -> None:
-        SerialLoops.depth += 1
+        SerialLoops.depth += SerialLoops.counted
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        SerialLoops.depth -= 1
+        SerialLoops.depth -= SerialLoops.counted
 
 
 def on_cpu() -> bool:
-    """Whether the backend that runs is one whose threads are few and quick, and may loop as long as they like."""
+    """Whether the backend that runs is a CPU: its threads are few and fast, and a loop on it may take as long as it likes."""
     return ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
 
 
 def loop_grain() -> int:
-    """Iterations of a parallel loop for each heavy one, as Taichi gives no CPU thread fewer; a kernel asks while compiled."""
+    """Iterations of a parallel loop for each heavy iteration; a kernel asks while it is compiled.
+
+    Taichi gives a CPU thread no fewer than 512 iterations, so a heavy iteration stands for 512 there.
+    """
     return 512 if on_cpu() and SerialLoops.depth == 0 else 1
 
 
 class _Reader:
-    """Taichi's reading of a `for`: the outermost one of a kernel asks whether we are within."""
+    """Taichi's reading of a `for` statement; before an outermost loop it asks whether the loop must be serial."""
 
     def __init__(self, transformer: Any) -> None:
         self.transformer, self.plain = transformer, transformer.build_For
-        self.loops = 0  # around the one that is read
+        self.loops = 0  # around the loop that is read
 
     def __call__(self, context: Any, node: Any) -> Any:
         if SerialLoops.depth == 0 or self.transformer.get_decorator(context, node.iter) == "static":
@@ -57,10 +62,9 @@ class _Reader:
             self.loops -= 1
 
 
-def _teach() -> None:
+def install() -> None:
+    """Replace Taichi's reading of loops, so that `SerialLoops` has its effect."""
     from taichi.lang.ast.ast_transformer import ASTTransformer
 
     ASTTransformer.build_For = staticmethod(_Reader(ASTTransformer))
-
-
-_teach()
+    SerialLoops.counted = 1

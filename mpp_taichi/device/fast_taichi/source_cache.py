@@ -1,47 +1,65 @@
-"""A faster front end of Taichi: what it asks of source texts again and again is remembered, with the same answers.
+"""A faster front end of Taichi: answers about source texts, which it asks for again and again, are remembered.
 
-Taichi 1.7.4 compiles a function anew at each of its calls in a kernel, and for every expression of it wraps the source line for
-an error message that is hardly ever printed: more than half of the time before anything reaches the compiler proper. For every
-field it formats the whole stack of calls, source lines and all, in case that field is never placed.
+Taichi 1.7.4 compiles a function anew at each of its calls in a kernel, and for every expression of the function it wraps the
+source line for an error message that is hardly ever printed. This takes more than half of the time before a kernel reaches the
+compiler proper. For every field it formats the whole stack of calls with their source lines, in case the field is never placed;
+for the fields of this package the innermost call is enough.
 """
 
 import functools
 import sys
 import textwrap
-from types import SimpleNamespace
+from collections.abc import Callable
+from types import FrameType, SimpleNamespace
 from typing import Any
 
-REMEMBERED = 1 << 16  # texts; a composed step has some thousand
+REMEMBERED = 1 << 16  # texts; a composed step has some thousands
 
 
-def remember_sources() -> None:
-    """Let Taichi's front end remember; where another version has other names, it stays as it is."""
+def install() -> None:
+    """Let Taichi's front end remember."""
     from taichi.lang import impl, kernel_impl, snode
     from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
 
-    plain = getattr(ASTTransformerContext, "get_pos_info", None)
-    if plain is None or not hasattr(kernel_impl, "getsourcelines") or hasattr(plain, "__wrapped__"):
-        return
     remember = functools.lru_cache(REMEMBERED)
     kernel_impl.getsourcelines = remember(kernel_impl.getsourcelines)
     kernel_impl.getsourcefile = remember(kernel_impl.getsourcefile)
     kernel_impl.textwrap = SimpleNamespace(fill=remember(textwrap.fill), dedent=remember(textwrap.dedent))
-    ASTTransformerContext.get_pos_info = _remembering(plain)
+    ASTTransformerContext.get_pos_info = _remembering(ASTTransformerContext.get_pos_info)
     for module in (impl, snode):
-        if hasattr(module, "get_traceback"):
-            module.get_traceback = _caller
+        module.get_traceback = _short_traceback(module.get_traceback)
 
 
-def _caller(stacklevel: int = 1) -> str:
-    """Where a field is declared, `stacklevel` calls further out than in the function that asks."""
-    frame = sys._getframe(1)
-    for _ in range(stacklevel):
-        frame = frame.f_back or frame
+def _short_traceback(plain: Callable[..., str]) -> Callable[..., str]:
+    """`get_traceback`, which says where a field is declared: for calls from this package the innermost call only."""
+
+    @functools.wraps(plain)
+    def get_traceback(stacklevel: int = 1) -> str:
+        frame = sys._getframe(1)
+        for _ in range(stacklevel):
+            frame = frame.f_back or frame
+        return _place(frame) if _is_declared_here(frame) else plain(stacklevel + 1)
+
+    return get_traceback
+
+
+def _is_declared_here(frame: FrameType | None) -> bool:
+    """Whether the innermost call outside of Taichi is a call by this package."""
+    while frame is not None:
+        package = str(frame.f_globals.get("__name__")).partition(".")[0]
+        if package != "taichi":
+            return package == "mpp_taichi"
+        frame = frame.f_back
+    return False
+
+
+def _place(frame: FrameType) -> str:
+    """The place of a call, as a traceback writes it."""
     return f'File "{frame.f_code.co_filename}", line {frame.f_lineno}, in {frame.f_code.co_name}\n'
 
 
 def _remembering(plain: Any) -> Any:
-    """`get_pos_info`, asked once for each place in a source file."""
+    """`get_pos_info`, called once for each place in a source file."""
     known: dict[tuple, str] = {}
 
     @functools.wraps(plain)

@@ -1,4 +1,4 @@
-"""Vectors of fields read and written component by component, which kernels with explicit vectors can (explicit_vectors.py)."""
+"""Vectors of fields, read and written component by component: the only way in explicit vectors (explicit_vectors.py)."""
 
 import taichi as ti
 

@@ -1,8 +1,9 @@
-/* Threads that share a kernel's loops, in place of Taichi's own (worker_threads.py has them installed; tools/make/assemble_bitcode.py
-   makes the .bc beside this file, which is what Taichi reads).
+/* Worker threads that share the parallel loops of kernels, in place of Taichi's own threads. worker_threads.py installs them.
+   Taichi reads the .bc file beside this file; tools/make/assemble_bitcode.py makes it.
 
-   A loop is a number of blocks. `ticket` says in one word which loop it is and how many of its blocks nobody has taken; each
-   thread, the calling one too, takes the next by a compare-and-swap, which fails where that loop has ended meanwhile. */
+   A loop is a number of blocks. The word `ticket` holds the number of the loop and the number of its blocks that no thread has
+   taken yet. Each thread, the calling thread too, takes the next block by a compare-and-swap on `ticket`. The compare-and-swap
+   fails if another thread has taken the block first, or if this loop has ended and the next loop has begun. */
 
 typedef unsigned int u32;
 typedef unsigned long long u64;
@@ -29,10 +30,10 @@ enum { SYS_PRCTL = 157, PR_SET_NAME = 15, SYS_FUTEX = 202, FUTEX_WAIT_PRIVATE = 
 
 enum { MOST = 256, LOOKS = 32 };
 
-static u32 posted;                /* loops so far: the word that workers wait for */
-static u32 done;                  /* blocks of this loop: the word that the caller waits for */
-static u32 asleep, caller_asleep; /* how many have gone to sleep over each */
-static u32 busy, leaving;
+static u32 posted;                /* number of loops so far; a worker waits until this word changes */
+static u32 done;                  /* finished blocks of this loop; the caller waits until this word changes */
+static u32 asleep, caller_asleep; /* how many threads sleep, or are about to sleep, until `posted` or `done` changes */
+static u32 busy, stopping;
 static u64 ticket;
 static struct {
   Task *task;
@@ -41,7 +42,7 @@ static struct {
 } loop;
 static u64 thread_of[MOST];
 static int workers, process;
-static long long patience; /* ns of looking before going to sleep */
+static long long patience; /* ns for which a thread reads the word again and again before it sleeps */
 
 static long long now(void) {
   long long time[2];
@@ -49,7 +50,7 @@ static long long now(void) {
   return time[0] * 1000000000 + time[1];
 }
 
-/* Until *word is no longer `value`. */
+/* Wait until *word is no longer `value`. `sleepers` counts the threads that sleep until *word changes. */
 static void await(u32 *word, u32 value, u32 *sleepers) {
   if (patience > 0) {
     long long begun = now();
@@ -60,7 +61,12 @@ static void await(u32 *word, u32 value, u32 *sleepers) {
       }
     } while (now() - begun < patience);
   }
-  /* One who changes the word looks for sleepers after that, one who sleeps looks at the word after it said so: none is missed. */
+  /* No wake-up is lost. The waiting thread first counts itself in *sleepers and then reads *word. The thread that changes *word
+     first changes it and then reads *sleepers. All four accesses are sequentially consistent, so both threads see them in the
+     same order. Either the change of *word comes before the read of *word: then the waiting thread reads the new value and does
+     not sleep. Or the read of *word comes first: then the count in *sleepers, which came before it, comes before the read of
+     *sleepers, and the changing thread calls wake. FUTEX_WAIT compares *word with `value` once more before the thread sleeps, so
+     a wake that comes just before the thread sleeps is not lost either. */
   __atomic_add_fetch(sleepers, 1, __ATOMIC_SEQ_CST);
   while (__atomic_load_n(word, __ATOMIC_SEQ_CST) == value) syscall(SYS_FUTEX, word, FUTEX_WAIT_PRIVATE, value, 0, 0, 0);
   __atomic_sub_fetch(sleepers, 1, __ATOMIC_SEQ_CST);
@@ -68,11 +74,12 @@ static void await(u32 *word, u32 value, u32 *sleepers) {
 
 static void wake(u32 *word, int most) { syscall(SYS_FUTEX, word, FUTEX_WAKE_PRIVATE, most, 0, 0, 0); }
 
-/* Blocks of the loop for this thread, until none is left. */
+/* Take blocks of the loop and do them, until no block is left. */
 static void share(int thread) {
   u64 seen = __atomic_load_n(&ticket, __ATOMIC_ACQUIRE);
   while ((u32)seen != 0) {
-    /* The loop cannot change while a block of it is left, so these belong to `seen` if the exchange succeeds. */
+    /* The fields of `loop` change only when no block is left. If the exchange succeeds, a block of the loop in `seen` was left
+       until now, so the fields that were read belong to this loop. */
     Task *task = __atomic_load_n(&loop.task, __ATOMIC_RELAXED);
     char *context = __atomic_load_n(&loop.context, __ATOMIC_RELAXED);
     u32 blocks = __atomic_load_n(&loop.blocks, __ATOMIC_RELAXED);
@@ -88,7 +95,7 @@ static void *work(void *argument) {
   int thread = (int)(long)argument;
   u32 seen = 0;
   syscall(SYS_PRCTL, PR_SET_NAME, "mpp_taichi", 0, 0, 0);
-  while (!__atomic_load_n(&leaving, __ATOMIC_ACQUIRE)) {
+  while (!__atomic_load_n(&stopping, __ATOMIC_ACQUIRE)) {
     await(&posted, seen, &asleep);
     seen = __atomic_load_n(&posted, __ATOMIC_ACQUIRE);
     share(thread);
@@ -96,12 +103,12 @@ static void *work(void *argument) {
   return 0;
 }
 
-/* What kernels call for each parallel loop. `threads` is what they were compiled for, no more than the processors: of more that
-   were hired one that sleeps is as good as another, so all take part. */
+/* Kernels call this function for each parallel loop. `threads` is the number of threads for which the kernel was compiled, at
+   most the number of processors. It is not used: if there are more workers than processors, all of them take part. */
 static void parallel_for(char *pool, int blocks, int threads, char *context, Task *task) {
   (void)pool, (void)threads;
   if (blocks <= 1 || workers == 0 || __atomic_exchange_n(&busy, 1, __ATOMIC_ACQUIRE)) {
-    for (int k = 0; k < blocks; k++) task(context, 0, k); /* also where two threads of Python launch at once */
+    for (int k = 0; k < blocks; k++) task(context, 0, k); /* also if two threads of Python launch kernels at the same time */
     return;
   }
   __atomic_store_n(&loop.task, task, __ATOMIC_RELAXED);
@@ -117,33 +124,34 @@ static void parallel_for(char *pool, int blocks, int threads, char *context, Tas
   __atomic_store_n(&busy, 0, __ATOMIC_RELEASE);
 }
 
-/* Ends the workers; loops go on, on the calling thread alone. A forked process has none. */
-static void leave(void) {
+/* End the workers. Later loops run on the calling thread only. A forked process has no workers to end. */
+static void stop(void) {
   if (process != getpid()) return;
-  __atomic_store_n(&leaving, 1, __ATOMIC_RELEASE);
+  __atomic_store_n(&stopping, 1, __ATOMIC_RELEASE);
   __atomic_add_fetch(&posted, 1, __ATOMIC_SEQ_CST);
   wake(&posted, MOST);
   for (int k = 0; k < workers; k++) pthread_join(thread_of[k], 0);
   workers = 0;
 }
 
-/* Called by a kernel before `do_nothing`, which alone is given the context. */
-void prepare(int *wanted, int *nanoseconds, long long *address_of_leave) {
+/* A kernel calls this function before `do_nothing`, because Taichi gives the runtime to `do_nothing` only. */
+void prepare(int *wanted, int *nanoseconds, long long *address_of_stop) {
   workers = *wanted < MOST ? *wanted : MOST;
   patience = *nanoseconds;
-  *address_of_leave = (long long)leave;
+  *address_of_stop = (long long)stop;
 }
 
-/* A function of Taichi's own, for tests of it, whose place this one takes in the kernel: hires and installs. */
+/* Start the workers and make them the threads of Taichi's runtime. Taichi has a function of this name for its own tests; in the
+   kernel that links this file, this function takes its place. If the system refuses to start a thread, fewer workers run. */
 int do_nothing(RuntimeContext *context) {
   u64 all[16], before[16];
   for (int k = 0; k < 16; k++) all[k] = ~0ULL;
-  pthread_sigmask(SIG_SETMASK, all, before); /* signals are for Python's threads */
-  int hired = 0;
-  while (hired < workers && pthread_create(&thread_of[hired], 0, work, (void *)(long)(hired + 1)) == 0) hired++;
+  pthread_sigmask(SIG_SETMASK, all, before); /* workers inherit the mask: Python's own threads receive the signals */
+  int started = 0;
+  while (started < workers && pthread_create(&thread_of[started], 0, work, (void *)(long)(started + 1)) == 0) started++;
   pthread_sigmask(SIG_SETMASK, before, 0);
-  workers = hired;
+  workers = started;
   process = getpid();
   LLVMRuntime_initialize_thread_pool(context->runtime, 0, (char *)parallel_for);
-  return hired;
+  return started;
 }

@@ -1,0 +1,117 @@
+"""What happens to two spheres that overlap, and to a sphere that reaches through a surface."""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.contacts.shared.bounce import Bounce
+from mpp_taichi.contacts.shared.contact_counts import Tally
+from mpp_taichi.contacts.shared.restitution import restitution_at
+from mpp_taichi.walls import _geometry
+
+LONG_AGO = -1e30  # last contact of a sphere that has had none
+
+
+@ti.data_oriented
+class OverlapBounces:
+    """A pair that overlaps by δ is moved apart by δ along n from i to j, each sphere by its share of the inverse mass:
+
+        Δx_i = −δ w_i n / Σ_k n_k² (w_ik + w_jk),   Δx_j = +δ w_j n / Σ_k n_k² (w_ik + w_jk)
+
+    and gets the impulse of `Bounce` if it approaches. Spheres that reach through a surface are put back onto it and reflected.
+    Counts are kept in the totals of a `chunk` of spheres.
+    """
+
+    def __init__(self, setup: ContactSetup, state: Any, *, apart: bool) -> None:
+        """Allocate for the spheres of `setup`, whose fields `state` has; `apart`: each sphere has totals of its own."""
+        n = self.particle_count = setup.particle_count
+        self.state = state
+        self.contact_time = float(setup.contact_time)
+        self.bounce = Bounce(setup)
+        self.tally = Tally(n, len(self.bounce.surfaces), getattr(state, "wide", ti.f64), apart=apart)
+        self.last_contact = ti.field(float)
+        builder = ti.FieldsBuilder()
+        builder.dense(ti.i, n if self.contact_time > 0.0 else 1).place(self.last_contact)
+        self._tree = builder.finalize()
+        self.last_contact.fill(LONG_AGO)
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        for part in (self.bounce, self.tally, self._tree):
+            part.destroy()
+
+    @ti.kernel
+    def move(self, h: float):
+        """Move all spheres by h along their velocities."""
+        for i in range(self.particle_count):
+            self.state.position[i] = self.state.position[i] + self.state.velocity[i] * h
+
+    @ti.func
+    def do_overlap(self, i, j):
+        """Whether spheres i and j overlap."""
+        separation = self.bounce.separation(self.state.position[i], self.state.position[j])
+        reach = self.bounce.radius[i] + self.bounce.radius[j]
+        return separation.dot(separation) < reach * reach
+
+    @ti.func
+    def bounce_pair(self, chunk, i, j, time):
+        """Let spheres i and j bounce and push them apart, if they overlap at `time`."""
+        separation = self.bounce.separation(self.state.position[i], self.state.position[j])
+        distance = separation.norm()
+        reach = self.bounce.radius[i] + self.bounce.radius[j]
+        overlap = reach - distance
+        if overlap > 0.0:
+            self.tally.see_overlap(i, overlap / ti.min(self.bounce.radius[i], self.bounce.radius[j]))
+            n = ti.Vector.unit(self.bounce.dimensions, 0, float)  # centres at one place have no direction: take x
+            if distance > 0.0:
+                n = separation / distance
+            w_i, w_j = self.bounce.inverse_mass[i], self.bounce.inverse_mass[j]
+            u = self.state.velocity[j] - self.state.velocity[i]
+            if n.dot(u) < 0.0:
+                nominal = self.bounce.restitution_of(i, j)
+                e, elastic = restitution_at(time, nominal, i, j, self.last_contact, self.contact_time)
+                result = self.bounce.pair_impulse(i, j, n, u, e)
+                self.state.velocity[i] = self.state.velocity[i] - result[0] * (w_i * n)
+                self.state.velocity[j] = self.state.velocity[j] + result[0] * (w_j * n)
+                self.tally.begin(i)
+                self.tally.add_pair(i, result[0], distance, result[1], elastic)
+                self.tally.keep(chunk, i)
+            yielding = (n * n).dot(w_i + w_j)
+            if yielding > 0.0:
+                self.state.position[i] = self.state.position[i] - (overlap / yielding) * (w_i * n)
+                self.state.position[j] = self.state.position[j] + (overlap / yielding) * (w_j * n)
+
+    @ti.func
+    def bounce_off_walls(self, chunk, i, time):
+        """Let sphere i bounce off each surface that it reaches through at `time`, and put it back."""
+        # Most spheres touch no wall: one look at all of them, without a branch for each.
+        place, radius = self.state.position[i], self.bounce.radius[i]
+        least = ti.cast(0.0, float)
+        for s in ti.static(range(len(self.bounce.surfaces))):
+            least = ti.min(least, _geometry.gap(self.bounce.surfaces[s], place, radius, time))
+        if least < 0.0:
+            self._bounce_off_each_wall(chunk, i, time)
+
+    @ti.func
+    def _bounce_off_each_wall(self, chunk, i, time):
+        for s in ti.static(range(len(self.bounce.surfaces))):
+            x = self.state.position[i]
+            gap = _geometry.gap(self.bounce.surfaces[s], x, self.bounce.radius[i], time)
+            if gap < 0.0:
+                if self.bounce.radius[i] > 0.0:
+                    self.tally.see_overlap(i, -gap / self.bounce.radius[i])
+                n = _geometry.normal(self.bounce.surfaces[s], x, time)
+                w = self.bounce.inverse_mass[i]
+                u = self.state.velocity[i] - _geometry.surface_velocity(self.bounce.surfaces[s], x)
+                yielding = (n * n).dot(w)
+                if n.dot(u) < 0.0 and yielding > 0.0:
+                    nominal = ti.static(self.bounce.surfaces[s].restitution)
+                    e, elastic = restitution_at(time, nominal, i, i, self.last_contact, self.contact_time)
+                    result = self.bounce.wall_impulse(i, n, u, e)
+                    self.state.velocity[i] = self.state.velocity[i] + result[0] * (w * n)
+                    self.tally.begin(i)
+                    self.tally.add_wall(i, s, result[0], result[1], elastic)
+                    self.tally.keep(chunk, i)
+                if yielding > 0.0:
+                    self.state.position[i] = self.state.position[i] - (gap / yielding) * (w * n)

@@ -1,0 +1,157 @@
+"""What happens at an event where everything that touches at one instant is resolved together."""
+
+import taichi as ti
+
+from mpp_taichi.contacts._base import TOUCHING_POWER, ContactSetup
+from mpp_taichi.contacts.sweep.contact_group import ContactGroup
+from mpp_taichi.contacts.sweep.pair_rule import PairRule
+from mpp_taichi.contacts.sweep.reflections import Reflections
+from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
+from mpp_taichi.walls import _geometry
+
+CONTACTS_EACH = 8  # touching spheres have fewer than 7.5 contacts each: half the mean kissing number, below 14.96
+
+
+@ti.data_oriented
+class GroupRule:
+    """An event of a group: the spheres that meet, the spheres that touch these, the spheres that touch the latter, and so on.
+
+    Spheres touch up to a gap of ε^TOUCHING_POWER of their reach, ε the rounding unit: events that a symmetric scene has at one
+    instant stay one group until rounding has pulled them that far apart.
+    """
+
+    in_turn = True  # the group has memory for one island only
+
+    def __init__(self, setup: ContactSetup, parts: SweepParts) -> None:
+        """Allocate for the spheres of `setup`."""
+        self.bounce, self.tally, self.slots, self.played = parts.bounce, parts.tally, parts.slots, parts.played
+        self.memory, self.islands, self.grid = parts.memory, parts.islands, parts.grid
+        self.alone = PairRule(parts)
+        n = self.particle_count = setup.particle_count
+        self.all_pairs = parts.slots.all_pairs
+        pairs = min(n * (n - 1) // 2, CONTACTS_EACH * n)
+        self.group = ContactGroup(setup, pairs + n * len(setup.enclosure.surfaces))
+        self.reflections = Reflections(self.group)
+        self.touching = self.group.epsilon**TOUCHING_POWER
+        builder = ti.FieldsBuilder()
+        self.mark = ti.field(ti.i32)  # 1: listed in the group, 2: and its contacts too
+        self.rows = ti.field(ti.i32)
+        self.listed = ti.field(ti.i32)
+        builder.dense(ti.i, n).place(self.mark)
+        for field in (self.rows, self.listed):
+            builder.dense(ti.i, 1).place(field)
+        self._tree = builder.finalize()
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        self.reflections.destroy()
+        self.group.destroy()
+        self._tree.destroy()
+
+    @ti.func
+    def resolve(self, root, i, partner, t, time):
+        """Resolve the group of i at time t of the piece; returns how many spheres changed their velocities, in `touched`."""
+        begin = self.islands.begin[root]
+        self.rows[0] = 0
+        self.listed[0] = 0
+        self._list(begin, i, t)
+        if partner >= 0:
+            self._list(begin, partner, t)
+        done = 0
+        while done < self.listed[0]:
+            self._find_contacts(root, self.played.touched[begin + done], t, time)
+            done += 1
+        count = self.rows[0]
+        if count > self.group.capacity:
+            self.tally.fail(root, count - self.group.capacity)
+            count = self.group.capacity
+        outcome = self.reflections.resolve(self.played, count)
+        if outcome[1] > 0:
+            self.tally.fail(root, outcome[1])
+        hit = self._account(count, t)
+        if hit == 0:
+            # An approach that is round-off of the group's speeds: the two part by themselves.
+            self.alone.bounce_now(i, partner, t, time)
+        for p in range(self.listed[0]):
+            self.played.stamp[self.played.touched[begin + p]] = self.played.stamp[self.played.touched[begin + p]] + 1
+            self.mark[self.played.touched[begin + p]] = 0
+        return self.listed[0]
+
+    @ti.func
+    def _list(self, begin, i, t):
+        """Put a sphere into the group, at time t."""
+        if self.mark[i] == 0:
+            self.mark[i] = 1
+            self.group.inverse_mass[i] = self.bounce.inverse_mass[self.slots.index(i)]
+            self.played.advance(i, t)
+            self.played.touched[begin + self.listed[0]] = i
+            self.listed[0] = self.listed[0] + 1
+
+    @ti.func
+    def _find_contacts(self, root, i, t, time):
+        """Rows for what touches sphere i of the group and was not looked at yet."""
+        self.mark[i] = 2
+        if ti.static(self.all_pairs):
+            for j in range(self.particle_count):
+                self._see_touching(i, j, root, t)
+        else:
+            self.grid.visit(i, self._see_touching, root, t)
+        x = self.played.position[i]
+        for s in ti.static(range(len(self.bounce.surfaces))):
+            radius = self.slots.radius_of(i)
+            if _geometry.gap(self.bounce.surfaces[s], x, radius, time + t) <= self.touching * radius:
+                n = _geometry.normal(self.bounce.surfaces[s], x, time + t)
+                speed = n.dot(_geometry.surface_velocity(self.bounce.surfaces[s], x))
+                self._add_row(i, -1 - s, n, speed, ti.cast(self.bounce.surfaces[s].restitution, float), t)
+
+    @ti.func
+    def _see_touching(self, i, j, root, t):
+        """A sphere of the same island joins the group; one outside joins the island, which is then played again."""
+        if self.islands.island[j] == root:
+            if j != i and self.mark[j] < 2:
+                d = self.bounce.separation(self.played.position[i], self.played.place_at(j, t))
+                if self._touches(i, j, d):
+                    self._list(self.islands.begin[root], j, t)
+                    e = self.bounce.restitution_of(self.slots.index(i), self.slots.index(j))
+                    self._add_row(i, j, d * (-1.0 / d.norm()), ti.cast(0.0, float), e, t)
+        elif ti.static(not self.all_pairs):
+            if self.islands.island[j] >= 0:
+                if self.slots.margins_meet(i, j):
+                    self.played.near[i] = 1
+            else:
+                d = self.bounce.separation(self.played.position[i], self.slots.position[j] + self.slots.velocity[j] * t)
+                if self._touches(i, j, d):
+                    self.islands.wish(i, j)
+
+    @ti.func
+    def _touches(self, i, j, d):
+        reach = self.slots.radius_of(i) + self.slots.radius_of(j)
+        return d.norm() - reach <= self.touching * reach
+
+    @ti.func
+    def _add_row(self, i, second, normal, surface_speed, nominal, t):
+        c = self.rows[0]
+        self.rows[0] = c + 1
+        if c < self.group.capacity:
+            e, elastic = self.memory.restitution_without_note(nominal, i, second, t)
+            self.group.set_row(c, i, second, normal, surface_speed, e, elastic)
+
+    @ti.func
+    def _account(self, count, t):
+        """Count the contacts that were hit; returns how many."""
+        hit = 0
+        for c in range(count):
+            hits = self.group.hits[c]
+            if hits > 0:
+                hit += 1
+                i, second = self.group.first[c], self.group.second[c]
+                share = self.group.impulse[c] / hits
+                lost = self.group.lost[c] / hits
+                for _ in range(hits):
+                    if second >= 0:
+                        reach = self.slots.radius_of(i) + self.slots.radius_of(second)
+                        self.tally.add_pair(i, share, reach, lost, self.group.made_elastic[c])
+                    else:
+                        self.tally.add_wall(i, -1 - second, share, lost, self.group.made_elastic[c])
+                self.memory.note(i, second, t)
+        return hit

@@ -1,0 +1,79 @@
+"""What happens at an event where contacts are resolved one after the other: two spheres bounce, or a sphere off a surface."""
+
+import taichi as ti
+
+from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
+from mpp_taichi.walls import _geometry
+
+
+@ti.data_oriented
+class PairRule:
+    """The impulse of `Bounce`, with the restitution that the memory of the last contacts allows."""
+
+    in_turn = False  # whether islands have to be played one after the other
+
+    def __init__(self, parts: SweepParts) -> None:
+        """Bind the parts."""
+        self.bounce, self.tally = parts.bounce, parts.tally
+        self.slots, self.played, self.memory, self.islands = parts.slots, parts.played, parts.memory, parts.islands
+
+    def destroy(self) -> None:
+        """Own no memory."""
+
+    @ti.func
+    def resolve(self, root, i, partner, t, time):
+        """Let i and its partner (surface s: −2 − s) bounce at time t; returns how many spheres changed their velocities.
+
+        These are listed in `touched`, from `islands.begin[root]` on, and their stamps are counted up.
+        """
+        begin = self.islands.begin[root]
+        count = 1
+        self.played.advance(i, t)
+        self.played.stamp[i] = self.played.stamp[i] + 1
+        self.played.touched[begin] = i
+        if partner >= 0:
+            self.played.advance(partner, t)
+            self.played.stamp[partner] = self.played.stamp[partner] + 1
+            self.played.touched[begin + 1] = partner
+            count = 2
+        self.bounce_now(i, partner, t, time)
+        return count
+
+    @ti.func
+    def bounce_now(self, i, partner, t, time):
+        """Change the velocities of i and its partner, which are at time t, and count the contact."""
+        if partner >= 0:
+            self._bounce_pair(ti.min(i, partner), ti.max(i, partner), t)
+        else:
+            self._bounce_off_wall(i, -2 - partner, t, time)
+
+    @ti.func
+    def _bounce_pair(self, i, j, t):
+        separation = self.bounce.separation(self.played.position[i], self.played.position[j])
+        distance = separation.norm()
+        n = separation / distance
+        a, b = self.slots.index(i), self.slots.index(j)
+        e, elastic = self.memory.restitution(self.bounce.restitution_of(a, b), i, j, t)
+        result = self.bounce.pair_impulse(a, b, n, self.played.velocity[j] - self.played.velocity[i], e)
+        self.played.velocity[i] = self.played.velocity[i] - result[0] * (self.bounce.inverse_mass_of(a) * n)
+        self.played.velocity[j] = self.played.velocity[j] + result[0] * (self.bounce.inverse_mass_of(b) * n)
+        self.tally.add_pair(i, result[0], distance, result[1], elastic)
+        if not result[0] > 0.0:
+            self.tally.fail(i, 1)
+
+    @ti.func
+    def _bounce_off_wall(self, i, surface, t, time):
+        n = ti.Vector.zero(float, self.bounce.dimensions)
+        u = self.played.velocity[i]
+        nominal = 1.0
+        for s in ti.static(range(len(self.bounce.surfaces))):
+            if s == surface:
+                n = _geometry.normal(self.bounce.surfaces[s], self.played.position[i], time + t)
+                u -= _geometry.surface_velocity(self.bounce.surfaces[s], n)
+                nominal = ti.static(self.bounce.surfaces[s].restitution)
+        e, elastic = self.memory.restitution(nominal, i, i, t)
+        result = self.bounce.wall_impulse(self.slots.index(i), n, u, e)
+        self.played.velocity[i] = self.played.velocity[i] + result[0] * (self.bounce.inverse_mass_of(self.slots.index(i)) * n)
+        self.tally.add_wall(i, surface, result[0], result[1], elastic)
+        if not result[0] > 0.0:
+            self.tally.fail(i, 1)

@@ -1,0 +1,26 @@
+"""Heavy loops: parallel loops of few iterations with much work each.
+
+Taichi gives a CPU thread no fewer than 512 iterations of a parallel loop, so that a loop of 16 chunks would run on one thread.
+A heavy loop therefore has `grain` iterations for each piece of work, and only the first of them works:
+
+    grain = ti.static(loop_grain())
+    for q in range(pieces * grain):
+        piece = heavy_index(q, grain)
+        if piece >= 0:
+            ...
+"""
+
+import taichi as ti
+
+from mpp_taichi.types import Template
+
+CPU_GRAIN = 512  # iterations of a parallel loop that Taichi gives a CPU thread at least
+
+
+@ti.func
+def heavy_index(q, grain: Template):
+    """Index of the piece of work that iteration q of a heavy loop does, or −1 where it does none."""
+    index = -1
+    if q % grain == 0:
+        index = q // grain
+    return index

@@ -1,0 +1,38 @@
+"""Simulation sample: a simulation at one moment, as quantities measure it."""
+
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation.simulation import Simulation
+
+
+class SimulationSample:
+    """A simulation at one moment. Entries that are expensive are computed when they are first read."""
+
+    def __init__(self, simulation: "Simulation") -> None:
+        """Read it before the simulation goes on."""
+        self._simulation = simulation
+        self.time, self.phase_number, self.phase_energy = simulation.time, simulation.phase_number, simulation.phase_energy
+        self.contact_report = simulation.contact_report
+
+    @cached_property
+    def snapshot(self) -> Snapshot:
+        """The particles, with the masses that the device keeps: forces are of those."""
+        snapshot = self._simulation.snapshot()
+        return replace(snapshot, mass=self._simulation.state.as_kept(snapshot.mass))
+
+    @cached_property
+    def potential_energy(self) -> float:
+        """The sum over all forces that have a potential."""
+        if "mechanics" in vars(self):
+            return self.mechanics["potential_energy"]
+        return self._simulation.phase.energy_meter.potential_energy(self.time)
+
+    @cached_property
+    def mechanics(self) -> dict[str, Any]:
+        """Energies, momenta and centre of mass together, as `Simulation.diagnostics` gives them."""
+        return self._simulation.diagnostics()

@@ -1,0 +1,42 @@
+"""Fields that are allocated together, and freed together."""
+
+from typing import Any
+
+import taichi as ti
+
+Row = tuple[Any, ...]
+"""A count and the fields of so many entries; a count of None is a field of one entry, `field[None]`. The entries of fields in
+a tuple lie side by side."""
+
+
+class FieldGroup:
+    """The memory of some fields, in one tree for numbers of 4 bytes and one for numbers of 8 bytes.
+
+    In a tree with 4-byte numbers, 8-byte numbers may lie across their alignment, and on Vulkan they share bytes with others.
+
+        memory = FieldGroup((count, self.mass, self.radius), (1, self.total))
+        memory.destroy()
+    """
+
+    def __init__(self, *rows: Row) -> None:
+        """Allocate all fields; needs a started Taichi."""
+        builders: dict[int, Any] = {}
+        for count, *parts in rows:
+            for part in parts:
+                fields = part if isinstance(part, tuple) else (part,)
+                width = 4 if _number_type(fields[0]) in (ti.f32, ti.i32, ti.u32) else 8
+                if width not in builders:
+                    builders[width] = ti.FieldsBuilder()
+                place = builders[width] if count is None else builders[width].dense(ti.i, count)
+                place.place(*fields)
+        self._trees = [builder.finalize() for builder in builders.values()]
+
+    def destroy(self) -> None:
+        """Free the memory; the fields must not be used any more."""
+        for tree in self._trees:
+            tree.destroy()
+
+
+def _number_type(field: Any) -> Any:
+    """Type of the numbers of a field that is not placed yet; `dtype` knows the type only afterwards."""
+    return field._get_field_members()[0].ptr.get_dt()
