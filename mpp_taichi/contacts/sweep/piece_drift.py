@@ -1,5 +1,7 @@
 """The drift of many spheres, piece by piece."""
 
+from abc import ABC, abstractmethod
+
 import taichi as ti
 
 from mpp_taichi.contacts.sweep.drift_planning import Piece
@@ -8,28 +10,28 @@ from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
 TRIES = 64  # to do a piece with wider margins, then to do shorter ones
 
 
-class PieceSteps:
+class PieceSteps(ABC):
     """The steps of a piece, in which the CPU and a device of many threads differ (IslandPieces, DevicePieces)."""
 
+    @abstractmethod
     def search(self, time: float, h: float) -> int:
         """Find the first contacts of all spheres; returns about how many there are."""
-        raise NotImplementedError
 
+    @abstractmethod
     def play(self, time: float, h: float, *, is_first: bool) -> tuple[int, int]:
         """Form the islands that changed and play them; returns whether islands must be joined, and whether a margin failed."""
-        raise NotImplementedError
 
+    @abstractmethod
     def retry(self, piece: Piece) -> Piece:
         """The piece that is tried after a margin failed."""
-        raise NotImplementedError
 
+    @abstractmethod
     def commit(self, h: float) -> None:
         """Put all spheres where they are at the end of the piece."""
-        raise NotImplementedError
 
+    @abstractmethod
     def destroy(self) -> None:
         """Give the memory back."""
-        raise NotImplementedError
 
 
 @ti.data_oriented
