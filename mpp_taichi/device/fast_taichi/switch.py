@@ -1,6 +1,7 @@
 """Which parts of fast_taichi are in use in this process, and which are off and why."""
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -87,7 +88,7 @@ def facts() -> dict[str, Any]:
     return {"fast_taichi_off": list(_parts.off), "fast_taichi_reason": _parts.reason} if _parts.off else {}
 
 
-def line(found: dict[str, Any]) -> str:
+def line(found: Mapping[str, Any]) -> str:
     """The same for a person; empty where all are on."""
     if not found.get("fast_taichi_off"):
         return ""
