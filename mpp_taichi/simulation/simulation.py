@@ -112,7 +112,7 @@ class Simulation:
 
     def look_at_multiples_of(self, interval: float) -> None:
         """Let steps that are only looks at free flight fall on multiples of `interval`, no rarer than so far."""
-        if self.contacts is not None and self.contacts.flies:
+        if not self.launcher.takes_steps:
             self.dt = interval / math.ceil(interval / self.dt)
 
     def run(
