@@ -3,6 +3,9 @@
 `forces/newtonian_gravity.py` holds `NewtonianGravity` and is called `newtonian_gravity` in a scene. Its parameters are
 class attributes `name: type = param(default, …)`. The scene layer reads them from the source text with `ast`, so that a
 scene is checked, and the JSON Schema written, without importing Taichi or any effect that the scene does not name.
+
+Whatever the rest of the program must know of a component beforehand, the component says itself, by attributes with literal
+values: its flags, such as `moves_forward_alone = True`. No other file names the component (tests/test_component_names.py).
 """
 
 import ast
@@ -56,7 +59,7 @@ class Declaration:
     summary: str
     parameters: tuple[Parameter, ...]
     path: Path
-    flags: Mapping[str, bool]  # attributes that the class itself sets to True or False
+    flags: Mapping[str, Any]  # attributes with literal values, of the class and of the classes that it derives from
 
 
 def param(default: Any = REQUIRED, **description: Any) -> Any:
@@ -122,6 +125,22 @@ def declaration(kind: str, name: str) -> Declaration:
     return declared
 
 
+def flag(kind: str, name: str, key: str, default: Any = None) -> Any:
+    """The literal value that a component gives to an attribute, or `default` where it gives none."""
+    return declaration(kind, name).flags.get(key, default)
+
+
+def marked(kind: str, key: str) -> list[str]:
+    """The components of a kind whose flag `key` is true, in alphabetical order."""
+    return [name for name in names(kind) if flag(kind, name, key)]
+
+
+def proposed(kind: str, purpose: str) -> list[str]:
+    """The components of a kind whose `proposed_for` holds a purpose, which messages then name; the lowest order first."""
+    found = [name for name in names(kind) if purpose in flag(kind, name, "proposed_for", ())]
+    return sorted(found, key=lambda name: (flag(kind, name, "order", 0), name))
+
+
 def _find(kind: str, name: str) -> Declaration | None:
     for folder in folders(kind):
         path = folder / f"{name}.py"
@@ -139,7 +158,7 @@ def _read(kind: str, path: Path) -> Declaration | None:
         if isinstance(node, ast.ClassDef) and node.name == wanted and "component" in map(ast.unparse, node.decorator_list):
             found = tuple(p for statement in node.body if (p := _read_parameter(statement)) is not None)
             base = ast.unparse(node.bases[0]) if node.bases else ""
-            flags = dict(flag for statement in node.body if (flag := _read_flag(statement)) is not None)
+            flags = _read_flags(path, wanted)
             return Declaration(kind, path.stem, wanted, base, ast.get_docstring(node) or "", found, path, flags)
     return None
 
@@ -158,11 +177,46 @@ def _read_parameter(statement: ast.stmt) -> Parameter | None:
     return Parameter(name=statement.target.id, type=annotation, default=default, **keywords)
 
 
-def _read_flag(statement: ast.stmt) -> tuple[str, bool] | None:
-    if isinstance(statement, ast.Assign) and isinstance(statement.value, ast.Constant):
-        target, value = statement.targets[0], statement.value.value
-        if isinstance(target, ast.Name) and isinstance(value, bool):
-            return target.id, value
+@cache
+def _read_flags(path: Path, class_name: str) -> Mapping[str, Any]:
+    """The attributes of a class that have literal values, read from its file and from the files of its base classes."""
+    tree = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+    found = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == class_name)
+    flags: dict[str, Any] = {}
+    for base in map(ast.unparse, found.bases):
+        home = path if any(isinstance(node, ast.ClassDef) and node.name == base for node in tree.body) else _home(tree, base)
+        flags |= _read_flags(home, base) if home is not None else {}
+    for statement in found.body:
+        for name, value in _assigned(statement):
+            flags.pop(name, None)  # a property, say, replaces the literal value of a base class
+            if value is not None:
+                try:
+                    flags[name] = ast.literal_eval(value)
+                except (ValueError, TypeError):  # an expression, which only Python can evaluate
+                    continue
+    return flags
+
+
+def _assigned(statement: ast.stmt) -> list[tuple[str, ast.expr | None]]:
+    """The names that a statement of a class body binds, each with the expression that gives its value, if there is one."""
+    if isinstance(statement, ast.FunctionDef):
+        return [(statement.name, None)]
+    if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
+        return [(statement.target.id, statement.value)]
+    if isinstance(statement, ast.Assign):
+        alone = len(statement.targets) == 1 and isinstance(statement.targets[0], ast.Name)
+        bound = [node.id for target in statement.targets for node in ast.walk(target) if isinstance(node, ast.Name)]
+        return [(name, statement.value if alone else None) for name in bound]
+    return []
+
+
+def _home(tree: ast.Module, class_name: str) -> Path | None:
+    """The file of this package from which a module imports a class; None for a class from elsewhere."""
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom) and node.module and any(alias.name == class_name for alias in node.names):
+            package, *parts = node.module.split(".")
+            path = PACKAGE_FOLDER.joinpath(*parts).with_suffix(".py")
+            return path if package == PACKAGE_FOLDER.name and path.is_file() else None
     return None
 
 

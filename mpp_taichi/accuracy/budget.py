@@ -5,14 +5,14 @@ from collections.abc import Callable
 
 
 class OutOfTime(Exception):  # noqa: N818 - a study that stops in time is no error
-    """A run was left because the time that it may take is over."""
+    """A run was stopped because its share of the time was spent."""
 
 
 class Budget:
-    """Counts down from its making. `look` is called between launches and may raise, for an interruption say."""
+    """Counts down from its creation. `look` is called between launches and may raise, for instance after a signal."""
 
     def __init__(self, seconds: float, look: Callable[[], None] = lambda: None) -> None:
-        """So many seconds from now on."""
+        """Begin to count down from a number of seconds."""
         self.seconds, self.look = seconds, look
         self._began = clock.perf_counter()
 
@@ -22,14 +22,14 @@ class Budget:
         return clock.perf_counter() - self._began
 
     def left(self, share: float = 1.0) -> float:
-        """Seconds until that share of the whole is spent; below zero beyond it."""
+        """Seconds until this share of the whole budget is spent; negative afterwards."""
         return share * self.seconds - self.spent
 
     def check(self) -> None:
-        """Go on, or not.
+        """Raise when the run must stop.
 
         Raises:
-            OutOfTime: all of it is spent.
+            OutOfTime: the whole budget is spent.
         """
         self.look()
         if self.left() <= 0.0:

@@ -1,8 +1,8 @@
-"""Chaos: how fast two trajectories that begin ever so slightly apart part from each other.
+"""Chaos: the rate at which two trajectories separate that begin at almost the same state.
 
 Two runs of one method are kept 10⁻⁸ apart: after each of equal pieces of the run their distance is noted and set back
 (Benettin, Galgani, Giorgilli, Strelcyn, Meccanica 15 (1980) 9). S(t), the sum of the logarithms of growth, rises as λ t where
-the motion is chaotic and as ln t where it is not, so S over the last three quarters tells the two apart: 4 λ-times of rise are
+the motion is chaotic and as ln t where it is not, so S over the last three quarters distinguishes the two: a rise by 4 is
 more than any power up to t² gives there, ln 4² = 2.8. The Lyapunov time is 1/λ.
 """
 
@@ -18,15 +18,15 @@ from mpp_taichi.accuracy.workbench import Machine, Phase
 APART = 1e-8  # of the size of the system, and of its typical velocity
 PIECES = 96
 LEAST_RISE = 4.0  # of S over the last three quarters of the run
-ACCURATE = 1e-3  # of the size: what is called a position that means something
+ACCURATE = 1e-3  # of the size: the largest error of a position that still has a meaning
 ROUND_OFF = {"f32": 2.0**-23, "f64": 2.0**-52}
-LEAST_LENGTH = 1e-300  # so that two runs that meet have a logarithm
+LEAST_LENGTH = 1e-300  # so that the logarithm exists for two runs at the same state
 SEED = 1
 
 
 @dataclass(frozen=True)
 class Chaos:
-    """What two neighbouring trajectories did.
+    """The separation of two neighbouring trajectories.
 
     lyapunov_time   [time]; None where the run shows no chaos
     rise            of ln(distance) over the last three quarters of the run
@@ -37,7 +37,7 @@ class Chaos:
     span: float
 
     def horizon(self, precision: str) -> float | None:
-        """Time until which round-off of that precision has grown to ACCURATE [time]; None where nothing grows so."""
+        """Time at which the round-off of a precision has grown to ACCURATE [time]; None without chaos."""
         if self.lyapunov_time is None:
             return None
         return self.lyapunov_time * math.log(ACCURATE / ROUND_OFF[precision])
@@ -79,7 +79,7 @@ def measure(machine: Machine, steps: int, size: float, budget: Budget) -> Chaos:
 
 
 def judge(logarithms: list[float], span: float) -> Chaos:
-    """Tell exponential growth from that of a power."""
+    """Distinguish exponential growth from growth by a power of time."""
     begin = len(logarithms) // 4
     rise = float(sum(logarithms[begin:]))
     if rise < LEAST_RISE:

@@ -1,9 +1,9 @@
 """Choice: the integrator, step and precision that reach a scene's `accuracy:` in the least time, found by pilot runs and kept.
 
-The pilot is a study of the scene. Of every method in every precision the step is interpolated that just reaches the target, in
-logarithms of error, steps and time between two of its runs; the fastest of them, up to three, are run with that step, to see
-that they do and which is the fastest. The choice is written down: the next run takes it as it is, on whatever machine, and so
-repeats bit for bit.
+The pilot is a study of the scene. For every method in every precision, the step that just reaches the target is interpolated
+between two of its runs, in the logarithms of error, steps and time. Up to three of the fastest methods are then run with this
+step, to confirm the error and to compare their times. The choice is written to a file: the next run uses it unchanged, on any
+machine, and so repeats every bit.
 """
 
 import json
@@ -15,13 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from mpp_taichi.accuracy.budget import Budget
-from mpp_taichi.accuracy.force_solvers import GRAVITY
-from mpp_taichi.accuracy.front import Row
+from mpp_taichi.accuracy.front import StudyRow
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import pose, with_integrator
-from mpp_taichi.accuracy.sample import Configuration, Measured
+from mpp_taichi.accuracy.sample import Configuration, MeasuredError
 from mpp_taichi.accuracy.store import Store, identity
-from mpp_taichi.accuracy.study import Study, Wishes
+from mpp_taichi.accuracy.study import Study, StudyWishes
 from mpp_taichi.accuracy.verdict import duration
 from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.atomic_file import whole_file
@@ -31,21 +30,21 @@ from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
 
 PILOT_SECONDS = 30.0
-SAFETY = 0.7  # of the target: what the interpolated step aims at
-TOO_GOOD = 3.0  # times smaller an error than asked for: a coarser step is tried, too
-TRIALS = 3  # runs with the step chosen, each corrected by the one before
-MOST_TRIED, ALIKE = 3, 1.5  # offers that are run, if they seem no more than so many times slower than the first
+SAFETY = 0.7  # of the target: the error for which the step is interpolated
+TOO_GOOD = 3.0  # an error smaller than the target by this factor: a coarser step is tried as well
+TRIALS = 3  # runs with the chosen step, each corrected by the result of the last
+MOST_TRIED, ALIKE = 3, 1.5  # offers that are run, unless they seem slower than the first by more than this factor
 REPEATS = 3
-Tried = tuple[Configuration, float, Measured, float]  # with its step, its error and its seconds
-LOOKS_OF_ADAPTIVE = 1000  # in a run, of a method that needs no step
+Tried = tuple[Configuration, float, MeasuredError, float]  # with its step, its error and its seconds
+LOOKS_OF_ADAPTIVE = 1000  # looks in a run of a method that needs no step
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What was chosen, and why.
+    """The chosen method, and the reason for the choice.
 
-    error      measured with that very step over `span` [time], the part of the run that the pilot looked at
-    seconds    of the stepping over that span, in the pilot
+    error      measured with exactly this step over `span` [time], the part of the run that the pilot covered
+    seconds    of the steps over this span, in the pilot
     """
 
     scene: str  # identity of its physics
@@ -64,13 +63,13 @@ class Choice:
     tolerance: float | None = None
 
     def line(self) -> str:
-        """For a person."""
+        """The choice as a line for a person."""
         setting = f"dt = {self.dt:.6g}" if self.tolerance is None else f"{self.control} = {self.tolerance:.3g}"
         method = f"{self.integrator} in {self.precision}, {setting}"
         return f"accuracy {self.target:g} of {self.quantity}: {method}; {self.why}"
 
     def settle(self, spec: SceneSpec) -> SceneSpec:
-        """The scene with what was chosen in place of its target."""
+        """The scene with the chosen method in place of its target."""
         asked = {} if self.tolerance is None else {self.control: self.tolerance}
         made = with_integrator(spec, self.integrator, self.dt, **asked)
         parameters = {key: value for key, value in made.integrator.parameters.items() if value is not None}
@@ -82,8 +81,8 @@ class Choice:
 
 
 def _resolved(entry: Any, force: ComponentSpec) -> Any:
-    """What the scene says of a force, with the solver that was chosen for gravity."""
-    if force.name != GRAVITY:
+    """The entry of a force in the scene, with the solver that was chosen for gravity."""
+    if not force.flag("forces", "can_use_tree"):
         return entry
     said = (entry.get(force.name) or {}) if isinstance(entry, Mapping) else {}
     given = {key: value for key, value in said.items() if key not in ("solver", "accuracy")}
@@ -93,10 +92,10 @@ def _resolved(entry: Any, force: ComponentSpec) -> Any:
 
 @dataclass(frozen=True)
 class Offer:
-    """A method at a precision with the fineness that reaches an aim, as its runs suggest.
+    """A method in a precision, with the fineness at which it is expected to reach an aim.
 
     fineness   steps over the span, or 1 / tolerance of an adaptive method
-    power      by which the error falls with it; None where one run alone is known
+    power      of the fineness with which the error falls; None where only one run is known
     """
 
     integrator: str
@@ -113,10 +112,10 @@ def settle(
     folder: str | Path,
     overrides: Mapping[str, Any] | Sequence[str] = (),
 ) -> tuple[SceneSpec, str]:
-    """A scene whose `accuracy:` is replaced by what reaches it, and the precision to run it in; the choice is kept in `folder`.
+    """The scene with the method that reaches its `accuracy:`, and the precision to run it in; the choice is kept in `folder`.
 
     Raises:
-        StabilityError: nothing that was tried reaches the target.
+        StabilityError: no method that was tried reaches the target.
     """
     spec = load_scene(scene, overrides=overrides)
     if spec.accuracy is None:
@@ -135,10 +134,10 @@ def choose(
     look: Callable[[], None] = lambda: None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Choice:
-    """The choice for a scene's target: the one that is kept in the folder for it, or a new one.
+    """The choice for a scene's target: the choice that is kept in the folder, or a new choice.
 
     Raises:
-        StabilityError: nothing that was tried reaches the target.
+        StabilityError: no method that was tried reaches the target.
     """
     from mpp_taichi import __version__
 
@@ -152,7 +151,7 @@ def choose(
             return known
     tell(f"accuracy {target.error:g}: choosing integrator, step and precision by pilot runs, about {seconds:.0f} s")
     devices = [("cpu", precision) for precision in precisions]
-    wishes = Wishes(integrators, devices, quantity=target.quantity, aim=SAFETY * target.error)
+    wishes = StudyWishes(integrators, devices, quantity=target.quantity, aim=SAFETY * target.error)
     store = Store(folder, identity(problem, problem.span, __version__))
     study = Study(problem, store, Budget(seconds, look), wishes)
     study.run()
@@ -179,10 +178,10 @@ def _decide(study: Study, target: float, asked: str | None, precisions: Sequence
     if quantity is None:
         known = "there is no reference" if study.reference is None else study.reference.told
         raise StabilityError(f"{place}: positions at the end are not known well enough ({known}); ask of energy")
-    # What a part of the run may have: errors of positions grow up to quadratically, those of energies linearly.
+    # The error allowed for a part of the run: errors of positions grow up to quadratically, errors of energies linearly.
     part = study.problem.span / study.whole
     allowed = target * part ** (2 if quantity == "position" else 1)
-    allowed_methods = study.wishes.integrators or study.methods  # the reference has runs, too
+    allowed_methods = study.wishes.integrators or study.methods  # the runs of the reference are among them
     rows = [
         row
         for row in study.rows()
@@ -211,9 +210,9 @@ def _decide(study: Study, target: float, asked: str | None, precisions: Sequence
     raise StabilityError(f"{place}: nothing that was tried reaches {target:g} of {quantity}; the best was {best:.1e}")
 
 
-def offers_for(rows: Sequence[Row], quantity: str, aim: float) -> list[Offer]:
-    """What each method and precision would take to reach the aim, where its runs lie on both sides of it, or all reach it."""
-    groups: dict[tuple[str, str, str], list[Row]] = {}
+def offers_for(rows: Sequence[StudyRow], quantity: str, aim: float) -> list[Offer]:
+    """The offer of each method and precision whose runs lie on both sides of the aim, or all reach it."""
+    groups: dict[tuple[str, str, str], list[StudyRow]] = {}
     for row in rows:
         configuration = row.sample.configuration
         if row.sample.status == "ok" and row.seconds is not None and math.isfinite(row.error(quantity).bound):
@@ -227,8 +226,8 @@ def offers_for(rows: Sequence[Row], quantity: str, aim: float) -> list[Offer]:
     return offers
 
 
-def _between(coarse: Row | None, fine: Row, quantity: str, aim: float) -> tuple[float, float, float | None]:
-    """Fineness and seconds where the error is the aim, as powers of each other, and the power of the error."""
+def _between(coarse: StudyRow | None, fine: StudyRow, quantity: str, aim: float) -> tuple[float, float, float | None]:
+    """Fineness and seconds at which the error equals the aim, by power laws between two runs, and the power of the error."""
     assert fine.seconds is not None
     finest = fine.sample.configuration.fineness
     if coarse is None or coarse.seconds is None or fine.error(quantity).value is None:
@@ -244,7 +243,7 @@ def _between(coarse: Row | None, fine: Row, quantity: str, aim: float) -> tuple[
 
 
 def _tried(study: Study, offer: Offer, quantity: str, allowed: float) -> Tried | None:
-    """Run an offer, a finer one where it is not good enough, a coarser one where it is far too good; None where it never is."""
+    """Run an offer, again with a finer or coarser step if its error is too large or far too small; None if it fails."""
     method, fineness = study.methods[offer.integrator], offer.fineness
     power = offer.power if method.adaptive else method.order
     budget = Budget(study.budget.seconds)
@@ -266,14 +265,16 @@ def _tried(study: Study, offer: Offer, quantity: str, allowed: float) -> Tried |
                 break
             wanted = fineness * (error.bound / (SAFETY * allowed)) ** (1.0 / power)
             if not method.adaptive:
-                wanted = max(wanted, float(method.fewest_steps))  # a coarser one would not hold
+                wanted = max(wanted, float(method.fewest_steps))  # a coarser step would be unstable
             if wanted == fineness:
                 break
             fineness = wanted
     return reached and reached[1]
 
 
-def _why(offers: Sequence[Offer], tried: Sequence[tuple[Offer, Tried]], chosen: Offer, error: Measured, study: Study) -> str:
+def _why(
+    offers: Sequence[Offer], tried: Sequence[tuple[Offer, Tried]], chosen: Offer, error: MeasuredError, study: Study
+) -> str:
     measured = {offer: found[3] for offer, found in tried}
     part = "" if study.problem.span == study.whole else f" over the first t = {study.problem.span:.4g}"
     said = f"its error was {error}{part}, in {duration(measured[chosen])}"

@@ -5,29 +5,40 @@ from typing import Any
 
 from mpp_taichi import component
 from mpp_taichi.component import REQUIRED
-from mpp_taichi.scene.contacts import DRIFTING
-from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec, default_integrator
 
-EXACT = "event_driven"
-# Order in dt, by which steps are spaced: the kicks around a drift are those of a leapfrog, and an impact is met exactly by the
-# first two; the others are at best right to within a step.
-ORDERS = {"swept": 2, "simultaneous": 2, "pairwise": 1, "resting": 1}
+
+def exact_solvers() -> list[str]:
+    """The contact solvers that take no steps: their error is round-off, and they are the reference of all others."""
+    return component.marked("contacts", "flies")
+
+
+def orders() -> dict[str, int]:
+    """The contact solvers that a study compares, each with the order of its error in dt; 0 for those that take no steps.
+
+    The kicks before and after a drift are those of a leapfrog. A solver that finds the time of an impact exactly keeps the
+    order 2; a solver that finds it to within a step has the order 1. The highest order comes first.
+    """
+    found = {name: component.flag("contacts", name, "order") for name in component.names("contacts")}
+    known = [name for name, order in found.items() if order is not None]
+    return {name: found[name] for name in sorted(known, key=lambda name: -found[name])}
 
 
 def flies_exactly(spec: SceneSpec) -> bool:
-    """Whether the scene can be run without steps: spheres under uniform gravity at most."""
-    return spec.contacts is not None and not spec.springs and all(force.name == "uniform_gravity" for force in spec.forces)
+    """Whether the scene can be run without steps: no effect but contacts and uniform gravity."""
+    return spec.contacts is not None and not spec.springs and all(force.flag("forces", "is_uniform") for force in spec.forces)
 
 
 def solvers(spec: SceneSpec) -> list[str]:
-    """Those that can run a scene with contacts, its own first."""
+    """The contact solvers that can run a scene with contacts, the scene's own solver first."""
     assert spec.contacts is not None
-    others = [*ORDERS, *([EXACT] if flies_exactly(spec) else [])]
-    return list(dict.fromkeys((spec.contacts.solver.name, *others)))
+    exact = exact_solvers()
+    others = [name for name in orders() if name not in exact]
+    return list(dict.fromkeys((spec.contacts.solver.name, *others, *(exact if flies_exactly(spec) else []))))
 
 
 def with_solver(spec: SceneSpec, name: str, dt: float) -> SceneSpec:
-    """The scene with a contact solver and a step; what solvers have in common is taken from the scene's own."""
+    """The scene with a contact solver and a step; parameters that both solvers have are those of the scene's own solver."""
     assert spec.contacts is not None
     own, integrator = spec.contacts.solver, spec.integrator
     if own.name != name:
@@ -37,6 +48,6 @@ def with_solver(spec: SceneSpec, name: str, dt: float) -> SceneSpec:
             if parameter.name in own.parameters or parameter.default is not REQUIRED:
                 parameters[parameter.name] = own.parameters.get(parameter.name, parameter.default)
         own = ComponentSpec(name, parameters, own.location)
-    stepped = integrator.name if integrator.name in DRIFTING else "leapfrog"
-    made = ComponentSpec(EXACT if name == EXACT else stepped, {"dt": dt}, integrator.location)
+    stepped = integrator.name if integrator.flag("integrators", "moves_forward_alone") else default_integrator()
+    made = ComponentSpec(name if name in exact_solvers() else stepped, {"dt": dt}, integrator.location)
     return replace(spec, contacts=replace(spec.contacts, solver=own), integrator=made)

@@ -1,14 +1,14 @@
-"""Findings: all that a study found as plain data, for reports and files."""
+"""Findings: all results of a study as plain data, for reports and files."""
 
 from typing import Any
 
-from mpp_taichi.accuracy.front import Row
+from mpp_taichi.accuracy.front import StudyRow
 from mpp_taichi.accuracy.study import Study
 from mpp_taichi.accuracy.verdict import sentence, verdict
 
 
 def findings(study: Study, target: float) -> dict[str, Any]:
-    """Everything found, and what it says about a target."""
+    """All results, and the verdict for a target."""
     reference, chaos = study.reference, study.chaos
     rows = study.rows()
     said = verdict(rows, study.quantity, target)
@@ -33,7 +33,7 @@ def findings(study: Study, target: float) -> dict[str, Any]:
     }
 
 
-def row_facts(row: Row) -> dict[str, Any]:
+def row_facts(row: StudyRow) -> dict[str, Any]:
     """One row as plain data: each error as {value, at_most}, of which one at most is a number."""
     names = ("position", "position_rms", "energy", "momentum", "angular_momentum")
     errors = {name: vars(getattr(row, name)) for name in names}

@@ -9,11 +9,10 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import DEFAULT_ACCURACY, check_tree, tree_of
 from mpp_taichi.snapshot import Snapshot
 
-GRAVITY = "newtonian_gravity"
 MARK = "+tree-"
 ACCURACIES = (1e-2, 1e-3, 1e-4, 1e-5)
 FEWEST_BODIES = 3000  # below, the direct sum is both exact and faster (docs/gravity.md)
-MOST_BODIES = 100_000  # whose direct sums, of some seconds, a reference can be made of
+MOST_BODIES = 100_000  # whose direct sums take some seconds, few enough for a reference
 
 
 def split(name: str) -> tuple[str, float | None]:
@@ -21,7 +20,8 @@ def split(name: str) -> tuple[str, float | None]:
     integrator, mark, text = name.partition(MARK)
     if not mark:
         return name, None
-    (limits,) = (parameter for parameter in component.declaration("forces", GRAVITY).parameters if parameter.name == "accuracy")
+    gravity = component.declaration("forces", component.marked("forces", "can_use_tree")[0])
+    (limits,) = (parameter for parameter in gravity.parameters if parameter.name == "accuracy")
     least, most = limits.minimum or 0.0, limits.maximum or 1.0
     try:
         accuracy = float(text)
@@ -38,7 +38,7 @@ def by_tree(name: str) -> bool:
 
 
 def joined(integrator: str, accuracy: float | None) -> str:
-    """`leapfrog+tree-1e-3`; of the same numbers always the same text."""
+    """`leapfrog+tree-1e-3`; equal numbers always give the same text."""
     if accuracy is None:
         return integrator
     digits, _, power = f"{accuracy:.5e}".partition("e")
@@ -55,13 +55,14 @@ def with_force_solver(spec: SceneSpec, accuracy: float | None) -> SceneSpec:
     """The scene with gravity summed by a tree of this accuracy, or directly."""
     chosen = {"solver": "direct" if accuracy is None else "tree", "accuracy": accuracy}
     forces = tuple(
-        replace(force, parameters={**force.parameters, **chosen}) if force.name == GRAVITY else force for force in spec.forces
+        replace(force, parameters={**force.parameters, **chosen}) if force.flag("forces", "can_use_tree") else force
+        for force in spec.forces
     )
     return replace(spec, forces=forces)
 
 
 def variants(spec: SceneSpec, start: Snapshot, asked: Sequence[str]) -> list[str]:
-    """Methods by a tree: those asked for, and where it may pay the scene's own integrator with several accuracies."""
+    """Methods by a tree: those asked for, and for many particles the scene's own integrator with several accuracies."""
     names = [own_name(spec), *asked]
     if start.particle_count >= FEWEST_BODIES:
         names += [joined(spec.integrator.name, accuracy) for accuracy in ACCURACIES]

@@ -1,41 +1,41 @@
-"""Front: rows that no other row beats in both error and cost, and what ten times less error costs along them."""
+"""Front: rows that no other row beats in both error and cost, and the cost of ten times less error along them."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mpp_taichi.accuracy.sample import Measured, Sample
+from mpp_taichi.accuracy.sample import MeasuredError, Sample
 
 QUANTITIES = ("position", "energy")
-LEAST_ROWS = 3  # of a front that a price is read off
+LEAST_ROWS = 3  # of a front whose price of a digit is computed
 COARSEST = 1.0  # an error from which a row is on no front, however cheap it is
-ENERGY_BAR = 1e-15  # to which a sum of energies is rounded, relative
+ENERGY_BAR = 1e-15  # relative rounding error of a sum of energies
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
-    """A sample with its errors as far as they can be told."""
+class StudyRow:
+    """A sample with its errors, as far as the reference shows them."""
 
     sample: Sample
-    position: Measured  # largest over the particles, relative to the size of the system
-    position_rms: Measured
-    energy: Measured
-    momentum: Measured
-    angular_momentum: Measured
+    position: MeasuredError  # largest over the particles, relative to the size of the system
+    position_rms: MeasuredError
+    energy: MeasuredError
+    momentum: MeasuredError
+    angular_momentum: MeasuredError
     is_own: bool = False
 
-    def error(self, quantity: str) -> Measured:
-        """Of one of QUANTITIES."""
+    def error(self, quantity: str) -> MeasuredError:
+        """The error of one of QUANTITIES."""
         return self.position if quantity == "position" else self.energy
 
     @property
     def seconds(self) -> float | None:
-        """Median of the repeats."""
+        """The median time of the repeats."""
         return self.sample.median_seconds
 
 
 def front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Indices of the points (error, cost) that no other point beats: as good in both and better in one; by falling error."""
+    """Indices of the points (error, cost) for which no other point is as good in both and better in one; by falling error."""
     kept: list[int] = []
     least = math.inf
     for index in sorted(range(len(points)), key=lambda index: (points[index][1], points[index][0])):
@@ -49,26 +49,26 @@ def front(points: Sequence[tuple[float, float]]) -> list[int]:
     return kept
 
 
-def time_front(rows: Sequence[Row], quantity: str) -> list[Row]:
+def time_front(rows: Sequence[StudyRow], quantity: str) -> list[StudyRow]:
     """The front in error and median seconds, coarse to fine."""
     told = [row for row in rows if _counts(row, quantity) and row.seconds is not None]
     return [told[index] for index in front([(row.error(quantity).bound, row.seconds or math.inf) for row in told])]
 
 
-def evaluation_front(rows: Sequence[Row], quantity: str) -> list[Row]:
+def evaluation_front(rows: Sequence[StudyRow], quantity: str) -> list[StudyRow]:
     """The front in error and force evaluations, coarse to fine; evaluations of one precision and backend cost alike."""
     told = [row for row in rows if _counts(row, quantity)]
     return [told[index] for index in front([(row.error(quantity).bound, float(row.sample.evaluations)) for row in told])]
 
 
-def _counts(row: Row, quantity: str) -> bool:
+def _counts(row: StudyRow, quantity: str) -> bool:
     return row.sample.status == "ok" and row.error(quantity).bound < COARSEST
 
 
 def price_of_a_digit(errors: Sequence[float], costs: Sequence[float]) -> float | None:
     """By what factor the cost grows where the error falls to a tenth: 10^s, s the slope of log cost on −log error.
 
-    The slope is that of least squares. None for fewer than LEAST_ROWS points, or errors that are all alike.
+    The slope is that of least squares. None for fewer than LEAST_ROWS points, or for equal errors.
     """
     if len(errors) < LEAST_ROWS:
         return None

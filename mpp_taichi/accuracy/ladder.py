@@ -1,21 +1,21 @@
-"""Ladder: the steps that one method is tried with, one after another, from where it is as dear as the scene's own setting.
+"""Ladder: the steps with which one method is tried in turn, from the step at which it costs as much as the scene's setting.
 
-Rung k has N₀ qᵏ steps, with q = √10 for low orders, 2 for those above 4, whose errors fall too fast for more. It grows to both
-sides until the method is no longer stable or accurate at one end, and no longer gains at the other. An adaptive method has at
-rung k the tolerance of its default over 10ᵏ; where it is a step, of a method of second order, over √10ᵏ.
+Rung k has N₀ qᵏ steps, with q = √10 for low orders, 2 for those above 4, whose errors fall too fast for more. Rungs are added
+at both ends until the method is no longer stable or accurate at one end, and the error no longer falls at the other. An
+adaptive method has at rung k its default tolerance over 10ᵏ, or over √10ᵏ where the error grows with its square.
 """
 
 import math
 from dataclasses import dataclass, field
 
 FEWEST_STEPS = 4
-COARSEST = 0.3  # an error from which coarser steps are of no interest
-GAIN = 1.5  # times less error that a rung must bring, or round-off is reached
+COARSEST = 0.3  # an error above which coarser steps are of no interest
+GAIN = 1.5  # the least factor by which a rung must reduce the error; otherwise round-off is reached
 LOOSEST = 1e-2  # tolerance
 
 
 def ratio(order: int) -> float:
-    """Between the numbers of steps of two rungs."""
+    """The ratio of the numbers of steps of two neighbouring rungs."""
     return math.sqrt(10.0) if order <= 4 else 2.0
 
 
@@ -25,10 +25,10 @@ class Ladder:
 
     anchor       steps of rung 0
     least        steps below which the method is not stable
-    floor        an error that nothing can be seen below
-    coarsest     an error from which coarser steps are of no interest
+    floor        the error below which the reference shows nothing
+    coarsest     the error above which coarser steps are of no interest
     tolerance    of rung 0 of an adaptive method, which has `anchor` looks at every rung; else None
-    patient      go on where a rung brings little: errors of contacts fall irregularly
+    patient      continue where a rung reduces the error little: errors of contacts fall irregularly
     """
 
     integrator: str
@@ -44,11 +44,11 @@ class Ladder:
     closed_above: bool = False
 
     def steps(self, rung: int) -> int:
-        """Steps of a rung."""
+        """The number of steps of a rung."""
         return max(1, round(self.anchor * (ratio(self.order) ** rung if self.tolerance is None else 1.0)))
 
     def asked(self, rung: int) -> float | None:
-        """Tolerance of a rung."""
+        """The tolerance of a rung."""
         return None if self.tolerance is None else self.tolerance / (10.0 if self.order > 2 else math.sqrt(10.0)) ** rung
 
     def open_rungs(self) -> list[int]:
@@ -69,7 +69,7 @@ class Ladder:
         return [rung for rung, closed in ((below, self.closed_below), (above, self.closed_above)) if not closed]
 
     def note(self, rung: int, error: float) -> None:
-        """What a rung gave; infinite for a run that broke."""
+        """Note the error of a rung; infinite for a run that broke off."""
         self.errors[rung] = error
         if rung == min(self.errors) and not error < self.coarsest:
             self.closed_below = True
@@ -81,7 +81,7 @@ class Ladder:
             self.closed_above = error <= self.floor or not gained
 
     def close(self, rung: int) -> None:
-        """A rung that is not tried: too dear; no finer one is either."""
+        """Note a rung that is too expensive to be tried, so that no finer rung is tried either."""
         if not self.errors or rung > max(self.errors):
             self.closed_above = True
         if not self.errors or rung < min(self.errors):

@@ -1,4 +1,4 @@
-"""Methods: what the integrators of the catalogue say of themselves, before any of them is compiled."""
+"""Methods: the properties of the integrators of the catalogue, found before any of them is compiled."""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from typing import Any
 
 from mpp_taichi import component
 from mpp_taichi.accuracy import force_solvers
-from mpp_taichi.accuracy.contact_methods import EXACT, ORDERS, solvers
+from mpp_taichi.accuracy.contact_methods import orders, solvers
 from mpp_taichi.accuracy.problem import Problem, defaults, with_integrator
 from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.scene.integrator_checks import suits
@@ -15,20 +15,20 @@ from mpp_taichi.scene.layout import layout_of
 from mpp_taichi.scene.physics_checks import refused_friction
 from mpp_taichi.stability import advise
 
-LIMIT_SHARE = 0.95  # of the step that springs and drag allow
-ITERATIONS = 6.0  # forces of an implicit step, until they were counted
+LIMIT_SHARE = 0.95  # of the largest step that springs and drag allow
+ITERATIONS = 6.0  # forces of an implicit step, until they have been counted
 FEWEST_STEPS = 2.0
-LOOKS = 64  # at energies and positions in a run; a reference takes a multiple of so many steps
+LOOKS = 64  # samples of energies and positions in a run; the steps of a reference are a multiple of this number
 
 
 @dataclass(frozen=True)
-class Method:
-    """One integrator, for one scene; its name may have a tree in it, see force_solvers.
+class StudyMethod:
+    """One integrator, for one scene; its name may include a tree, see force_solvers.
 
     evaluations    forces per step; a guess for implicit methods, 1 for adaptive ones
-    fewest_steps   that springs and drag allow over the span
-    controlled_by  of a method that chooses its steps itself the parameter that says how accurate it is to be; else nothing
-    tolerance      its default
+    fewest_steps   over the span that springs and drag allow
+    controlled_by  the parameter that controls the accuracy of an adaptive method; empty for other methods
+    tolerance      the default of this parameter
     """
 
     name: str
@@ -42,24 +42,25 @@ class Method:
 
     @property
     def adaptive(self) -> bool:
-        """Whether it chooses its steps itself; all runs of it have as many looks as those of others."""
+        """Whether the method chooses its steps itself; its runs are sampled as often as those of other methods."""
         return self.tolerance is not None
 
 
-def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, Method]:
-    """Integrators that advance by steps, take the scene's forces and need nothing else to be said; its own among them.
+def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, StudyMethod]:
+    """The integrators that take steps, support the scene's forces and have defaults for all parameters; its own comes first.
 
-    Gravity is summed directly; by a tree as well in methods that are `asked` for, and with the scene's own where it may pay.
+    Gravity is summed directly. Methods with a tree are added where they are `asked` for, and for the scene's own integrator
+    where the scene has many particles.
     """
     import_taichi()
     if problem.spec.contacts is not None:
-        orders = {**ORDERS, EXACT: 0}
-        return {name: Method(name, orders[name], True, False, 1.0, 1) for name in solvers(problem.spec)}
+        order = orders()
+        return {name: StudyMethod(name, order[name], True, False, 1.0, 1) for name in solvers(problem.spec)}
     found = {}
     own, layout = problem.spec.integrator.name, layout_of(problem.spec)
     for name in dict.fromkeys((own, *component.names("integrators"))):
         declared = component.declaration("integrators", name)
-        takes_steps = name != "event_driven" and any(parameter.name == "dt" for parameter in declared.parameters)
+        takes_steps = not declared.flags.get("flies") and any(parameter.name == "dt" for parameter in declared.parameters)
         if refused_friction(name, problem.spec, problem.start):
             continue
         if not takes_steps or (name != own and defaults(name) is None):
@@ -73,7 +74,7 @@ def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, Method]:
     return found
 
 
-def _method(problem: Problem, name: str) -> Method:
+def _method(problem: Problem, name: str) -> StudyMethod:
     spec = with_integrator(problem.spec, name, problem.own_dt)
     made: Any = component.build("integrators", name, spec.integrator.parameters)
     advice = advise(spec, problem.start, made, problem.own_dt)
@@ -83,39 +84,39 @@ def _method(problem: Problem, name: str) -> Method:
     control = (made.controlled_by, float(getattr(made, made.controlled_by))) if made.controlled_by else ()
     is_implicit = made.evaluations_per_step is None and not control
     evaluations = ITERATIONS if is_implicit else 1.0 if control else max(1.0, float(made.evaluations_per_step))
-    return Method(name, made.order, bool(made.symplectic), is_implicit, evaluations, fewest, *control)
+    return StudyMethod(name, made.order, bool(made.symplectic), is_implicit, evaluations, fewest, *control)
 
 
-def for_reference(found: dict[str, Method]) -> list[Method]:
+def for_reference(found: dict[str, StudyMethod]) -> list[StudyMethod]:
     """Explicit methods with direct sums whose step can be halved, the most promising first.
 
-    By order, symplectic, and more forces a step.
+    Methods are sorted by order, then symplectic methods first, then methods with more forces per step.
     """
     direct = [method for method in found.values() if not force_solvers.by_tree(method.name)]
     halved = [method for method in direct if not method.implicit and not method.adaptive]
     return sorted(halved, key=_promise, reverse=True)
 
 
-def rank(found: dict[str, Method], method: Method) -> int:
-    """How many methods of the same order promise more; so that the best of every order come first."""
+def rank(found: dict[str, StudyMethod], method: StudyMethod) -> int:
+    """The number of more promising methods of the same order; sorted by it, the best method of every order comes first."""
     return sum(other.order == method.order and _promise(other) > _promise(method) for other in found.values())
 
 
-def _promise(method: Method) -> tuple[int, bool, float]:
+def _promise(method: StudyMethod) -> tuple[int, bool, float]:
     return method.order, method.symplectic, method.evaluations
 
 
-def equal_cost(problem: Problem, method: Method, own: Method) -> float:
-    """Steps with which a method spends as many forces as the scene's own setting; the looks of an adaptive one."""
+def equal_cost(problem: Problem, method: StudyMethod, own: StudyMethod) -> float:
+    """The steps for which a method evaluates as many forces as the scene's own setting; LOOKS for an adaptive method."""
     if method.adaptive:
         return float(LOOKS)
     return problem.own_steps * own.evaluations / method.evaluations
 
 
-def first_steps(problem: Problem, method: Method, own: Method) -> int:
-    """Steps for the first run of a reference: a quarter as dear as the scene's own setting; coarse runs show convergence too.
+def first_steps(problem: Problem, method: StudyMethod, own: StudyMethod) -> int:
+    """Steps for the first run of a reference, at a quarter of the cost of the scene's own setting.
 
-    A multiple of the looks, or a power of two below, so that runs of twice the steps are looked at at the same times.
+    A multiple of LOOKS, or a power of two below it, so that runs with twice the steps are sampled at the same times.
     """
     steps = max(equal_cost(problem, method, own) / 4.0, float(method.fewest_steps), FEWEST_STEPS)
     return math.ceil(steps / LOOKS) * LOOKS if steps > LOOKS else 2 ** math.ceil(math.log2(steps))

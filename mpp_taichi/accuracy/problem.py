@@ -1,4 +1,4 @@
-"""Problem: the scene as it is studied, what identifies it, and the methods that may run it."""
+"""Problem: the scene that is studied, its identity, and the scene with other methods."""
 
 import hashlib
 import json
@@ -34,21 +34,21 @@ class Problem:
 
     @property
     def own_steps(self) -> int:
-        """Steps of the scene's own size over the span; the step that fits a whole number of times is taken."""
+        """Steps of about the scene's own size that fill the span, a whole number."""
         return steps_of(self.span, self.own_dt)
 
     def shortened(self, span: float) -> "Problem":
-        """The first part of it."""
+        """The problem over the first part of its span."""
         return replace(self, span=span)
 
     @property
     def own_method(self) -> str:
-        """The integrator, by a tree with its accuracy; or with contacts their solver."""
+        """The scene's integrator, with the accuracy of a tree in its name; or the solver of a scene with contacts."""
         contacts = self.spec.contacts
         return force_solvers.own_name(self.spec) if contacts is None else contacts.solver.name
 
     def identity(self) -> str:
-        """Hash of the physics: particles, springs, forces and contacts; not of names, colours, methods or what is shown.
+        """Hash of the physics: particles, springs, forces and contacts; names, colours, methods and the view do not count.
 
         A force is the same whether it is summed directly or by a tree.
         """
@@ -73,14 +73,14 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
     """The problem that a scene poses.
 
     Raises:
-        SceneError: it is none that a step-by-step comparison could answer, or nothing says how long it is.
+        SceneError: methods of different steps cannot be compared in this scene, or the scene has no duration.
     """
     place = spec.integrator.location
     if merges(spec):
         raise SceneError(f"{place}: accuracy does not measure scenes in which spheres merge")
-    if spec.contacts is not None and spec.contacts.solver.name == "located":
-        name = spec.integrator.name
-        raise SceneError(f"{place}: accuracy compares steps, and located contacts have those of {name}: vary its tolerance")
+    if spec.contacts is not None and spec.contacts.solver.flag("contacts", "leads"):
+        name, solver = spec.integrator.name, spec.contacts.solver.name
+        raise SceneError(f"{place}: accuracy compares steps, and {solver} contacts have those of {name}: vary its tolerance")
     if spec.timeline:
         raise SceneError(f"{place}: accuracy does not measure scenes with a timeline; measure each of its phases as a scene")
     if "dt" not in spec.integrator.parameters:
@@ -97,7 +97,7 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
 
 
 def _check_direct_sums(spec: SceneSpec, start: Snapshot) -> None:
-    """Refuse trees where nothing could be said of their errors."""
+    """Refuse trees whose errors cannot be measured."""
     tree = tree_of(spec)
     if tree is None:
         return
@@ -110,9 +110,9 @@ def _check_direct_sums(spec: SceneSpec, start: Snapshot) -> None:
 
 
 def with_integrator(spec: SceneSpec, name: str, dt: float, **chosen: float) -> SceneSpec:
-    """The scene run by a method, with that method's defaults and what was chosen; its own keeps the scene's parameters.
+    """The scene with a method, its defaults and the `chosen` parameters; the scene's own method keeps its parameters.
 
-    With contacts it is their solver that is named; without, the name may have a tree in it, see force_solvers.
+    `name` is the contact solver of a scene with contacts; otherwise it may include a tree, see force_solvers.
     """
     own = spec.integrator
     if spec.contacts is not None:
@@ -133,5 +133,5 @@ def defaults(name: str) -> dict | None:
 
 
 def steps_of(span: float, dt: float) -> int:
-    """Whole steps of about `dt` that fill the span."""
+    """The number of equal steps of about `dt` that fill the span."""
     return max(1, round(span / dt))

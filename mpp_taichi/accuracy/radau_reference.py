@@ -1,24 +1,29 @@
-"""A reference by Gauss–Radau: IAS15 sums without loss, so that round-off leaves it where it has spoilt runs of equal steps."""
+"""A reference by Gauss–Radau: compensated sums keep its round-off below that of runs with equal steps."""
 
 import itertools
 from dataclasses import replace
 from typing import Any
 
+from mpp_taichi import component
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.methods import LOOKS
-from mpp_taichi.accuracy.reference import Reference, distance
+from mpp_taichi.accuracy.reference import ReferenceSolution, distance
 from mpp_taichi.accuracy.workbench import Machine
 
-NAME = "ias15"
-TOLERANCES = (1e-9, 3e-10, 1e-10)  # steps of 1, 0.84 and 0.72: each at round-off, and each with roundings of its own
+TOLERANCES = (1e-9, 3e-10, 1e-10)  # steps in the ratio 1 : 0.84 : 0.72: all reach round-off, with independent roundings
 MIDDLE = 1
 
 
-def finer(machine: Machine, known: Reference, budget: Budget, *, add: Any) -> Reference:
-    """The reference that IAS15 gives, or the known one where it is no better or contradicts it.
+def method() -> str:
+    """The integrator that gives the reference."""
+    return component.marked("integrators", "reference_method")[0]
 
-    Its bar is the largest difference of three runs with different steps, whose roundings are independent of one another; and
-    the run must lie within the bar of the known reference, which is another method.
+
+def finer(machine: Machine, known: ReferenceSolution, budget: Budget, *, add: Any) -> ReferenceSolution:
+    """The reference by this method, or the known reference where the new one is no better or contradicts it.
+
+    The error bar is the largest difference of three runs with different steps, whose roundings are independent; the run must
+    lie within the bar of the known reference, which was computed by another method.
     """
     ends = []
     for tolerance in TOLERANCES:
@@ -34,7 +39,7 @@ def finer(machine: Machine, known: Reference, budget: Budget, *, add: Any) -> Re
         return known
     return replace(
         known,
-        integrator=NAME,
+        integrator=method(),
         order=machine.order,
         steps=LOOKS,
         end=ends[MIDDLE],

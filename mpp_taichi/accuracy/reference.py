@@ -1,11 +1,11 @@
 """Reference: a run so fine that a finer one no longer differs, with the difference as its error bar.
 
-The method of the highest order there is runs in f64 with N, 2N, 4N … steps. Let d be the difference of the end positions of two
-runs that follow each other, and r the ratio of the last two d. Errors that fall by r at each halving leave the finer run of a
-pair d / (r − 1) away from the truth: less than d where r ≥ 2. The bar is d, and more where r is smaller; where d no longer
-falls at all, because of round-off, it is the larger of the last two.
+The available method of the highest order runs in f64 with N, 2N, 4N … steps. Let d be the difference of the final positions
+of two successive runs, and r the ratio of the last two d. If errors fall by r at each halving, the error of the finer run of
+a pair is d / (r − 1): less than d where r ≥ 2. The error bar is d, and more where r is smaller; where d no longer falls,
+because of round-off, the bar is the larger of the last two d.
 
-The bar is trusted only where it was seen to fall so, or is at the level of round-off: one pair of runs shows nothing.
+The bar is trusted only where d was seen to fall, or is at the level of round-off: a single pair of runs proves nothing.
 """
 
 from dataclasses import dataclass, field
@@ -14,24 +14,24 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
-from mpp_taichi.accuracy.contact_methods import EXACT
+from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.problem import Problem
-from mpp_taichi.accuracy.sample import Measured, Sample
+from mpp_taichi.accuracy.sample import MeasuredError, Sample
 from mpp_taichi.accuracy.workbench import Machine, Trace
 
-ROUND_OFF = 1e-13  # of the size of the system: differences below are rounding, or next to it
+ROUND_OFF = 1e-13  # of the size of the system: smaller differences are close to rounding
 FALLING = 2.0  # the least ratio of differences at a halved step that shows convergence
-FLOOR = 1e-9  # a difference that stops falling below this does so by rounding; above, something else is wrong
-MEANING = 1e-3  # of the size of the system: an error from which positions mean nothing
+FLOOR = 1e-9  # differences that stop falling below this value do so by rounding, above it for another reason
+MEANING = 1e-3  # of the size of the system: an error above which positions have no meaning
 
 
 @dataclass(eq=False)
-class Reference:
-    """Positions at the end that others are measured against.
+class ReferenceSolution:
+    """Final positions from which the errors of other runs are measured.
 
     size         of the system: root mean square distance of the moving particles from their mean, over the run [length]
-    bar          largest error over particles at the end, relative to size; bar_rms the root mean square one
-    trusted      whether the bar was shown, not only guessed
+    bar          largest error over particles at the end, relative to size; bar_rms the root mean square error
+    trusted      whether convergence has confirmed the bar
     differences  of each pair of runs, relative to size, coarse to fine
     meaning      time until which the pair differs by less than MEANING [time]; None if it does to the end
     """
@@ -49,29 +49,29 @@ class Reference:
     control: str = ""  # of an adaptive method, as in Configuration
     tolerance: float | None = None
 
-    def errors(self, sample: Sample) -> tuple[Measured, Measured]:
-        """Position of a sample at the end, largest and root mean square over the particles, relative to the size."""
+    def errors(self, sample: Sample) -> tuple[MeasuredError, MeasuredError]:
+        """Errors of a sample's final positions, largest and root mean square over the particles, relative to the size."""
         if sample.end is None:
-            return Measured(None), Measured(None)
+            return MeasuredError(None), MeasuredError(None)
         largest, rms = distance(sample.end, self.end, self.size)
-        return Measured.against(largest, self.bar), Measured.against(rms, self.bar_rms)
+        return MeasuredError.against(largest, self.bar), MeasuredError.against(rms, self.bar_rms)
 
     @property
     def positions_mean_something(self) -> bool:
-        """Whether positions at the end can be compared at all."""
+        """Whether chaos leaves the final positions a meaning, so that they can be compared."""
         return self.trusted and self.bar < MEANING
 
     @property
     def told(self) -> str:
         """`pefrl in f64, 12,800 steps, good to 3e-14 of the system's size`."""
         good = f"good to {self.bar:.0e} of the system's size" if self.trusted else "not shown to have converged"
-        if self.integrator == EXACT:
+        if self.integrator in exact_solvers():
             return f"event-driven flight in f64, {good if self.trusted else 'whose end round-off decides'}"
         how = f"{self.steps:,} steps" if self.tolerance is None else f"{self.control} = {self.tolerance:.2g}"
         return f"{self.integrator} in f64, {how}, {good}"
 
     def facts(self) -> dict[str, Any]:
-        """As plain data, without the positions."""
+        """The reference as plain data, without the positions."""
         return {key: value for key, value in vars(self).items() if key != "end"}
 
 
@@ -88,24 +88,24 @@ def size_of(trace: Trace) -> float:
 
 def lost_at(coarse: Trace, fine: Trace, size: float) -> float | None:
     """Time until which two runs differ by less than MEANING of the size; None if they do to the end."""
-    every = (len(fine.times) - 1) // (len(coarse.times) - 1)  # a run of few steps has fewer looks
+    every = (len(fine.times) - 1) // (len(coarse.times) - 1)  # a run of few steps has fewer samples
     apart = np.linalg.norm(coarse.position - fine.position[::every], axis=-1).max(axis=1) / size
     lost = np.flatnonzero(~(apart < MEANING))
     return float(coarse.times[max(0, lost[0] - 1)]) if len(lost) else None
 
 
 class Convergence:
-    """Runs that are halved until they agree; `add` them in turn, then ask whether it `is_enough`."""
+    """Runs with repeatedly halved steps: `add` each run, until the differences are small: `is_enough`."""
 
     def __init__(self, problem: Problem, order: int) -> None:
-        """Nothing was run yet."""
+        """Begin without a run."""
         self.problem, self.order = problem, order
         self.runs: list[tuple[Sample, Trace]] = []
         self.differences: list[tuple[float, float]] = []
         self.size = 0.0
 
     def add(self, sample: Sample, trace: Trace) -> None:
-        """The next run, of twice the steps."""
+        """Add the next run, of twice the steps."""
         self.size = size_of(trace) or 1.0
         if self.runs:
             before, now = self.runs[-1][0].end, sample.end
@@ -122,8 +122,8 @@ class Convergence:
         stalls = len(found) > 1 and found[-1] > found[-2] / FALLING and found[-2] < FLOOR
         return stalls or (found[-1] < ROUND_OFF and len(found) > 1)
 
-    def reference(self) -> Reference:
-        """The finer run of the last pair, or of the pair before where that one agreed better, with its bar."""
+    def reference(self) -> ReferenceSolution:
+        """The finer run of the last pair, or of the pair before it if that pair agreed better, with its bar."""
         found = self.differences
         best = len(found) - 1
         if len(found) > 1 and found[-2][0] < found[-1][0]:
@@ -132,7 +132,7 @@ class Convergence:
         bar = tuple(self._bar(best, part) for part in (0, 1))
         end = sample.end
         assert end is not None
-        return Reference(
+        return ReferenceSolution(
             integrator=sample.configuration.integrator,
             order=self.order,
             steps=sample.configuration.steps,
@@ -166,7 +166,7 @@ class Convergence:
         return falls or max(found[-2:]) < FLOOR
 
     def _meaning(self) -> float | None:
-        """The longest that any pair stayed together."""
+        """The longest time for which the runs of any pair stayed close to each other."""
         longest = 0.0
         for (_, coarse), (_, fine) in zip(self.runs, self.runs[1:]):
             lost = lost_at(coarse, fine, self.size)
@@ -177,9 +177,9 @@ class Convergence:
 
 
 def converge(machine: Machine, start: int, budget: Budget, *, share: float, add: Any) -> Convergence:
-    """Run with `start` steps, then twice as many and so on, until it is enough or the share of the budget is spent.
+    """Run with `start` steps, then twice as many and so on, until they converge or the share of the budget is spent.
 
-    `add` is given each sample. A first step too coarse to hold is only made finer.
+    `add` is called with each sample. A first step that is unstable is replaced by a finer one.
     """
     convergence, steps = Convergence(machine.problem, machine.order), start
     while True:

@@ -7,8 +7,8 @@ from typing import Any
 from xml.sax.saxutils import escape
 
 from mpp_taichi.accuracy import svg, table
-from mpp_taichi.accuracy.front import Row
-from mpp_taichi.accuracy.svg import Mark, Plot, Series
+from mpp_taichi.accuracy.front import StudyRow
+from mpp_taichi.accuracy.svg import Plot, PlotMark, Series
 from mpp_taichi.accuracy.verdict import duration
 
 LIGHT = ("#2a6fcf", "#0f8a5f", "#b97a00", "#5b3db0", "#d23c3c", "#c2528b", "#0a7f8c", "#7a5a36")
@@ -44,7 +44,7 @@ th:nth-child(-n+3), td:nth-child(-n+3) { text-align: left } .front td { font-wei
 """
 
 
-def page(found: dict[str, Any], rows: Sequence[Row]) -> str:
+def page(found: dict[str, Any], rows: Sequence[StudyRow]) -> str:
     """The page; `found` is the study as plain data with `verdict` and `sentence`."""
     numbers = {name: k for k, name in enumerate(dict.fromkeys(row.sample.configuration.integrator for row in rows))}
     title = f"What accuracy costs: {found['title'] or found['scene']}"
@@ -61,7 +61,7 @@ def page(found: dict[str, Any], rows: Sequence[Row]) -> str:
 
 
 def framed(title: str, sentence: str, circumstances: Sequence[str], body: Sequence[str], machine: str) -> str:
-    """A page of a report: its title, the sentence that sums it up, what it was found under, the body, and where."""
+    """A page of a report: its title, the sentence that sums it up, the circumstances, the body, and the machine."""
     parts = [
         "<!DOCTYPE html>",
         '<html lang="en" xmlns="http://www.w3.org/1999/xhtml"><head><meta charset="utf-8"/>',
@@ -79,7 +79,7 @@ def framed(title: str, sentence: str, circumstances: Sequence[str], body: Sequen
 
 
 def circumstances(found: dict[str, Any]) -> list[str]:
-    """What the reference is, what chaos there is, and what was left undone: lines for a person."""
+    """The reference, the chaos and the omissions of a study: lines for a person."""
     reference, chaos = found["reference"], found["chaos"]
     span = f"Over t = {found['span']:.6g}"
     if found["span"] < found["whole_span"]:
@@ -111,7 +111,7 @@ def machine(found: dict[str, Any]) -> str:
     return f"{known['cpu']}, {known['system']}; {versions}; {effort}{again}; {found['status']}"
 
 
-def _plots(found: dict[str, Any], rows: Sequence[Row], numbers: dict[str, int]) -> list[Plot]:
+def _plots(found: dict[str, Any], rows: Sequence[StudyRow], numbers: dict[str, int]) -> list[Plot]:
     quantity = found["quantity"]
     if quantity is None:
         return []
@@ -137,8 +137,8 @@ def _plots(found: dict[str, Any], rows: Sequence[Row], numbers: dict[str, int]) 
     ]
 
 
-def _groups(rows: Sequence[Row]) -> dict[tuple[str, str, str], list[Row]]:
-    groups: dict[tuple[str, str, str], list[Row]] = {}
+def _groups(rows: Sequence[StudyRow]) -> dict[tuple[str, str, str], list[StudyRow]]:
+    groups: dict[tuple[str, str, str], list[StudyRow]] = {}
     for row in rows:
         configuration = row.sample.configuration
         if row.sample.status == "ok":
@@ -146,7 +146,7 @@ def _groups(rows: Sequence[Row]) -> dict[tuple[str, str, str], list[Row]]:
     return groups
 
 
-def _work(rows: Sequence[Row], numbers: dict[str, int], quantity: str, front: Sequence[str], cost: Any) -> list[Series]:
+def _work(rows: Sequence[StudyRow], numbers: dict[str, int], quantity: str, front: Sequence[str], cost: Any) -> list[Series]:
     series = []
     for (integrator, precision, backend), group in _groups(rows).items():
         points = []
@@ -156,34 +156,34 @@ def _work(rows: Sequence[Row], numbers: dict[str, int], quantity: str, front: Se
                 continue
             said = f"{integrator} {precision} {backend}, {row.sample.setting}: {error}, {duration(row.seconds)}"
             strong = row.sample.configuration.key in front
-            points.append(Mark(cost(row), error.bound, said, strong=strong, bound=error.value is None))
+            points.append(PlotMark(cost(row), error.bound, said, strong=strong, bound=error.value is None))
         series.append(Series(f"{integrator} {precision} {backend}", numbers[integrator], points, dashed=precision != "f64"))
     return series
 
 
-def _drift(rows: Sequence[Row], numbers: dict[str, int], verdict: dict[str, Any]) -> Plot:
-    """The largest energy error up to each time, of some rows, and what round-off alone would leave."""
+def _drift(rows: Sequence[StudyRow], numbers: dict[str, int], verdict: dict[str, Any]) -> Plot:
+    """The largest energy error up to each time, for some rows, and the error by round-off alone."""
     shown = _some(rows, verdict)
     series = []
     for row in shown:
         configuration = row.sample.configuration
         name = f"{configuration.integrator} {configuration.precision}, {row.sample.setting}"
         highest = itertools.accumulate(row.sample.energy_errors, max)
-        points = [Mark(time, error, name) for time, error in zip(row.sample.times, highest)]
+        points = [PlotMark(time, error, name) for time, error in zip(row.sample.times, highest)]
         number, dashed = numbers[configuration.integrator], configuration.precision != "f64"
         series.append(Series(name, number, points, marked=False, dashed=dashed, labelled=True))
     if shown:
         finest = min(shown, key=lambda row: row.sample.dt).sample
-        points = [Mark(time, EPSILON * math.sqrt(time / finest.dt)) for time in finest.times if time > 0.0]
+        points = [PlotMark(time, EPSILON * math.sqrt(time / finest.dt)) for time in finest.times if time > 0.0]
         series.append(Series("√t: a random walk of round-off", -1, points, marked=False, dashed=True))
     said = "The scene’s own setting, and of the front one run for each decade of error. Grey: 2⁻⁵² √steps, the random walk of "
     said += "round-off in f64 at the finest of these steps."
     return Plot("Energy error over time", "t", "largest relative energy error until then", series, (said,))
 
 
-def _some(rows: Sequence[Row], verdict: dict[str, Any]) -> list[Row]:
+def _some(rows: Sequence[StudyRow], verdict: dict[str, Any]) -> list[StudyRow]:
     """The scene's own setting, and the front's rows whose energy errors are decades apart."""
-    found: dict[int, Row] = {}
+    found: dict[int, StudyRow] = {}
     for row in rows:
         energy = row.sample.energy
         if energy and row.sample.configuration.key in verdict["time_front"]:
@@ -191,7 +191,7 @@ def _some(rows: Sequence[Row], verdict: dict[str, Any]) -> list[Row]:
     return [*found.values(), *(row for row in rows if row.is_own and row.sample.energy and row not in found.values())]
 
 
-def _legend(rows: Sequence[Row], numbers: dict[str, int]) -> str:
+def _legend(rows: Sequence[StudyRow], numbers: dict[str, int]) -> str:
     used = {row.sample.configuration.integrator for row in rows if row.sample.status == "ok"}
     entries = []
     for name, number in numbers.items():
@@ -201,7 +201,7 @@ def _legend(rows: Sequence[Row], numbers: dict[str, int]) -> str:
     return f'<ul class="legend">{"".join(entries)}</ul>'
 
 
-def _table(rows: Sequence[Row], verdict: dict[str, Any]) -> str:
+def _table(rows: Sequence[StudyRow], verdict: dict[str, Any]) -> str:
     fronts = {name: verdict.get(f"{name}_front", ()) for name in ("time", "evaluations")}
     head = "".join(f"<th>{escape(name)}</th>" for name in table.HEAD)
     body = []
@@ -219,7 +219,7 @@ def _table(rows: Sequence[Row], verdict: dict[str, Any]) -> str:
 
 
 def style_sheet() -> str:
-    """Of a page, with the colours of its series in light and dark."""
+    """The style sheet of a page, with the colours of its series in light and dark."""
     light, dark = (" ".join(f"--s{k}: {color};" for k, color in enumerate(colors)) for colors in (LIGHT, DARK))
     series = "".join(f".c{k} {{ fill: var(--s{k}); stroke: var(--s{k}) }} .l{k} {{ stroke: var(--s{k}) }}\n" for k in range(8))
     return STYLE.replace("%%", "%").replace("%s", light, 1).replace("%s", dark, 1) + series + ".hollow { fill: var(--paper) }"

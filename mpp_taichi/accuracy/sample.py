@@ -1,4 +1,4 @@
-"""Sample: one way to run a scene, and what came out of it."""
+"""Sample: one way to run a scene, and its result."""
 
 import math
 import statistics
@@ -10,10 +10,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Configuration:
-    """One way to run the scene: `steps` equal steps over the span that is looked at.
+    """One way to run the scene: `steps` equal steps over the span of the study.
 
-    An adaptive method takes steps of its own choice by `tolerance`, the value of its parameter `control`, and `steps` is how
-    often it is looked at.
+    An adaptive method chooses its steps by `tolerance`, the value of its parameter `control`, and `steps` is the number of
+    its samples.
     """
 
     integrator: str
@@ -31,19 +31,19 @@ class Configuration:
 
     @property
     def fineness(self) -> float:
-        """What grows where the error falls: the steps, or of an adaptive method 1 / tolerance."""
+        """The number that grows as the error falls: the steps, or 1 / tolerance of an adaptive method."""
         return float(self.steps) if self.tolerance is None else 1.0 / self.tolerance
 
 
 @dataclass(eq=False)
 class Sample:
-    """What a run gave. Errors are relative, see `workbench`; None where a quantity is not conserved.
+    """The result of a run. Errors are relative, see `workbench`; None where a quantity is not conserved.
 
-    evaluations   force evaluations of the whole run: of an implicit method the iterations of its solver
+    evaluations   force evaluations of the whole run; for an implicit method the iterations of its solver
     status        "ok"; "diverged" or "refused", and `reason` says why
-    seconds       of the stepping alone, one number for each repeat
+    seconds       of the steps alone, one number for each repeat
     energy_errors over the run, one for each of `times`
-    end           positions at the end, (particle_count, 3) [length]; None unless the run came there
+    end           positions at the end, (particle_count, 3) [length]; None for a run that did not reach the end
     """
 
     configuration: Configuration
@@ -68,39 +68,39 @@ class Sample:
 
     @property
     def median_seconds(self) -> float | None:
-        """Of the repeats."""
+        """The median time of the repeats."""
         return statistics.median(self.seconds) if self.seconds else None
 
     def facts(self) -> dict[str, Any]:
-        """As plain data, without `end`."""
+        """The sample as plain data, without `end`."""
         found = {key: value for key, value in vars(self).items() if key not in ("configuration", "end")}
         return {**vars(self.configuration), **found}
 
     @staticmethod
     def of(facts: dict[str, Any], end: np.ndarray | None) -> "Sample":
-        """What `facts` gave, read back."""
+        """The sample with the given `facts`."""
         names = ("integrator", "steps", "precision", "backend", "control", "tolerance")
         rest = {key: value for key, value in facts.items() if key not in names}
         return Sample(configuration=Configuration(**{name: facts[name] for name in names}), end=end, **rest)
 
 
 @dataclass(frozen=True)
-class Measured:
-    """An error as far as it can be told: `value`, or no value but `at_most`, the bar of what it was measured against."""
+class MeasuredError:
+    """An error: its `value`, or, where it is below the error bar of the reference, only this bar, `at_most`."""
 
     value: float | None
     at_most: float | None = None
 
     @staticmethod
-    def against(value: float | None, bar: float) -> "Measured":
-        """An error is told where it is above the bar."""
+    def against(value: float | None, bar: float) -> "MeasuredError":
+        """The error, which has a value where it is above the bar."""
         if value is None or not math.isfinite(value):
-            return Measured(None)
-        return Measured(value) if value > bar else Measured(None, bar)
+            return MeasuredError(None)
+        return MeasuredError(value) if value > bar else MeasuredError(None, bar)
 
     @property
     def bound(self) -> float:
-        """The value, else what it is at most, else infinity."""
+        """The value, or else the bar, or else infinity."""
         return self.value if self.value is not None else self.at_most if self.at_most is not None else math.inf
 
     def __str__(self) -> str:

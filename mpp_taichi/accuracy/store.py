@@ -22,7 +22,7 @@ FORMAT = 2
 
 
 def identity(problem: Problem, asked_span: float, version: str) -> dict[str, Any]:
-    """What the samples of a store have in common: scene, machine and versions."""
+    """The common properties of all samples of a store: scene, machine and versions."""
     return {
         "format": FORMAT,
         "scene": problem.identity(),
@@ -37,13 +37,13 @@ def identity(problem: Problem, asked_span: float, version: str) -> dict[str, Any
 
 
 class Store:
-    """Samples by configuration, each written as soon as it is there; positions at the end in a file of their own."""
+    """Samples by configuration, each written as soon as it is measured; final positions are in a file of their own."""
 
     def __init__(self, folder: Path, known: dict[str, Any], *, fresh: bool = False) -> None:
-        """Read what is there for the same scene, machine and versions, unless a `fresh` start is asked for.
+        """Read the samples of the same scene, machine and versions, unless a `fresh` start is asked for.
 
         Raises:
-            OutputError: the file is there and cannot be read.
+            OutputError: the file exists but cannot be read.
         """
         name = hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:12]
         self.known, self.path, self.folder = known, folder / f"samples-{name}.json", folder / f"samples-{name}"
@@ -55,15 +55,15 @@ class Store:
             self._read()
 
     def __iter__(self) -> Iterator[Sample]:
-        """All of them, in the order in which they were made."""
+        """All samples, in the order in which they were measured."""
         return iter(self._samples.values())
 
     def get(self, configuration: Configuration) -> Sample | None:
-        """The sample of a configuration, if it was ever made."""
+        """The sample of a configuration, or None."""
         return self._samples.get(configuration.key)
 
     def add(self, sample: Sample) -> None:
-        """Keep a sample, or what was added to it."""
+        """Keep a new or changed sample."""
         key = sample.configuration.key
         self._samples[key] = sample
         if sample.end is not None:

@@ -8,16 +8,16 @@ from mpp_taichi.accuracy import chaos as chaos_of
 from mpp_taichi.accuracy import flight_reference, radau_reference
 from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.chaos import Chaos
-from mpp_taichi.accuracy.contact_methods import EXACT
+from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.force_solvers import split
-from mpp_taichi.accuracy.front import ENERGY_BAR, Row, time_front
+from mpp_taichi.accuracy.front import ENERGY_BAR, StudyRow, time_front
 from mpp_taichi.accuracy.ladder import COARSEST, Ladder
-from mpp_taichi.accuracy.methods import LOOKS, Method, equal_cost, first_steps, for_reference, methods
+from mpp_taichi.accuracy.methods import LOOKS, StudyMethod, equal_cost, first_steps, for_reference, methods
 from mpp_taichi.accuracy.problem import Problem
-from mpp_taichi.accuracy.reference import Reference, converge
-from mpp_taichi.accuracy.sample import Configuration, Measured, Sample
+from mpp_taichi.accuracy.reference import ReferenceSolution, converge
+from mpp_taichi.accuracy.sample import Configuration, MeasuredError, Sample
 from mpp_taichi.accuracy.store import Store
-from mpp_taichi.accuracy.sweep import Sweep, timed
+from mpp_taichi.accuracy.sweep import StepSweep, timed
 from mpp_taichi.accuracy.workbench import Machine, Workbench
 from mpp_taichi.errors import BackendError, MppError
 
@@ -26,28 +26,28 @@ log = logging.getLogger(__name__)
 REFERENCE = ("cpu", "f64")
 REFERENCE_SHARE = 0.3  # of the budget
 LEAST_REFERENCE_SHARE = 0.15
-CHAOS_SHARE = 0.5  # of what is left for the first backend and precision
-FIRST_SHARE = 0.65  # until the end of the first backend and precision, where there are others
-ALL_SHARE = 0.96  # the rest is for writing
-WORTH_RETURNING = 0.2  # of the budget: so much left is used where ladders were cut short
-REPEATS_SHARE = 0.25  # of a backend's and precision's own time
-OWN_SHARE = 1.0 / 60.0  # of the budget that the scene's own setting may take once; a longer scene is looked at in part
+CHAOS_SHARE = 0.5  # of the time left for the first backend and precision
+FIRST_SHARE = 0.65  # of the budget, until the end of the first backend and precision, where others follow
+ALL_SHARE = 0.96  # of the budget; the rest is for writing the report
+WORTH_RETURNING = 0.2  # of the budget: a larger rest is spent on ladders that were cut short
+REPEATS_SHARE = 0.25  # of the time for a backend and precision
+OWN_SHARE = 1.0 / 60.0  # of the budget, for one run with the scene's own setting; only a part of a longer scene is studied
 FEWEST_OWN_STEPS = 64
-WELL_KNOWN = 1e-12  # a bar below which no better reference is looked for
-WITHIN_AIM = 0.1  # or below so much of an aim
-WELL_BEFORE = 0.6  # of the time until which positions mean something: there round-off has still to grow by 10⁻³ and more
-FEWEST_COLLISIONS = 10  # in the part of a run with contacts that is looked at
-AROUND = 100.0  # times an aim: coarser steps than of such an error are of no interest to it
+WELL_KNOWN = 1e-12  # an error bar below which no better reference is tried
+WITHIN_AIM = 0.1  # of an aim: no better reference is tried below this error bar
+WELL_BEFORE = 0.6  # of the time at which positions lose their meaning: earlier, the effect of round-off is still small
+FEWEST_COLLISIONS = 10  # in the part of a run with contacts that is studied
+AROUND = 100.0  # times an aim: steps with larger errors are not tried
 MOST_ROUNDED = 4  # methods that are tried in a second precision: the best of the first
-ROUNDED_ERROR = 1e-8  # of runs in f64 that one in f32 could replace
+ROUNDED_ERROR = 1e-8  # of runs in f64: above it a run in f32 may be as accurate
 
 
 @dataclass(frozen=True)
-class Wishes:
-    """What is asked of a study: integrators to try, None for all, and (backend, precision) pairs in turn.
+class StudyWishes:
+    """The options of a study: integrators to try, None for all, and (backend, precision) pairs in turn.
 
-    quantity   what methods are to be compared by, None for what can be; of energies no reference is needed
-    aim        the only error that is of interest: methods are tried around it, and those of first order not at all
+    quantity   the quantity whose errors are compared, None for a choice by the scene; energies need no reference
+    aim        the only error of interest: methods are tried around it, and methods of first order are not tried
     """
 
     integrators: Sequence[str] | None = None
@@ -58,21 +58,21 @@ class Wishes:
 
 
 class Study:
-    """Runs what a budget allows and knows at any time what was found so far.
+    """Runs as many samples as a budget allows; its results are available at any time.
 
     `tell` is given a line for a person whenever something new begins.
     """
 
     def __init__(
-        self, problem: Problem, store: Store, budget: Budget, wishes: Wishes, tell: Callable[[str], None] = lambda _: None
+        self, problem: Problem, store: Store, budget: Budget, wishes: StudyWishes, tell: Callable[[str], None] = lambda _: None
     ) -> None:
-        """Nothing is run yet; a store that knows the scene says over what span it was looked at."""
+        """Begin without a run; the store may hold the span over which the scene was studied before."""
         self.whole = problem.span
         self.problem = problem if store.span is None else problem.shortened(store.span)
         self.store, self.budget, self.wishes, self.tell = store, budget, wishes, tell
         self.methods = methods(problem, wishes.integrators or ())
         self.own = self.methods[problem.own_method]
-        self.reference: Reference | None = None
+        self.reference: ReferenceSolution | None = None
         self.chaos: Chaos | None = None
         self.status = "unfinished"
         self.cut: dict[tuple[str, str], int] = {}  # ladders of steps that the budget cut short
@@ -80,7 +80,7 @@ class Study:
         self.conserves_energy = False
 
     def run(self) -> None:
-        """Do it; what is not done when the budget ends, or an exception passes, is left for the next time."""
+        """Run the study; after the end of the budget, or an exception, the next call continues it."""
         try:
             self._go()
             self.status = "complete" if not self.remarks else "partial"
@@ -93,7 +93,7 @@ class Study:
 
     @property
     def remarks(self) -> list[str]:
-        """What was left undone."""
+        """The parts of the study that were left out, one line each."""
         short = [
             f"{' '.join(device)}: the budget cut {count} ladders of steps short" for device, count in self.cut.items() if count
         ]
@@ -101,14 +101,14 @@ class Study:
 
     @property
     def quantity(self) -> str | None:
-        """What methods are compared by: positions where they mean something at the end, else the energy where it is kept."""
+        """The quantity that is compared: positions where their final values have a meaning, else a conserved energy."""
         asked = self.wishes.quantity
         if asked != "energy" and self.reference is not None and self.reference.positions_mean_something:
             return "position"
         return "energy" if self.conserves_energy and asked != "position" else None
 
-    def rows(self) -> list[Row]:
-        """Every sample, with errors as far as they can be told; in the order of method, precision and step."""
+    def rows(self) -> list[StudyRow]:
+        """Every sample with its errors, as far as the reference shows them; in the order of method, precision and step."""
         own = self.own_configuration.key
         made = sorted(self.store, key=lambda each: (each.configuration.integrator, each.configuration.precision, -each.dt))
         return [self._row(sample, sample.configuration.key == own) for sample in made]
@@ -123,17 +123,17 @@ class Study:
     def _own_steps(self) -> int:
         return LOOKS if self.own.adaptive else self.problem.own_steps
 
-    def _row(self, sample: Sample, is_own: bool) -> Row:
-        position = position_rms = Measured(None)
+    def _row(self, sample: Sample, is_own: bool) -> StudyRow:
+        position = position_rms = MeasuredError(None)
         if self.reference is not None and self.reference.positions_mean_something:
             position, position_rms = self.reference.errors(sample)
         kept = (sample.energy, sample.momentum, sample.angular_momentum)
-        energy, momentum, angular_momentum = (Measured.against(error, ENERGY_BAR) for error in kept)
-        return Row(sample, position, position_rms, energy, momentum, angular_momentum, is_own)
+        energy, momentum, angular_momentum = (MeasuredError.against(error, ENERGY_BAR) for error in kept)
+        return StudyRow(sample, position, position_rms, energy, momentum, angular_momentum, is_own)
 
-    def error(self, sample: Sample, quantity: str) -> Measured:
-        """Of a sample, one of QUANTITIES; infinite for a run that broke."""
-        return self._row(sample, False).error(quantity) if sample.status == "ok" else Measured(None)
+    def error(self, sample: Sample, quantity: str) -> MeasuredError:
+        """The error of a sample in one of QUANTITIES; infinite for a run that broke off."""
+        return self._row(sample, False).error(quantity) if sample.status == "ok" else MeasuredError(None)
 
     def _error(self, sample: Sample) -> float:
         return float("inf") if self.quantity is None else self.error(sample, self.quantity).bound
@@ -158,7 +158,7 @@ class Study:
             self._sweep_each([device for device in self.wishes.devices if self.cut.get(device)])
 
     def _sweep_each(self, devices: Sequence[tuple[str, str]]) -> None:
-        """Share out what is left of the budget; a backend that does not start is left out."""
+        """Divide the rest of the budget among backends and precisions; a backend that does not start is left out."""
         for number, (backend, precision) in enumerate(devices):
             begin = self.budget.spent / self.budget.seconds
             end = begin + (ALL_SHARE - begin) / (len(devices) - number)
@@ -171,18 +171,18 @@ class Study:
                 self.tell(self._remarks[-1])
 
     def _names(self) -> list[str]:
-        """Those asked for; else all, implicit ones only where springs or drag limit the steps of the others."""
+        """The methods asked for; else all methods, implicit ones only where springs or drag limit the steps of the others."""
         if self.wishes.integrators is not None:
             return [name for name in self.methods if name in self.wishes.integrators]
         if self.problem.spec.contacts is not None:
-            return [name for name in self.methods if name != EXACT]
+            return [name for name in self.methods if name not in exact_solvers()]
         is_stiff = any(method.fewest_steps > 1 for method in self.methods.values())
         least = 1 if self.wishes.aim is None else 2
         suits = [name for name, method in self.methods.items() if (is_stiff or not method.implicit) and method.order >= least]
         return list(dict.fromkeys((self.own.name, *suits)))
 
     def _best_names(self) -> list[str]:
-        """Methods for another precision: those asked for, else the scene's own and those on the front where rounding allows."""
+        """Methods for another precision: those asked for, else the scene's own and the front's where rounding permits."""
         if self.wishes.integrators is not None:
             return self._names()
         found = [self.own.name]
@@ -212,10 +212,11 @@ class Study:
             asked = (known["control"], known["tolerance"])
             kept = self.store.get(Configuration(known["integrator"], known["steps"], REFERENCE[1], REFERENCE[0], *asked))
             if kept is not None and kept.end is not None:
-                self.reference = Reference(**known, end=kept.end)
+                self.reference = ReferenceSolution(**known, end=kept.end)
                 self.conserves_energy = kept.energy is not None
                 return
-        if EXACT in self.methods and self._fly(bench):
+        exact = next((name for name in exact_solvers() if name in self.methods), None)
+        if exact is not None and self._fly(bench, exact):
             return
         machine, steps = self._reference_machine(bench)
         if known is not None and known["integrator"] == machine.name:
@@ -238,13 +239,13 @@ class Study:
                     "the reference was not shown to have converged; a longer budget, or a second call, goes on"
                 )
 
-    def _fly(self, bench: Workbench) -> bool:
-        """Spheres that fly exactly are a reference by themselves, over the part of the run that round-off does not decide.
+    def _fly(self, bench: Workbench, exact: str) -> bool:
+        """Use exact flight as the reference, over the part of the run in which round-off does not decide the collisions.
 
         Where too little happens in that part, it is the whole, for energies. Whether the scene can be flown at all.
         """
         try:
-            machine, whole = bench.machine(EXACT), self.problem
+            machine, whole = bench.machine(exact), self.problem
         except BackendError:
             raise
         except MppError as error:
@@ -272,24 +273,24 @@ class Study:
         return True
 
     def _look_at(self, bench: Workbench, problem: Problem) -> None:
-        """From now on at this part of the run."""
+        """Study this part of the run from now on."""
         self.problem = problem
         bench.shorten(problem)
         self.store.span = problem.span
 
-    def _finer(self, bench: Workbench, known: Reference) -> Reference:
-        """One by IAS15, where round-off has spoilt the one that is known for what is asked, and there is time for it."""
+    def _finer(self, bench: Workbench, known: ReferenceSolution) -> ReferenceSolution:
+        """Replace the reference by that of `radau_reference`, where round-off limits the known one and time is left."""
         enough = WELL_KNOWN if self.wishes.aim is None else self.wishes.aim * WITHIN_AIM
-        if not known.trusted or known.bar <= enough or radau_reference.NAME not in self.methods:
+        if not known.trusted or known.bar <= enough or radau_reference.method() not in self.methods:
             return known
         if self.wishes.reference is not None or 2.0 * self.budget.spent > FIRST_SHARE * self.budget.seconds:
             return known
         try:
-            machine = bench.machine(radau_reference.NAME)
+            machine = bench.machine(radau_reference.method())
         except BackendError:
             raise
         except MppError as error:
-            log.info("%s is no reference here: %s", radau_reference.NAME, error)
+            log.info("%s is no reference here: %s", radau_reference.method(), error)
             return known
 
         def add(sample: Sample) -> None:
@@ -335,7 +336,7 @@ class Study:
         if self.quantity is None:
             return
         self.tell(f"{bench.backend} {bench.precision}: {', '.join(names)}")
-        sweep = Sweep(bench, self.store, self.budget, self.methods, self._error)
+        sweep = StepSweep(bench, self.store, self.budget, self.methods, self._error)
         for machine in bench.machines.values():
             sweep.learn(machine)
         ladders = [self._ladder(self.methods[name]) for name in names]
@@ -344,7 +345,7 @@ class Study:
         self.store.save()
         self.cut[bench.backend, bench.precision] = sweep.left_out
 
-    def _ladder(self, method: Method) -> Ladder:
+    def _ladder(self, method: StudyMethod) -> Ladder:
         anchor = equal_cost(self.problem, method, self.own)
         floor = ENERGY_BAR
         if self.quantity == "position" and self.reference is not None:

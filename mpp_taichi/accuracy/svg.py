@@ -15,8 +15,8 @@ TICKS = 8  # on a linear axis at most
 
 
 @dataclass(frozen=True)
-class Mark:
-    """A point of a plot, in its own units, with what is said of it under the pointer."""
+class PlotMark:
+    """A point of a plot, in its own units, with the text shown under the pointer."""
 
     x: float
     y: float
@@ -31,7 +31,7 @@ class Series:
 
     name: str
     number: int
-    points: Sequence[Mark]
+    points: Sequence[PlotMark]
     joined: bool = True
     marked: bool = True
     dashed: bool = False
@@ -97,11 +97,11 @@ def _cross(r: float, *, turned: bool) -> list[tuple[float, float]]:
     return [(half * (x - y), half * (x + y)) for x, y in arms]
 
 
-class _Scale:
-    """An axis: from values to its length, 0…1, and its ticks."""
+class _LogScale:
+    """An axis: maps values to 0 … 1 along it, and has ticks."""
 
     def __init__(self, values: Sequence[float], *, linear: bool) -> None:
-        """A little more than the values take, and of a logarithmic one never less than a decade."""
+        """Cover a little more than the range of the values, and on a logarithmic axis at least a decade."""
         self.linear = linear
         low, high = min(map(self._of, values)), max(map(self._of, values))
         least = 0.0 if linear else 1.0
@@ -109,11 +109,11 @@ class _Scale:
         self.low, self.high = low - room, high + room
 
     def share(self, value: float) -> float:
-        """Where on the axis a value is."""
+        """The place of a value on the axis, 0 … 1."""
         return (self._of(value) - self.low) / (self.high - self.low)
 
     def ticks(self) -> list[tuple[float, str]]:
-        """Values and what is written at them."""
+        """The values of the ticks, and their labels."""
         if self.linear:
             rough = (self.high - self.low) / TICKS
             decade = 10.0 ** math.floor(math.log10(rough))
@@ -128,16 +128,16 @@ class _Scale:
 
 
 class _Frame:
-    """From values to pixels; `shown` says whether there is anything to draw."""
+    """Maps values to pixels; `shown` is False where there is nothing to draw."""
 
     def __init__(self, plot: Plot) -> None:
         self.plot = plot
         marks = [mark for series in plot.series for mark in series.points if self.shows(mark)]
         self.shown = bool(marks)
-        self.x_axis = _Scale([mark.x for mark in marks] or [1.0], linear=plot.linear_x)
-        self.y_axis = _Scale([mark.y for mark in marks] or [1.0], linear=plot.linear_y)
+        self.x_axis = _LogScale([mark.x for mark in marks] or [1.0], linear=plot.linear_x)
+        self.y_axis = _LogScale([mark.y for mark in marks] or [1.0], linear=plot.linear_y)
 
-    def shows(self, mark: Mark) -> bool:
+    def shows(self, mark: PlotMark) -> bool:
         """Whether a point has a place on both axes."""
         given = ((mark.x, self.plot.linear_x), (mark.y, self.plot.linear_y))
         return all(math.isfinite(value) and (linear or value > 0.0) for value, linear in given)

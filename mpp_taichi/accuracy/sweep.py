@@ -4,10 +4,10 @@ import logging
 from collections.abc import Callable
 
 from mpp_taichi.accuracy.budget import Budget
-from mpp_taichi.accuracy.contact_methods import EXACT
+from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.force_solvers import by_tree
 from mpp_taichi.accuracy.ladder import Ladder
-from mpp_taichi.accuracy.methods import Method, rank
+from mpp_taichi.accuracy.methods import StudyMethod, rank
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.workbench import Machine, Workbench
@@ -16,14 +16,14 @@ from mpp_taichi.errors import BackendError, MppError, PrecisionError
 log = logging.getLogger(__name__)
 
 REPEATS = 5
-LONG_SECONDS = 0.2  # of a run whose own time counts, although it was looked at on the way
+LONG_SECONDS = 0.2  # of a run whose time is used although samples were taken on the way
 DEAREST = 0.12  # part of the budget that one run may take
-LONG_COMPILE = 8.0  # times longer that implicit and adaptive methods take to compile than the others
-FIRST_ORDER_LAST = 8.0  # methods of first order are begun as if they were so many times dearer: they tell least
-HOPELESS = 100.0  # a rung is left when another row is as good for so many times fewer force evaluations
+LONG_COMPILE = 8.0  # ratio of the compile times of implicit and adaptive methods to those of other methods
+FIRST_ORDER_LAST = 8.0  # methods of first order are begun late, as if they cost this many times as much
+HOPELESS = 100.0  # a rung is skipped when another row is as good with fewer force evaluations by this factor
 
 
-class Sweep:
+class StepSweep:
     """One backend and precision of a study; `error_of` gives the error of a sample that decides where ladders end."""
 
     def __init__(
@@ -31,16 +31,16 @@ class Sweep:
         bench: Workbench,
         store: Store,
         budget: Budget,
-        methods: dict[str, Method],
+        methods: dict[str, StudyMethod],
         error_of: Callable[[Sample], float],
     ) -> None:
-        """Nothing is run yet."""
+        """Begin without a run."""
         self.bench, self.store, self.budget, self.methods, self.error_of = bench, store, budget, methods, error_of
         self.seconds_per_evaluation: dict[bool, float] = {}  # by whether a tree sums
         self.left_out = 0
 
     def configuration(self, ladder: Ladder, rung: int) -> Configuration:
-        """Of this workbench."""
+        """The configuration of a run on this workbench."""
         control = self.methods[ladder.integrator].controlled_by
         here = (self.bench.precision, self.bench.backend)
         return Configuration(ladder.integrator, ladder.steps(rung), *here, control, ladder.asked(rung))
@@ -82,11 +82,11 @@ class Sweep:
                     sample.seconds.append(self.bench.machine(name).time(sample.configuration, self.budget))
 
     def learn(self, machine: Machine) -> None:
-        """How long a force takes."""
+        """Learn the time of a force evaluation from a run."""
         self.seconds_per_evaluation[by_tree(machine.name)] = machine.seconds_per_step / machine.evaluations
 
     def measure(self, configuration: Configuration) -> Sample:
-        """Run once, kept in the store; a method that the scene does not allow is a sample with the reason."""
+        """Run once, and keep the sample; for a method that the scene does not allow the sample holds the reason."""
         try:
             machine = self.bench.machine(configuration.integrator)
         except MppError as error:
@@ -104,7 +104,7 @@ class Sweep:
     # --- inside ---------------------------------------------------------------------------------------------------------
 
     def _recall(self, ladder: Ladder) -> list[int]:
-        """Rungs that are still to be run, after what the store knows was noted."""
+        """The open rungs, after the samples of the store have been noted."""
         while True:
             rungs = ladder.open_rungs()
             known = [(rung, self.store.get(self.configuration(ladder, rung))) for rung in rungs]
@@ -125,10 +125,12 @@ class Sweep:
             self._note(ladder, rung, sample)
 
     def _note(self, ladder: Ladder, rung: int, sample: Sample) -> None:
-        """Tell the ladder; where others are as good for far less, it ends above."""
+        """Note a sample in its ladder, which ends where other methods are as good at far lower cost."""
         error = self.error_of(sample)
         ladder.note(rung, error)
-        others = [each for each in self._mine() if each.configuration.integrator != EXACT]  # against that all are hopeless
+        others = [
+            each for each in self._mine() if each.configuration.integrator not in exact_solvers()
+        ]  # no method with steps can compete with exact flight
         if any(sample.evaluations > HOPELESS * each.evaluations and self.error_of(each) <= error for each in others):
             ladder.closed_above = True
 
@@ -137,7 +139,7 @@ class Sweep:
         return [each for each in self.store if (each.configuration.backend, each.configuration.precision) == here]
 
     def _expected(self, ladder: Ladder, rung: int) -> float:
-        """Seconds that a rung takes: its run, once for the errors and once for the time, and the compiler."""
+        """The expected seconds of a rung: one run for the errors, one for the time, and the compilation."""
         compiler = 0.0 if self._is_compiled(ladder.integrator) else self._compile_seconds(ladder.integrator)
         return 2.0 * self._run_seconds(ladder, rung) + compiler
 
@@ -157,13 +159,13 @@ class Sweep:
         return slow * self.bench.expected_compile_seconds()
 
     def _dearness(self, ladder: Ladder) -> float:
-        """What a ladder that is not begun yet waits by: the best method of each order comes before the second best."""
+        """The rank by which new ladders are begun: the best method of each order comes before the second best."""
         if ladder.errors:
             return 1.0
         return FIRST_ORDER_LAST if ladder.order <= 1 else 1.0 + rank(self.methods, self.methods[ladder.integrator])
 
 
 def timed(machine: Machine, sample: Sample, budget: Budget) -> None:
-    """Take the time of the stepping alone, where looks on the way were a part of the time that was taken."""
+    """Measure the time of the steps alone, where the first measurement included samples."""
     if sample.status == "ok" and sample.seconds and sample.seconds[0] < LONG_SECONDS:
         sample.seconds = [machine.time(sample.configuration, budget)]

@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 
-from mpp_taichi.accuracy.front import Row
+from mpp_taichi.accuracy.front import StudyRow
 from mpp_taichi.accuracy.verdict import duration
 
 HEAD = ("", "integrator", "", "dt", "forces", "time", "position", "(rms)", "energy", "momentum", "ang. mom.")
 
 
-def cells(row: Row, fronts: dict[str, Sequence[str]]) -> tuple[str, ...]:
+def cells(row: StudyRow, fronts: dict[str, Sequence[str]]) -> tuple[str, ...]:
     """A row as texts; the first cell holds * for the front in time, + for that in evaluations, o for the scene's own."""
     sample = row.sample
     key = sample.configuration.key
@@ -30,8 +30,8 @@ def cells(row: Row, fronts: dict[str, Sequence[str]]) -> tuple[str, ...]:
     )
 
 
-def lines(rows: Sequence[Row], fronts: dict[str, Sequence[str]]) -> list[str]:
-    """The table, columns aligned; a reason may be as long as it is."""
+def lines(rows: Sequence[StudyRow], fronts: dict[str, Sequence[str]]) -> list[str]:
+    """The table, columns aligned; the width of reasons is not limited."""
     table = [HEAD, *(cells(row, fronts) for row in rows)]
     full = [row for row in table if len(row) == len(HEAD)]
     widths = [max(len(row[column]) for row in full) for column in range(len(HEAD))]

@@ -1,22 +1,22 @@
-"""Verdict: what a study found, as numbers and as one plain sentence."""
+"""Verdict: the result of a study, as numbers and as one plain sentence."""
 
 import math
 from collections.abc import Sequence
 from typing import Any
 
-from mpp_taichi.accuracy.front import Row, evaluation_front, price_of_a_digit, time_front
+from mpp_taichi.accuracy.front import StudyRow, evaluation_front, price_of_a_digit, time_front
 
-ALIKE = 1.1  # times as long: medians on a busy machine tell no finer
+ALIKE = 1.1  # ratio of times that medians on a busy machine cannot distinguish
 
 
-def verdict(rows: Sequence[Row], quantity: str | None, target: float) -> dict[str, Any]:
-    """The numbers that the sentence is made of.
+def verdict(rows: Sequence[StudyRow], quantity: str | None, target: float) -> dict[str, Any]:
+    """The numbers in the sentence.
 
     time_per_digit, evaluations_per_digit   factors for ten times less error, along the front
     choice       the row to take for the target, see `choice`; absent where none reaches it
-    best         the smallest error there is, where none does
-    own          the scene's own setting: its error, and `step_ratio`, by how much its step could be longer (above 1) or
-                 must be shorter (below 1) for the target; from its method's own errors
+    best         the smallest error of all rows, where no row reaches the target
+    own          the scene's own setting: its error, and `step_ratio`, the factor by which its step could be longer (above 1)
+                 or must be shorter (below 1) for the target, from the errors of its own method
     """
     if quantity is None:
         return {"target": target, "quantity": None}
@@ -40,8 +40,8 @@ def verdict(rows: Sequence[Row], quantity: str | None, target: float) -> dict[st
     return found
 
 
-def choice(rows: Sequence[Row], quantity: str, target: float) -> Row | None:
-    """The fastest row that reaches the target, by its median; of those as fast within ALIKE that with the smallest error."""
+def choice(rows: Sequence[StudyRow], quantity: str, target: float) -> StudyRow | None:
+    """The row with the smallest error among the rows that reach the target in at most ALIKE times the shortest median time."""
     reached = [row for row in rows if row.sample.status == "ok" and row.seconds and row.error(quantity).bound <= target]
     if not reached:
         return None
@@ -50,10 +50,10 @@ def choice(rows: Sequence[Row], quantity: str, target: float) -> Row | None:
     return min(alike, key=lambda row: (row.error(quantity).bound, row.sample.evaluations, row.seconds))
 
 
-def step_ratio(own: Row, rows: Sequence[Row], quantity: str, target: float) -> float | None:
+def step_ratio(own: StudyRow, rows: Sequence[StudyRow], quantity: str, target: float) -> float | None:
     """The step that the scene's own method needs for the target over the scene's own step.
 
-    Between two measured steps of the method, errors are taken as a power of the step; None where the target is not between two.
+    Between two measured steps, the error is taken to be a power of the step; None where the target is not between two errors.
     """
     mine = own.sample.configuration
     points = []
@@ -70,7 +70,7 @@ def step_ratio(own: Row, rows: Sequence[Row], quantity: str, target: float) -> f
     return None
 
 
-def _described(row: Row, quantity: str) -> dict[str, Any]:
+def _described(row: StudyRow, quantity: str) -> dict[str, Any]:
     configuration, error = row.sample.configuration, row.error(quantity)
     return {
         "key": configuration.key,

@@ -1,7 +1,7 @@
 """Workbench: a problem compiled for several methods on one device, run with any step, and timed.
 
-A step is an argument of the kernels, so one compilation of a method serves all its steps. A device has one precision at a
-time: a workbench of another precision ends the one before it.
+The step is an argument of the kernels, so that one compilation of a method serves all step sizes. A device has one precision
+at a time: a workbench of another precision ends the present workbench.
 """
 
 import time as clock
@@ -24,28 +24,28 @@ if TYPE_CHECKING:
     from mpp_taichi.energy.energy_meter import EnergyMeter
 
 Phase = tuple[np.ndarray, np.ndarray]
-MOST_FOLLOWED = 1000  # particles whose positions are kept at every look
-LAUNCH_SECONDS = 0.1  # of one launch: short enough to stop in time
-STEPS_WITH_CONTACTS = 16  # of a launch: a step may take very much longer than the one before
-LONG_LAUNCH = 0.02  # that tells how long a step takes
-TRIAL = 8  # part of a look's time that an adaptive method is tried for
+MOST_FOLLOWED = 1000  # particles whose positions are kept in every sample
+LAUNCH_SECONDS = 0.1  # of one launch: short enough to stop when the budget ends
+STEPS_WITH_CONTACTS = 16  # of a launch: a step may take much longer than the step before
+LONG_LAUNCH = 0.02  # of a launch that measures the time of a step
+TRIAL = 8  # part of the time between two samples for which an adaptive method is tried out
 TINY = 1e-6  # of the scene's own step: explicit methods take the same time for a step of any length
-LOST = 1e9  # times the first extent of the system: beyond it there is nothing more to learn
+LOST = 1e9  # times the initial extent of the system: a run that goes beyond it is stopped
 
 
 @dataclass(eq=False)
 class Trace:
-    """What is only kept of some runs: positions [length] of the followed particles at every look, (looks, followed, 3)."""
+    """The path of a run, kept on demand: positions [length] of the followed particles, (samples, followed, 3)."""
 
     times: np.ndarray
     position: np.ndarray
 
 
 class Machine:
-    """One method, compiled."""
+    """One compiled method."""
 
     def __init__(self, problem: Problem, integrator: str, *, backend: str, precision: str) -> None:
-        """Compile, with one step and one look; MppError where the scene does not allow the method."""
+        """Compile, by one step and one sample; MppError where the scene does not allow the method."""
         began = clock.perf_counter()
         self.problem, self.name = problem, integrator
         spec = with_integrator(problem.spec, integrator, problem.own_dt)
@@ -67,19 +67,19 @@ class Machine:
 
     @property
     def order(self) -> int:
-        """Of the global error."""
+        """The order of the global error."""
         return self.integrator.order
 
     @property
     def evaluations(self) -> float:
-        """Forces per step, as last counted where their number differs from step to step; of a free flight collisions."""
+        """Forces per step, as last counted for implicit and adaptive methods; collisions for event-driven flight."""
         if self._counts_collisions:
             return self._counted
         declared = self.integrator.evaluations_per_step
         return max(1.0, self._counted) if declared is None else float(declared)
 
     def configuration(self, steps: int, tolerance: float | None = None) -> Configuration:
-        """So many steps; of an adaptive method so many looks, with its own tolerance when none is given."""
+        """The configuration of so many steps, or of so many samples of an adaptive method, by default at its own tolerance."""
         here = (self.name, steps, self.precision, self.backend)
         if not self._is_adaptive:
             return Configuration(*here)
@@ -88,7 +88,7 @@ class Machine:
     def run(
         self, configuration: Configuration, budget: Budget, *, follow: bool = False, start: Phase | None = None
     ) -> tuple[Sample, Trace | None]:
-        """Run the span in the steps of a configuration of this method and device, and look on the way.
+        """Run the span with the steps of a configuration of this method and device, and take samples on the way.
 
         From the scene's start, or from positions [length] and velocities [length / time] that are given.
 
@@ -107,7 +107,7 @@ class Machine:
         for before, stop in zip((0, *stops), stops):
             try:
                 took, iterations, solved = self._advance(before, stop, dt, budget)
-            except MppError as error:  # a contact solver that comes to a standstill
+            except MppError as error:  # a contact solver that no longer advances
                 if self.contacts is None:
                     raise
                 sample.status, sample.reason = "diverged", str(error).splitlines()[0]
@@ -143,7 +143,7 @@ class Machine:
         return sample, trace
 
     def time(self, configuration: Configuration, budget: Budget) -> float:
-        """Seconds of the stepping alone."""
+        """Seconds of the steps alone, without samples."""
         dt = self.problem.span / configuration.steps
         self._begin(dt, configuration.tolerance)
         return self._advance(0, configuration.steps, dt, budget)[0]
@@ -156,7 +156,7 @@ class Machine:
         return self.simulation.state.read()
 
     def close(self) -> None:
-        """Give the memory back."""
+        """Free the memory."""
         self.simulation.close()
 
     # --- inside ---------------------------------------------------------------------------------------------------------
@@ -182,24 +182,24 @@ class Machine:
         return clock.perf_counter() - began
 
     def _try_out(self) -> float:
-        """Seconds per step, from launches that grow until the clock can tell them."""
+        """Seconds per step, from launches of more and more steps until the clock can resolve them."""
         if self._is_adaptive:
             return TRIAL * self._launch(0.0, self.problem.span / LOOKS / TRIAL, 1)
         steps, limit = 1, self.simulation.phase.launch_limit
         dt = self.problem.own_dt if self._solves or self.contacts else TINY * self.problem.own_dt
-        if self.contacts is not None:  # beyond the span there may be what nobody asks for
+        if self.contacts is not None:  # beyond the span the motion may fail
             limit = min(limit, max(4, int(self.problem.span / dt)))
         while (seconds := self._launch(0.0, dt, steps)) < 2e-3 and 4 * steps <= limit:
             steps *= 4
         return min(seconds, self._launch(0.0, dt, steps)) / steps
 
     def _learn(self, seconds_per_step: float, seconds: float) -> None:
-        """The least that was seen, as a busy machine only adds; but of an implicit method steps do differ."""
+        """Keep the shortest time of a step, since a busy machine only adds; the steps of implicit methods differ in length."""
         differs = self._is_adaptive or self.contacts or (self._solves and seconds > LONG_LAUNCH)
         self.seconds_per_step = seconds_per_step if differs else min(self.seconds_per_step, seconds_per_step)
 
     def _advance(self, before: int, stop: int, dt: float, budget: Budget) -> tuple[float, int, bool]:
-        """Seconds, iterations of the solver or collisions, and whether every step was solved."""
+        """Advance; returns the seconds, the solver's iterations or the collisions, and whether every step was solved."""
         seconds, iterations, done = 0.0, 0, before
         while done < stop:
             budget.check()
@@ -233,7 +233,7 @@ class Machine:
             return self.energy_meter.mechanics(there, time), position
 
     def _direct_meter(self) -> "EnergyMeter":
-        """Of the true energy, whose errors those of a tree are a part of."""
+        """A meter of the energy by direct sums, in which the errors of a tree show."""
         from mpp_taichi.energy.energy_meter import EnergyMeter
         from mpp_taichi.forces._total_force import TotalForce, compose
 
@@ -260,22 +260,22 @@ class Machine:
 
 
 def followed(problem: Problem) -> np.ndarray:
-    """Indices of the moving particles whose positions are kept: all, or so many of them, evenly chosen."""
+    """Indices of the moving particles whose positions are kept: all of them, or at most MOST_FOLLOWED, evenly chosen."""
     moving = np.flatnonzero(problem.start.free.any(axis=1))
     return moving[:: -(-len(moving) // MOST_FOLLOWED)]
 
 
 class Workbench:
-    """The machines of one device and precision, compiled as they are asked for."""
+    """The compiled methods of one device and precision, each compiled when it is first needed."""
 
     def __init__(self, problem: Problem, *, backend: str, precision: str) -> None:
-        """Nothing is compiled yet."""
+        """Begin without a compiled method."""
         self.problem, self.backend, self.precision = problem, backend, precision
         self.machines: dict[str, Machine] = {}
         self.compile_seconds: list[float] = []
 
     def machine(self, integrator: str) -> Machine:
-        """A method, compiled when it is asked for first; MppError where it is not allowed."""
+        """A compiled method; MppError where the scene does not allow it."""
         if integrator not in self.machines:
             made = Machine(self.problem, integrator, backend=self.backend, precision=self.precision)
             self.machines[integrator] = made
@@ -283,11 +283,11 @@ class Workbench:
         return self.machines[integrator]
 
     def expected_compile_seconds(self) -> float:
-        """Of the next method."""
+        """The expected seconds to compile the next method."""
         return float(np.median(self.compile_seconds)) if self.compile_seconds else 2.0
 
     def shorten(self, problem: Problem) -> None:
-        """Go on with a shorter span of the same scene."""
+        """Continue with a shorter span of the same scene."""
         self.problem = problem
         for machine in self.machines.values():
             machine.problem = problem

@@ -1,4 +1,4 @@
-"""Amounts: how many frames, pixels and samples a run is asked for, and what they take, checked before anything is computed."""
+"""Amounts: the frames, pixels and samples asked for, and the memory and disk that they need, checked before a run."""
 
 import os
 import shutil
@@ -11,7 +11,8 @@ from mpp_taichi.scene.estimate import available_bytes, estimate
 from mpp_taichi.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
-    from mpp_taichi.cli._request import Goal, Request
+    from mpp_taichi.cli._goal import Goal
+    from mpp_taichi.cli._request import Request
 
 MOST_FRAMES = 10**6  # names of pictures in a folder have six digits; as a film it lasts nine hours at 30 frames a second
 BYTES_PER_PIXEL = 120  # measured: memory that drawing and encoding take, from 640 x 360 to 2560 x 1440 pixels
@@ -20,7 +21,7 @@ BYTES_PER_SAMPLE = 1000  # of memory: a row of the table of energies
 
 
 def check_amounts(spec: SceneSpec, request: "Request", goal: "Goal") -> None:
-    """Refuse what this machine cannot make or hold.
+    """Refuse a run whose output this machine cannot make or hold.
 
     Raises:
         CapacityError: too many frames, too large a picture, or too many samples.
@@ -31,7 +32,7 @@ def check_amounts(spec: SceneSpec, request: "Request", goal: "Goal") -> None:
 
 
 def check_frames(spec: SceneSpec, request: "Request") -> None:
-    """Refuse a film of too many frames, or of frames for which memory or disk are too small; CapacityError says so."""
+    """Refuse, by CapacityError, a film of too many frames, or of frames for which memory or disk are too small."""
     if not request.films:
         return
     fps, seconds = request.fps or spec.record.fps, request.film_seconds or spec.record.seconds
@@ -74,7 +75,7 @@ def _check_disk(what: str, needed: float, path: Path, advice: str) -> None:
     try:
         free = shutil.disk_usage(folder).free
     except OSError:
-        return  # a disk that does not answer is told of where the file is opened
+        return  # a disk that does not answer is reported where the file is opened
     if needed > free:
         raise CapacityError(f"{what} {_size(needed)} on disk, allowed: the {_size(free)} that are free for {path}; {advice}")
 

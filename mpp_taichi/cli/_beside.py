@@ -1,4 +1,4 @@
-"""The right half of a film with `--beside`, as the session of the left half sees it."""
+"""The right half of a film with `--beside`, controlled by the session of the left half."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,17 +14,18 @@ from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
-    from mpp_taichi.cli._request import Goal, Request
+    from mpp_taichi.cli._goal import Goal
+    from mpp_taichi.cli._request import Request
     from mpp_taichi.simulation.simulation import Simulation
 
 OPTIONS = ("backend", "precision", "plan", "threads", "force")
 
 
 class RightHalf:
-    """Another run of the scene in a process of its own, and what it differs by; a context manager."""
+    """Another run of the scene in a process of its own, and its difference from the left half; a context manager."""
 
     def __init__(self, beside: Beside, spec: SceneSpec, request: "Request", goal: "Goal", look: Callable[[], None]) -> None:
-        """Start it, while the left half starts as well; `look` raises when a signal has come."""
+        """Start the right half while the left half starts as well; `look` raises when a signal has been received."""
         self.beside, self._spec, self._request = beside, spec, request
         options = {name: getattr(request, name) for name in OPTIONS} | beside.device
         self._span = goal.span(spec)
@@ -34,19 +35,19 @@ class RightHalf:
         self.difference: Difference | None = None
 
     def __enter__(self) -> "RightHalf":
-        """The half itself."""
+        """Return this half."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        """End it."""
+        """End the process of the right half."""
         self._companion.__exit__(kind, error, trace)
 
     def begin(self, left: "Simulation") -> None:
-        """Wait until it stands, and see how it compares with the left half.
+        """Wait until the right half has started, and find the quantity by which the halves can be compared.
 
         Raises:
-            BesideError: it could not be started.
-            UsageError: a file of the difference is asked for, and there is none.
+            BesideError: the right half could not be started.
+            UsageError: a file of the difference is asked for, but the halves cannot be compared.
         """
         self._facts = self._companion.begin()
         device = left.device
@@ -63,7 +64,7 @@ class RightHalf:
             say(f"note: {problem} to be plotted")
 
     def film(self, size: tuple[int, int], sinks: Sequence[Any], count: int, **more: Any) -> FilmRecorder:
-        """The film of both halves; what it takes is what a film takes."""
+        """The film of both halves, with the arguments of an ordinary film."""
         from mpp_taichi.beside.view import TwoHalves
 
         record = self._spec.record
@@ -75,20 +76,20 @@ class RightHalf:
         return FilmRecorder(view, sinks, count, self._span, between=ExactMoments(), moments=[halves], **more)
 
     def end(self) -> None:
-        """See that it has come to its end as well.
+        """Check that the right half has reached its end as well.
 
         Raises:
-            BesideError: it broke off.
+            BesideError: the right half broke off.
         """
         self._facts |= self._companion.end()
 
     def save(self, path: Path) -> None:
-        """Write the curve of the difference; OutputError where that fails."""
+        """Write the curve of the difference; OutputError if the file cannot be written."""
         assert self.difference is not None
         self.difference.save(path)
 
     def summary(self) -> dict[str, Any]:
-        """What the summary of the left half tells of it."""
+        """The facts of the right half for the summary of the left half."""
         facts = {key: value for key, value in self._facts.items() if key not in ("kind", "particle_count")}
         last = None if self.difference is None else self.difference.last
         return {"beside": {"settings": list(self.beside.said), **facts, "rms_distance": last}}

@@ -1,4 +1,4 @@
-"""Several scenes checked at once, each by a process of its own: one that breaks off takes no other with it."""
+"""Several scenes checked at once, each by a process of its own, so that a crash of one process does not end the others."""
 
 import argparse
 import json
@@ -17,7 +17,7 @@ from mpp_taichi.errors import INTERNAL_ERROR_CODE
 
 PROGRAM = (sys.executable, "-m", "mpp_taichi", "check")
 POLL_SECONDS = 0.02
-FAREWELL_SECONDS = 10.0  # for processes to end in good order
+FAREWELL_SECONDS = 10.0  # seconds that a process has to close its files after a signal
 Failure = Callable[[Path, str, int], dict[str, Any]]  # scene, error, exit code
 
 
@@ -30,12 +30,12 @@ class _Job:
 
 
 def check_at_once(scenes: Sequence[Path], count: int, arguments: argparse.Namespace, failure: Failure) -> list[dict[str, Any]]:
-    """What a check finds for each of the scenes, in their order; never more than `count` of them run at a time.
+    """The result of the check of each scene, in the order of the scenes; at most `count` of them run at a time.
 
-    `failure` tells of a scene whose process ended without a result.
+    `failure` makes the result of a scene whose process ended without a result.
 
     Raises:
-        Interrupted: a signal came; the processes have been ended.
+        Interrupted: a signal was received; the processes have been ended.
     """
     results: dict[Path, dict[str, Any]] = {}
     waiting, running = list(dict.fromkeys(scenes)), list[_Job]()
@@ -59,13 +59,13 @@ def _started(scene: Path, arguments: argparse.Namespace) -> _Job:
     words += ["--precision", arguments.precision] if arguments.precision else []
     words += ["--threads", str(arguments.threads)] if arguments.threads else []
     words += ["--quiet"] if arguments.quiet else []
-    answer, told = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # a pipe would be full before anyone reads it
+    answer, told = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # a full pipe would block
     process = subprocess.Popen([*words, "--", str(scene)], stdin=subprocess.DEVNULL, stdout=answer, stderr=told)
     return _Job(scene, process, answer, told)
 
 
 def _result(job: _Job, failure: Failure) -> dict[str, Any]:
-    """What the process found; what it said is said again."""
+    """The result of a process; its messages are printed again by this process."""
     with job.answer, job.words:
         job.answer.seek(0)
         job.words.seek(0)

@@ -1,4 +1,4 @@
-"""Scenes with an `accuracy:`: what is chosen for them before they run."""
+"""Scenes with an `accuracy:`: the choice of integrator, step and precision before they run."""
 
 import argparse
 from typing import TYPE_CHECKING, Any
@@ -11,18 +11,17 @@ if TYPE_CHECKING:
 
 
 def settled(spec: "SceneSpec", arguments: argparse.Namespace) -> tuple["SceneSpec", str | None, dict[str, Any]]:
-    """The scene as it is to be run, its precision, and the facts of the choice; as they are where a scene has no target."""
+    """The scene with the chosen method, its precision, and the facts of the choice; unchanged for a scene without a target."""
     if spec.accuracy is None:
         return spec, arguments.precision, {}
     from dataclasses import asdict
 
     from mpp_taichi.accuracy.choice import choose
-    from mpp_taichi.cli._request import OUTPUT_FOLDER
     from mpp_taichi.cli._signals import Interruption
 
     tell = (lambda _: None) if arguments.quiet else say
     precisions = (arguments.precision,) if arguments.precision else ("f64", "f32")
-    folder = OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.accuracy"
+    folder = _options.OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.accuracy"
     with Interruption() as interruption:
         found = choose(spec, folder, precisions=precisions, look=interruption.raise_if_any, tell=tell)
     tell(found.line())

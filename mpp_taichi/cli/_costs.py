@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
 
 ROUNDS = 11
-SAMPLE_SECONDS = 0.02  # one timing is at least so long, against the clock's own grain
-LONG_SECONDS = 6.0  # of timing altogether; two rounds are the least
-ALMOST_NOTHING = 1e-30  # a strength that moves nothing, yet is no zero that a compiler may fold away
+SAMPLE_SECONDS = 0.02  # seconds: the least length of one timing, far above the resolution of the clock
+LONG_SECONDS = 6.0  # seconds of all timings together; at least two rounds are made
+ALMOST_NOTHING = 1e-30  # a strength without visible effect that is not zero, so that the compiler cannot remove the force
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class StepTime:
 
 @dataclass(frozen=True)
 class EffectCost:
-    """What an effect takes of a step, in seconds, and two standard errors of that."""
+    """The part of a step that an effect takes, in seconds, and two standard errors of this time."""
 
     name: str
     seconds: float
@@ -75,33 +75,33 @@ def _start(spec: SceneSpec, like: "Simulation", plan: str) -> "Simulation":
 
 
 def _without(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
-    """The scene less one effect, for each of them."""
+    """The scene without one of its effects, for each effect."""
     variants = [
         (force.name, replace(spec, forces=spec.forces[:number] + spec.forces[number + 1 :]))
         for number, force in enumerate(spec.forces)
     ]
     if spec.springs:
-        variants.append(("spring", replace(spec, springs=())))
+        variants.append((component.marked("forces", "acts_on_springs")[0], replace(spec, springs=())))
     if spec.contacts is not None and not _flies(spec):
         variants.append(("hard_spheres", replace(spec, contacts=None, walls=())))
     return variants
 
 
 def _flies(spec: SceneSpec) -> bool:
-    """Whether contacts move the particles themselves, so that there is no step without them, and no force but gravity."""
-    return spec.integrator.name == "event_driven"
+    """Whether the contact solver moves the particles, so that no step is possible without it, and no force but gravity."""
+    return bool(spec.integrator.flag("integrators", "flies"))
 
 
 def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
-    """The scene and one force more, for each force it does not name; springs need ends and cannot be added by themselves."""
+    """The scene with one more force, for each force that it does not name; springs need two ends and cannot be added alone."""
     variants = []
     for name in component.names("forces"):
         declared = component.declaration("forces", name)
         if declared.base == "BondForce" or any(force.name == name for force in spec.forces):
             continue
-        if _flies(spec) and name != "uniform_gravity":
+        if _flies(spec) and not declared.flags.get("is_uniform"):
             continue
-        if declared.base == "PairForce" and tree_of(spec) is not None:  # which stands beside no other
+        if declared.base == "PairForce" and tree_of(spec) is not None:  # a tree allows no other pair force
             continue
         parameters = _slight(declared)
         if parameters is not None:
@@ -111,11 +111,11 @@ def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
 
 
 def _slight(declared: Declaration) -> dict[str, Any] | None:
-    """Parameters with which a force acts as little as it can; None where one cannot be guessed."""
+    """Parameters with which a force acts as weakly as possible; None where a parameter cannot be guessed."""
     found = {}
     for parameter in declared.parameters:
         value = _slight_value(parameter)
-        if value is None and not (parameter.optional and parameter.type == "Particles"):  # absent, it means all of them
+        if value is None and not (parameter.optional and parameter.type == "Particles"):  # an absent group means all particles
             return None
         found[parameter.name] = value
     return found

@@ -1,12 +1,13 @@
-"""What a run would be, said without starting a device."""
+"""A dry run: the facts of a run that are known without starting a device."""
 
 import argparse
 from typing import Any
 
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._amounts import check_amounts
+from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._phases import described, phase_line
-from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
+from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._terminal import explain_error, output_reserved, put, put_json
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.scene.estimate import Estimate, check_capacity, estimate
@@ -15,15 +16,15 @@ from mpp_taichi.step import plans
 
 
 def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
-    """Print what is known beforehand; the code is that of a scene that could be run, 4 where its step cannot hold.
+    """Print what is known before the run; the exit code is 0 for a scene that can be run, 4 where its step is unstable.
 
     Raises:
-        CapacityError: it could not, for its size.
+        CapacityError: the scene is too large to be run.
     """
     needed = estimate(spec)
     names = ("until", "steps", "video", "html", "trajectory", "every")
     request = Request(**{name: getattr(arguments, name) for name in names})
-    goal = Goal.of(spec, request)
+    goal = Goal.of(spec, request.until, request.steps)
     dt = float(spec.integrator.parameters["dt"])
     found = {
         "scene": spec.source,
@@ -66,13 +67,13 @@ def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
 
 
 def _check_step(spec: SceneSpec, arguments: argparse.Namespace, goal: Goal, found: dict[str, Any]) -> StabilityError | None:
-    """Add what limits the first step, and return what a run would be refused with, in whichever of its phases.
+    """Add the limit of the first step, and return the error with which a run would be refused in any of its phases.
 
-    Only a scene with springs or drag is placed for it, and only then is Taichi imported, without starting a device: how a
-    method treats an oscillator is written in its own file, beside its step, and is not written a second time.
+    The particles are placed, and Taichi is imported without starting a device, only for a scene with springs or drag: the
+    stability of an integrator is written in its own file, beside its step.
     """
     scenes = (spec, *(event.scene for event in spec.timeline))
-    if not any(scene.springs or any(force.name == "linear_drag" for force in scene.forces) for scene in scenes):
+    if not any(scene.springs or scene.forces_with("is_linear_drag") for scene in scenes):
         return None
     from mpp_taichi.cli._step_check import advice_of, spans, steps_in
     from mpp_taichi.device.backends import import_taichi
@@ -107,9 +108,9 @@ def _plan(spec: SceneSpec, asked: str, needed: Estimate) -> str:
 
 
 def _files(spec: SceneSpec, arguments: argparse.Namespace) -> list[str]:
-    """The files that are asked for; without a display there is a film as well."""
+    """The files that the run will write; without a display a film is among them."""
     names = ("video", "html", "trajectory", "snapshot", "diagnostics", "modes", "speeds", "events")
     files = [str(getattr(arguments, name)) for name in names if getattr(arguments, name) is not None]
     if not arguments.headless and arguments.video is None and arguments.html is None:
-        files.append(f"{OUTPUT_FOLDER / _options.output_stem(spec.source)}.mp4, unless a window opens")
+        files.append(f"{_options.OUTPUT_FOLDER / _options.output_stem(spec.source)}.mp4, unless a window opens")
     return files

@@ -14,7 +14,7 @@ from mpp_taichi.views._base import Frame
 from mpp_taichi.views.wall_outline import outline_of
 
 if TYPE_CHECKING:
-    from mpp_taichi.cli._request import Goal
+    from mpp_taichi.cli._goal import Goal
     from mpp_taichi.cli._signals import Interruption
     from mpp_taichi.recorders.inspection import InspectionRecorder
     from mpp_taichi.simulation.history import History
@@ -27,7 +27,7 @@ EXPORTED = (".csv", ".svg")
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """What a scene hands on to the next one: a simulation of it, and GGUI's window."""
+    """A simulation and a window of GGUI, handed from one scene to the next scene opened in the same window."""
 
     simulation: "Simulation"
     glass: Any
@@ -45,9 +45,9 @@ def show(
     start: "Callable[[Path], Simulation] | None" = None,
     glass: Any = None,
 ) -> "Stage | None":
-    """Open a window, or take over that of another scene, and run in it until it is closed, or another scene is opened.
+    """Open a window, or take over the window of another scene, and run until it is closed or another scene is opened.
 
-    The scene's duration takes as long as its film would. `start` makes the simulation of another scene.
+    The window shows the scene's duration in the time that its film would take. `start` makes the simulation of another scene.
     """
     from mpp_taichi.views.window import Window
     from mpp_taichi.views.window_panels import WindowPanels
@@ -66,7 +66,7 @@ def show(
 
 
 def exported(inspection: "InspectionRecorder", stem: str) -> str:
-    """Write a table and a drawing of the panels into the working directory, under the first number that is free."""
+    """Write a table and a drawing of the panels into the working directory, numbered with the first free number."""
     for number in range(10**6):
         paths = [Path(f"{stem}_{number:04d}{suffix}") for suffix in EXPORTED]
         if not any(path.exists() for path in paths):
@@ -80,9 +80,9 @@ def exported(inspection: "InspectionRecorder", stem: str) -> str:
 
 
 class _Steered:
-    """What the window steers: the simulation, with the recorders of the session looking on.
+    """The object that the window controls: the simulation and the recorders of the session.
 
-    The end of the run is reached exactly; single steps beyond it are allowed. A restart starts the recorders afresh as well.
+    The end of the run is reached exactly; single steps beyond it are allowed. A restart restarts the recorders as well.
     """
 
     def __init__(
@@ -103,12 +103,12 @@ class _Steered:
 
     @property
     def finished(self) -> bool:
-        """Asked once a frame, and so also where a signal is noticed while the run is paused."""
+        """Whether the run has ended; called once a frame, so that a signal is noticed even while the run is paused."""
         self.interruption.raise_if_any()
         return self.goal.is_reached(self.simulation)
 
     def advance(self, steps: int) -> None:
-        """Go on by so many steps, and to the end exactly."""
+        """Advance by some steps, at most to the exact end of the run."""
         self._advance(steps)
         if self.history is not None:
             self.history.keep()
@@ -125,7 +125,7 @@ class _Steered:
         self.simulation.run(steps=steps, recorders=self.recorders)
 
     def frame(self) -> Frame:
-        """The particles now; the panels see them as well."""
+        """The present particles, which the panels sample as well."""
         if self.inspection is not None:
             self.inspection.inspector.look(self.simulation)
         acceleration = self.simulation.accelerations() if self.spec.view.wants_acceleration else None
@@ -133,7 +133,7 @@ class _Steered:
         return Frame.of(snapshot, **words, walls=self._walls, acceleration=acceleration)
 
     def restart(self) -> None:
-        """Back to the start; sliders stay where they are."""
+        """Return to the start; sliders keep their values."""
         self.simulation.restart(as_written=True)
         for recorder in self.recorders:
             recorder.restart()

@@ -1,4 +1,4 @@
-"""Options that several verbs share, and the checks of what they say."""
+"""Options that several verbs share, and the checks of their values."""
 
 import argparse
 import math
@@ -9,6 +9,8 @@ from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.device.thread_count import allowed_threads, most_threads
 from mpp_taichi.precision import PRECISIONS
 
+OUTPUT_FOLDER = Path("out")
+"""The folder of output files for which the command line gives no name."""
 LARGEST_SIDE = 16384  # pixels
 LONGEST_NAME = 230  # bytes: 255 on every common file system, less the room for `.part` and the like
 
@@ -95,7 +97,7 @@ def positive_number(text: str) -> float:
 
 
 def whole_number(text: str) -> int:
-    """A whole number from zero on; 1e6 is welcome."""
+    """A whole number from zero on; 1e6 is allowed."""
     try:
         value = float(text)
     except ValueError:
@@ -114,7 +116,7 @@ def positive_integer(text: str) -> int:
 
 
 def thread_count(text: str) -> int:
-    """A number of threads or processes that this machine may be asked for."""
+    """A number of threads or processes, at most as many as this machine allows."""
     try:
         value = whole_number(text)
     except argparse.ArgumentTypeError:
@@ -147,15 +149,15 @@ def output_path(text: str) -> Path:
 
 
 def require_suffix(path: Path | None, allowed: tuple[str, ...], option: str) -> None:
-    """Refuse a file whose suffix says another format.
+    """Refuse a file whose suffix names another format.
 
     Raises:
-        UsageError: it is none of the allowed.
+        UsageError: the suffix is not allowed.
     """
     if path is not None and path.suffix.lower() not in allowed:
         raise UsageError(f"{option} {path}: the suffix must be one of {', '.join(allowed)}")
 
 
 def output_stem(source: str) -> str:
-    """The name that a scene's own output files begin with."""
+    """The beginning of the names of a scene's output files."""
     return Path(source).stem or "scene"

@@ -1,4 +1,4 @@
-"""The timeline of a scene in words: what changes at which time, and what each phase is compiled from."""
+"""The timeline of a scene in words: the changes at each time, and the effects that each phase is compiled from."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,7 +7,7 @@ from mpp_taichi.scene.spec import SceneSpec
 
 
 def described(spec: SceneSpec) -> list[dict[str, Any]]:
-    """One entry for each event: its time, the changes (path → value), and the effects, integrator and dt from then on."""
+    """One entry for each event: its time, the changes (path → value), and the effects, integrator and dt after it."""
     return [
         {
             "at": event.at,

@@ -1,4 +1,4 @@
-"""Request and goal: what is asked of a run beside the scene itself, checked before anything is computed."""
+"""Request: the options of a run beside the scene itself, checked before anything is computed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mpp_taichi.cli._options import require_suffix
-from mpp_taichi.cli._terminal import UsageError
-from mpp_taichi.errors import CapacityError
 from mpp_taichi.recorders._mode_plot import require_matplotlib
 from mpp_taichi.recorders.event_log import FORMATS as EVENT_FORMATS
 from mpp_taichi.recorders.html import FORMATS as PAGE_FORMATS
@@ -20,22 +18,16 @@ from mpp_taichi.recorders.table import FORMATS as TABLE_FORMATS
 from mpp_taichi.recorders.trajectory import FORMATS as TRAJECTORY_FORMATS
 from mpp_taichi.recorders.video import FORMATS as VIDEO_FORMATS
 from mpp_taichi.recorders.video import check_encoder
-from mpp_taichi.scene import timeline
-from mpp_taichi.scene.estimate import MOST_STEPS
 from mpp_taichi.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
     from mpp_taichi.beside.settings import Beside
     from mpp_taichi.cli._rewind import Rewind
-    from mpp_taichi.simulation.simulation import Simulation
-
-OUTPUT_FOLDER = Path("out")
-"""Where files go that nobody gave a name."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What is asked of a run beside the scene itself; the names are those of the options."""
+    """The options of a run beside the scene itself; each attribute has the name of its option."""
 
     backend: str = "auto"
     precision: str | None = None
@@ -73,19 +65,19 @@ class Request:
         return any(path is not None for path in (self.video, self.frames, self.still, self.html))
 
     def frame_count(self, spec: SceneSpec) -> int:
-        """Frames of the film."""
+        """The number of frames of the film."""
         return round((self.fps or spec.record.fps) * (self.film_seconds or spec.record.seconds))
 
     def for_another_scene(self) -> "Request":
-        """What holds of it for a scene that was opened in its window: how it runs, and no file that it asks for."""
+        """The part of the request that holds for a scene opened in its window: how to run, without any file."""
         kept = ("backend", "precision", "plan", "threads", "quiet", "allow_inaccurate", "energy_balance", "window", "force")
         return Request(**{name: getattr(self, name) for name in kept})
 
     def check(self) -> None:
-        """Refuse what cannot be written, before anything is computed.
+        """Refuse files that cannot be written, before anything is computed.
 
         Raises:
-            UsageError: a suffix that is no format of that file.
+            UsageError: the suffix of a file is no format that the file may have.
             OutputError: a film is wanted and no encoder can write it.
             BackendError: a plot is wanted and there is no matplotlib.
         """
@@ -105,59 +97,3 @@ class Request:
             check_encoder(self.video.suffix)
         if any(path is not None and path.suffix.lower() in PLOT_FORMATS for path in (self.modes, self.speeds)):
             require_matplotlib()
-
-
-@dataclass(frozen=True)
-class Goal:
-    """How long a run is: to `until` [time] or for `steps` steps; both None for a run without an end."""
-
-    until: float | None
-    steps: int | None
-    whole: bool  # the scene's own full duration, of which its expectations speak
-    begin: float = 0.0  # time at which the run starts
-
-    @staticmethod
-    def of(spec: SceneSpec, request: Request) -> "Goal":
-        """What the command line says, else what the scene says."""
-        own = Goal(spec.run.duration, spec.run.steps if spec.run.duration is None else None, True)
-        if request.until is None and request.steps is None:
-            return own
-        asked = Goal(request.until, request.steps, False)
-        return own if (asked.until, asked.steps) == (own.until, own.steps) else asked
-
-    @property
-    def endless(self) -> bool:
-        """Whether nothing says where to stop."""
-        return self.until is None and self.steps is None
-
-    def span(self, spec: SceneSpec) -> float:
-        """Simulated time of the run [time]."""
-        end = self.until if self.until is not None else timeline.time_after(spec, self.steps or 0, self.begin)
-        return end - self.begin
-
-    def step_count(self, spec: SceneSpec) -> int | None:
-        """Steps of the run, or None without an end."""
-        if self.until is not None:
-            return max(1, timeline.step_count(spec, self.until) - timeline.step_count(spec, self.begin))
-        return self.steps
-
-    def is_reached(self, simulation: "Simulation") -> bool:
-        """Whether the simulation has come to the end."""
-        if self.until is not None:
-            return simulation.time >= self.until * (1.0 - 1e-12)
-        return self.steps is not None and simulation.step_count >= self.steps
-
-    def check(self, spec: SceneSpec, *, may_be_endless: bool) -> None:
-        """Refuse a run without an end, and one of more steps than anybody waits for.
-
-        Raises:
-            UsageError: nothing says how long.
-            CapacityError: too many steps.
-        """
-        if self.endless and not may_be_endless:
-            raise UsageError(f"{spec.source}: the scene has no run.duration: say how long, --until T or --steps N")
-        steps = self.step_count(spec)
-        if steps is not None and steps > MOST_STEPS:
-            raise CapacityError(
-                f"{spec.source}: the run takes {steps:.3g} steps, allowed: {MOST_STEPS:,}; enlarge dt or shorten the run"
-            )

@@ -1,11 +1,11 @@
-"""Rewind: go on from the state that a run which blew up, or was interrupted, has left, with a step that holds."""
+"""Rewind: continue from the last state of a run that blew up or was interrupted, with a stable step."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mpp_taichi.cli._options import output_stem
-from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal
+from mpp_taichi.cli._goal import Goal
+from mpp_taichi.cli._options import OUTPUT_FOLDER, output_stem
 from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.scene import timeline
 from mpp_taichi.scene.spec import SceneSpec
@@ -19,7 +19,7 @@ CRASH, INTERRUPTED = ".crash.npz", ".interrupted.npz"
 
 @dataclass(frozen=True, eq=False)
 class Rewind:
-    """The state to go on from, its file, and whether the command line says which step to take."""
+    """The state to continue from, its file, and whether the command line gives the step."""
 
     state: Snapshot
     file: Path
@@ -27,11 +27,11 @@ class Rewind:
 
     @staticmethod
     def of(spec: SceneSpec, said: str, overrides: list[str]) -> "Rewind":
-        """Read the file that is said, or, when nothing is, the newest one that the scene has left.
+        """Read the given file, or else the newest state that a run of the scene has left.
 
         Raises:
-            UsageError: there is none.
-            OutputError: it cannot be read.
+            UsageError: no such file exists.
+            OutputError: the file cannot be read.
         """
         file = Path(said) if said else _newest(spec)
         if not file.is_file():
@@ -41,11 +41,11 @@ class Rewind:
 
     @property
     def broke_down(self) -> bool:
-        """Whether the run that left the state came to grief with its step."""
+        """Whether the run that left the state broke down because of its step."""
         return self.file.name.endswith(CRASH)
 
     def choose_step(self, simulation: "Simulation") -> str:
-        """Set the simulation's dt to one that holds, and say which and why."""
+        """Set the simulation's dt to a stable step, and return a line that gives this step and the reason."""
         advice = simulation.step_advice
         reason = "as the scene says"
         lowered = self.state.dt is not None and simulation.dt < self.state.dt * (1.0 - 1e-9)
@@ -61,10 +61,10 @@ class Rewind:
         return f"{self.file}, t = {self.state.time:.9g}, on with dt {simulation.dt:.6g}: {reason}"
 
     def goal(self, goal: Goal, simulation: "Simulation") -> Goal:
-        """The rest of the run: to the time at which it was to end, or as many steps further as were asked for.
+        """The rest of the run: to the end of the original run, or for the number of steps asked for.
 
         Raises:
-            UsageError: the state is at the end already.
+            UsageError: the state is already at the end.
         """
         begin = simulation.time
         if goal.endless:
@@ -79,7 +79,7 @@ class Rewind:
         return Goal(end, None, False, begin)
 
     def _end_of_scene(self, simulation: "Simulation", left: int) -> float:
-        """Time at which the run that left the state would have ended, after so many steps more."""
+        """The time at which the run that left the state would have ended, with `left` more steps."""
         if len(simulation.phases) > 1:
             return timeline.time_after(simulation.phases[0].spec, left, simulation.time)
         return simulation.time + left * (self.state.dt or simulation.dt)

@@ -1,4 +1,4 @@
-"""Session: one scene run from the command line, with its recorders, its limits and what it leaves behind."""
+"""Session: one scene run from the command line, with its recorders, its limits and its files."""
 
 import sys
 from collections.abc import Sequence
@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 from mpp_taichi.beside.settings import BesideError
 from mpp_taichi.cli._amounts import check_amounts
 from mpp_taichi.cli._beside import RightHalf
-from mpp_taichi.cli._options import output_stem
-from mpp_taichi.cli._request import OUTPUT_FOLDER, Goal, Request
+from mpp_taichi.cli._goal import Goal
+from mpp_taichi.cli._options import OUTPUT_FOLDER, output_stem
+from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._start_simulation import start, start_another
 from mpp_taichi.cli._step_check import check_steps
@@ -56,10 +57,10 @@ class Outcome:
     verdicts: list[Verdict] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
     next: "Stage | None" = None
-    """What another scene, opened in the window, goes on with."""
+    """The simulation and window for another scene that was opened in the window; None at an ordinary end."""
 
     def as_json(self) -> dict[str, Any]:
-        """The one object of `--json`."""
+        """The JSON object of `--json`."""
         expected = [{**vars(verdict), "label": verdict.label} for verdict in self.verdicts]
         trouble: dict[str, Any] = {"error": str(self.error)} if self.error else {}
         if isinstance(self.error, StabilityError):
@@ -72,18 +73,18 @@ class Outcome:
 
 
 def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -> Outcome:
-    """Run a checked scene as asked; ends in an Outcome, also when a limit was broken or a signal came.
+    """Run a checked scene as asked; returns an Outcome, also when a limit was broken or a signal was received.
 
-    `stage` is what a scene was left for in the window: the simulation stands already.
+    `stage` is the simulation and window of a scene that was opened in the window of another scene.
 
     Raises:
-        MppError: it could not be started.
+        MppError: the run could not be started.
     """
     stopwatch = Stopwatch()
     request.check()
     if request.inspect and not spec.inspect and request.beside is None:
         raise UsageError(f"--inspect {request.inspect[0]}: {spec.source} has no inspect:, so there are no panels to write")
-    goal = Goal.of(spec, request)
+    goal = Goal.of(spec, request.until, request.steps)
     goal.check(spec, may_be_endless=request.window)
     check_amounts(spec, request, goal)
     with ExitStack() as stack:
@@ -108,7 +109,7 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
 
 
 def _lock_outputs(request: Request, stack: ExitStack) -> None:
-    """Hold the names of the files written at the end, so that a second run with the same names is refused now."""
+    """Reserve the names of the files written at the end, so that a second run with the same names is refused now."""
     for path in (
         request.snapshot,
         request.diagnostics,
@@ -123,7 +124,7 @@ def _lock_outputs(request: Request, stack: ExitStack) -> None:
 
 
 def _open_sinks(spec: SceneSpec, request: Request, stack: ExitStack) -> list[Any]:
-    """The film's files; on an exception they keep what was written."""
+    """Open the files of the film; after an exception they keep the frames written so far."""
     sinks: list[Any] = []
     size, fps = request.size or spec.record.size, request.fps or spec.record.fps
     if request.video is not None:
@@ -138,7 +139,7 @@ def _open_sinks(spec: SceneSpec, request: Request, stack: ExitStack) -> list[Any
 
 
 class _Run:
-    """The middle part of a session, when everything stands: step, look, and close in good order."""
+    """The middle part of a session, after everything has started: step, sample, and close all files."""
 
     def __init__(
         self,
@@ -158,7 +159,7 @@ class _Run:
         self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps, sparse=sparse)
         self.table = TableRecorder(self.every, asked_columns(simulation) if request.diagnostics is not None else None)
         self.blow_up = BlowUpWatch(self.table)
-        simulation.when_phase_begins.append(self.blow_up.restart)  # a change may add energy
+        simulation.when_phase_begins.append(self.blow_up.restart)  # a change of a parameter may add energy
         self.watchdog = EnergyWatchdog(self.table)
         self.watcher = Watcher(spec.expect if goal.whole else (), self.every)
         self.network = network_facts(
@@ -183,7 +184,7 @@ class _Run:
         self.interrupted: Interrupted | None = None
 
     def go(self, interruption: Interruption, sinks: Sequence[Any], trajectory: TrajectoryRecorder | None) -> Outcome:
-        """Run to the end, or as far as it goes; then write what there is."""
+        """Run to the end, or to the time of an error or a signal; then write all files."""
         if sinks:
             self.films = [self._film(sinks, interruption)]
         if trajectory is not None:
@@ -240,7 +241,7 @@ class _Run:
                 self.simulation.run(until=self.goal.until, steps=self.goal.steps, recorders=recorders)
 
     def _inspection(self) -> InspectionRecorder | None:
-        """What samples the scene's panels; None where nobody sees them."""
+        """The recorder that samples the scene's panels; None where they are neither shown nor written."""
         spec, request, simulation = self.spec, self.request, self.simulation
         drawn = any(path is not None for path in (request.video, request.frames, request.still))
         shown = request.window or (drawn and spec.record.panels != "none")
@@ -253,7 +254,7 @@ class _Run:
         return InspectionRecorder(Inspector(simulation, end=end), every)
 
     def _view(self, size: tuple[int, int]) -> "View":
-        """What draws a film's pictures, with the panels beside the scene where it has some."""
+        """The view that draws the pictures of a film, with the panels of the scene beside it."""
         from mpp_taichi.views.offscreen import open_offscreen
         from mpp_taichi.views.panels import Division, ViewWithPanels, narrowed
 
@@ -290,7 +291,7 @@ class _Run:
         return "\n".join(line for line in told if line)
 
     def _finish(self, recorders: Sequence[Any]) -> None:
-        """The last looks, at the state the run ended in."""
+        """Take the last samples, of the final state."""
         for recorder in recorders:
             if isinstance(recorder, (BlowUpWatch, EnergyWatchdog)):
                 recorder.record(self.simulation)
@@ -298,12 +299,12 @@ class _Run:
                 recorder.finish(self.simulation)
 
     def _close(self, sinks: Sequence[Any], trajectory: TrajectoryRecorder | None) -> None:
-        """Give every file its name, whatever happened; the first that fails is reported, the others are still written."""
+        """Give every file its final name, also after an error; the first failure is reported, the rest still written."""
         request, simulation, state = self.request, self.simulation, self._state_file()
         jobs: list[tuple[Path, Any]] = []
         for sink in sinks:
             if sink.frame_count == 0 and (self.error or self.interrupted):
-                continue  # its context takes it back
+                continue  # the context manager of the file removes it
             jobs.append((sink.path, sink.close))
         if trajectory is not None and trajectory.frame_count > 0:
             jobs.append((trajectory.path, trajectory.close))
@@ -333,7 +334,7 @@ class _Run:
                 self.error = self.error or error
 
     def _state_file(self) -> Path | None:
-        """Where the last state goes: as asked, or, when the run broke off, beside the other output."""
+        """The file of the last state: the one asked for, or, when the run broke off, a file beside the other output."""
         stem = output_stem(self.spec.source)
         if self.interrupted:
             return OUTPUT_FOLDER / f"{stem}.interrupted.npz"
@@ -366,7 +367,7 @@ class _Run:
         return Outcome(summary, code, self.error, verdicts, self.files, self.next)
 
     def _reached_the_end(self) -> bool:
-        """Whether the run came to the end that the scene's expectations speak of."""
+        """Whether the run reached the end for which the scene's expectations hold."""
         broken_off = self.error is not None or self.interrupted is not None
-        meddled = len(self.simulation.scene.timeline) != len(self.spec.timeline)  # with sliders
+        meddled = len(self.simulation.scene.timeline) != len(self.spec.timeline)  # moved by sliders
         return self.goal.whole and not (broken_off or meddled) and self.goal.is_reached(self.simulation)

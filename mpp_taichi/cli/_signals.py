@@ -1,4 +1,4 @@
-"""Interruption: the first signal ends the run in good order, the second one at once."""
+"""Interruption: the first signal ends the run after its files are closed, a second signal ends it at once."""
 
 import os
 import signal
@@ -21,13 +21,13 @@ class Interrupted(Exception):  # noqa: N818 - it is no error
 
 
 class Interruption:
-    """Catches SIGINT, SIGTERM and SIGHUP while its block runs; also the recorder that stops the run between two launches.
+    """Catches SIGINT, SIGTERM and SIGHUP while its block runs; as a recorder it stops the run between two launches.
 
-    The handlers are installed whatever was there: a job started with `&` by a script inherits an ignored SIGINT.
+    The handlers replace an ignored SIGINT too, which a job inherits that a script started with `&`.
     """
 
     def __init__(self) -> None:
-        """Nothing has happened yet."""
+        """Begin without a signal."""
         self._received: int | None = None
         self._before: dict[int, Any] = {}
 
@@ -48,12 +48,12 @@ class Interruption:
         self._received = number
 
     def raise_if_any(self) -> None:
-        """Raise Interrupted when a signal has come."""
+        """Raise Interrupted when a signal has been received."""
         if self._received is not None:
             raise Interrupted(self._received)
 
     def steps_until_due(self, simulation: "Simulation") -> int:
-        """Now, when a signal has come."""
+        """0 when a signal has been received."""
         return 2**31 if self._received is None else 0
 
     def record(self, simulation: "Simulation") -> None:
@@ -61,4 +61,4 @@ class Interruption:
         self.raise_if_any()
 
     def restart(self) -> None:
-        """A signal stays received."""
+        """Keep a signal that was received."""

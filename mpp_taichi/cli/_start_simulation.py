@@ -1,9 +1,10 @@
-"""How a session's simulation is started: from a scene, from a state that was left, or in the window of another scene."""
+"""Start the simulation of a session: from a scene, from the state of an earlier run, or in the window of another scene."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpp_taichi.cli._request import Goal, Request
+from mpp_taichi.cli._goal import Goal
+from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._step_check import check_steps
 from mpp_taichi.errors import MppError, StateError
 from mpp_taichi.scene.load import load_scene
@@ -15,10 +16,10 @@ if TYPE_CHECKING:
 
 
 def start(spec: SceneSpec, request: Request) -> "Simulation":
-    """The simulation that is asked for.
+    """Start the simulation of a scene as the request asks.
 
     Raises:
-        MppError: it cannot be started.
+        MppError: the simulation cannot be started.
     """
     from mpp_taichi.simulation.simulation import Simulation  # the first import of Taichi: the scene is known to be sound
 
@@ -33,15 +34,15 @@ def start(spec: SceneSpec, request: Request) -> "Simulation":
 
 
 def start_another(file: Path, *, device: "Device", request: Request) -> "Simulation":
-    """The simulation of another scene, beside the one that runs, on its device; its steps have been looked over.
+    """Start the simulation of another scene on the device of the present simulation; its steps are checked.
 
     Raises:
-        MppError: it cannot be run.
+        MppError: the scene cannot be run.
     """
     from mpp_taichi.simulation.simulation import Simulation
 
     spec = load_scene(file)
-    goal = Goal.of(spec, Request(window=True))
+    goal = Goal.of(spec, None, None)
     goal.check(spec, may_be_endless=True)
     where: dict[str, Any] = {"backend": device.backend, "precision": device.precision, "threads": request.threads}
     simulation = Simulation(spec, **where, plan=request.plan, force=request.force)

@@ -1,11 +1,11 @@
-"""The steps of a run looked over before it begins: every phase that it will come to."""
+"""Check of the steps of a run before it begins, in every phase that the run will reach."""
 
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import component
-from mpp_taichi.cli._request import Goal
+from mpp_taichi.cli._goal import Goal
 from mpp_taichi.scene import timeline
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation.course import Phase
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def spans(phases: Sequence[Phase], goal: Goal, first: int = 0) -> list[tuple[Phase, float]]:
-    """The phases that a run comes to, from number `first` on, and the time it spends in each; infinite without an end."""
+    """The phases that a run reaches, from number `first` on, and the time that it spends in each; infinite without an end."""
     end = goal.begin + goal.span(phases[0].spec) if not goal.endless else math.inf
     found: list[tuple[Phase, float]] = []
     for phase, following in zip(phases[first:], (*(later.at for later in phases[first + 1 :]), math.inf)):
@@ -28,12 +28,12 @@ def spans(phases: Sequence[Phase], goal: Goal, first: int = 0) -> list[tuple[Pha
 
 
 def check_steps(simulation: "Simulation", goal: Goal, *, force: bool) -> int | None:
-    """Warn of steps that are too large, or refuse them, whichever phase they belong to; how many the run takes, if it ends.
+    """Warn of steps that are too large, or refuse them, in every phase; returns the number of steps of a run with an end.
 
-    Later phases are looked at as they would be placed at the start; the simulation looks again when they begin.
+    Later phases are checked with the particles at their initial places; the simulation checks them again when they begin.
 
     Raises:
-        StabilityError: a step cannot hold, and `force` is not set.
+        StabilityError: a step is unstable, and `force` is not set.
     """
     total = 0
     for phase, span in spans(simulation.phases, goal, simulation.course.first):
@@ -50,17 +50,17 @@ def check_steps(simulation: "Simulation", goal: Goal, *, force: bool) -> int | N
 
 
 def advice_of(phase: Phase) -> StepAdvice | None:
-    """What is to be said of the step of a phase as it is placed; imports Taichi, and starts no device."""
+    """The advice on the step of a phase with the particles at their initial places; imports Taichi, but starts no device."""
     return advise(phase.spec, phase.particles, method_of(phase.spec), _dt(phase.spec), begins=max(0.0, phase.at))
 
 
 def method_of(spec: SceneSpec) -> Any:
-    """The integrator of a scene, for what it does to an oscillator."""
+    """The integrator of a scene, whose amplification of an oscillator is asked."""
     return component.build("integrators", spec.integrator.name, spec.integrator.parameters)
 
 
 def steps_in(span: float, dt: float) -> int | None:
-    """Steps that a span of time takes; None where it has no end, or more than can be counted."""
+    """The number of steps in a span of time; None for an infinite span or too large a number."""
     if not math.isfinite(span / dt):
         return None
     whole, rest = timeline.whole_steps(span, dt)

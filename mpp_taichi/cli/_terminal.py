@@ -1,4 +1,4 @@
-"""What is written where: results on standard output, everything meant for a person on standard error."""
+"""Output: results go to standard output, messages for a person to standard error."""
 
 import contextlib
 import json
@@ -13,7 +13,7 @@ from mpp_taichi.errors import MppError, OutputError, SceneError
 
 
 class UsageError(MppError):
-    """The command line asks for something that makes no sense; like a fault of the scene, it ends with code 2."""
+    """Wrong usage of the command line; like a fault of the scene, it ends with code 2."""
 
     exit_code = 2
 
@@ -22,18 +22,18 @@ class ClosedOutputError(Exception):
     """Standard output was closed by its reader."""
 
 
-CLOSED_OUTPUT_CODE = 141  # as a program that SIGPIPE ended
+CLOSED_OUTPUT_CODE = 141  # the exit code of a program that SIGPIPE ended
 
 
 def prepare_streams() -> None:
-    """Let no character that a terminal lacks end the program."""
+    """Replace characters that the terminal cannot show, so that they raise no error."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
 
 
 class _LineHandler(logging.Handler):
-    """Warnings as lines on whatever standard error is at the time: a progress bar takes its place while it is shown."""
+    """Prints warnings as lines on the present standard error, which a progress bar replaces while it is shown."""
 
     def emit(self, record: logging.LogRecord) -> None:
         say(f"{record.levelname.lower()}: {record.getMessage()}")
@@ -52,17 +52,17 @@ def warnings_shown() -> Iterator[None]:
 
 
 def say(text: str) -> None:
-    """A line for a person; lost without complaint when nobody listens."""
+    """Print a line for a person on standard error; it is lost without an error when standard error is closed."""
     if sys.stderr is not None:  # closed: print would take standard output instead
         with contextlib.suppress(OSError, ValueError):
             print(text, file=sys.stderr, flush=True)
 
 
 def put(text: str) -> None:
-    """A result on standard output.
+    """Print a result on standard output.
 
     Raises:
-        ClosedOutputError: its reader is gone.
+        ClosedOutputError: the reader of standard output has closed it.
     """
     try:
         print(text, flush=True)
@@ -80,7 +80,7 @@ def put_json(found: dict[str, Any]) -> None:
 
 
 def put_failure(text: str, faults: list[str] | None, code: int) -> int:
-    """What `--json` tells of a failure; returns the exit code, which is another one where the output cannot be written."""
+    """Print the JSON object of a failure; returns the exit code, which differs when the output cannot be written."""
     try:
         put_json({"status": "failed", "error": text} | ({} if faults is None else {"faults": faults}) | {"exit_code": code})
     except ClosedOutputError:
@@ -91,7 +91,7 @@ def put_failure(text: str, faults: list[str] | None, code: int) -> int:
 
 
 def plain(value: Any) -> Any:
-    """NumPy's types as Python's, and null for what JSON cannot say."""
+    """A value with NumPy's types as Python's types, and None for a number that JSON cannot express."""
     if isinstance(value, dict):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):
@@ -104,7 +104,7 @@ def plain(value: Any) -> Any:
 
 
 def _drop_output() -> None:
-    """What is still buffered has nowhere to go; without this Python would complain about it at exit."""
+    """Discard buffered output that cannot be written; otherwise Python would report an error at exit."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
@@ -124,7 +124,7 @@ def output_reserved(wanted: bool) -> Iterator[None]:
         return
     try:
         os.dup2(2, 1)
-    except OSError:  # standard error is closed: what is not wanted is not shown
+    except OSError:  # standard error is closed: the libraries' messages are discarded
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, 1)
         os.close(nowhere)

@@ -1,4 +1,4 @@
-"""The desk of a window on a run: its sliders, the way back, its checkpoints and its log."""
+"""The desk of a window on a run: its sliders, its history, its checkpoints and its log."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -18,7 +18,7 @@ from mpp_taichi.views.desk import Desk
 from mpp_taichi.views.slider_panel import Knob
 
 if TYPE_CHECKING:
-    from mpp_taichi.cli._request import Goal
+    from mpp_taichi.cli._goal import Goal
     from mpp_taichi.simulation.simulation import Simulation
 
 
@@ -26,7 +26,7 @@ SCENE_FILES = (".yaml", ".yml")
 
 
 class SessionDesk:
-    """Acts on the simulation of a session, and tells the recorders that look on."""
+    """Acts on the simulation of a session, and informs its recorders."""
 
     def __init__(
         self,
@@ -35,7 +35,7 @@ class SessionDesk:
         recorders: Sequence[Any],
         start: "Callable[[Path], Simulation] | None" = None,
     ) -> None:
-        """Begin to keep the way back; `start` makes the simulation of another scene, on the same device."""
+        """Begin to keep the history; `start` makes the simulation of another scene, on the same device."""
         self.simulation, self.goal, self.recorders = simulation, goal, recorders
         self._start = start
         self._file = Path(simulation.scene.source)
@@ -44,7 +44,7 @@ class SessionDesk:
         self._stem = output_stem(simulation.scene.source)
 
     def desk(self) -> Desk:
-        """What the window is given."""
+        """The actions that the window can call."""
         knobs = [self._knob(slider) for slider in self.simulation.scene.sliders]
         return Desk(knobs, self.move, self.back, self.save, self.log, self.scenes, self.open, self._file.name)
 
@@ -57,7 +57,7 @@ class SessionDesk:
         return Knob(slider.path, slider.label, slider.low, slider.high, slider.logarithmic, read)
 
     def move(self, moved: Mapping[str, float]) -> str:
-        """Set parameters; the message says why they could not be."""
+        """Set parameters; returns a message with the reason where this is not possible."""
         try:
             self.simulation.set(moved)
         except MppError as error:
@@ -66,7 +66,7 @@ class SessionDesk:
         return ""
 
     def back(self) -> bool:
-        """Go back by a frame, and let the recorders forget what is no more."""
+        """Go back by a frame, and remove later samples from the recorders."""
         if not self.history.back():
             return False
         for recorder in self.recorders:
@@ -78,7 +78,7 @@ class SessionDesk:
         return True
 
     def save(self) -> str:
-        """Write the state into the working directory, under the first number that is free."""
+        """Write the state into the working directory, numbered with the first free number."""
         path = _free(self._stem, ".npz")
         try:
             self.simulation.checkpoint(path)
@@ -87,7 +87,7 @@ class SessionDesk:
         return f"saved {path}"
 
     def log(self) -> str:
-        """Write the log into the working directory, under the first number that is free."""
+        """Write the log into the working directory, numbered with the first free number."""
         path = _free(f"{self._stem}_log", ".yaml")
         try:
             save_log(path, self.simulation, self.goal)
@@ -102,8 +102,8 @@ class SessionDesk:
         return sorted(path.name for path in self._file.parent.iterdir() if path.suffix.lower() in SCENE_FILES)
 
     def open(self, name: str) -> str:
-        """Make the scene of another file ready; where that fails the line says why, here and on the terminal."""
-        assert self._start is not None  # nothing was listed
+        """Prepare the scene of another file; on a failure the returned line, also printed on the terminal, gives the reason."""
+        assert self._start is not None  # no scenes are listed
         try:
             self.opened = self._start(self._file.with_name(name))
         except MppError as error:
@@ -113,12 +113,13 @@ class SessionDesk:
 
 
 def save_log(path: Path, simulation: "Simulation", goal: "Goal") -> None:
-    """Write what was done so far as a scene file.
+    """Write all changes made so far as a scene file.
 
-    Steps beyond the end of the run are left out: that end may have been reached by a shorter step, which they would not repeat.
+    Steps beyond the end of the run are left out: the end may have been reached by a shorter step, which a run of the log
+    would not repeat.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     device = simulation.device
     options = f"--backend {device.backend} --precision {device.precision} --plan {simulation.plan}"

@@ -17,7 +17,7 @@ from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, pu
 from mpp_taichi.precision import PRECISIONS
 
 if TYPE_CHECKING:
-    from mpp_taichi.accuracy.study import Study, Wishes
+    from mpp_taichi.accuracy.study import Study, StudyWishes
 
 BUDGET_SECONDS = 60.0
 TARGET = 1e-6
@@ -57,18 +57,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Measure, say, write; the code is 0 also when the budget ended first."""
+    """Measure, print and write; the exit code is 0 also when the time budget ended first."""
     from mpp_taichi.accuracy.problem import pose
     from mpp_taichi.scene.load import load_scene
 
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
     wishes = _wishes(arguments, "integrators" if spec.contacts is None else "contacts")
     problem = pose(spec, arguments.until)
-    from mpp_taichi.cli._request import OUTPUT_FOLDER
     from mpp_taichi.cli._signals import Interrupted, Interruption
     from mpp_taichi.recorders._lock import OutputLock
 
-    folder = arguments.out or OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.accuracy"
+    folder = arguments.out or _options.OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.accuracy"
     code = 0
     with output_reserved(arguments.json), Interruption() as interruption:
         from mpp_taichi.accuracy.budget import Budget
@@ -98,7 +97,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _write(folder: Path, found: dict[str, Any], study: "Study") -> list[str]:
-    """accuracy.json and accuracy.html."""
+    """Write accuracy.json and accuracy.html."""
     from mpp_taichi.accuracy.report import page
     from mpp_taichi.atomic_file import whole_file
 
@@ -126,9 +125,9 @@ def _report(found: dict[str, Any], study: "Study", arguments: argparse.Namespace
         put(f"\nwrote {', '.join(found['files'])}")
 
 
-def _wishes(arguments: argparse.Namespace, kind: str) -> "Wishes":
-    """Of integrators, or in a scene with contacts of their solvers."""
-    from mpp_taichi.accuracy.study import Wishes
+def _wishes(arguments: argparse.Namespace, kind: str) -> "StudyWishes":
+    """The methods to try: integrators, or the solvers of a scene with contacts."""
+    from mpp_taichi.accuracy.study import StudyWishes
     from mpp_taichi.device.availability import BACKENDS
 
     allowed = {"integrators": component.names(kind), "precisions": list(PRECISIONS), "backends": list(BACKENDS)}
@@ -137,11 +136,11 @@ def _wishes(arguments: argparse.Namespace, kind: str) -> "Wishes":
             if _without_tree(name) not in known:
                 raise UsageError(f"--{option} {name}: allowed are {', '.join(known)}")
     devices = [(backend, precision) for backend in arguments.backends for precision in arguments.precisions]
-    return Wishes(arguments.integrators, devices)
+    return StudyWishes(arguments.integrators, devices)
 
 
 def _without_tree(name: str) -> str:
-    """The integrator of a method."""
+    """The integrator of a method, without its tree."""
     from mpp_taichi.accuracy.force_solvers import split
 
     try:
@@ -150,8 +149,8 @@ def _without_tree(name: str) -> str:
         raise UsageError(f"--integrators {name}: {error}") from None
 
 
-def _check_methods(wishes: "Wishes", suited: list[str], tell: Callable[[str], None]) -> None:
-    """Say which of those asked for the scene cannot have; UsageError where none is left."""
+def _check_methods(wishes: "StudyWishes", suited: list[str], tell: Callable[[str], None]) -> None:
+    """Print which of the requested methods the scene does not support; UsageError where none is left."""
     unsuited = [name for name in wishes.integrators or () if name not in suited]
     if not unsuited:
         return
@@ -162,7 +161,7 @@ def _check_methods(wishes: "Wishes", suited: list[str], tell: Callable[[str], No
 
 
 def names(text: str) -> list[str]:
-    """`a,b,c`."""
+    """The names of a list `a,b,c`."""
     found = [name.strip() for name in text.split(",") if name.strip()]
     if not found:
         raise argparse.ArgumentTypeError(f"{text!r} names nothing")

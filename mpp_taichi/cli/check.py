@@ -17,7 +17,7 @@ from mpp_taichi.errors import MppError, SceneError, StabilityError, UnsupportedE
 
 NOT_HERE = "not possible here"
 NOT_RUN = "-   "
-FEW = 4  # scenes that are done before processes of their own have started
+FEW = 4  # scenes: so few are finished here before other processes would have started
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,9 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Check them all; the code of the first scene that is broken, else 4 when an expectation failed, else 0.
+    """Check all scenes; the exit code is that of the first faulty scene, else 4 when an expectation failed, else 0.
 
-    Where the backend can run none of them, that is what the code says.
+    Where the backend can run none of the scenes, the exit code is that of a missing backend.
     """
     scenes = _scene_files(arguments.scenes)
     jobs = arguments.jobs or (1 if len(scenes) <= FEW else os.cpu_count() or 1)
@@ -94,7 +94,7 @@ def _check(scene: Path, arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _failure(scene: Path, error: str, exit_code: int) -> dict[str, Any]:
-    """What is told of a scene that has no result."""
+    """The entry of a scene that gave no result."""
     return {"scene": str(scene), "status": "failed", "error": error, "faults": [error], "expect": [], "exit_code": exit_code}
 
 

@@ -16,7 +16,7 @@ from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, pu
 from mpp_taichi.cli.accuracy import names, span_of_time
 
 if TYPE_CHECKING:
-    from mpp_taichi.compare.comparison import Wishes
+    from mpp_taichi.compare.comparison import ComparisonWishes
 
 BUDGET_SECONDS = 60.0
 BUG_CODE = 4
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Compare, say, write."""
+    """Compare, print and write."""
     from mpp_taichi.scene.load import load_scene
 
     wishes = _wishes(arguments)
@@ -51,13 +51,12 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.ladder and not any(component.declaration("forces", force.name).base == "PairForce" for force in spec.forces):
         raise UsageError("--ladder is of sums over pairs, and the scene has no force between all particles")
     from mpp_taichi.accuracy.budget import Budget
-    from mpp_taichi.cli._request import OUTPUT_FOLDER
     from mpp_taichi.cli._signals import Interruption
     from mpp_taichi.compare.comparison import Comparison
     from mpp_taichi.compare.words import sentence
     from mpp_taichi.recorders._lock import OutputLock
 
-    folder = arguments.out or OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.compare"
+    folder = arguments.out or _options.OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.compare"
     with output_reserved(arguments.json), Interruption() as interruption:
         lock = OutputLock(folder / "compare.json")
         try:
@@ -75,7 +74,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _write(folder: Path, found: dict[str, Any]) -> list[str]:
-    """compare.json and compare.html."""
+    """Write compare.json and compare.html."""
     from mpp_taichi.atomic_file import whole_file
     from mpp_taichi.compare.report import page
 
@@ -98,8 +97,8 @@ def _report(found: dict[str, Any], arguments: argparse.Namespace) -> None:
         put(f"\nwrote {', '.join(found['files'])}")
 
 
-def _wishes(arguments: argparse.Namespace) -> "Wishes":
-    from mpp_taichi.compare.comparison import ALL_BACKENDS, Wishes
+def _wishes(arguments: argparse.Namespace) -> "ComparisonWishes":
+    from mpp_taichi.compare.comparison import ALL_BACKENDS, ComparisonWishes
     from mpp_taichi.compare.course import ROUNDING
 
     arguments.backends = arguments.backends or list(ALL_BACKENDS)
@@ -108,4 +107,4 @@ def _wishes(arguments: argparse.Namespace) -> "Wishes":
             if name not in known:
                 raise UsageError(f"--{option} {name}: allowed are {', '.join(known)}")
     parts = (arguments.threads, arguments.scaling, arguments.ladder, arguments.steps)
-    return Wishes(arguments.backends, arguments.precisions, *parts)
+    return ComparisonWishes(arguments.backends, arguments.precisions, *parts)

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Read, check, write, and say what was written."""
+    """Read, check, write, and print what was written."""
     from mpp_taichi.atomic_file import whole_file
     from mpp_taichi.exporters.catalogue import export, exporters
 
@@ -61,7 +61,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _tell(arguments: argparse.Namespace, source: "Source") -> None:
-    """What was written."""
+    """Print what was written."""
     state, frames = source.state, source.frame_count
     found = {"source": str(arguments.source), "target": str(arguments.target), "particle_count": state.particle_count}
     found |= {"spring_count": len(state.springs), "time": state.time, "frame_count": frames, "status": "ok"}
@@ -74,7 +74,7 @@ def _tell(arguments: argparse.Namespace, source: "Source") -> None:
 
 
 def _read(path: Path, *, particles_only: bool) -> tuple[dict[str, Any] | None, "Source"]:
-    """A scene made of another program's file, if it is one and more than its particles is asked for; and the particles."""
+    """The particles of a file, and a scene made from the file of another program where the output is a scene."""
     from mpp_taichi.exporters._source import Source
     from mpp_taichi.importers.catalogue import import_particles, import_scene
     from mpp_taichi.recorders.trajectory_file import TrajectoryFile, is_trajectory

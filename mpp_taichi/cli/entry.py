@@ -1,4 +1,4 @@
-"""Where the command line begins: it imports the rest, and says which package this Python lacks where that fails."""
+"""The entry point of the command line: it imports the program, and names the missing package where an import fails."""
 
 import sys
 

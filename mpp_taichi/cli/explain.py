@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Measure, and say."""
+    """Measure, and print."""
     from mpp_taichi.scene.load import load_scene
 
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
@@ -138,7 +138,7 @@ def _is_too_large(found: dict[str, Any]) -> bool:
 
 
 def _share(row: dict[str, Any], of_what: str = "") -> str:
-    """What an effect takes; less than nothing is noise, however sure of it the timings look."""
+    """The share of an effect; a negative share is noise, even where its error is small."""
     if row["share"] <= row["noise"]:
         return f"not measurable (timings differ by {100 * row['noise']:.0f} %)"
     return f"{100 * row['share']:.0f} % ± {100 * row['noise']:.0f} %, {_seconds(row['seconds'])}{of_what}"

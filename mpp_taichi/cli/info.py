@@ -17,7 +17,7 @@ from mpp_taichi.errors import BackendError, MppError, OutputError
 
 PACKAGES = ("taichi", "numpy", "pydantic", "PyYAML", "pillow", "rich", "imageio-ffmpeg", "pyopencl")
 CHILD_SECONDS = 60
-# Asked in a child process: a broken OpenCL driver may end it.
+# Run in a child process, which a broken OpenCL driver may crash.
 OPENCL_CHILD = """
 import json
 import pyopencl
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Look, and say."""
+    """Examine the machine, and print the findings."""
     with output_reserved(arguments.json):
         off = _parts_off()
         found = {
@@ -87,7 +87,7 @@ def _parts_off() -> dict[str, Any]:
 
 
 def _backends() -> dict[str, Any]:
-    """Every backend, tried in a process of its own, and what it was seen to do when it starts."""
+    """Every backend, started in a process of its own, with the capabilities found there."""
     from mpp_taichi.device import backends
     from mpp_taichi.device.availability import BACKENDS, availability
 
@@ -106,7 +106,7 @@ def _backends() -> dict[str, Any]:
 
 
 def _ask_child(program: str) -> dict[str, Any]:
-    """Run a small program that prints JSON; whatever happens to it is said, not raised."""
+    """Run a small program that prints JSON; a failure of the program is returned as a text, not raised."""
     try:
         done = subprocess.run(
             [sys.executable, "-c", program], stdin=subprocess.DEVNULL, capture_output=True, timeout=CHILD_SECONDS, check=False
@@ -172,5 +172,5 @@ def _backend_line(report: dict[str, Any]) -> str:
 
 
 def _words(device: dict[str, Any]) -> list[str]:
-    """The values, and yes or no with its name."""
+    """The values in words; a truth value becomes yes or no with its name."""
     return [f"{name} {'yes' if value else 'no'}" if isinstance(value, bool) else str(value) for name, value in device.items()]

@@ -1,4 +1,4 @@
-"""Entry of the command line: which verb, its arguments, and what an error becomes.
+"""The command line: finds the verb, reads its arguments, and turns errors into messages and exit codes.
 
 Exit codes: 0 ok · 1 internal error · 2 wrong usage, an invalid scene, or a package missing ·
 3 backend, device or display not available · 4 a stability or accuracy limit was broken, or an `expect` failed ·
@@ -49,7 +49,7 @@ EPILOG = __doc__.partition("\n\n")[2]
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line, and how to learn more in another."""
+    """Reports a fault in one line, and names the help in a second line."""
 
     def error(self, message: str) -> NoReturn:
         """Raise instead of ending the process."""
@@ -79,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = signal.code
     except KeyboardInterrupt:
         code = 130
-    except OSError as error:  # standard output on a full disk, for one
+    except OSError as error:  # for example standard output on a full disk
         say(f"error: {error.strerror or error}")
         code = OutputError.exit_code
     except Exception as error:

@@ -81,7 +81,7 @@ def execute(arguments: argparse.Namespace) -> int:
     )
     more = ("diagnostics", "inspect", "modes", "speeds", "events", "every", "quiet", "allow_inaccurate", "force")
     request = Request(**{name: getattr(arguments, name) for name in (*names, *more)}, film_seconds=arguments.duration)
-    check_frames(spec, request)  # before pilot runs choose a method
+    check_frames(spec, request)  # checked before pilot runs choose a method
     with output_reserved(arguments.json):
         spec, arguments.precision, choice = settled(spec, arguments)
         beside = _right_half(spec, arguments, chosen=bool(choice))
@@ -95,7 +95,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _right_half(spec: "SceneSpec", arguments: argparse.Namespace, *, chosen: bool) -> "Beside | None":
-    """The right half that is asked for, or else the scene's; where its method was chosen, it begins with that one as well."""
+    """The right half asked for, or else that of the scene; it begins with the method that was chosen for the left half."""
     said = arguments.beside or as_texts(spec.record.beside)
     if arguments.html is not None and arguments.beside:
         raise UsageError(f"record --beside: --html {arguments.html} holds one run; --video, --still and --frames show two")

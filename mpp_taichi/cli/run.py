@@ -83,8 +83,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
-    """The request that the options make, with the window or the film that goes without saying."""
-    from mpp_taichi.cli._request import OUTPUT_FOLDER, Request
+    """The request of the options, with a window or a film where no output is asked for."""
+    from mpp_taichi.cli._request import Request
 
     names = ("backend", "precision", "plan", "threads", "until", "steps", "video", "html", "trajectory", "snapshot")
     more = (
@@ -110,7 +110,7 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
     problem = no_window()
     if not problem:
         return Request(**given, window=True)
-    film = OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.mp4"
+    film = _options.OUTPUT_FOLDER / f"{_options.output_stem(spec.source)}.mp4"
     if spec.run.duration is None and spec.run.steps is None and arguments.until is None and arguments.steps is None:
         raise UsageError(f"{problem}, and a film needs an end: --until T or --steps N")
     say(f"{problem}: making a film instead, {film}")
@@ -118,7 +118,7 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
 
 
 def no_window() -> str:
-    """Why no window can be opened here; empty when one can."""
+    """The reason why no window can be opened here; empty where a window can be opened."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         return "there is no display"
     from mpp_taichi.device.backends import import_taichi

@@ -6,7 +6,7 @@ from mpp_taichi.cli._terminal import put
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """There are none."""
+    """Declare no options."""
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -1,1 +1,1 @@
-"""Backends side by side: a certificate that they agree, and what each of them takes in time."""
+"""Backends side by side: a certificate that they agree, and the time that each of them takes."""

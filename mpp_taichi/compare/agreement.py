@@ -1,4 +1,4 @@
-"""Agreement: collects the evidence of all backends and has it judged, within a time."""
+"""Agreement: collects the evidence of all backends and judges it, within a time limit."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -12,22 +12,22 @@ from mpp_taichi import component
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.compare import neighbors
 from mpp_taichi.compare.certificate import Judge, verdict
-from mpp_taichi.compare.course import COPIES, Course, Finding
+from mpp_taichi.compare.course import COPIES, Finding, ReferenceCourse
 from mpp_taichi.compare.evidence import Evidence
 from mpp_taichi.compare.numpy_reference import DIRECT, ROUNDINGS
-from mpp_taichi.compare.row import Row
+from mpp_taichi.compare.row import BackendRow
 from mpp_taichi.scene.estimate import estimate
 
 Ask = Callable[..., dict[str, Any] | None]  # a row, a command and its fields; None where the row has failed
 LOOKS = 8
-USUAL_STEPS = 1000  # of a scene that says no end
-NUMPY_SHARE = 0.3  # of the time: for the NumPy reference; as much for all backends, and the rest for neighbors
-PAIR_SECONDS = 5e-9  # of the NumPy reference, roughly and at best: to tell whether a step of it is worth beginning
+USUAL_STEPS = 1000  # of a scene without an end
+NUMPY_SHARE = 0.3  # of the time: for the NumPy reference; the same for all backends, and the rest for neighbors
+PAIR_SECONDS = 5e-9  # of the NumPy reference, a rough upper bound: to decide whether a step of it should be begun
 LEAST_SHARE = 0.1  # of the budget, for neighbors in any case
-FURTHER = 2  # times as many steps, at least, for neighbors to be worth their time
-# Bases of integrators whose steps depend on nothing but the state: no tolerance decides what they do.
+FURTHER = 2  # the least factor by which neighbors must extend the number of steps
+# Base classes of integrators whose steps depend on the state alone, and not on a tolerance.
 PLAIN_STEPS = ("Splitting", "RungeKutta", "Hermite", "Integrator")
-# Solvers of which the same does not hold, or that one backend has alone; why their trajectories are not judged.
+# Solvers that depend on a tolerance, or that only one backend has, with the reason why their trajectories are not judged.
 CONTACTS_NOT_JUDGED = {
     "resting": "resting contacts are solved to a tolerance, and rounding decides what is left",
     "located": "a contact is searched for to a tolerance, and rounding decides what is left",
@@ -37,17 +37,17 @@ CONTACTS_NOT_JUDGED = {
 
 
 class Agreement:
-    """The certificates of the rows that run."""
+    """The certificates of all rows that run."""
 
     def __init__(self, judge: Judge, files: Path, ask: Ask, budget: Budget, tell: Callable[[str], None]) -> None:
-        """`files` is a folder for what workers read and write."""
+        """`files` is a folder for the files of the workers."""
         self.judge, self._files, self._ask, self._budget, self._tell = judge, files, ask, budget, tell
         self.remarks: list[str] = []
-        self._reasons: dict[Row, str] = {}  # why a row is not judged, where the scene is not to blame
+        self._reasons: dict[BackendRow, str] = {}  # the reason why a row is not judged, other than the scene
         self.steps = 0  # of the longest trajectory compared
 
-    def certify(self, rows: Sequence[Row], precisions: Sequence[str], most_steps: int | None, end: float) -> None:
-        """Judge every row; `end` is when of the budget it should be done."""
+    def certify(self, rows: Sequence[BackendRow], precisions: Sequence[str], most_steps: int | None, end: float) -> None:
+        """Judge every row, until the time `end` of the budget."""
         judge, began = self.judge, self._budget.spent
         share = max(0.0, NUMPY_SHARE * (end - began))
         usual = min(self._usual_steps(), most_steps or USUAL_STEPS**3)
@@ -57,7 +57,7 @@ class Agreement:
             self._tell(f"following the reference for {looks[-1]:,} steps")
             course = judge.follow(precisions, looks)
         found = self._gather_all(rows, looks, share)
-        findings: dict[Row, list[Finding]] = {}
+        findings: dict[BackendRow, list[Finding]] = {}
         for row, evidence in found.items():
             self._tell(f"judging {row.name}")
             has_forces = len(evidence.position) > 0 and judge.force_refusal is None
@@ -78,7 +78,7 @@ class Agreement:
     # --- how far ----------------------------------------------------------------------------------------------------------
 
     def _usual_steps(self) -> int:
-        """Of the scene's own run, or to the first event of its timeline."""
+        """The number of steps of the scene's own run, or to the first event of its timeline."""
         spec = self.judge.spec
         usual = estimate(spec).steps or USUAL_STEPS
         return min(usual, max(1, math.floor(spec.timeline[0].at / self.judge.dt))) if spec.timeline else usual
@@ -88,7 +88,7 @@ class Agreement:
             return []
         return spread(1, int(max(1, min(usual, share / self.judge.step_seconds()))))
 
-    def _gather_all(self, rows: Sequence[Row], looks: Sequence[int], share: float) -> dict[Row, Evidence]:
+    def _gather_all(self, rows: Sequence[BackendRow], looks: Sequence[int], share: float) -> dict[BackendRow, Evidence]:
         places, speeds = (np.stack(column) for column in zip(*self.judge.states()))
         np.savez(self._files / "states.npz", position=places, velocity=speeds)
         found = {}
@@ -98,8 +98,8 @@ class Agreement:
                 found[row] = evidence
         return found
 
-    def _gather(self, row: Row, states: str | None, looks: Sequence[int]) -> Evidence | None:
-        """What a row did; the forces at the states too, where they are named."""
+    def _gather(self, row: BackendRow, states: str | None, looks: Sequence[int]) -> Evidence | None:
+        """The evidence of a row, with the forces at the states where these are given."""
         self._tell(f"looking at {row.name}")
         file = self._files / "evidence.npz"
         forces = bool(self.judge.spec.forces or len(self.judge.start.springs)) and states is not None
@@ -113,8 +113,8 @@ class Agreement:
 
     def _follow_neighbors(
         self,
-        found: dict[Row, Evidence],
-        findings: dict[Row, list[Finding]],
+        found: dict[BackendRow, Evidence],
+        findings: dict[BackendRow, list[Finding]],
         precisions: Sequence[str],
         usual: int,
         end: float,
@@ -123,7 +123,7 @@ class Agreement:
         spec = self.judge.spec
         refused = self.judge.step_refusal
         plain = component.declaration("integrators", spec.integrator.name).base in PLAIN_STEPS
-        # A tree is cut where a tolerance says, and rounding may decide that.
+        # A tolerance decides which nodes a tree opens, and rounding may change the decision.
         plain = plain and all(force.parameters.get("solver", DIRECT) == DIRECT for force in spec.forces)
         contacts = spec.contacts.solver.name if spec.contacts is not None else ""
         if contacts in CONTACTS_NOT_JUDGED:
@@ -160,11 +160,13 @@ class Agreement:
                 if course.limits is not None and not findings[row]:
                     self._reasons[row] = f"rounding of {row.precision} may decide which spheres meet, and when"
         mate = next((row for row in found if row is not base and row.precision == "f64" and findings[row]), None)
-        if mate is not None and not findings[base]:  # which of the two stands in for the reference makes no difference
+        if mate is not None and not findings[base]:  # either of the two may serve as the reference
             findings[base] = [replace(each, looked_at=f"{each.looked_at}: {mate.name}") for each in findings[mate]]
         self.remarks.append(f"trajectories of up to {looks[-1]:,} steps were compared with that of {base.name}")
 
-    def _course_of(self, base: Row, felt: Evidence, precisions: Sequence[str], looks: Sequence[int]) -> Course | None:
+    def _course_of(
+        self, base: BackendRow, felt: Evidence, precisions: Sequence[str], looks: Sequence[int]
+    ) -> ReferenceCourse | None:
         judge = self.judge
         self._tell(f"following {base.name} and its neighbors for {looks[-1]:,} steps")
         push = np.zeros_like(judge.start.position)
@@ -196,10 +198,10 @@ class Agreement:
 
 
 def spread(first: int, last: int) -> list[int]:
-    """Looks from one count of steps to another, in a geometric series."""
+    """Counts of steps at which samples are taken, in a geometric series between two counts."""
     return sorted({round(first * (last / first) ** (k / (LOOKS - 1))) for k in range(LOOKS)})
 
 
-def affordable(looks: Sequence[int], row: Row, seconds: float) -> list[int]:
-    """The looks that a row reaches in a time, the first of them in any case."""
+def affordable(looks: Sequence[int], row: BackendRow, seconds: float) -> list[int]:
+    """The samples that a row reaches in a time; the first of them in any case."""
     return [look for look in looks if look == looks[0] or look * row.seconds_per_step <= seconds]

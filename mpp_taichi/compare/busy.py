@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 
-QUIET_SHARE = 0.25  # of the processors that may be at work for others before a comparison begins
+QUIET_SHARE = 0.25  # of the processors that other programs may use before a comparison begins
 QUIET_SPREAD = 0.1  # interquartile range over median
 
 
 def warnings(load: float | None, processors: int, spreads: Mapping[str, float]) -> list[str]:
-    """What to know before trusting the times.
+    """Warnings about the reliability of the times.
 
-    `load` is the system's load average before the comparison began, None where the system does not say; `spreads` are
+    `load` is the system's load average before the comparison began, None where the system does not give it; `spreads` are
     interquartile ranges of the repeats over their median, by row.
     """
     found = []

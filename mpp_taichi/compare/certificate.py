@@ -1,9 +1,9 @@
-"""Certificate: whether what a backend did differs from the reference by rounding, or by a bug; every allowance is derived.
+"""Certificate: whether a backend differs from the reference by rounding, or by a bug; every allowance is derived.
 
 Forces. A sum of n terms t_j, each of k roundings of relative size u, computed in any order, differs from the exact one by at
 most (k + n) u Σ|t_j|; beyond some terms by (k + λ√n) u Σ|t_j| with the chance 2 exp(−λ²/2) of more, where roundings do not
-conspire (Higham & Mary, SIAM J. Sci. Comput. 41 (2019) A2815, thm 2.4); where they may, among the smallest terms, the worst is
-taken (`Reference.magnitude`). λ is what makes a false alarm in a whole certificate rarer than CHANCE.
+conspire (Higham & Mary, SIAM J. Sci. Comput. 41 (2019) A2815, thm 2.4); where they may, among the smallest terms, the worst
+case is assumed (`NumpyForces.magnitude`). λ is so large that a false alarm in a whole certificate is rarer than CHANCE.
 """
 
 import math
@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.compare import numpy_reference, numpy_steps, tree_forces
-from mpp_taichi.compare.course import AMPLITUDE, CHANCE, COPIES, ROUNDING, Course, Finding, ratios
+from mpp_taichi.compare.course import AMPLITUDE, CHANCE, COPIES, ROUNDING, Finding, ReferenceCourse, ratios
 from mpp_taichi.compare.evidence import Evidence, shaken
 from mpp_taichi.compare.numpy_reference import (
     ROUNDINGS,
     Limits,
-    Reference,
+    NumpyForces,
     bodies,
     kept,
     norm,
@@ -36,39 +36,39 @@ from mpp_taichi.snapshot import Snapshot
 
 SMALLEST = {"f32": 2.0**-126, "f64": 2.0**-1022}  # normal numbers
 MOST_TERMS = 3e7  # of the reference's force sums at each state
-TRIAL_STEPS, TRIAL_SECONDS, CLOCK_GRAIN = 16, 0.2, 1e-6  # to find out how long a step of the reference takes
+TRIAL_STEPS, TRIAL_SECONDS, CLOCK_GRAIN = 16, 0.2, 1e-6  # for the time of a step of the reference
 STATES = ("start", "shaken start")
 PER_COPY = ("mass", "charge", "stiffness", "damping", "rest_length", "gain")
 
 
 class Judge:
-    """The reference of a scene, and verdicts by it."""
+    """Holds the reference of a scene, and judges backends by it."""
 
     def __init__(self, spec: SceneSpec, start: Snapshot, dt: float) -> None:
-        """`start` is the state that every backend begins with, in float64."""
+        """`start` is the initial state of every backend, in float64."""
         self.spec, self.start, self.dt = spec, start, dt
         self.force_refusal = numpy_reference.refusal(spec)
         self.step_refusal = self.force_refusal or numpy_steps.refusal(spec)
         self.free = start.free.astype(float)
         self.free[:, spec.dimensions :] = 0.0
         self.size = size_of(start.position)
-        self.course: Course | None = None
+        self.course: ReferenceCourse | None = None
         tree = tree_of(spec)
         self.tree_accuracy = None if tree is None else float(tree.parameters["accuracy"] or DEFAULT_ACCURACY)
 
     def states(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Where forces are asked for; see STATES."""
+        """The states at which forces are compared; see STATES."""
         position, velocity = self.start.position, self.start.velocity * self.start.free
         return [(position, velocity), shaken(position, velocity, self.free, self.size)]
 
-    def reference(self, precision: str) -> Reference:
-        """The forces on the particles as that precision keeps them."""
-        return Reference(self.spec, bodies(self.start, self.spec.dimensions, [precision]))
+    def reference(self, precision: str) -> NumpyForces:
+        """The forces on the particles with the numbers of a precision."""
+        return NumpyForces(self.spec, bodies(self.start, self.spec.dimensions, [precision]))
 
     # --- forces -------------------------------------------------------------------------------------------------------------
 
     def forces(self, evidence: Evidence, precision: str) -> list[Finding]:
-        """Accelerations, particle by particle and axis by axis; of a tree those of all but a few particles, as a whole."""
+        """Judge the accelerations by particle and axis; those of a tree together, except for a few particles."""
         reference = self.reference(precision)
         count = self.start.particle_count
         rows = sample(count, MOST_TERMS)
@@ -102,9 +102,9 @@ class Judge:
         return findings
 
     def _allowed(
-        self, reference: Reference, place: np.ndarray, speed: np.ndarray, rows: np.ndarray, precision: str
+        self, reference: NumpyForces, place: np.ndarray, speed: np.ndarray, rows: np.ndarray, precision: str
     ) -> tuple[np.ndarray, float]:
-        """What rounding may do to each acceleration, (rows, 3); and at most how many roundings of its terms that is."""
+        """The largest error of each acceleration by rounding, (rows, 3), and as a number of roundings of its terms."""
         terms = reference.most_terms()
         unlikely = math.sqrt(2.0 * math.log(2.0 * len(STATES) * 3.0 * len(rows) / CHANCE))
         roundings = ROUNDINGS + min(terms, unlikely * math.sqrt(terms))
@@ -116,7 +116,7 @@ class Judge:
 
     @cached_property
     def roundings(self) -> float:
-        """At most how many roundings of its terms a force is off, at the states that forces are looked at."""
+        """The largest error of a force at the compared states, as a number of roundings of its terms."""
         rows = sample(self.start.particle_count, MOST_TERMS)
         found = []
         for precision in ROUNDING:
@@ -127,9 +127,9 @@ class Judge:
         return max(found)
 
     def conservation(self, evidence: Evidence, precision: str) -> dict[str, float]:
-        """Change of energy and of momentum to the last look, by the reference's own sums.
+        """Change of energy and of momentum to the last sample, by the reference's own sums.
 
-        Of kinetic + |potential| energy, and of Σ m |v|, whichever is larger of the start and the end.
+        Relative to kinetic + |potential| energy, and to Σ m |v|, the larger value of the start and the end.
         """
         if not len(evidence.steps) or self.start.particle_count**2 > MOST_TERMS:
             return {}
@@ -152,11 +152,11 @@ class Judge:
 
     @property
     def pairs_per_step(self) -> int:
-        """Pairs that the reference and its copies look at in a step, for each evaluation of the force."""
+        """Pairs that the reference and its copies sum for each evaluation of the force."""
         return pair_forces(self.spec) * (len(ROUNDING) + 1 + COPIES) * self.start.particle_count**2
 
     def step_seconds(self) -> float:
-        """How long one step of the reference and its copies takes, the rest of following left out where steps are short."""
+        """The seconds of one step of the reference and its copies, without the overhead of samples where steps are short."""
         seen = []
         for steps in (1, TRIAL_STEPS + 1):
             began = clock.perf_counter()
@@ -166,15 +166,15 @@ class Judge:
                 return seen[0]
         return max(seen[1] - seen[0], CLOCK_GRAIN) / TRIAL_STEPS
 
-    def follow(self, precisions: Sequence[str], looks: Sequence[int]) -> Course:
-        """Run the reference, once for the numbers that each precision keeps, and its copies beside it."""
+    def follow(self, precisions: Sequence[str], looks: Sequence[int]) -> ReferenceCourse:
+        """Run the reference, once with the numbers of each precision, and its copies beside it."""
         random = np.random.default_rng(1)
         method = self.spec.integrator.name
         given = bodies(self.start, self.spec.dimensions, (*precisions, "f64"))
         last = numpy_reference.Bodies(**{**vars(given), **{key: getattr(given, key)[-1:] for key in PER_COPY}})
         near = numpy_reference.perturbed(last, AMPLITUDE, self.roundings, COPIES, random)
         everyone = {key: np.concatenate([getattr(given, key), getattr(near, key)]) for key in PER_COPY}
-        reference = Reference(self.spec, numpy_reference.Bodies(**{**vars(given), **everyone}), threads=os.cpu_count() or 1)
+        reference = NumpyForces(self.spec, numpy_reference.Bodies(**{**vars(given), **everyone}), threads=os.cpu_count() or 1)
         position, velocity = self.start.position, self.start.velocity * self.start.free
         places = np.stack([*(kept(position, precision) for precision in precisions), *[position] * (1 + COPIES)])
         speeds = np.stack([*(kept(velocity, precision) for precision in precisions), *[velocity] * (1 + COPIES)])
@@ -190,7 +190,7 @@ class Judge:
         steps.start(places, speeds)
         return self._course(steps, precisions, looks)
 
-    def _course(self, steps: NumpySteps, precisions: Sequence[str], looks: Sequence[int]) -> Course:
+    def _course(self, steps: NumpySteps, precisions: Sequence[str], looks: Sequence[int]) -> ReferenceCourse:
         done, seen = 0, []
         count = len(precisions)
         for look in looks:
@@ -201,7 +201,7 @@ class Judge:
             seen.append((steps.position[:count].copy(), steps.velocity[:count].copy(), *growth))
         places, speeds, place_growth, speed_growth = (np.stack(column) for column in zip(*seen))
         typical = float(np.sqrt(np.mean(np.sum(speeds * speeds, axis=3)))) or 1.0
-        return Course(
+        return ReferenceCourse(
             tuple(precisions),
             np.asarray(looks, int),
             places.swapaxes(0, 1),
@@ -214,7 +214,7 @@ class Judge:
 
 
 def verdict(findings: Sequence[Finding], refused: str | None = None) -> dict[str, Any]:
-    """`rounding` or `bug`, with the finding that decided it; `not judged` where there was nothing to judge by."""
+    """`rounding` or `bug`, with the finding that decided it; `not judged` without any finding."""
     if not findings:
         return {"verdict": "not judged", "verdict_reason": refused or "there was no time for it", "findings": []}
     deciding = max(findings, key=lambda finding: finding.ratio)

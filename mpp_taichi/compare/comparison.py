@@ -1,4 +1,4 @@
-"""Comparison: a scene on every backend, each in its own process: first whether they agree, then what each takes."""
+"""Comparison: a scene on every backend, each in its own process: first whether they agree, then their times."""
 
 import importlib.metadata
 import os
@@ -17,27 +17,27 @@ from mpp_taichi.compare.agreement import Agreement
 from mpp_taichi.compare.certificate import Judge
 from mpp_taichi.compare.course import CHANCE
 from mpp_taichi.compare.process import WorkerError, WorkerProcess, empty_cache
-from mpp_taichi.compare.row import Row, described, peak_of
+from mpp_taichi.compare.row import BackendRow, described, peak_of
 from mpp_taichi.compare.work import work_of
 from mpp_taichi.device.availability import BACKENDS, TAICHI_VERSION, availability, cpu_name
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.start.assemble import assemble
 
 ALL_BACKENDS = (*BACKENDS, "opencl", "numpy")
-PRECISIONS = {"numpy": ("f64",)}  # of a backend that has not both
-# Ways to sum over pairs, the plainest first, besides the one that a backend takes by itself.
+PRECISIONS = {"numpy": ("f64",)}  # of a backend that has only one of them
+# Ways to sum over pairs, the simplest first, besides the default of a backend.
 LADDER = {"cpu": ("serial", "parallel"), "opencl": ("naive", "tiled", "vectors", "third_law")}
 REPEATS = 7
 LEAST_REPEATS = 3
 PATIENCE = 60.0  # seconds beyond the budget that a worker may take to answer
-LEAST_LEFT = 0.25  # of the budget, however long starting took
-# Until when, as shares of what starting has left of the budget, certificate, times and (with it) scaling may last.
+LEAST_LEFT = 0.25  # of the budget, however long the start of the backends took
+# The ends of certificate, times and (where asked for) scaling, as shares of the budget left after the start.
 SHARES = {False: (0.55, 0.75, 1.0), True: (0.15, 0.3, 0.9)}
 NOT_FOR_WORKERS = ("timeline", "accuracy", "expect", "record", "inspect", "sliders", "view")
 
 
 def pyopencl_version() -> str | None:
-    """None where it is not installed."""
+    """The version of pyopencl; None where it is not installed."""
     try:
         return importlib.metadata.version("pyopencl")
     except importlib.metadata.PackageNotFoundError:
@@ -45,8 +45,8 @@ def pyopencl_version() -> str | None:
 
 
 @dataclass(frozen=True)
-class Wishes:
-    """What is compared."""
+class ComparisonWishes:
+    """The options of a comparison."""
 
     backends: Sequence[str] = ALL_BACKENDS
     precisions: Sequence[str] = ("f64", "f32")
@@ -57,14 +57,14 @@ class Wishes:
 
 
 class Comparison:
-    """Runs the parts in turn; `facts` has what there is at any time."""
+    """Runs the parts in turn; `facts` are available at any time."""
 
-    def __init__(self, spec: SceneSpec, wishes: Wishes, budget: Budget, tell: Callable[[str], None]) -> None:
-        """Make the start that all begin with."""
+    def __init__(self, spec: SceneSpec, wishes: ComparisonWishes, budget: Budget, tell: Callable[[str], None]) -> None:
+        """Make the initial state of all backends."""
         self.spec, self.wishes, self.budget, self._tell = spec, wishes, budget, tell
         self.start = assemble(spec)
         self.judge = Judge(spec, self.start, float(spec.integrator.parameters["dt"]))
-        self.rows: list[Row] = []
+        self.rows: list[BackendRow] = []
         self.agreement: Agreement | None = None
         self.remarks: list[str] = []
         self.load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
@@ -72,7 +72,7 @@ class Comparison:
         self.folder = str(Path(spec.source).resolve().parent)
 
     def run(self) -> None:
-        """All of it; every process that was started has ended afterwards."""
+        """Run all parts; afterwards every process has ended."""
         with tempfile.TemporaryDirectory(prefix="mpp-compare-", ignore_cleanup_errors=True) as folder:
             self._files = Path(folder)
             try:
@@ -93,8 +93,8 @@ class Comparison:
                     row.process = None
 
     @property
-    def running(self) -> list[Row]:
-        """Rows whose process is there."""
+    def running(self) -> list[BackendRow]:
+        """Rows whose process is running."""
         return [row for row in self.rows if row.process is not None]
 
     # --- the parts ----------------------------------------------------------------------------------------------------------
@@ -109,13 +109,13 @@ class Comparison:
             if not precisions:
                 reason = f"computes in {', '.join(PRECISIONS[backend])} alone"
             if reason:
-                self.rows.append(Row(backend, "", "missing", reason))
+                self.rows.append(BackendRow(backend, "", "missing", reason))
                 continue
             for variant in ("", *(LADDER.get(backend, ()) if self.wishes.ladder else ())):
                 for precision in precisions:
-                    self._open(Row(backend, precision, variant=variant))
+                    self._open(BackendRow(backend, precision, variant=variant))
 
-    def _open(self, row: Row) -> None:
+    def _open(self, row: BackendRow) -> None:
         self._tell(f"starting {row.name}")
         self.rows.append(row)
         try:
@@ -124,11 +124,11 @@ class Comparison:
         except WorkerError as error:
             row.give_up(str(error), "missing")
 
-    def _process(self, row: Row) -> WorkerProcess:
+    def _process(self, row: BackendRow) -> WorkerProcess:
         cache = self._files / f"cache-{row.name.replace(' ', '-')}"
         return WorkerProcess(self._files, cache if cache.is_dir() else empty_cache(cache), self.budget.look)
 
-    def _build(self, row: Row, scene: dict | None = None) -> dict[str, Any]:
+    def _build(self, row: BackendRow, scene: dict | None = None) -> dict[str, Any]:
         assert row.process is not None
         answer = row.process.ask(
             "build",
@@ -154,7 +154,7 @@ class Comparison:
         self.remarks += self.agreement.remarks
 
     def _time(self, end: float) -> None:
-        """Steps and copies, all rows in turn, round after round."""
+        """Time steps and copies, all rows in turn, round after round."""
         for repeat in range(REPEATS):
             self._tell(f"timing, round {repeat + 1} of {REPEATS}")
             for row in self.running:
@@ -179,7 +179,7 @@ class Comparison:
             row.process = None
 
     def _warm(self) -> None:
-        """The same start again, with what the compilers kept of the first."""
+        """Time the same start again, with the compilers' caches of the first start."""
         for row in self.rows:
             if row.status != "ok" or row.backend == "numpy":
                 continue
@@ -202,7 +202,7 @@ class Comparison:
             self.remarks.append(f"no scaling: {reason}")
             return
         left = self.running
-        walls: dict[Row, list[float]] = {row: [] for row in left}
+        walls: dict[BackendRow, list[float]] = {row: [] for row in left}
         for count in scaling.COUNTS:
             for row in list(left):
                 began = self.budget.spent
@@ -219,8 +219,8 @@ class Comparison:
                     self.remarks.append(f"{row.name} with {count:,} particles: {error}")
                     left.remove(row)
 
-    def _ask(self, row: Row, command: str, **fields: Any) -> dict[str, Any] | None:
-        """The answer; None, and the reason in the row, where there is none."""
+    def _ask(self, row: BackendRow, command: str, **fields: Any) -> dict[str, Any] | None:
+        """The answer of a row's process; None without an answer, with the reason in the row."""
         assert row.process is not None
         try:
             return row.process.ask(command, self._patience, **fields)
@@ -235,7 +235,7 @@ class Comparison:
     # --- what was found -----------------------------------------------------------------------------------------------------
 
     @property
-    def bugs(self) -> list[Row]:
+    def bugs(self) -> list[BackendRow]:
         """Rows that differ by more than rounding."""
         return [row for row in self.rows if row.certificate.get("verdict") == "bug"]
 

@@ -1,10 +1,11 @@
-"""Course: a reference run, and how far from it rounding may lead; every allowance is derived.
+"""Course: a reference run, and the largest distance from it that rounding can cause; every allowance is derived.
 
 Copies of the reference run with every number of their forces off by as many roundings as a force is allowed, and with a
-rounding of one sign after every update of a position or velocity. They show what the motion makes of rounding: σ, the largest
-distance of a copy. It is linear in the size of the roundings, which is chosen so small that it is, and scaled to that of the
-precision. All K copies may have come out small by chance in the one direction that grows: a sound run is off by more than m σ
-with a chance of at most (2/√π)^K Γ((K+1)/2)/(√π m^K), for errors of a normal distribution; m is what makes that as rare.
+rounding of one sign after every update of a position or velocity. They show the effect of rounding on the motion: σ, the
+largest distance of a copy. The roundings of the copies are so small that σ is linear in their size, and σ is scaled to the
+roundings of the precision. By chance all K copies may have a small component in the one direction that grows: the error of a
+correct run exceeds m σ with a probability of at most (2/√π)^K Γ((K+1)/2)/(√π m^K), for normally distributed errors; m is
+chosen so that this is as rare as CHANCE.
 """
 
 import math
@@ -19,13 +20,13 @@ from mpp_taichi.compare.numpy_reference import norm
 ROUNDING = {"f32": 2.0**-24, "f64": 2.0**-53}
 CHANCE = 1e-6  # of a false alarm in one certificate
 COPIES = 6
-AMPLITUDE = 2.0**-40  # of the copies' roundings: far above those of f64, far below what is no longer linear
-MEANINGLESS = 0.1  # of the system's size: where rounding may move particles so far, a position shows nothing
+AMPLITUDE = 2.0**-40  # of the copies' roundings: far above those of f64, far below the end of linearity
+MEANINGLESS = 0.1  # of the system's size: where rounding may move particles this far, positions are not compared
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One comparison: the largest difference in units of its allowance, and where that was.
+    """One comparison: the largest difference in units of its allowance, and its place.
 
     `difference` and `allowance` are relative to `of`: the largest acceleration, or the system's size.
     """
@@ -40,12 +41,12 @@ class Finding:
 
     @property
     def holds(self) -> bool:
-        """Whether it is within its allowance; what is no number is not."""
+        """Whether the difference is within its allowance; NaN is not."""
         return self.ratio <= 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class ReferenceCourse:
     """The reference run: (precisions, looks, N, 3), and σ of positions and velocities, (looks, N), for roundings of size 1."""
 
     precisions: tuple[str, ...]
@@ -60,13 +61,13 @@ class Course:
     limits: np.ndarray | None = None  # (looks,): displacement by rounding up to which a look is judged; None: MEANINGLESS alone
 
     def _unit(self, precision: str) -> float:
-        """What σ is multiplied by."""
+        """The factor of σ."""
         return (ROUNDING[precision] + ROUNDING["f64"]) * margin(2 * self.place_growth.size)
 
     def looks(self, evidence: Evidence, precision: str) -> dict[str, Any]:
-        """At each look the largest distance from the reference and what rounding may make of it, of the system's size.
+        """The largest distance from the reference in each sample, and the largest by rounding, relative to the system's size.
 
-        `meaning_until_step` where the second becomes MEANINGLESS before the last look.
+        `meaning_until_step` is given where the second becomes MEANINGLESS before the last sample.
         """
         seen = len(evidence.steps)
         off = norm(evidence.places - self.places[self.precisions.index(precision), :seen]).max(axis=1) / self.size
@@ -80,13 +81,13 @@ class Course:
         return {"looks": told} | ({} if last == evidence.steps[-1] else {"meaning_until_step": last})
 
     def _means_something(self, precision: str) -> np.ndarray:
-        """At which looks rounding leaves positions a meaning, (looks,)."""
+        """Whether rounding leaves the positions of each sample a meaning, (looks,)."""
         growth = np.nan_to_num(self._unit(precision) * self.place_growth.max(axis=1), nan=math.inf)
         means = growth < MEANINGLESS * self.size
         return means if self.limits is None else means & (growth <= self.limits)
 
     def findings(self, evidence: Evidence, precision: str) -> list[Finding]:
-        """Positions and velocities at every look at which rounding leaves them a meaning."""
+        """Findings for positions and velocities in every sample in which rounding leaves them a meaning."""
         number, count, unit = self.precisions.index(precision), len(evidence.steps), self._unit(precision)
         findings = []
         for kind, growth, exact, seen, scale, of in (
@@ -117,14 +118,14 @@ class Course:
 
 
 def margin(comparisons: int, copies: int = COPIES) -> float:
-    """How many times the largest of some copies an honest run is off, but for CHANCE in so many comparisons; see the module."""
+    """The factor m by which a correct run may exceed the largest of some copies, except by CHANCE; see the module."""
     each = CHANCE / comparisons
     bound = (2.0 / math.sqrt(math.pi)) ** copies * math.gamma((copies + 1) / 2) / math.sqrt(math.pi)
     return max(1.0, (bound / each) ** (1.0 / copies))
 
 
 def ratios(off: np.ndarray, allowed: np.ndarray) -> np.ndarray:
-    """Differences in units of what is allowed; infinite where one is no number, or where nothing is allowed but nothing."""
+    """Differences in units of their allowances; infinite for NaN, and for a difference where the allowance is 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(off == 0.0, 0.0, off / allowed)
     return np.nan_to_num(ratio, nan=math.inf, posinf=math.inf)

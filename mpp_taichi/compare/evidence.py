@@ -1,4 +1,4 @@
-"""Evidence: what a contender did, as arrays: the forces it felt, and where its particles were along a run."""
+"""Evidence: the results of a contender as arrays: its forces, and the positions of its particles along a run."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,40 +11,40 @@ SEED = 20_000
 
 
 class Contender(Protocol):
-    """A backend with a scene on it."""
+    """A backend that runs a scene."""
 
     facts: dict[str, Any]
 
     def accelerations_at(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Positions and velocities as it keeps them, and the accelerations there, (N, 3) each in float64."""
+        """Positions and velocities as the backend stores them, and the accelerations there, (N, 3) each in float64."""
 
     def restart(self) -> None:
-        """Back to the start of the scene."""
+        """Return to the start of the scene."""
 
     def begin(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Go on from here, (N, 3) each, at the time of the start."""
+        """Continue from these positions and velocities, (N, 3) each, at the time of the start."""
 
     def advance(self, steps: int) -> float:
-        """Take steps; the seconds of it."""
+        """Take steps; returns the seconds they took."""
 
     def read(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities now, (N, 3) each in float64."""
+        """The present positions and velocities, (N, 3) each in float64."""
 
     def copy_seconds(self) -> float:
-        """How long positions take from the device to the host."""
+        """The seconds for copying positions from the device to the host."""
 
     def peaks(self) -> dict[str, float]:
-        """Flops and bytes per second that its device reaches at best."""
+        """The highest flops and bytes per second that the device reaches."""
 
     def close(self) -> None:
-        """Give everything back."""
+        """Free the device."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """States with the accelerations felt there, (2, N, 3): the start, and the start shaken. Then the looks along a run.
+    """Two states with their accelerations, (2, N, 3): the start, and the start shaken; and samples along a run.
 
-    steps      counts at which it was looked at, (looks,)
+    steps      counts of steps at which samples were taken, (looks,)
     places     positions there, (looks, N, 3), and `speeds`, velocities
     """
 
@@ -59,7 +59,7 @@ class Evidence:
 def gather(
     contender: Contender, states: Sequence[tuple[np.ndarray, np.ndarray]], looks: Sequence[int], *, forces: bool = True
 ) -> Evidence:
-    """Ask for the forces at the states, then run from the start and look after so many steps."""
+    """Compute the forces at the states, then run from the start and take a sample after each count of steps."""
     found = [contender.accelerations_at(position, velocity) for position, velocity in states] if forces else []
     contender.restart()
     places, speeds = _run(contender, looks)
@@ -71,7 +71,7 @@ def gather(
 def follow(
     contender: Contender, starts: Sequence[tuple[np.ndarray, np.ndarray]], looks: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities at the looks of runs from each of the starts, (starts, looks, N, 3) each."""
+    """Positions and velocities in the samples of runs from each start, (starts, looks, N, 3) each."""
     runs = []
     for position, velocity in starts:
         contender.begin(position, velocity)
@@ -81,7 +81,7 @@ def follow(
 
 
 def _run(contender: Contender, looks: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities after so many steps from now on, (looks, N, 3) each."""
+    """Positions and velocities after each count of steps from the present state, (looks, N, 3) each."""
     done, seen = 0, []
     for steps in looks:
         contender.advance(steps - done)
@@ -93,9 +93,9 @@ def _run(contender: Contender, looks: Sequence[int]) -> tuple[np.ndarray, np.nda
 
 
 def shaken(position: np.ndarray, velocity: np.ndarray, free: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
-    """The state with every free axis moved, so that springs are stretched and brakes have something to brake.
+    """The state displaced along every free axis, so that springs are stretched and drag acts.
 
-    `free` is 1.0 or 0.0, (N, 3). Velocities are moved by about as much as they are; all at rest, by a size per unit of time.
+    `free` is 1.0 or 0.0, (N, 3). Velocities change by about their own size; if all are zero, by one size per unit of time.
     """
     random = np.random.default_rng(SEED)
     speed = float(np.sqrt(np.mean(velocity * velocity))) or size

@@ -1,4 +1,4 @@
-"""Felt forces: the accelerations of a simulation where its particles are, by the loops of its own plan."""
+"""Felt forces: the accelerations of a simulation at its present positions, by the loops of its own plan."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from mpp_taichi.step.force_sum import ForceSum
 
 @ti.data_oriented
 class FeltForces:
-    """The sum that a step finds, and to it what depends on velocity."""
+    """The sum of the forces as a step computes it, with the forces that depend on velocity added."""
 
     def __init__(self, state: State, total_force: TotalForce, force_sum: ForceSum) -> None:
         """Bind the parts."""

@@ -6,24 +6,24 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.compare import numpy_reference, numpy_steps
-from mpp_taichi.compare.numpy_reference import Reference, bodies, kept, pair_forces
+from mpp_taichi.compare.numpy_reference import NumpyForces, bodies, kept, pair_forces
 from mpp_taichi.compare.numpy_steps import NumpySteps
 from mpp_taichi.compare.peaks import numpy_peaks
 from mpp_taichi.errors import BackendError
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
-MOST_PAIRS = 1e9  # of a step: some ten seconds, and arrays that no cache holds
+MOST_PAIRS = 1e9  # of a step: some ten seconds, and arrays larger than any cache
 
 
 class NumpyContender:
-    """NumPy, one thread of array operations after another."""
+    """The NumPy reference as a backend, in one thread."""
 
     def __init__(self, spec: SceneSpec, start: Snapshot, precision: str) -> None:
         """Bind the scene.
 
         Raises:
-            BackendError: NumPy has no text of this scene, or none in this precision.
+            BackendError: the NumPy reference lacks an effect of this scene, or this precision.
         """
         refused = numpy_reference.refusal(spec) or numpy_steps.refusal(spec)
         if refused is None and precision != "f64":
@@ -33,7 +33,7 @@ class NumpyContender:
         if refused:
             raise BackendError(refused)
         self._start, self._precision = start, precision
-        self._reference = Reference(spec, bodies(start, spec.dimensions, [precision]))
+        self._reference = NumpyForces(spec, bodies(start, spec.dimensions, [precision]))
         dt = float(spec.integrator.parameters["dt"])
         self._steps = NumpySteps(self._reference, spec.integrator.name, np.array([dt]))
         self.restart()
@@ -79,4 +79,4 @@ class NumpyContender:
         return numpy_peaks()
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Do nothing: no device is held."""

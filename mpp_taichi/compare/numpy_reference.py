@@ -1,8 +1,8 @@
 """Numpy reference: forces and energies in float64 by direct sums, written apart from the kernels that it judges.
 
 Arrays have a leading axis of copies, which may differ in every number: position and velocity (copies, N, 3), mass and charge
-(copies, N), springs (copies, spring_count). What a backend keeps in single precision is rounded so here as well, `kept`, so
-that its arithmetic is judged and not its numbers.
+(copies, N), springs (copies, spring_count). Numbers that a backend stores in single precision are rounded here
+as well, by `kept`, so that its arithmetic is judged and not the rounding of its input.
 """
 
 import math
@@ -18,7 +18,7 @@ from mpp_taichi.snapshot import Snapshot
 
 BLOCK = 40_000  # separations at a time: a few arrays of them fit into a core's cache
 DIRECT = "direct"  # the solver of a force that sums over all pairs
-KNOWN_FORCES = {  # with the parameters that are known of them
+KNOWN_FORCES = {  # each with the parameters that the reference supports
     "newtonian_gravity": ("strength", "softening", "solver", "accuracy"),
     "coulomb": ("coulomb_constant", "softening"),
     "uniform_gravity": ("acceleration",),
@@ -35,30 +35,30 @@ LENGTH = SQUARE / 2 + ROOT
 SPRING = 2 * LENGTH + SQUARE + QUOTIENT + 8 * STEP  # D (|d| − L) |d| + c w·d over d², times d
 WEIGHT = QUOTIENT + STEP  # a force over the mass
 ROUNDINGS = PAIR + WEIGHT
-CONSPIRING = 32  # a term's last five bits are lost at random only where it is so many roundings of the sum
+CONSPIRING = 32  # roundings of the sum: the last five bits of larger terms are lost at random
 
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """What the forces of a scene read, for some copies of it; see the module."""
+    """The input of a scene's forces, for some copies of the scene; see the module."""
 
     mass: np.ndarray
     charge: np.ndarray
     stiffness: np.ndarray
     damping: np.ndarray
     rest_length: np.ndarray
-    gain: np.ndarray  # what the acceleration of each particle is multiplied by, (copies, N); 1 but for a perturbed copy
+    gain: np.ndarray  # factor of the acceleration of each particle, (copies, N); 1 except in a perturbed copy
     between: np.ndarray  # (spring_count, 2)
     free: np.ndarray  # (N, 3), 1.0 or 0.0
 
     @property
     def copies(self) -> int:
-        """Number of them."""
+        """Number of copies."""
         return len(self.mass)
 
 
 def bodies(snapshot: Snapshot, dimensions: int, precisions: Sequence[str]) -> Bodies:
-    """A copy for each precision, its numbers as that precision keeps them."""
+    """A copy for each precision, with its numbers as the precision stores them."""
     springs = snapshot.springs
     free = snapshot.free.astype(float)
     free[:, dimensions:] = 0.0
@@ -79,12 +79,12 @@ def bodies(snapshot: Snapshot, dimensions: int, precisions: Sequence[str]) -> Bo
 
 
 def kept(values: np.ndarray, precision: str) -> np.ndarray:
-    """Numbers as a precision keeps them, in float64."""
+    """Numbers as a precision stores them, in float64."""
     return np.asarray(values).astype(KINDS[precision]).astype(np.float64)
 
 
 def refusal(spec: SceneSpec) -> str | None:
-    """Which forces of a scene have no reference here; None where all have."""
+    """The reason why a scene has no reference here, the forces that are missing; None where all forces have one."""
     foreign = [force.name for force in spec.forces if force.name not in KNOWN_FORCES]
     for force in spec.forces:
         for parameter in component.declaration("forces", force.name).parameters:
@@ -95,16 +95,16 @@ def refusal(spec: SceneSpec) -> str | None:
 
 
 def pair_forces(spec: SceneSpec) -> int:
-    """How many forces of a scene are summed over all pairs."""
+    """The number of forces of a scene that are summed over all pairs."""
     direct = [force.name for force in spec.forces if force.parameters.get("solver", DIRECT) == DIRECT]
     return sum(component.declaration("forces", name).base == "PairForce" for name in direct)
 
 
-class Reference:
+class NumpyForces:
     """The forces of a scene on some copies of its particles."""
 
     def __init__(self, spec: SceneSpec, given: Bodies, *, threads: int = 1) -> None:
-        """Bind them; pairs are shared out to so many threads."""
+        """Bind the forces; pairs are distributed to some threads."""
         self.spec, self.bodies, self.threads = spec, given, threads
         forces = {force.name: force.parameters for force in spec.forces}
         self.gravity, self.coulomb = forces.get("newtonian_gravity"), forces.get("coulomb")
@@ -125,7 +125,7 @@ class Reference:
         return values if rows is None else values[:, rows]
 
     def steady(self, position: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
-        """Of the forces that do not depend on velocity, (copies, N, 3); only `rows` are right where they are given."""
+        """Accelerations by the forces that do not depend on velocity, (copies, N, 3); only the given `rows` are valid."""
         given = self.bodies
         result = self.of_pairs(position, rows) + self.field
         if self.has_springs:
@@ -136,14 +136,14 @@ class Reference:
         return np.where(given.free > 0.0, result * given.gain[..., None], 0.0)
 
     def of_pairs(self, position: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
-        """Of the forces between all pairs, along all axes."""
+        """Accelerations by the forces between all pairs, along all axes."""
         result = np.zeros_like(position)
         for source, response, softening in self._pair_forces():
             result += pair_sum(position, source, response, softening, rows, threads=self.threads)
         return result
 
     def friction(self, position: np.ndarray, velocity: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
-        """Of drag and of the dampers of springs, (copies, N, 3)."""
+        """Accelerations by drag and by the damping of springs, (copies, N, 3)."""
         given = self.bodies
         result = np.zeros_like(position)
         if self.drag:
@@ -161,7 +161,7 @@ class Reference:
         return np.where(given.free > 0.0, result * given.gain[..., None], 0.0)
 
     def _pair_forces(self) -> list[tuple[np.ndarray, np.ndarray, float]]:
-        """(source, response, softening) of each: a_i = response_i Σ_j source_j d/ρ³."""
+        """(source, response, softening) of each pair force: a_i = response_i Σ_j source_j d/ρ³."""
         given, found = self.bodies, []
         if self.gravity is not None:
             found.append((given.mass, np.full_like(given.mass, self.gravity["strength"]), self.gravity["softening"]))
@@ -172,13 +172,13 @@ class Reference:
         return found
 
     def _lengths(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """From the first end of each spring to the second, and how far that is."""
+        """The vector from the first end of each spring to the second, and its length."""
         between = self.bodies.between
         away = position[:, between[:, 1]] - position[:, between[:, 0]]
         return away, np.sqrt(np.sum(away * away, axis=2))
 
     def _both_ends(self, force: np.ndarray, *, sign: float = -1.0) -> np.ndarray:
-        """Sum for each particle of what its springs exert, (copies, N, 3): `sign` times the force on a second end."""
+        """The sum of spring forces on each particle, (copies, N, 3); a second end gets `sign` times the first end's force."""
         given = self.bodies
         count = given.mass.shape[1]
         result = np.empty((given.copies, count, 3))
@@ -198,11 +198,11 @@ class Reference:
     def magnitude(
         self, position: np.ndarray, velocity: np.ndarray, rows: np.ndarray, limits: "Limits"
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Σ of the absolute terms of each acceleration, and what is more than roundings of them: (copies, rows, 3) each.
+        """Σ of the absolute terms of each acceleration, and errors beyond their random roundings: (copies, rows, 3) each.
 
-        A term is taken before anything in it cancels: D (|d| + L), c Σ|w_k d_k|. Terms of no more than CONSPIRING roundings of
-        the sum may all be rounded alike, each by itself or by one such rounding at most. And a product below the least normal
-        number may be lost wherever a kernel forms it.
+        A term is taken before any cancellation in it: D (|d| + L), c Σ|w_k d_k|. Terms of at most CONSPIRING roundings of the
+        sum may all be rounded in the same direction, each by at most its own size or one such rounding. And a product below
+        the least normal number may be lost wherever a kernel forms it.
         """
         given = self.bodies
         terms = np.zeros_like(position) + np.abs(self.field)
@@ -229,7 +229,7 @@ class Reference:
         return np.where(allowed, terms, 0.0)[:, rows], np.where(allowed, more, 0.0)[:, rows]
 
     def most_terms(self) -> int:
-        """Most terms that an acceleration is a sum of."""
+        """The largest number of terms in an acceleration."""
         given = self.bodies
         count = given.mass.shape[1]
         springs = int(np.bincount(given.between.ravel(), minlength=1).max()) if self.has_springs else 0
@@ -276,7 +276,7 @@ def pair_sum(
 
 
 def _weights(chosen: np.ndarray, squared: np.ndarray, source: np.ndarray, softening: float) -> np.ndarray:
-    """source_j / ρ³, 0 for a particle itself; two at one place make infinity, as in a kernel."""
+    """source_j / ρ³, 0 for a particle itself; infinite for two particles at one place, as in a kernel."""
     squared += softening * softening
     weight = squared * np.sqrt(squared)
     weight[:, np.arange(len(chosen)), chosen] = np.inf
@@ -287,7 +287,7 @@ def _weights(chosen: np.ndarray, squared: np.ndarray, source: np.ndarray, soften
 def pair_magnitude(
     position: np.ndarray, source: np.ndarray, response: np.ndarray, softening: float, rows: np.ndarray, limits: "Limits"
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Σ|t_jk|, and what small terms and small numbers may add to the error of a sum: see `Reference.magnitude`."""
+    """Σ|t_jk|, and the error of a sum by small terms and small numbers: see `NumpyForces.magnitude`."""
     terms, more = np.zeros_like(position), np.zeros_like(position)
     scale = np.abs(response)[..., None]
     greatest = np.abs(source).max(axis=1)[:, None]
@@ -311,7 +311,7 @@ def pair_magnitude(
 
 @dataclass(frozen=True)
 class Limits:
-    """Of a precision: its unit of rounding, and its least normal number, below which a product may be lost."""
+    """The unit of rounding of a precision, and its least normal number, below which a product may be lost."""
 
     unit: float
     smallest: float
@@ -360,7 +360,7 @@ def _over_blocks(
 
 
 def sample(count: int, terms: float) -> np.ndarray:
-    """Particles to look at when a look at all of them, with so many terms each, is too much: both ends, and some between."""
+    """A sample of particles where all of them, with so many terms each, would take too long: first, last and some between."""
     most = max(64, int(terms / max(count, 1)))
     if most >= count:
         return np.arange(count)
@@ -370,7 +370,7 @@ def sample(count: int, terms: float) -> np.ndarray:
 
 
 def perturbed(given: Bodies, amplitude: float, factor: float, copies: int, random: np.random.Generator) -> Bodies:
-    """Copies of the first, every number of a force off by `factor` roundings of relative size `amplitude`, up or down."""
+    """Copies of the first, with every number of a force off by `factor` roundings of the size `amplitude`, up or down."""
 
     def off(values: np.ndarray) -> np.ndarray:
         one = values[:1]
@@ -387,6 +387,6 @@ def norm(vectors: np.ndarray) -> np.ndarray:
 
 
 def size_of(position: np.ndarray) -> float:
-    """Root mean square distance of the particles from their mean place, (N, 3) → [length]; 1 where that is nothing."""
+    """Root mean square distance of the particles from their mean place, (N, 3) → [length]; 1 where it is 0."""
     spread = math.sqrt(float(np.mean(np.sum((position - position.mean(axis=0)) ** 2, axis=1))))
     return spread or float(np.abs(position).max()) or 1.0

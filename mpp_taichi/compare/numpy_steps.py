@@ -1,6 +1,6 @@
 """Numpy steps: leapfrog, velocity Verlet, yoshida4, PEFRL and classical Runge–Kutta in float64, for copies side by side.
 
-Written from the papers, apart from `integrators/`: it is what those are judged by.
+Written from the papers, independently of `integrators/`, whose steps are judged by these.
 """
 
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpp_taichi.compare.numpy_reference import DIRECT, Reference
+from mpp_taichi.compare.numpy_reference import DIRECT, NumpyForces
 from mpp_taichi.scene.spec import SceneSpec
 
 CUBE_ROOT = 2.0 ** (1.0 / 3.0)
@@ -52,7 +52,7 @@ METHODS = (*SPLITTINGS, "rk4")
 
 
 def refusal(spec: SceneSpec) -> str | None:
-    """Why the scene's steps have no NumPy text; None where they have one."""
+    """The reason why the scene's integrator is not among these; None where it is."""
     if spec.contacts is not None or spec.walls:
         return "NumPy steps know no contacts and no walls"
     if any(force.parameters.get("solver", DIRECT) != DIRECT for force in spec.forces):
@@ -62,9 +62,9 @@ def refusal(spec: SceneSpec) -> str | None:
 
 
 class NumpySteps:
-    """Copies of a scene on their way; `dt` has one entry for each copy."""
+    """Copies of a scene that are stepped together; `dt` has one entry for each copy."""
 
-    def __init__(self, reference: Reference, method: str, dt: np.ndarray, noise: "Noise | None" = None) -> None:
+    def __init__(self, reference: NumpyForces, method: str, dt: np.ndarray, noise: "Noise | None" = None) -> None:
         """Bind the forces, the method and the steps."""
         self.reference, self.method, self.noise = reference, method, noise
         self.dt = np.asarray(dt, float)[:, None, None]
@@ -72,12 +72,12 @@ class NumpySteps:
         self._force: np.ndarray | None = None
 
     def start(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Begin here, (copies, N, 3) each."""
+        """Begin at these positions and velocities, (copies, N, 3) each."""
         self.position, self.velocity = position.copy(), velocity * self.reference.bodies.free
         self._force = None
 
     def advance(self, steps: int) -> None:
-        """Take so many steps."""
+        """Take a number of steps."""
         step: Callable[[], None] = self._runge_kutta if self.method == "rk4" else self._splitting
         for _ in range(steps):
             step()
@@ -96,7 +96,7 @@ class NumpySteps:
                 self._force = None
 
     def _kick(self, h: np.ndarray, order: int) -> None:
-        """v' = A + f(v) at fixed positions over h; where f is there, by a method of the splitting's order."""
+        """v' = A + f(v) at fixed positions over h; with a friction f, by a method of the splitting's order."""
         if self._force is None:
             self._force = self.reference.steady(self.position)
         if not self.reference.depends_on_velocity:
@@ -134,14 +134,14 @@ class NumpySteps:
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """What every step adds to positions and velocities, relative to them, (copies, N, 3) each: roundings of one sign."""
+    """The relative change of positions and velocities in every step, (copies, N, 3) each: roundings of one sign."""
 
     of_position: np.ndarray
     of_velocity: np.ndarray
 
 
 def roundings_per_step(method: str) -> tuple[int, int]:
-    """How often a step rounds a position, and a velocity."""
+    """The number of roundings of a position, and of a velocity, in a step."""
     if method == "rk4":
         return 4, 4
     stages = SPLITTINGS[method].stages

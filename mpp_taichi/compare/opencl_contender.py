@@ -1,4 +1,4 @@
-"""Opencl contender: the kernels of the folder `opencl/` beside the package, on the device that it chooses."""
+"""Opencl contender: the kernels of the folder `opencl/` beside the package, on the device that its runner chooses."""
 
 import time as clock
 from typing import Any
@@ -17,7 +17,7 @@ def runner_module() -> Any:
     """The runner of `opencl/`.
 
     Raises:
-        BackendError: it is not there.
+        BackendError: the runner does not exist here.
     """
     try:
         return load_opencl()
@@ -26,13 +26,13 @@ def runner_module() -> Any:
 
 
 class OpenclContender:
-    """A scene in OpenCL."""
+    """The OpenCL runner as a backend."""
 
     def __init__(self, spec: SceneSpec, start: Snapshot, precision: str, *, variant: str | None = None) -> None:
-        """Compile it; `variant` is that of its runner.
+        """Compile the scene; `variant` is a variant of the runner's kernels.
 
         Raises:
-            BackendError: there is no device, or there are no kernels for this scene.
+            BackendError: no OpenCL device exists, or no kernels for this scene.
         """
         self._module, self._spec, self._start, self._precision = runner_module(), spec, start, precision
         began = clock.perf_counter()
@@ -74,7 +74,7 @@ class OpenclContender:
         return float(self._runner.advance(steps))
 
     def read(self) -> tuple[np.ndarray, np.ndarray]:
-        """As the protocol says; no numbers where one is not finite, which the runner does not show."""
+        """As the protocol says; NaN for all numbers where one is not finite, since the runner shows none of them."""
         try:
             now = self._runner.snapshot()
         except self._module.Failed:
@@ -82,7 +82,7 @@ class OpenclContender:
         return now.position, now.velocity
 
     def copy_seconds(self) -> float:
-        """As the protocol says; with the velocities, which come along."""
+        """As the protocol says, including the velocities, which the runner copies too."""
         seen = []
         for _ in range(COPIES):
             began = clock.perf_counter()

@@ -1,7 +1,7 @@
-"""Where the OpenCL kernels of this project are: the folder `opencl/`, no part of the program and only compared with it.
+"""The place of the OpenCL kernels of this project: the folder `opencl/`, which the program does not use and is compared with.
 
-It is loaded from its place and under a name of its own, so that no other package called `opencl` can come between, and none is
-hidden. In a checkout it lies beside `mpp_taichi/`, in an installed package inside.
+The folder is loaded by its path and under a name of its own, so that it cannot be confused with another package `opencl`. In a
+checkout it lies beside `mpp_taichi/`, in an installed package inside.
 """
 
 import importlib
@@ -18,7 +18,7 @@ def load_opencl(module: str = "runner") -> ModuleType:
     """A module of the folder; its `runner` runs scenes. Imports neither Taichi nor, before devices are asked for, pyopencl.
 
     Raises:
-        ModuleNotFoundError: the folder is not there, or it has no such module.
+        ModuleNotFoundError: the folder does not exist, or it has no such module.
     """
     if NAME not in sys.modules:
         folder = next((place for place in PLACES if (place / "runner.py").is_file()), None)

@@ -1,4 +1,4 @@
-"""Peaks: what a device reaches at best, by two small probes: additions of products in registers, and a copy of a large array.
+"""Peaks: the highest rates of a device, by two small probes: multiply–adds in registers, and a copy of a large array.
 
 No kernel of a scene can be faster. Where several backends share a device, its peak is the best of their probes.
 """
@@ -9,18 +9,18 @@ from collections.abc import Callable
 import numpy as np
 
 REPEATS = 3
-CHAINS = 10  # independent sums: as many as hide the latency of one
+CHAINS = 10  # independent sums: enough to hide the latency of each
 ROUNDS = 400
 # On a processor, and on a GPU: loop iterations of the first probe, and bytes of the copy, beyond all caches.
 SUM_THREADS = {False: 4096, True: 1 << 18}
 COPY_BYTES = {False: 1 << 26, True: 1 << 29}
-COPY_THREADS = {False: 1 << 22, True: 1 << 20}  # on Vulkan, which starts some eight million at most
+COPY_THREADS = {False: 1 << 22, True: 1 << 20}  # on Vulkan, which starts at most some eight million threads
 MATRIX = 1024
 FACTOR, ADDEND = 0.999, 0.001  # their sum stays near 1
 
 
 def fastest(call: Callable[[], None]) -> float:
-    """Seconds of the fastest of some calls, after one that is not counted: a peak is what is reached at best."""
+    """Seconds of the fastest of some calls, after one uncounted call: a peak is the highest rate reached."""
     call()
     seen = []
     for _ in range(REPEATS):

@@ -1,4 +1,4 @@
-"""Process: a worker as its parent sees it, asked and answered line by line, given up when it does not answer."""
+"""Process: the parent's side of a worker; requests and answers are lines, and a worker without an answer is killed."""
 
 import contextlib
 import json
@@ -16,19 +16,19 @@ from typing import Any
 from mpp_taichi.device.availability import cache_folder
 from mpp_taichi.errors import MppError
 
-LOOK_SECONDS = 0.1  # between two looks for an interruption while an answer is awaited
-END_SECONDS = 20.0  # that a worker has to end by itself, writing its cache of kernels
+LOOK_SECONDS = 0.1  # between two checks for an interruption while an answer is awaited
+END_SECONDS = 20.0  # for a worker to end by itself and write its cache of kernels
 
 
 class WorkerError(MppError):
-    """A worker says why it cannot do what it was asked, or has died, or does not answer."""
+    """A worker reports a failure, or has died, or does not answer."""
 
 
 class WorkerProcess:
     """A child process; `look` is called while an answer is awaited and may raise."""
 
     def __init__(self, folder: Path, cache: Path, look: Callable[[], None]) -> None:
-        """Start it. `folder` takes its standard error, `cache` what compilers keep."""
+        """Start the worker. `folder` is for its standard error, `cache` for the compilers' caches."""
         self._look = look
         self._log = folder / f"worker-{id(self):x}.log"
         root = str(Path(__file__).parents[2])
@@ -57,7 +57,7 @@ class WorkerProcess:
         """The answer to a line.
 
         Raises:
-            WorkerError: it cannot, or it died, or there was no answer `within` so many seconds.
+            WorkerError: the worker reports a failure, has died, or gave no answer `within` these seconds.
         """
         assert self._process.stdin is not None
         try:
@@ -91,27 +91,27 @@ class WorkerProcess:
         return f"its process ended with status {self._process.returncode}{last}"
 
     def ask_to_end(self) -> None:
-        """Ask no more."""
+        """Close the input of the worker, so that it ends."""
         with contextlib.suppress(OSError, ValueError):
             assert self._process.stdin is not None
             self._process.stdin.close()
 
     def end(self) -> None:
-        """Let it end by itself, so that what it compiled is kept; then end it."""
+        """Let the worker end by itself, so that it saves its compiled kernels; then kill it."""
         self.ask_to_end()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(END_SECONDS)
         self.kill()
 
     def kill(self) -> None:
-        """End it now."""
+        """Kill the worker now."""
         if self._process.poll() is None:
             self._process.kill()
         self._process.wait()
 
 
 def caches(folder: Path) -> dict[str, str]:
-    """Variables that lead Taichi, PoCL, pyopencl and the drivers of GPUs to keep what they compile in a folder."""
+    """Environment variables by which Taichi, PoCL, pyopencl and the drivers of GPUs cache compiled kernels in a folder."""
     return {
         "XDG_CACHE_HOME": str(folder),
         "POCL_CACHE_DIR": str(folder / "pocl"),
@@ -121,7 +121,7 @@ def caches(folder: Path) -> dict[str, str]:
 
 
 def empty_cache(folder: Path) -> Path:
-    """A cache in which nothing is compiled, and all is known of the backends."""
+    """An empty cache of kernels that includes the known facts about the backends."""
     for name in ("", "pocl", "cuda", "gl"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     if cache_folder().is_dir():

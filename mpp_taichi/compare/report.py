@@ -7,7 +7,7 @@ from xml.sax.saxutils import escape
 
 from mpp_taichi.accuracy import svg
 from mpp_taichi.accuracy.report import framed
-from mpp_taichi.accuracy.svg import Mark, Plot, Series
+from mpp_taichi.accuracy.svg import Plot, PlotMark, Series
 from mpp_taichi.compare import table
 from mpp_taichi.compare.words import EXPLANATION, circumstances, machine
 
@@ -50,7 +50,7 @@ def _plots(found: dict[str, Any], numbers: dict[str, int]) -> list[Plot]:
             f"{row['label']} {row['precision']}",
             numbers[row["label"]],
             [
-                Mark(point["particle_count"], 1.0 / point["step_seconds"], f"{row['label']} {row['precision']}")
+                PlotMark(point["particle_count"], 1.0 / point["step_seconds"], f"{row['label']} {row['precision']}")
                 for point in row["scaling"]
             ],
             dashed=row["precision"] != "f64",
@@ -67,8 +67,8 @@ def _plots(found: dict[str, Any], numbers: dict[str, int]) -> list[Plot]:
 def _apart(row: dict[str, Any], numbers: dict[str, int]) -> list[Series]:
     looks = [*row.get("looks", ()), *row.get("looks_beside", {}).get("looks", ())]
     name, number = f"{row['label']} {row['precision']}", numbers[row["label"]]
-    apart = [Mark(look["steps"], _finite(look["distance"]), name) for look in looks]
-    allowed = [Mark(look["steps"], _finite(look["allowed"])) for look in looks]
+    apart = [PlotMark(look["steps"], _finite(look["distance"]), name) for look in looks]
+    allowed = [PlotMark(look["steps"], _finite(look["allowed"])) for look in looks]
     return [
         Series(name, number, apart),
         Series(f"{name}: allowed", number, allowed, marked=False, dashed=True),
@@ -76,7 +76,7 @@ def _apart(row: dict[str, Any], numbers: dict[str, int]) -> list[Series]:
 
 
 def _finite(value: float | None) -> float:
-    """A number to draw; what is not finite has come as None, and is left out of plots."""
+    """A number to draw; None stands for a number that is not finite, which plots leave out."""
     return math.nan if value is None else value
 
 
@@ -118,7 +118,7 @@ def _html_table(head: Sequence[str], body: Sequence[tuple[Sequence[str], str]]) 
     rows = []
     for texts, style in body:
         tags = [f"<td>{escape(text)}</td>" for text in texts]
-        if len(texts) < len(head):  # the last text has the rest of the row for itself
+        if len(texts) < len(head):  # the last text has the rest of the row
             tags[-1] = f'<td colspan="{len(head) - len(texts) + 1}" style="text-align: left">{escape(texts[-1])}</td>'
         rows.append(f'<tr class="{style}">{"".join(tags)}</tr>')
     return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'

@@ -1,4 +1,4 @@
-"""Row: one backend in one precision: what it is, whether it agrees, and what it takes."""
+"""Row: one backend in one precision: its facts, its certificate and its times."""
 
 import statistics
 from dataclasses import dataclass, field
@@ -9,11 +9,11 @@ from mpp_taichi.compare.work import Work
 
 
 @dataclass(eq=False)
-class Row:
-    """See the module. `precision` is empty where the backend as a whole is missing.
+class BackendRow:
+    """One backend in one precision. `precision` is empty where the backend as a whole is missing.
 
-    variant    what it was told to run, a rung of the ladder; nothing where it chooses by itself
-    status     "ok"; "missing", it does not run here or not this scene; "failed", it did and then broke off
+    variant    the rung of the ladder that the backend was told to run; empty where it chooses by itself
+    status     "ok"; "missing": it does not run here or not this scene; "failed": it ran and then broke off
     """
 
     backend: str
@@ -23,7 +23,7 @@ class Row:
     variant: str = ""
     facts: dict[str, Any] = field(default_factory=dict)
     certificate: dict[str, Any] = field(default_factory=dict)
-    seconds_per_step: float = 0.0  # a first timing, to plan by; 0 where there was none
+    seconds_per_step: float = 0.0  # a first timing, from which the time of others is planned; 0 without one
     step_samples: list[float] = field(default_factory=list)  # seconds of a step
     copy_samples: list[float] = field(default_factory=list)
     warm_compile_seconds: float | None = None
@@ -48,7 +48,7 @@ class Row:
 
     @property
     def step_seconds(self) -> float | None:
-        """Median."""
+        """Median time of a step."""
         return statistics.median(self.step_samples) if self.step_samples else None
 
     @property
@@ -60,14 +60,14 @@ class Row:
         return (high - low) / middle
 
     def give_up(self, reason: str, status: str = "failed") -> None:
-        """Note why, and end the process."""
+        """Note the reason, and end the process."""
         self.status, self.reason = status, reason
         if self.process is not None:
             self.process.kill()
         self.process = None
 
 
-def described(row: Row, work: Work, peak: dict[str, float]) -> dict[str, Any]:
+def described(row: BackendRow, work: Work, peak: dict[str, float]) -> dict[str, Any]:
     """A row as plain data; `peak` has the `flops` and `bytes` per second that its device reaches in its precision."""
     seconds, found = row.step_seconds, {}
     if seconds:
@@ -103,8 +103,8 @@ def described(row: Row, work: Work, peak: dict[str, float]) -> dict[str, Any]:
     }
 
 
-def peak_of(rows: list[Row], row: Row) -> dict[str, float]:
-    """The best of the probes of all backends on the device of this one: flops in its precision, bytes in any."""
+def peak_of(rows: list[BackendRow], row: BackendRow) -> dict[str, float]:
+    """The highest rates of all backends on the same device: flops in the row's precision, bytes in any precision."""
     mates = [mate for mate in rows if mate.status == "ok" and mate.device_kind == row.device_kind and mate.peaks]
     flops = [mate.peaks["flops"] for mate in mates if mate.precision == row.precision]
     copies = [mate.peaks["bytes"] for mate in mates]

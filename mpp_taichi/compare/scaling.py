@@ -1,4 +1,4 @@
-"""Scaling: scenes of the same effects with more and more particles, and where one backend overtakes another."""
+"""Scaling: scenes with the same effects and more and more particles, and the size at which one backend overtakes another."""
 
 import itertools
 import math
@@ -10,13 +10,13 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 COUNTS = tuple(2 * 4**k for k in range(12))  # 2, 8, 32, … 8,388,608
-LONGEST_STEP = 2.0  # seconds: beyond it a step is no longer worth waiting for
-STEPS_WANTED = 4.0  # of the time of a step, that a size takes: compilation aside, one to compile and two to time
+LONGEST_STEP = 2.0  # seconds: larger sizes, with longer steps, are not run
+STEPS_WANTED = 4.0  # steps that a size takes, besides compilation: one to compile and two to time
 DT = 1e-9  # [time]: nothing moves, so that every backend and size does the same work
 
 
 def refusal(spec: SceneSpec) -> str | None:
-    """Why no scenes like this one are generated; None where they are."""
+    """The reason why no scenes like this one are generated; None where they are."""
     return "scenes with contacts are not generated" if spec.contacts is not None or spec.walls else None
 
 
@@ -53,9 +53,9 @@ def scene_of(spec: SceneSpec, start: Snapshot, count: int) -> dict[str, Any]:
 
 
 def fits(seen: Sequence[tuple[int, float]], walls: Sequence[float], count: int, seconds: float) -> bool:
-    """Whether the next size can be made and timed in so many seconds, if steps go on to grow as they did, at worst as N².
+    """Whether the next size can be made and timed in the given seconds, if steps keep growing as before, at worst as N².
 
-    `walls` are the seconds that each of the sizes seen took altogether; what they grew by grows fourfold, as the sizes do.
+    `walls` are the total seconds of each size so far; their increase grows fourfold, as the sizes do.
     """
     if seconds <= 0.0:
         return False
@@ -74,9 +74,9 @@ def fits(seen: Sequence[tuple[int, float]], walls: Sequence[float], count: int, 
 
 
 def crossovers(curves: Mapping[str, Sequence[tuple[int, float]]]) -> list[dict[str, Any]]:
-    """Where one row becomes faster than another of its precision: between two sizes, on a line through the logarithms.
+    """The sizes at which one row becomes faster than another of its precision, interpolated between two sizes in logarithms.
 
-    Sizes at which both take the same, to what repeats differ by, are passed over.
+    Sizes at which both rows take the same time, within the spread of their repeats, are skipped.
     """
     found = []
     for (one, first), (other, second) in itertools.combinations(curves.items(), 2):

@@ -48,7 +48,7 @@ def cells(row: dict[str, Any]) -> tuple[str, ...]:
 
 
 def lines(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """The table, columns aligned; a reason may be as long as it is."""
+    """The table, columns aligned; the width of reasons is not limited."""
     table = [HEAD, *(cells(row) for row in rows)]
     widths = [max((len(row[k]) for row in table if len(row) == len(HEAD)), default=0) for k in range(len(HEAD))]
     widths[:2] = [max(len(row[k]) for row in table) for k in range(2)]
@@ -61,7 +61,7 @@ def lines(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def number(value: float | None) -> str:
-    """A difference; what is not finite has come as None."""
+    """The text of a difference; None stands for a number that is not finite."""
     return "none" if value is None else f"{value:.1e}"
 
 

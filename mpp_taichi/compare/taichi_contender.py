@@ -16,15 +16,15 @@ COPIES = 5  # of which the median is told
 
 
 class TaichiContender:
-    """A scene, its timeline left out, on a backend and in a precision."""
+    """A scene without its timeline on a backend and in a precision."""
 
     def __init__(
         self, spec: SceneSpec, start: Snapshot, backend: str, precision: str, *, threads: int | None = None, plan: str = "auto"
     ) -> None:
-        """Start the backend, and take one step, which compiles it.
+        """Start the backend, and compile the scene by taking one step.
 
         Raises:
-            BackendError: it does not start here, or cannot run this scene.
+            BackendError: the backend does not start here, or cannot run this scene.
         """
         self.simulation = Simulation(
             replace(spec, timeline=(), accuracy=None),
@@ -78,7 +78,7 @@ class TaichiContender:
         self.simulation.state.write(position, velocity)
 
     def advance(self, steps: int) -> float:
-        """As the protocol says; a number that is not finite stays for others to see."""
+        """As the protocol says; numbers that are not finite raise no error here."""
         began = clock.perf_counter()
         self.simulation.try_steps(steps)  # waits for the device
         return clock.perf_counter() - began

@@ -1,4 +1,4 @@
-"""Tree forces: whether gravity by a tree is as near to the direct sum as it says it is, for as many particles."""
+"""Tree forces: whether gravity by a tree is within its accuracy of the direct sum, for the promised share of particles."""
 
 import math
 
@@ -11,10 +11,10 @@ SHARE = 0.01  # of the particles, that may be farther off than the accuracy
 
 
 def exceptions(looked_at: int, count: int) -> int:
-    """How many of the particles looked at may be farther off than the accuracy.
+    """The number of compared particles whose error may exceed the accuracy.
 
-    A hundredth where all are looked at. Of a sample more may be, by chance: as many as a sample of a tree whose exceptions are
-    just a hundredth has more of with a chance below CHANCE only.
+    It is a hundredth where all particles are compared. In a sample the number may be larger by chance: a sample of a tree with
+    exactly a hundredth of exceptions has more than the returned number with a probability below CHANCE.
     """
     if looked_at == count:
         return int(SHARE * count)
@@ -29,9 +29,9 @@ def exceptions(looked_at: int, count: int) -> int:
 def finding(
     name: str, off: np.ndarray, allowed: np.ndarray, pull: np.ndarray, accuracy: float, rows: np.ndarray, count: int
 ) -> Finding:
-    """The error of the first particle that is no exception; arrays (rows, 3) of errors, of what rounding may do, of gravity.
+    """The error of the first particle that is no exception; arrays (rows, 3): errors, errors allowed by rounding, gravity.
 
-    Relative to the particle's own gravity, beyond what rounding may do.
+    The error is relative to the particle's own gravity, after the allowance for rounding.
     """
     size = norm(pull)
     error = norm(np.maximum(off - allowed, 0.0))

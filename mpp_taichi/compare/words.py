@@ -1,4 +1,4 @@
-"""Words: what a comparison found, in lines for a person."""
+"""Words: the results of a comparison, in lines for a person."""
 
 from typing import Any
 
@@ -52,7 +52,7 @@ def _decision(row: dict[str, Any]) -> str:
 
 
 def circumstances(found: dict[str, Any]) -> list[str]:
-    """What was compared, and what to know before trusting it."""
+    """The things compared, and warnings about the reliability of the results."""
     springs = f", {found['spring_count']:,} springs" if found["spring_count"] else ""
     lines = [
         f"{found['particle_count']:,} particles{springs}; {', '.join(found['effects']) or 'no effect'}; "
@@ -70,7 +70,7 @@ def circumstances(found: dict[str, Any]) -> list[str]:
 
 
 def _horizon(row: dict[str, Any]) -> str:
-    """Where rounding alone makes positions mean nothing before the last look."""
+    """The step from which rounding alone leaves positions no meaning, if it is before the last sample."""
     return f"In {row['precision']} rounding leaves positions a meaning for {row['meaning_until_step']:,} steps."
 
 

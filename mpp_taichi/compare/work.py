@@ -1,11 +1,10 @@
-"""Work: what a step does, in the units that backends are compared in; the conventions of the table.
+"""Work: the work of a step, in the units by which backends are compared; the conventions of the table.
 
 interactions   ordered pairs, N (N − 1) for each evaluation of the force, whatever a kernel really visits
 flops          20 for each interaction in f32 and 30 in f64, as in NVIDIA's N-body sample: a convention, not a count
 bytes          of a step on springs: for each evaluation every half-spring's index, stiffness, rest length and, where there
                is any, damping, and every particle's position, velocity and mass read and its velocity written; for each
-               drift positions read and written and velocities read. What caches save is not counted off, nor what they miss
-               added.
+               drift positions read and written and velocities read. Effects of caches are not counted.
 """
 
 from dataclasses import dataclass
@@ -22,7 +21,7 @@ INDEX = 4
 
 @dataclass(frozen=True)
 class Work:
-    """Of one step."""
+    """The work of one step."""
 
     particles: int
     springs: int
@@ -32,11 +31,11 @@ class Work:
     damped: bool
 
     def flops(self, precision: str) -> float:
-        """Of the interactions; 0 where there are no pairs."""
+        """Flops of the interactions; 0 without pairs."""
         return self.interactions * FLOPS[precision]
 
     def bytes(self, precision: str) -> float:
-        """Of springs; 0 where there are none."""
+        """Bytes of the springs; 0 without springs."""
         width = WIDTH[precision]
         if not self.springs:
             return 0.0
@@ -45,7 +44,7 @@ class Work:
 
 
 def work_of(spec: SceneSpec, particles: Snapshot, evaluations: int | None) -> Work:
-    """The work of a step; `evaluations` of the force as a backend said, where the method is none of the NumPy ones."""
+    """The work of a step; `evaluations` of the force are those that a backend reports for a method without a NumPy text."""
     method = spec.integrator.name
     if method == "rk4":
         evaluations, drifts = 4, 4

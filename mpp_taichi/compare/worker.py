@@ -1,4 +1,4 @@
-"""Worker: one backend with one scene in a process of its own, told what to do by lines of JSON.
+"""Worker: one backend with one scene in a process of its own, controlled by lines of JSON.
 
 Run as `python -m mpp_taichi.compare.worker`. Each line on standard input is `{"do": name, …}`; the answer is a line on
 standard output, `{"ok": true, …}` or `{"ok": false, "reason": …}`. Arrays go by `.npz` files that the line names. What
@@ -20,14 +20,14 @@ from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
-SAMPLE_SECONDS = 0.05  # a timing is at least so long, against the clock's own grain
+SAMPLE_SECONDS = 0.05  # the least length of a timing, far above the resolution of the clock
 MOST_STEPS = 1 << 20
 
 
 def contender(
     spec: SceneSpec, start: Snapshot, backend: str, precision: str, threads: int | None, variant: str = ""
 ) -> Contender:
-    """The scene on a backend; `variant` is a plan of ours, or a kernel of OpenCL's."""
+    """The scene on a backend; `variant` is an execution plan of this program, or a kernel of the OpenCL runner."""
     if backend == "numpy":
         from mpp_taichi.compare.numpy_contender import NumpyContender
 
@@ -42,25 +42,25 @@ def contender(
 
 
 class Worker:
-    """Answers lines."""
+    """Answers requests."""
 
     def __init__(self) -> None:
-        """Nothing is built yet."""
+        """Begin without a backend."""
         self._contender: Contender | None = None
         self._steps = 1
 
     def answer(self, line: dict[str, Any]) -> dict[str, Any]:
-        """Do what a line says."""
+        """Carry out a request."""
         return getattr(self, f"do_{line.pop('do')}")(**line)
 
     def do_build(
         self, scene: dict, folder: str, start: str | None, backend: str, precision: str, threads: int | None, variant: str = ""
     ) -> dict[str, Any]:
-        """Load the scene and put it on the backend, in the place of the one before; `start` absent: as the scene begins."""
+        """Load the scene and build it on the backend, replacing the last one; without `start`, from the scene's own start."""
         from mpp_taichi.start.assemble import assemble
 
         self.do_close()
-        os.chdir(folder)  # where files that the scene names are
+        os.chdir(folder)  # the folder of the files that the scene names
         spec = load_scene(scene)
         begin = Snapshot.load(start) if start else assemble(spec)
         self._contender = contender(spec, begin, backend, precision, threads, variant)
@@ -68,7 +68,7 @@ class Worker:
         return {"facts": self._contender.facts}
 
     def do_gather(self, states: str, looks: list[int], forces: bool, to: str) -> dict[str, Any]:
-        """The evidence, written to a file."""
+        """Write the evidence to a file."""
         with np.load(states, allow_pickle=False) as given:
             pairs = list(zip(given["position"], given["velocity"], strict=True))
         found = gather(self._ready, pairs, looks, forces=forces)
@@ -76,7 +76,7 @@ class Worker:
         return {}
 
     def do_follow(self, starts: str, looks: list[int], to: str) -> dict[str, Any]:
-        """Runs from other starts, written to a file."""
+        """Write runs from other starts to a file."""
         with np.load(starts, allow_pickle=False) as given:
             pairs = list(zip(given["position"], given["velocity"], strict=True))
         places, speeds = follow(self._ready, pairs, looks)
@@ -84,7 +84,7 @@ class Worker:
         return {}
 
     def do_calibrate(self, seconds: float) -> dict[str, Any]:
-        """Find how many steps take SAMPLE_SECONDS, within so many seconds."""
+        """Find the number of steps that take SAMPLE_SECONDS, within a limit of seconds."""
         began, steps = clock.perf_counter(), 1
         self._time(1)
         while (taken := self._time(steps)) < SAMPLE_SECONDS and steps < MOST_STEPS:
@@ -95,19 +95,19 @@ class Worker:
         return {"steps": steps, "seconds_per_step": taken / steps}
 
     def do_time(self) -> dict[str, Any]:
-        """Seconds of a step, by as many as were found to take long enough, from the start."""
+        """Time the steps found by `do_calibrate`, from the start; returns the seconds of a step."""
         return {"seconds_per_step": self._time(self._steps) / self._steps}
 
     def do_copy(self) -> dict[str, Any]:
-        """Seconds that positions take to the host."""
+        """The seconds for copying positions to the host."""
         return {"seconds": self._ready.copy_seconds()}
 
     def do_peaks(self) -> dict[str, Any]:
-        """What the device reaches at best."""
+        """The highest rates of the device."""
         return self._ready.peaks()
 
     def do_close(self) -> dict[str, Any]:
-        """Give everything back."""
+        """Free the device."""
         if self._contender is not None:
             self._contender.close()
         self._contender = None
@@ -133,7 +133,7 @@ def main() -> None:
                 answer = {"ok": True, **worker.answer(json.loads(text))}
             except MppError as error:
                 answer = {"ok": False, "reason": " ".join(str(error).split())}
-            except Exception as error:  # drivers raise whatever they like; the row says it
+            except Exception as error:  # drivers may raise any exception, which the row then reports
                 answer = {"ok": False, "reason": f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"}
             output.write(json.dumps(answer) + "\n")
             output.flush()

@@ -21,6 +21,8 @@ class ContactSolver:
     leads    takes the steps of an adaptive method, its `integrator`, set before `bind`, and cuts them at contacts: `lead`
     logs     notes every contact, to be taken by `take_log`; set before `bind`, where a solver `can_log`
     forces   the TotalForce that acts on the spheres, or None; set before `bind`
+    merges   makes one sphere of two that touch
+    order    of the global error in dt; None where the solver does not run at steps whose length is chosen
     in_turn  why it has to run in one thread, and so on the CPU only; empty where it need not
     most_elsewhere  spheres that it takes on other backends than the CPU; None: any number
     memory   of its `work_fields` those that one step hands on to the next, to be saved with the state
@@ -29,6 +31,8 @@ class ContactSolver:
     drifts = False
     flies = False
     leads = False
+    merges = False
+    order: int | None = None
     can_log = False
     logs = False
     in_turn = ""

@@ -43,6 +43,7 @@ class EventDriven(ContactSolver):
     event_limit: int = param(10_000_000, minimum=1, help="contacts between two looks, of a thousand spheres, that end the run")
 
     flies = True
+    order = 0
     in_turn = "it takes one event after the other from a queue"
     can_log = True
     log_capacity = 65_536  # contacts noted on the device before the host takes them

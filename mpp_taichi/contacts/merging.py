@@ -24,6 +24,7 @@ class Merging(ContactSolver):
     bounce_limit: int = param(1_000_000, minimum=1, help="bounces off walls in a drift, beyond which it is given up")
 
     drifts = True
+    merges = True
     in_turn = "it takes one meeting after the other from a list"
     can_log = True
 

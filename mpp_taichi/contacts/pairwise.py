@@ -27,6 +27,7 @@ class Pairwise(ContactSolver):
     )
 
     drifts = True
+    order = 1
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""

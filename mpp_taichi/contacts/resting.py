@@ -62,6 +62,7 @@ class Resting(ContactSolver):
     )
 
     drifts = True
+    order = 1
 
     def bind(self, setup: ContactSetup, state: Any, *, parallel: bool | None = None) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`."""

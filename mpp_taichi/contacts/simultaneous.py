@@ -25,6 +25,7 @@ class Simultaneous(ContactSolver):
         1_000_000, minimum=1, help="contacts of one connected group in a drift, beyond which it is given up"
     )
 
+    order = 2
     drifts = True
     most_elsewhere = MOST_IN_ONE_THREAD
 

@@ -25,6 +25,7 @@ class Swept(ContactSolver):
         1_000_000, minimum=1, help="contacts of one connected group in a drift, beyond which it is given up"
     )
 
+    order = 2
     drifts = True
 
     def bind(self, setup: ContactSetup, state: Any) -> None:

@@ -35,12 +35,13 @@ class SpecificEnergyMeter:
     def __init__(self, spec: SceneSpec, snapshot: Snapshot) -> None:
         """Find these particles and the bodies that attract them."""
         self.rows = np.flatnonzero((snapshot.mass == 0.0) & snapshot.free.any(axis=1))
-        given = {entry.name: entry.parameters for entry in spec.forces}
-        gravity = given.get("newtonian_gravity", {"strength": 0.0, "softening": 0.0})
+        gravities = [force.parameters for force in spec.forces_with("gravitates")]
+        gravity = gravities[-1] if gravities else {"strength": 0.0, "softening": 0.0}
         self.bodies = np.flatnonzero(snapshot.mass) if gravity["strength"] else np.zeros(0, int)
         self.weight = gravity["strength"] * snapshot.mass[self.bodies]
         self.softening = gravity["softening"]
-        self.uniform = np.array(given.get("uniform_gravity", {}).get("acceleration", (0.0, 0.0, 0.0)), float)
+        fields = [force.parameters["acceleration"] for force in spec.forces_with("is_uniform")]
+        self.uniform = np.array(fields[-1] if fields else (0.0, 0.0, 0.0), float)
 
     def measure(self, snapshot: Snapshot) -> SpecificEnergies:
         """The energies of a state."""

@@ -1,5 +1,5 @@
-"""Exporters: particles as other programs read them; one file each.
+"""Exporters: files of particles for other programs; one module for each format.
 
-It has `SUFFIXES`, and `text(source)`, which gives the whole text, or `write(source, path)`; `HOLDS_FRAMES = True` where it
-writes all of `source.frames()`.
+An exporter has `SUFFIXES`, and `text(source)`, which gives the whole text, or `write(source, path)`; `HOLDS_FRAMES = True`
+says that it writes all of `source.frames()`.
 """

@@ -1,4 +1,4 @@
-"""Source: what is to be written, a state and, where it comes from a scene, what the scene says beyond it."""
+"""Source: the data to write: a state or a trajectory, and the scene that it comes from, if there is one."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 class Source:
     """A state to write, or the frames of a trajectory.
 
-    file        where it comes from, for messages
-    state       of a trajectory, the first frame
-    spec        the scene, where there is one
-    trajectory  where there is one
+    file        the file that was read, for messages
+    state       the state, or the first frame of a trajectory
+    spec        the scene, or None
+    trajectory  the trajectory, or None
     """
 
     file: str
@@ -34,20 +34,20 @@ class Source:
 
     @property
     def frame_count(self) -> int:
-        """Of a trajectory; 1 for a state."""
+        """The number of frames of a trajectory; 1 for a state."""
         return 1 if self.trajectory is None else self.trajectory.frame_count
 
     def frames(self) -> Iterator[tuple[Snapshot, Enclosure]]:
-        """Each frame, or the state alone, and the box that repeats; only a scene and a trajectory know of one."""
+        """Each frame, or the state alone, with the periodic box, which only a scene and a trajectory have."""
         if self.trajectory is not None:
             yield from self.trajectory.frames()
         else:
             yield self.state, Enclosure() if self.spec is None else enclosure_of(self.spec)
 
     def rest(self) -> np.ndarray:
-        """Positions without displacements [length], (particle_count, 3); only a scene knows of any."""
+        """Positions without displacements [length], (particle_count, 3); only a scene has displacements."""
         return self.state.position if self.spec is None else rest_positions(self.spec)
 
     def refuse(self, reason: str) -> SceneError:
-        """An error that says why it cannot be written so."""
+        """An error with the reason why the format cannot hold this source."""
         return SceneError(f"{self.file}: {reason}")

@@ -1,4 +1,4 @@
-"""Which exporter writes a file: by its suffix."""
+"""The exporter of a file, found by the file's suffix."""
 
 import importlib
 from pathlib import Path
@@ -19,7 +19,7 @@ def export(source: Source, target: Path) -> None:
     """Write a file whole or not at all.
 
     Raises:
-        SceneError: the format cannot hold what is to be written, or holds one state and this is a trajectory.
+        SceneError: the format cannot hold the data, or holds a single state and the source is a trajectory.
         OutputError: the file cannot be written.
     """
     known = exporters()

@@ -18,6 +18,15 @@ class Force:
     depends_on_velocity = False
     depends_on_time = False  # by itself, not by the motion alone
     takes_sine = False  # of an angle, which Taichi has on Vulkan in f32 alone
+    # The scene is checked by the literal values that a class gives to these, which are read from its source text.
+    gravitates = False  # Newtonian gravity, with the parameters `strength` and `softening`: orbits are made for it
+    is_uniform = False  # the same acceleration everywhere and always, the parameter `acceleration`
+    is_linear_drag = False  # F = −c v with c the parameter `coefficient`
+    acts_on_springs = False  # the force of the springs, which no scene names
+    can_use_tree = False  # has the parameters `solver` and `accuracy`, by which a tree sums the force
+    proportional_to_mass = False  # the acceleration does not depend on the particle's own mass, which may be 0
+    proportional_to_charge = False  # acts between charged particles alone
+    singular_at_zero_distance = False  # infinite between particles at one place, unless a `softening` is above 0
     has_derivatives = False  # along the motion, for methods that sum jerks; said with a literal True of the class itself
 
 

@@ -28,7 +28,9 @@ def compose(spec: SceneSpec, snapshot: Snapshot) -> tuple[Force, ...]:
     if len(snapshot.springs):
         damped = spec.damping_is_live or (snapshot.springs.damping != 0).any()
         damping = spec.spring_damping if damped else "none"
-        forces.append(component.build("forces", "spring", {"damping": damping}))
+        forces += [
+            component.build("forces", name, {"damping": damping}) for name in component.marked("forces", "acts_on_springs")
+        ]
     return tuple(forces)
 
 

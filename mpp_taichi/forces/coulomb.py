@@ -18,6 +18,8 @@ class Coulomb(InverseSquareForce):
     softening: float = param(0.0, minimum=0.0, unit="length", help="ε, the radius inside which the force is softened")
     needs = frozenset({"charge", "mass"})
     has_derivatives = True
+    proportional_to_charge = True
+    singular_at_zero_distance = True
 
     @ti.func
     def response(self, state: Template, i):

@@ -15,6 +15,7 @@ class LinearDrag(ExternalForce):
     needs = frozenset({"mass"})
     conserves_energy = False
     depends_on_velocity = True
+    is_linear_drag = True
 
     @ti.func
     def accelerate(self, state: Template, i, velocity, time):

@@ -37,6 +37,10 @@ class NewtonianGravity(InverseSquareForce):
     )
     needs = frozenset({"mass"})
     has_derivatives = True
+    gravitates = True
+    can_use_tree = True
+    proportional_to_mass = True
+    singular_at_zero_distance = True
 
     @ti.func
     def response(self, state: Template, i):

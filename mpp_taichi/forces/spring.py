@@ -19,6 +19,7 @@ class Spring(BondForce):
 
     damping: str = param("axial", choices=("axial", "full", "none"), help="how c acts; none when no spring has damping")
     has_derivatives = True
+    acts_on_springs = True
 
     @property
     def needs(self) -> frozenset:

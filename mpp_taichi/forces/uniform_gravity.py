@@ -15,6 +15,8 @@ class UniformGravity(ExternalForce):
     acceleration: Vector = param([0.0, 0.0, -9.81], strength=True, slider=True, unit="length time⁻²", help="g")
     needs = frozenset({"mass"})
     has_derivatives = True
+    is_uniform = True
+    proportional_to_mass = True
 
     @ti.func
     def accelerate(self, state: Template, i, velocity, time):

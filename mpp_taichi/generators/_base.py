@@ -12,9 +12,9 @@ DEFAULT_COLOR = (0.9, 0.9, 0.9)
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """The particles of one entry: arrays as in `Snapshot`, and where springs at rest would hold them.
+    """The particles of one entry: arrays as in `Snapshot`, and their positions in the springs' state of rest.
 
-    rest_position   differs from position where a generator displaces its particles, shape (particle_count, 3)
+    rest_position   shape (particle_count, 3); differs from position where a generator displaces its particles
     """
 
     position: np.ndarray
@@ -43,9 +43,9 @@ class Center:
 
 @dataclass(frozen=True, eq=False)
 class GeneratorContext:
-    """What a generator may look at.
+    """The data that a generator may use.
 
-    random    its own source of random numbers, the same whatever the other entries are
+    random    its own source of random numbers, which does not depend on the other entries
     strength, softening   of the scene's newtonian_gravity, (0, 0) without it
     find      particles placed by the entries before this one, by index
     dimensions  2 or 3
@@ -65,15 +65,15 @@ class Generator(ABC):
 
     @abstractmethod
     def particle_count(self) -> int:
-        """How many particles there will be, found without making them."""
+        """The number of particles, found without making them."""
 
     @abstractmethod
     def generate(self, context: GeneratorContext) -> Group:
-        """Make the particles; PlacementError where that cannot be done."""
+        """Make the particles; PlacementError where they cannot be placed."""
 
 
 def make_group(count: int, *, position: Any, **given: Any) -> Group:
-    """A group from positions and whatever else is given, one value for all or one for each."""
+    """A group from positions and other arrays; each is one value for all particles or one value for each."""
 
     def fill(key: str, default: Any, shape: tuple[int, ...], kind: Any = float) -> np.ndarray:
         return np.array(np.broadcast_to(np.asarray(given.get(key, default), dtype=kind), shape))

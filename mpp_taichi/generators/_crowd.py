@@ -1,6 +1,6 @@
-"""Places for many spheres in a box: at random while there is room, on a lattice when there is not. NumPy; no Taichi.
+"""Places for many spheres in a box: at random where they have room, else on a lattice. NumPy; no Taichi.
 
-Everything is drawn from the generator of random numbers that is given, so that the same seed gives the same places.
+All random numbers come from the given generator, so that the same seed gives the same places.
 """
 
 import itertools
@@ -13,21 +13,22 @@ import numpy as np
 PAIRS_AT_ONCE = 2_000_000
 CELLS_ALONG = 2**20  # three of these make an index of 60 bits
 ROUNDS = 600  # of random insertion
-JITTER = 0.999  # of the room between two neighbours of a lattice
+JITTER = 0.999  # of the gap between two neighbours of a lattice
 
 
 @dataclass(frozen=True, eq=False)
-class Spheres:
-    """Spheres that are there already: position (n, 3), radius (n,)."""
+class PlacedSpheres:
+    """Spheres that are already placed: position (n, 3), radius (n,)."""
 
     position: np.ndarray
     radius: np.ndarray
 
 
 def close_pairs(first: np.ndarray, second: np.ndarray, reach: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Index pairs (i of first, j of second), among them every one that is nearer than `reach`; positions (n, 3), in chunks.
+    """Index pairs (i of first, j of second) that include every pair nearer than `reach`; positions (n, 3), in chunks.
 
-    The second points are sorted by cells no smaller than `reach`; each of the first looks into its own cell and those around.
+    The second points are sorted by cells no smaller than `reach`; each first point is compared with the points of its own
+    cell and of the cells around it.
     """
     if len(first) == 0 or len(second) == 0:
         return
@@ -50,7 +51,7 @@ def close_pairs(first: np.ndarray, second: np.ndarray, reach: float) -> Iterator
 
 
 def _expanded(begin: np.ndarray, count: np.ndarray, order: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Pairs (row, order[begin[row] … + count[row]]), as many at once as memory is glad of."""
+    """Pairs (row, order[begin[row] … + count[row]]), in chunks that fit well into memory."""
     rows = np.flatnonzero(count)
     limits = np.cumsum(count[rows])
     start = 0
@@ -63,7 +64,7 @@ def _expanded(begin: np.ndarray, count: np.ndarray, order: np.ndarray) -> Iterat
         start = stop
 
 
-def overlapping(position: np.ndarray, radius: np.ndarray, others: Spheres) -> np.ndarray:
+def overlapping(position: np.ndarray, radius: np.ndarray, others: PlacedSpheres) -> np.ndarray:
     """True for the spheres that overlap one of the others, shape (n,)."""
     hit = np.zeros(len(position), dtype=bool)
     if len(position) and len(others.radius):
@@ -87,12 +88,13 @@ def _overlap(separation: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
 
 def at_random(
-    random: np.random.Generator, lower: np.ndarray, upper: np.ndarray, radius: np.ndarray, obstacles: Sequence[Spheres]
+    random: np.random.Generator, lower: np.ndarray, upper: np.ndarray, radius: np.ndarray, obstacles: Sequence[PlacedSpheres]
 ) -> np.ndarray | None:
-    """Random addition of spheres that are whole within `lower` … `upper`, the large ones first; None where it gets stuck.
+    """Random addition of spheres that lie wholly within `lower` … `upper`, the large ones first; None where no room is found.
 
-    Each round draws places for the largest that have none yet, several for each if they are few, and keeps those that are free
-    of what is there and of all drawn before them in the round. Along an axis where the box has no extent, centres are on it.
+    Each round draws places for the largest spheres that have no place yet, several places for each sphere if they are few,
+    and keeps the places that overlap neither a placed sphere nor a place drawn earlier in the round. Along an axis on which
+    the box has no extent, all centres have its coordinate.
     """
     count, axes = len(radius), upper > lower
     at_once = max(64, count // 16)
@@ -106,7 +108,7 @@ def at_random(
         size = radius[row][:, None] * axes
         drawn = lower + size + random.random((len(row), 3)) * (upper - lower - 2.0 * size)
         free = ~_overlapping_earlier(drawn, radius[row])
-        for each in (Spheres(position[placed], radius[placed]), *obstacles):
+        for each in (PlacedSpheres(position[placed], radius[placed]), *obstacles):
             kept = np.flatnonzero(free)
             free[kept] = ~overlapping(drawn[kept], radius[row[kept]], each)
         found, where = np.unique(row[free], return_index=True)
@@ -117,14 +119,14 @@ def at_random(
 
 
 def on_lattice(
-    random: np.random.Generator, lower: np.ndarray, upper: np.ndarray, radius: np.ndarray, obstacles: Sequence[Spheres]
+    random: np.random.Generator, lower: np.ndarray, upper: np.ndarray, radius: np.ndarray, obstacles: Sequence[PlacedSpheres]
 ) -> np.ndarray | None:
-    """Places on a lattice that is stretched to fill the box, and shaken; None where none has room enough.
+    """Places on a lattice that is stretched to fill the box, and shaken; None where no lattice has enough room.
 
     The lattice holds the points of a rectangular grid whose indices have an even sum: hexagonal in a flat box where the
-    spacings are as 1 : √3, face-centred cubic where they are equal. The one whose neighbours are farthest apart is taken;
-    which of its places stay empty is random. Then each sphere is moved at random by at most half the room between neighbours,
-    and back to where it was if it would meet an obstacle.
+    spacings are as 1 : √3, face-centred cubic where they are equal. The lattice whose neighbours are farthest apart is
+    taken; its empty places are chosen at random. Then each sphere is moved at random by at most half the gap between
+    neighbours, and moved back if it would overlap an obstacle.
     """
     largest, count = float(radius.max()), len(radius)
     axes = upper > lower

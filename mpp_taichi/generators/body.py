@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpp_taichi.component import Axes, Color, Particle, Vector, component, param
+from mpp_taichi.component import Axes, Color, Particle, Vector, component, marked, param
 from mpp_taichi.errors import PlacementError
 from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make_group
 from mpp_taichi.generators._orbit import on_orbit, true_anomaly_at
@@ -40,7 +40,7 @@ class Body(Generator):
         return 1
 
     def generate(self, context: GeneratorContext) -> Group:
-        """Put the particle where it is said to be."""
+        """Put the particle at its position."""
         position, velocity = self._place(context)
         return make_group(
             1,
@@ -75,7 +75,8 @@ class Body(Generator):
         primary = context.find(self.around)
         attraction = context.strength * (primary.mass + self.mass)
         if not attraction > 0.0:
-            raise PlacementError("an orbit needs newtonian_gravity, and a mass that attracts")
+            forces = ", ".join(marked("forces", "gravitates"))
+            raise PlacementError(f"an orbit needs {forces}, and a mass that attracts")
         anomaly = self.true_anomaly or 0.0
         if self.mean_anomaly is not None and self.eccentricity != 1.0:
             anomaly = true_anomaly_at(self.mean_anomaly, self.eccentricity)

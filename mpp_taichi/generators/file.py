@@ -22,7 +22,7 @@ _UNREADABLE: tuple[type[Exception], ...] = (
 BYTES_ALLOWED = 1 << 31  # of one array
 _VECTORS = ("position", "velocity", "color", "free")
 _SCALARS = ("mass", "radius", "charge")
-_MERGED = "merged_into"  # of a snapshot: below 0 for what is there
+_MERGED = "merged_into"  # of a snapshot: negative for a sphere that has not merged into another one
 _CSV_COLUMNS = [*_SCALARS, *(f"{vector}_{axis}" for vector in ("position", "velocity", "free") for axis in "xyz")]
 _CSV_COLUMNS += ["color_r", "color_g", "color_b", "name"]
 _SUFFIXES = {"x": 0, "y": 1, "z": 2, "r": 0, "g": 1, "b": 2}
@@ -50,7 +50,7 @@ class File(Generator):
         return max(sum(1 for line in self._text().splitlines() if line.strip()) - 1, 0)
 
     def generate(self, context: GeneratorContext) -> Group:
-        """Read, check shapes and numbers."""
+        """Read the arrays, and check their shapes and numbers."""
         arrays = self._read_npz() if FilePath(self.path).suffix == ".npz" else self._read_csv()
         for key in ("position", "mass"):
             if key not in arrays:

@@ -7,9 +7,9 @@ import numpy as np
 from mpp_taichi.component import Color, Vector, component, param
 from mpp_taichi.errors import PlacementError
 from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make_group
-from mpp_taichi.generators._crowd import Spheres, at_random, on_lattice
+from mpp_taichi.generators._crowd import PlacedSpheres, at_random, on_lattice
 
-RANDOM_PACKING = {2: 0.36, 3: 0.2}  # random addition jams for good at 0.547 and 0.38, and is slow long before
+RANDOM_PACKING = {2: 0.36, 3: 0.2}  # random addition cannot continue beyond 0.547 and 0.38, and is slow long before
 CLOSEST_PACKING = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
 
 
@@ -39,14 +39,14 @@ class Gas(Generator):
     color: Color = param((0.6, 0.8, 1.0), help="red, green, blue in 0…1")
 
     def particle_count(self) -> int:
-        """As said."""
+        """The parameter `count`."""
         return self.count
 
     def generate(self, context: GeneratorContext) -> Group:
         """Draw radii, places and velocities, in this order."""
         random, dimensions = context.random, context.dimensions
         radius = self.radius * (1.0 + self.radius_spread * random.uniform(-1.0, 1.0, self.count))
-        obstacles = [Spheres(group.position, group.radius) for group in context.placed]
+        obstacles = [PlacedSpheres(group.position, group.radius) for group in context.placed]
         position = self._places(random, radius, obstacles, dimensions)
         return make_group(
             self.count,
@@ -57,7 +57,9 @@ class Gas(Generator):
             color=self.color,
         )
 
-    def _places(self, random: np.random.Generator, radius: np.ndarray, obstacles: list[Spheres], dimensions: int) -> np.ndarray:
+    def _places(
+        self, random: np.random.Generator, radius: np.ndarray, obstacles: list[PlacedSpheres], dimensions: int
+    ) -> np.ndarray:
         lower, upper = np.array(self.lower, dtype=float), np.array(self.upper, dtype=float)
         extent, largest = (upper - lower)[:dimensions], float(radius.max())
         if not np.all(extent >= 2.0 * largest):

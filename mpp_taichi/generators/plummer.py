@@ -31,7 +31,7 @@ class Plummer(Generator):
     color: Color = param((1.0, 0.95, 0.8), help="red, green, blue in 0…1")
 
     def particle_count(self) -> int:
-        """As said."""
+        """The parameter `count`."""
         return self.count
 
     def generate(self, context: GeneratorContext) -> Group:

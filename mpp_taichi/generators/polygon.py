@@ -1,4 +1,4 @@
-"""A polygon: equal bodies on a circle, which their own pull keeps them on, one behind the other."""
+"""A polygon: equal bodies, one behind the other, on a circle on which their own attraction keeps them."""
 
 import math
 
@@ -30,7 +30,7 @@ class Polygon(Generator):
     color: Color = param((0.9, 0.9, 0.9), help="red, green, blue in 0…1")
 
     def particle_count(self) -> int:
-        """As said."""
+        """The parameter `count`."""
         return self.count
 
     def generate(self, context: GeneratorContext) -> Group:
@@ -50,7 +50,7 @@ class Polygon(Generator):
         )
 
     def circular_speed(self, central_mass: float, context: GeneratorContext) -> float:
-        """Of the orbit [length / time]."""
+        """The speed on the orbit [length / time]."""
         softened = context.softening**2
         squared = (2.0 * self.circumradius * np.sin(np.pi * np.arange(1, self.count) / self.count)) ** 2
         others = self.mass * float(np.sum(0.5 * squared / (squared + softened) ** 1.5))

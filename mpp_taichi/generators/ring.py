@@ -36,7 +36,7 @@ class Ring(Generator):
     softening: float = param(None, optional=True, minimum=0.0, unit="length", help="ε; absent: that of newtonian_gravity")
 
     def particle_count(self) -> int:
-        """As said."""
+        """The parameter `count`."""
         return self.count
 
     def generate(self, context: GeneratorContext) -> Group:

@@ -1,4 +1,4 @@
-"""Importers: what other programs wrote, as a scene; one file each with `SUFFIXES`, `recognises(text)`, `read(text, source)`.
+"""Importers: scenes from files of other programs; one module each with `SUFFIXES`, `recognises(text)`, `read(text, source)`.
 
-Where `BINARY = True` they are given bytes; with `particles(data, source)` they make a state without going by way of a scene.
+A module with `BINARY = True` is given bytes; one with `particles(data, source)` makes a state without making a scene.
 """

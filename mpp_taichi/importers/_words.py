@@ -1,4 +1,4 @@
-"""Words of a text and where they stand, and numbers among them."""
+"""Words of a text with their places, and numbers among them."""
 
 import math
 import re
@@ -13,7 +13,7 @@ LONGEST_SHOWN = 40
 
 @dataclass(frozen=True)
 class Word:
-    """What stands between white space, and its first character's place."""
+    """A text between white space, and the place of its first character."""
 
     text: str
     location: Location
@@ -23,7 +23,7 @@ class Word:
         return SceneError(f"{self.location}: {message}")
 
     def number(self, what: str, least: float = -math.inf) -> float:
-        """As a finite number that is at least `least`; SceneError if it is none."""
+        """The word as a finite number that is at least `least`; SceneError if it is no such number."""
         try:
             value = float(self.text)
         except ValueError:
@@ -35,19 +35,19 @@ class Word:
         return value
 
     def whole(self, what: str, least: int, most: int) -> int:
-        """As a whole number between two; SceneError if it is none."""
+        """The word as a whole number within a range; SceneError if it is no such number."""
         if not (self.text.isascii() and self.text.isdigit() and len(self.text) < 12 and least <= int(self.text) <= most):
             raise self.fault(f"{what} must be a whole number from {least} to {most}, not {self.shown}")
         return int(self.text)
 
     @property
     def shown(self) -> str:
-        """For a message."""
+        """The word as a message shows it."""
         return repr(self.text if len(self.text) <= LONGEST_SHOWN else self.text[:LONGEST_SHOWN] + "…")
 
 
 def words(text: str, source: str, *, comments: tuple[str, ...] = ()) -> Iterator[list[Word]]:
-    """The words of each line that has some; what follows a mark of `comments` is left out."""
+    """The words of each line that has any; the text after a mark of `comments` is left out."""
     for number, line in enumerate(text.splitlines(), start=1):
         for mark in comments:
             line = line.partition(mark)[0]

@@ -1,4 +1,4 @@
-"""Which importer reads a file: by its suffix, and among those of one suffix by how it begins."""
+"""The importer of a file, found by the file's suffix, and among importers of one suffix by the file's beginning."""
 
 import importlib
 from pathlib import Path
@@ -21,20 +21,20 @@ def import_scene(path: Path) -> tuple[str, dict[str, Any]]:
 
     Raises:
         OutputError: the file cannot be read.
-        SceneError: no importer knows it, or it says something that cannot be read, with line and column or byte.
+        SceneError: no importer recognises the file, or a part of it cannot be read, with line and column or byte.
     """
     name, importer, content = _opened(path)
     return name, importer.read(content, str(path))
 
 
 def import_particles(path: Path) -> Snapshot | None:
-    """The particles alone, of formats that have no more to say; raises what `import_scene` does."""
+    """The particles alone, for formats that hold nothing else; raises the errors of `import_scene`."""
     _, importer, content = _opened(path)
     return importer.particles(content, str(path)) if hasattr(importer, "particles") else None
 
 
 def _opened(path: Path) -> tuple[str, Any, str | bytes]:
-    """Name of the importer, the importer, and what the file holds."""
+    """The name of the importer, the importer, and the content of the file."""
     try:
         if path.stat().st_size > MOST_BYTES:
             raise SceneError(f"{path}: is larger than {MOST_BYTES // 1024**2} MiB")

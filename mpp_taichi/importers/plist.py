@@ -9,19 +9,19 @@ from mpp_taichi.errors import SceneError
 from mpp_taichi.importers._words import Word, words
 
 SUFFIXES = (".plist",)
-STEP = 0.01  # where a list has no dt
+STEP = 0.01  # of a list without dt
 MOST = 1_000_000  # particles, types of springs
 
 
 def recognises(text: str) -> bool:
-    """Whether its first command is one of theirs."""
+    """Whether the first command of the text is one of MPPhys."""
     return any(line[0].text in COMMANDS for line in words(text, "", comments=("#", "//")))
 
 
 def read(text: str, source: str) -> dict[str, Any]:
     """The scene. Positions are those of rest, from which `dis` displaces; friction is of the whole relative velocity, as there.
 
-    SceneError with line and column for what is no particle list.
+    SceneError with line and column where the text is no particle list.
     """
     found = _List()
     line: list[Word] = []
@@ -41,7 +41,7 @@ def read(text: str, source: str) -> dict[str, Any]:
 
 @dataclass
 class _List:
-    """What was read so far."""
+    """The content read so far."""
 
     bodies: list[dict[str, Any]] = field(default_factory=list)
     types: dict[int, dict[str, Any]] = field(default_factory=dict)
@@ -52,13 +52,13 @@ class _List:
     dt: float = STEP
 
     def body(self, word: Word) -> dict[str, Any]:
-        """One that was placed before."""
+        """A body that was placed before."""
         if not self.bodies:
             raise word.fault("no particle was placed before: pos comes first")
         return self.bodies[word.whole("a particle's number", 0, len(self.bodies) - 1)]
 
     def scene(self, title: str) -> dict[str, Any]:
-        """All of it."""
+        """The whole list as a scene."""
         forces: list[dict[str, Any]] = []
         if self.strength is not None:
             forces.append({"newtonian_gravity": {"strength": self.strength}})

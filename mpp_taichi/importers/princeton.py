@@ -22,7 +22,7 @@ COLORS = {
 
 
 def recognises(text: str) -> bool:
-    """Whether it begins with a whole number and a number."""
+    """Whether the text begins with a whole number and a number."""
     first = text.split(None, 2)[:2]
     return len(first) == 2 and first[0].isdigit() and _is_number(first[1])
 
@@ -30,9 +30,9 @@ def recognises(text: str) -> bool:
 def read(text: str, source: str) -> dict[str, Any]:
     """The scene: gravity in the plane, kick then drift as in the assignment, whose velocities are half a step behind.
 
-    White space is free, blank lines and what follows the last row do not matter, quotes around a picture neither. A step is
-    taken as long as t < T, so their number is T/dt rounded up. SceneError with line and column for what is no universe, and
-    for a negative mass.
+    White space is free; blank lines, text after the last row and quotes around a picture are ignored. A step is taken as
+    long as t < T, so the number of steps is T/dt rounded up. SceneError with line and column where the text is no universe
+    file, and for a negative mass.
     """
     stream = itertools.chain.from_iterable(words(text, source))
     last: list[Word] = []

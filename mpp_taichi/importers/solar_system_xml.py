@@ -11,23 +11,23 @@ from mpp_taichi.scene.location import Location
 
 SUFFIXES = (".xml",)
 ENCODINGS = ("utf-8-sig", "latin-1")
-G = 6.67408e-11  # as there [m³ / (kg s²)]
-STEP = 60.0  # where the file has none [s]
+G = 6.67408e-11  # the value of that program [m³ / (kg s²)]
+STEP = 60.0  # of a file without a time step [s]
 DAY = 86400.0
 YEAR = 365.25 * DAY
 
 
 def recognises(text: str) -> bool:
-    """Whether it has the element that holds all."""
+    """Whether the text has the root element."""
     return "<SolarSystem" in text
 
 
 def read(text: str, source: str) -> dict[str, Any]:
     """The scene: gravity, by velocity Verlet; scales, spins and the light are for `view:`, textures are left out.
 
-    A position or velocity that is not given is 0, a colour 255. A moon is drawn around the last body before it that is none.
-    Axes are tilted towards +y, as the Earth's is where x is the direction of the equinox. SceneError with line and column for
-    what is no such file.
+    A position or velocity that is not given is 0, a colour 255. A moon is drawn around the last body before it that is no moon.
+    Axes are tilted towards +y, as the Earth's axis is where x is the direction of the equinox. SceneError with line and column
+    where the text is no such file.
     """
     reader = _Reader(source)
     try:
@@ -51,7 +51,7 @@ def read(text: str, source: str) -> dict[str, Any]:
 
 
 class _Reader:
-    """Takes the elements as they come."""
+    """Reads the elements one after the other."""
 
     def __init__(self, source: str) -> None:
         self.source = source
@@ -125,7 +125,7 @@ class _Reader:
             self._draw(name, given)
 
     def _draw(self, name: str, given: dict[str, str]) -> None:
-        """Keep what a body says of its picture."""
+        """Keep the attributes of a body that concern its picture."""
         drawn: dict[str, Any] = {}
         if (scale := self._number(given, "Scale", 1.0, above=0.0)) != 1.0:
             drawn["radius_scale"] = scale

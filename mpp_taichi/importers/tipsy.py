@@ -45,8 +45,8 @@ def read(data: bytes, source: str) -> dict[str, Any]:
     """The scene: a body of its kind's colour for each particle, gravity with G = 1 softened by eps, leapfrog.
 
     Steps are 1/100 of the dynamical time sqrt(R³ / G M), R the root-mean-square distance from the centre of mass. A scene has
-    one softening and begins at the time 0: a warning tells of eps that differ, of which the largest is taken, and of another
-    time. SceneError with the byte for what is no tipsy file.
+    one softening and begins at the time 0: a warning is given for different eps, of which the largest is taken, and for
+    another time. SceneError with the byte where the data is no tipsy file.
     """
     found = _read(data, source)
     state = found.state
@@ -79,7 +79,7 @@ def particles(data: bytes, source: str) -> Snapshot:
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """state, softening of each particle [length], and what else a particle has that is not 0."""
+    """The state, the softening of each particle [length], and the names of other data that is not 0."""
 
     state: Snapshot
     softening: np.ndarray
@@ -145,7 +145,7 @@ def _header(data: bytes, source: str) -> tuple[float, list[int], str, int]:
 
 
 def _particle_at(offset: int, counts: Iterable[int]) -> str:
-    """Which particle has this byte."""
+    """The particle that has this byte."""
     for (kind, fields), count in zip(KINDS.items(), counts, strict=True):
         index, size = max(offset, 0) // (4 * len(fields)), 4 * len(fields) * count
         if offset < size:
@@ -155,12 +155,12 @@ def _particle_at(offset: int, counts: Iterable[int]) -> str:
 
 
 def _byte_order(data: bytes) -> str:
-    """`>` or `<`, as ndim is 3; empty where it is in neither."""
+    """`>` or `<`, the order in which ndim is 3; empty where it is 3 in neither."""
     return next((order for order in "><" if struct.unpack_from(order + "I", data, DIMENSIONS_AT)[0] == 3), "")
 
 
 def _dynamical_time(state: Snapshot) -> float:
-    """T = sqrt(R³ / G M); 1 where there is no mass or no extent."""
+    """T = sqrt(R³ / G M); 1 where the mass or the extent is 0."""
     mass = state.mass.sum()
     if not mass > 0.0:
         return 1.0

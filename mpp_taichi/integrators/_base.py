@@ -30,10 +30,26 @@ class Integrator:
                      False of its own, which scenes are checked by, and the method is refused beside such forces
     takes_time       goes beside forces that depend on time by themselves; said and checked in the same way
     memory           work fields that a step hands on to the next
+    can_use_tree     needs accelerations alone, of all particles at once, so that a tree can sum them
     takes_low_parts  moves particles by `particle_update`, so that it runs in f32c and ds; it says its `step_numbers`
     controlled_by    of a method that chooses its steps itself the parameter that says how accurate a run is to be; else empty
     stable_for_any_stiffness  no spring is too stiff for any step
     launchers        by which launchers of step/ it is run; read by step/choose.py alone (see _launchers.py)
+
+    The next attributes are read from the source text, before the class is imported, and must have literal values:
+
+    moves_forward_alone  all drifts lead forward in time, so that contacts can be resolved during each of them
+    drifts_after_kick    every drift follows the kick whose impulse it carries, as contacts with a compliance require
+    begins_anew          chooses each step by the motion at its beginning alone, so that a step can be cut at a contact
+    flies                takes no steps: a contact solver that flies moves the particles
+    takes_sliders        False: forces cannot be changed while the scene runs, since the method keeps constants made of them
+    made_for             flags of forces: the method goes with forces that have one of them, and with no other force
+    made_for_reason      why
+    orbits_central_body  moves all bodies on orbits around one of them, whose index is the parameter `central`; the parameter
+                         `corrector` is one of the literal `correctors`
+    default_of_kind      the method of a scene that leaves the choice of the method to its `accuracy:`
+    reference_method     gives a reference solution to round-off, from which errors of other methods are measured
+    proposed_for         purposes ("tree", "friction", "oscillation") for which messages propose the method
 
     Subclasses may make any of them a property; here they must stay plain attributes, or Taichi would take these instead.
     """
@@ -43,6 +59,7 @@ class Integrator:
     time_reversible = False
     nodes: tuple = ()
     derivatives = 0
+    needs_derivatives = False
     takes_velocity = True
     takes_time = True
     memory: tuple = ()
@@ -50,6 +67,18 @@ class Integrator:
     controlled_by = ""
     stable_for_any_stiffness = False
     launchers = Launchers()
+    can_use_tree = False
+    moves_forward_alone = False
+    drifts_after_kick = False
+    begins_anew = False
+    flies = False
+    takes_sliders = True
+    made_for: tuple = ()
+    made_for_reason = ""
+    orbits_central_body = False
+    default_of_kind = False
+    reference_method = False
+    proposed_for: tuple = ()
 
     @property
     def evaluations(self) -> int:

@@ -65,6 +65,7 @@ class RungeKutta(Integrator):
     dense_stages: tuple = ()
     dense_weights: tuple = ()
     dense_order = 0
+    can_use_tree = True
     takes_low_parts = True
     launchers = Launchers(vectors=True)
 

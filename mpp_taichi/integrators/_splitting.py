@@ -51,6 +51,7 @@ class Splitting(Integrator):
     drifts: tuple = ()
     kicks: tuple = ()
     symplectic = True
+    can_use_tree = True
     takes_low_parts = True
     launchers = Launchers(vectors=True)
 

@@ -20,5 +20,6 @@ class AdaptiveBogackiShampine(Embedded):
     tolerance: float = param(1e-6, minimum=1e-15, maximum=0.1, help="error of a step, in parts of the system's size and speeds")
 
     order = 3
+    begins_anew = True
     pair = BogackiShampine
     error_order = 3

@@ -21,5 +21,6 @@ class AdaptiveDop853(Embedded):
     tolerance: float = param(1e-9, minimum=1e-15, maximum=0.1, help="error of a step, in parts of the system's size and speeds")
 
     order = 8
+    begins_anew = True
     pair = Dop853
     error_order = 8

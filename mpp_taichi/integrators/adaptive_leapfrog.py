@@ -30,6 +30,8 @@ class AdaptiveLeapfrog(Adaptive):
     order = 2
     time_reversible = True
     controlled_by = "step"
+    made_for = ("gravitates",)
+    made_for_reason = "its step follows a potential that has one sign"
     VECTORS = ("start_position", "start_velocity", "start_acceleration", "end_position", "end_velocity", "end_acceleration")
     memory = ("clock", "tally", "density", *VECTORS)
 

@@ -110,6 +110,7 @@ class Dop853(RungeKutta):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 8
+    proposed_for = ("tree", "friction")
     a = A
     b = B
     error_weights = (ERROR5, ERROR3)

@@ -15,6 +15,8 @@ class EventDriven(Integrator):
     dt: float = param(None, optional=True, above=0.0, unit="time", help="time between looks; absent: run.duration / 1000")
     symplectic = True
     time_reversible = True
+    flies = True
+    takes_sliders = False  # a flight is solved with constants made of the force
 
     def scratch_count(self, velocity_dependent: bool) -> int:
         """None."""

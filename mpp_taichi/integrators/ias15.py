@@ -46,6 +46,8 @@ class Ias15(Adaptive):
     order = 15
     path_degree = TERMS + 2
     controlled_by = "epsilon"
+    begins_anew = True
+    reference_method = True
     memory = (
         "clock", "tally", "start_position", "start_velocity", "start_acceleration", "position_rest", "velocity_rest",
         *(f"b{k}" for k in range(TERMS)), *(f"e{k}" for k in range(TERMS)),

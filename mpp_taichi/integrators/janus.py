@@ -6,16 +6,18 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi import component as components
 from mpp_taichi.component import component, param
 from mpp_taichi.errors import SceneError
 from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.integrators._launchers import Launchers
 from mpp_taichi.integrators._trouble import Trouble, not_finite
+from mpp_taichi.integrators.kahan_li6 import KahanLi6
+from mpp_taichi.integrators.leapfrog import Leapfrog
+from mpp_taichi.integrators.pefrl import Pefrl
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
-TABLES = {2: "leapfrog", 4: "pefrl", 6: "kahan_li6"}
+TABLES = {2: Leapfrog, 4: Pefrl, 6: KahanLi6}
 """Methods that begin and end with a drift and read the same backwards, by their order."""
 BITS = 53  # of the largest coordinate at the start, as in a number of f64; of 63, the rest is room to fly apart
 SLOWEST = 1 / 128  # of the largest coordinate per dt: the speed that a scene is at least taken to have, one at rest as well
@@ -57,7 +59,7 @@ class Janus(Integrator):
     @property
     def table(self) -> Any:
         """The splitting of this order; its coefficients alone are used, and no step of its own."""
-        return components.build("integrators", TABLES[self.order], {"dt": 1.0})
+        return TABLES[self.order](dt=1.0)
 
     @property
     def nodes(self) -> tuple:

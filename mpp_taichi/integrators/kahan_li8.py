@@ -13,6 +13,7 @@ class KahanLi8(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 8
+    proposed_for = ("friction",)
     drifts, kicks = of_leapfrogs(
         *(0.13020248308889008088, 0.56116298177510838456, -0.38947496264484728641, 0.15884190655515560090),
         *(-0.39590389413323757734, 0.18453964097831570709, 0.25837438768632204729, 0.29501172360931029887),

@@ -13,4 +13,7 @@ class Leapfrog(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 2
+    moves_forward_alone = True
+    default_of_kind = True
+    proposed_for = ("tree", "oscillation")
     drifts, kicks = (0.5, 0.5), (1.0,)

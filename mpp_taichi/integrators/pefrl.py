@@ -17,5 +17,6 @@ class Pefrl(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 4
+    proposed_for = ("friction",)
     drifts = (XI, CHI, 1.0 - 2.0 * (CHI + XI), CHI, XI)
     kicks = ((1.0 - 2.0 * LAMBDA) / 2.0, LAMBDA, LAMBDA, (1.0 - 2.0 * LAMBDA) / 2.0)

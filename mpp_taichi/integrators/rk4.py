@@ -13,4 +13,5 @@ class Rk4(RungeKutta):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 4
+    proposed_for = ("tree", "oscillation")
     a, b = CLASSICAL

@@ -20,5 +20,6 @@ class Srkn6b(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 4
+    proposed_for = ("friction",)
     drifts = (A1, A2, A3, A3, A2, A1)
     kicks = (B1, B2, B3, B4, B3, B2, B1)

@@ -40,6 +40,9 @@ class Taylor(Adaptive):
     order: int = param(20, minimum=4, maximum=40, help="of the series; 12 is a little faster for errors above 1e-4")
 
     controlled_by = "tolerance"
+    begins_anew = True
+    made_for = ("gravitates", "is_uniform")
+    made_for_reason = "its series are theirs"
     memory = ("clock", "tally", "coefficient", "position_rest", "velocity_rest")
 
     def in_vectors(self, state: Any, total_force: Any) -> bool:

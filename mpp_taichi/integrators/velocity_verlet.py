@@ -13,4 +13,5 @@ class VelocityVerlet(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 2
+    moves_forward_alone = True
     drifts, kicks = (1.0,), (0.5, 0.5)

@@ -44,6 +44,10 @@ class WisdomHolman(Integrator):
     time_reversible = True
     takes_velocity = False
     takes_sliders = False  # the strength is part of every orbit's constants
+    made_for = ("gravitates",)
+    made_for_reason = "its drifts are Kepler's orbits"
+    orbits_central_body = True
+    correctors = (0, 3, 5, 7, 11, 17)
     launchers = Launchers(serial="own_state", replicas="own_state", parallel="", cpu_only=True)
     nodes = (0.5,)
     VECTORS = ("jacobi_position", "jacobi_velocity", "position_rest", "velocity_rest")

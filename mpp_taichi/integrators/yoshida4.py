@@ -17,4 +17,5 @@ class Yoshida4(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 4
+    proposed_for = ("tree",)
     drifts, kicks = (W1 / 2, (W0 + W1) / 2, (W0 + W1) / 2, W1 / 2), (W1, W0, W1)

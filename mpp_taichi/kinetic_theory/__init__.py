@@ -1,1 +1,1 @@
-"""What statistical mechanics says of a gas of hard disks or spheres: formulas in NumPy, each with its source."""
+"""Statistical mechanics of a gas of hard disks or spheres: formulas in NumPy, each with its source."""

@@ -1,4 +1,4 @@
-"""How often hard spheres meet: Enskog's collision rates, and the way between two collisions.
+"""Collisions of hard spheres: Enskog's collision rates, and the mean free path.
 
 Temperatures are energies, k T. Rates are per particle: a collision counts for both partners, so that N particles have
 N Γ / 2 collisions in a unit of time.

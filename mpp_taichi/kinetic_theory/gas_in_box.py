@@ -1,8 +1,8 @@
-"""A gas of equal hard spheres in a box with hard walls: what the walls change, by scaled particle theory.
+"""A gas of equal hard spheres in a box with hard walls: the effect of the walls, by scaled particle theory.
 
-Centres keep a radius off the walls and crowd there, since near a wall nobody hits them from behind. With the box of the
-centres (volume V_c, surface S_c: the box less a radius at every wall) the free energy is that of the bulk and a surface
-tension, F = V_c f(n) + S_c γ_c. Scaled particle theory has it in closed form,
+Centres stay a radius away from the walls, and their density is higher there, since no sphere hits them from the wall's side.
+With the box of the centres (volume V_c, surface S_c: the box less a radius at every wall) the free energy is that of the bulk
+and a surface tension, F = V_c f(n) + S_c γ_c. Scaled particle theory has it in closed form,
 
     d = 2:  β γ_c σ  = −(2/π) η² / (1 − η)²,        d = 3:  β γ_c σ² = −(9/2π) η² (1 + η) / (1 − η)³,
 
@@ -32,7 +32,7 @@ def bulk_density(count: int, lengths: Sequence[float], radius: float) -> float:
     the adsorption −∂γ_c/∂μ per density. Solved by iteration, which is damped as δ falls with n.
 
     Raises:
-        ValueError: they do not fit.
+        ValueError: the spheres do not fit into the box.
     """
     edges = np.asarray(lengths, dtype=float)
     dimensions = len(edges)
@@ -57,7 +57,7 @@ def wall_tension(packing: float, radius: float, temperature: float, dimensions: 
 def pressure_in_box(count: int, lengths: Sequence[float], radius: float, temperature: float) -> float:
     """Mean of the force on all walls over the area that centres reach [energy / lengthᵈ].
 
-    P = n k T Z(η) − γ_c (d − 1)/d S_c/V_c: a wall that gives way also lengthens its neighbours.
+    P = n k T Z(η) − γ_c (d − 1)/d S_c/V_c: a wall that moves outwards also lengthens its neighbours.
     """
     inner, density, eta = _bulk(count, lengths, radius)
     dimensions = len(inner)
@@ -69,8 +69,8 @@ def pressure_in_box(count: int, lengths: Sequence[float], radius: float, tempera
 def rate_in_box(count: int, lengths: Sequence[float], radius: float, mass: float, temperature: float) -> float:
     """Collisions of a particle in a unit of time, on average over all in the box [time⁻¹].
 
-    The free energy says how many pairs are about to touch, ∂(βF)/∂σ with the centres' box kept; each is a collision at the rate
-    √(k T / π m). In the bulk that is Enskog's rate; along the walls, at constant μ, S_c ∂(βγ_c)/∂σ is added to it.
+    The number of pairs at contact follows from the free energy, ∂(βF)/∂σ at a constant box of the centres; each pair collides
+    at the rate √(k T / π m). In the bulk this gives Enskog's rate; the walls add S_c ∂(βγ_c)/∂σ, at constant μ.
     """
     inner, density, eta = _bulk(count, lengths, radius)
     dimensions, sigma = len(inner), 2.0 * radius

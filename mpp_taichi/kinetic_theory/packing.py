@@ -1,4 +1,4 @@
-"""How much room spheres take: in two dimensions disks and areas, in three spheres and volumes."""
+"""The volume of spheres: disks and areas in two dimensions, spheres and volumes in three."""
 
 import math
 

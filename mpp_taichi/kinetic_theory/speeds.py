@@ -32,7 +32,7 @@ def component_density(velocity: Any, scale: float) -> Any:
 
 
 def speed_cumulative(speed: Any, scale: Any, dimensions: int) -> Any:
-    """F(v), the part of the particles that are slower.
+    """F(v), the share of particles slower than v.
 
     d = 2: 1 − exp(−v²/b²).   d = 3: erf(v/b) − 2 v / (√π b) exp(−v²/b²).
     """

@@ -1,1 +1,1 @@
-"""Modes: how a spring network swings when it is disturbed a little; NumPy on the host, no Taichi."""
+"""Modes: the small vibrations of a spring network; NumPy on the host, no Taichi."""

@@ -1,4 +1,4 @@
-"""Frequency meter: the frequency of an oscillation, from the times at which it goes through zero."""
+"""Frequency meter: the frequency of an oscillation, from the times of its zero crossings."""
 
 import math
 from dataclasses import dataclass
@@ -12,29 +12,29 @@ LOOKS_PER_OSCILLATION = 40  # the cubic between two looks is then good to (2π/4
 
 @dataclass(frozen=True)
 class MeasuredFrequency:
-    """ω [radians time⁻¹] and its standard error, None where two crossings a side leave no scatter to judge it by."""
+    """ω [radians time⁻¹] and its standard error, None where two crossings per direction show no scatter."""
 
     angular_frequency: float
     uncertainty: float | None
 
 
 class FrequencyMeter:
-    """Follows one oscillation, and keeps only when it crossed zero.
+    """Follows one oscillation, and keeps only the times at which it crosses zero.
 
-    Crossing k comes at t_k = α_up|down + k T/2: a straight line through those on the way up and one through those on the way
-    down, of one slope, fitted by least squares. The two offsets let the oscillation be off centre; that it dies away does
-    not move the crossings of a linear one, of which this is the damped frequency.
+    Crossing k is at t_k = α_up|down + k T/2: two straight lines of the same slope, one through the upward and one through the
+    downward crossings, are fitted by least squares. The two offsets allow for an oscillation about another value than zero.
+    Linear damping does not change the times between crossings; the frequency found is the damped one.
     """
 
     def __init__(self) -> None:
-        """Nothing seen yet."""
+        """Begin without a crossing."""
         self.crossings: list[float] = []
         self.largest = 0.0
         self._side = 0.0
         self._last: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def observe(self, time: float, value: float, rate: float) -> None:
-        """Look at the value and its rate of change."""
+        """Take a sample of the value and its rate of change."""
         side = math.copysign(1.0, value) if value else 0.0
         if side and self._side and side != self._side:
             last_time, last_value, last_rate = self._last
@@ -44,7 +44,7 @@ class FrequencyMeter:
         self.largest = max(self.largest, abs(value))
 
     def interval(self, angular_frequency: float) -> float:
-        """Longest time to the next look: a small part of an oscillation of this frequency, or of one as fast as now seen."""
+        """The longest time to the next sample: a small part of an oscillation at this frequency, or at the one found."""
         seen = abs(self._last[2]) / self.largest if self.largest > 0.0 else 0.0
         fastest = max(angular_frequency, seen)
         return 2.0 * math.pi / (LOOKS_PER_OSCILLATION * fastest) if fastest > 0.0 else math.inf

@@ -7,7 +7,7 @@ import numpy as np
 
 from mpp_taichi.modes.linear_network import LinearNetwork
 
-ALIKE = 1e-9  # relative: what lies nearer is meant to be equal, and shifts a frequency by half as much
+ALIKE = 1e-9  # relative: closer values are taken as equal; the difference changes a frequency by half as much
 
 
 class NoTheoryError(ValueError):
@@ -53,11 +53,11 @@ class LatticeTheory:
         return lattice_shape(self.first, self.counts, self.direction, numbers, (particle_count, dimensions))
 
     def _order(self, numbers: tuple[int, int, int]) -> float:
-        """Frequency to the digits in which equal ones agree; what does not vibrate comes first."""
+        """The frequency, rounded so that equal frequencies agree; modes that do not vibrate come first."""
         return float(f"{np.nan_to_num(self.angular_frequency(numbers)):.9g}")
 
     def lowest(self, count: int) -> list[tuple[int, int, int]]:
-        """The mode numbers of the lowest frequencies, rising; of equal ones the smaller numbers first."""
+        """The mode numbers of the lowest frequencies, in rising order; at equal frequencies the smaller numbers come first."""
         first, second, third = (range(1, min(count, max(1, points - 2)) + 1) for points in self.counts)
         rising = sorted(itertools.product(first, second, third), key=lambda each: (self._order(each), sum(each), -each[0]))
         return rising[:count]
@@ -80,7 +80,7 @@ def lattice_theory(network: LinearNetwork, first: int, counts: tuple[int, int, i
     """The theory of a lattice, if the springs of a scene are one.
 
     Raises:
-        NoTheoryError: they are not: unequal masses or springs, other springs at its particles, ends or a rim that are not held.
+        NoTheoryError: masses or springs are unequal, its particles have other springs, or its ends or rim are not held.
     """
     index = (first + np.arange(np.prod(counts))).reshape(counts[::-1])
     rim = np.zeros(index.shape, dtype=bool)
@@ -107,7 +107,7 @@ def lattice_theory(network: LinearNetwork, first: int, counts: tuple[int, int, i
 
 
 def _along(network: LinearNetwork, index: np.ndarray, rim: np.ndarray, axis: int, direction: int) -> tuple[float, int]:
-    """κ of one lattice axis, and how many springs along it act on the particles inside."""
+    """κ of one lattice axis, and the number of springs along it that act on the inner particles."""
     place = 2 - axis  # the last axis of the array is the first of the lattice
     if index.shape[place] == 1:
         return 0.0, 0

@@ -1,4 +1,4 @@
-"""A spring network linearised where it is placed: its stiffness, as a matrix and as a product."""
+"""A spring network linearised at its placement: its stiffness, as a matrix and as a product."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,10 +20,10 @@ class LinearNetwork:
         K_h = D [n nᵀ + (1 − L/l)(I − n nᵀ)] = D n nᵀ + (T/l)(I − n nᵀ),  tension T = D (l − L).
 
     The stiffness is the second derivative of the springs' energy: at a placement where the forces do not balance, the network
-    sets off by itself and this describes the motion only about that one. A spring whose ends coincide has K_h = D I with the
-    rest length 0, and no direction, hence no stiffness, otherwise.
+    moves by itself, and the linearisation holds only near this placement. A spring whose ends coincide has K_h = D I if its
+    rest length is 0; otherwise it has no direction, and therefore no stiffness.
 
-    position          where linearised, shape (particle_count, d) with d = dimensions
+    position          the placement, shape (particle_count, d) with d = dimensions
     mass              shape (particle_count,)
     free              axes of linked particles that may move, shape (particle_count, d); particles without a spring have none
     between           ends of the springs, shape (spring_count, 2)
@@ -43,7 +43,7 @@ class LinearNetwork:
 
     @property
     def freedom_count(self) -> int:
-        """How many axes of particles the springs can move."""
+        """The number of axes of particles that the springs can move."""
         return int(np.count_nonzero(self.free))
 
     @cached_property
@@ -86,7 +86,7 @@ class LinearNetwork:
         return self.assemble(self.blocks(self.axial, self.lateral))
 
     def pull(self, displacement: np.ndarray) -> np.ndarray:
-        """K u [force] without the matrix, both of shape (particle_count, d); on held axes what the support must bear."""
+        """K u [force] without the matrix, both of shape (particle_count, d); on held axes the force on the support."""
         change = displacement[self.between[:, 1]] - displacement[self.between[:, 0]]
         along = np.einsum("sd,sd->s", self.direction, change)
         force = self.lateral[:, None] * change + ((self.axial - self.lateral) * along)[:, None] * self.direction
@@ -97,7 +97,7 @@ class LinearNetwork:
         return total
 
     def potential_energy(self, displacement: np.ndarray) -> float:
-        """½ uᵀ K u: what the springs hold beyond the placement, to second order in u."""
+        """½ uᵀ K u: the energy of the springs relative to the placement, to second order in u."""
         return 0.5 * float(np.einsum("id,id->", displacement, self.pull(displacement)))
 
     def kinetic_energy(self, velocity: np.ndarray) -> float:
@@ -106,7 +106,7 @@ class LinearNetwork:
         return 0.5 * float(np.einsum("i,id,id->", self.mass, moving, moving))
 
     def mean_square_frequency(self, motion: np.ndarray) -> float:
-        """Rayleigh's quotient uᵀ K u / uᵀ M u [time⁻²]: ω² of a mode, of a mixture the mean; 0 where nothing moves."""
+        """Rayleigh's quotient uᵀ K u / uᵀ M u [time⁻²]: ω² of a mode, the mean of a mixture of modes; 0 where nothing moves."""
         moving = np.where(self.free, motion, 0.0)
         inertia = float(np.einsum("i,id,id->", self.mass, moving, moving))
         return 2.0 * self.potential_energy(moving) / inertia if inertia > 0.0 else 0.0
@@ -116,7 +116,7 @@ def linearise(placed: Snapshot, *, dimensions: int) -> LinearNetwork:
     """The springs of a snapshot about its positions.
 
     A spring as long as its rest length, to the rounding of its ends' coordinates, is taken to have no tension: otherwise
-    rounding would stiffen, or buckle, what is slack.
+    rounding would stiffen or buckle a slack network.
     """
     springs = placed.springs
     position = placed.position[:, :dimensions]

@@ -1,4 +1,4 @@
-"""The modes of a scene that are followed: which they are, and how much of a motion is in each."""
+"""The modes of a scene that are followed, and the share of each mode in a motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -15,7 +15,7 @@ from mpp_taichi.snapshot import Snapshot, Springs
 from mpp_taichi.start.assemble import rest_positions
 
 Numbers = tuple[int, int, int]
-SAME_FREQUENCY = 1e-6  # relative: modes nearer than this are one space, of which any basis will do
+SAME_FREQUENCY = 1e-6  # relative: modes with closer frequencies span one space, in which any basis is as good
 SHOWN_BY_DEFAULT = 4
 
 
@@ -28,7 +28,7 @@ class Mode:
     """A mode of a linear network.
 
     numbers              (r, s) of a lattice, or (k,) for the k-th of a network's vibrating modes
-    angular_frequency    ω by theory [radians time⁻¹]; 0 where nothing pulls back to first order
+    angular_frequency    ω by theory [radians time⁻¹]; 0 where no restoring force acts to first order
     shape                displacements at amplitude 1, shape (particle_count, d)
     """
 
@@ -44,7 +44,7 @@ class Mode:
 
 @dataclass(frozen=True, eq=False)
 class ModeReading:
-    """A motion as seen in the modes: amplitude and its rate [length, length time⁻¹], energies of each, and the energy of all.
+    """A motion in terms of modes: amplitudes and their rates [length, length time⁻¹], energies of the modes, and the total.
 
     Energies are those of the linear network: ½ M (ȧ² + ω² a²) with the modal mass M = Σ m shape², and ½ Σ m v² + ½ uᵀ K u.
     """
@@ -56,14 +56,14 @@ class ModeReading:
 
     @property
     def share(self) -> np.ndarray:
-        """Of the energy, in each mode; NaN where there is none."""
+        """The share of the energy in each mode; NaN where the energy is zero."""
         return self.energy / self.total_energy if self.total_energy > 0.0 else np.full(len(self.energy), np.nan)
 
 
 class ModeSet:
     """Modes of a network about the placement at rest, and the projection of snapshots on them.
 
-    source   where frequencies and shapes come from: `lattice theory`, or `the network's matrix` with the reason
+    source   the origin of frequencies and shapes: `lattice theory`, or `the network's matrix` with the reason
     """
 
     def __init__(self, network: LinearNetwork, modes: Sequence[Mode], source: str) -> None:
@@ -101,7 +101,7 @@ def find_modes(
     vibrates.
 
     Raises:
-        ModeError: there are none such.
+        ModeError: no such modes exist.
     """
     if not len(start.springs):
         raise ModeError("modes: the scene has no springs")
@@ -109,7 +109,7 @@ def find_modes(
     lattices = layout_of(spec).lattices
     pairs = [list(numbers) for numbers in show if max(numbers[1:]) > 1]  # these count along the axes of a lattice
     if of is None and (pairs or not show) and len(lattices) == 1:
-        (only,) = lattices  # its modes go without saying
+        (only,) = lattices  # by default the modes of this lattice
         of = only if along or _across(lattices[only], spec.dimensions) is not None else None
     if of is None and pairs:
         raise ModeError(f"modes: {pairs[0]} counts along the axes of a lattice, so of: must name one")
@@ -127,12 +127,12 @@ def find_modes(
 
 
 def _across(lattice: Lattice, dimensions: int) -> int | None:
-    """The direction that is meant when none is said: the last one across the lattice, if there is one."""
+    """The default direction: the last one across the lattice, if such a direction exists."""
     return max((axis for axis in range(dimensions) if lattice[1][axis] == 1), default=None)
 
 
 def _only(placed: Snapshot, lattice: Lattice) -> Snapshot:
-    """With the springs that have an end in a lattice, and no others."""
+    """The network with only the springs that have an end in a lattice."""
     first, counts = lattice
     ends = placed.springs.between
     keep = ((ends >= first) & (ends < first + np.prod(counts))).any(axis=1)
@@ -170,7 +170,7 @@ def _by_number(network: LinearNetwork, show: Sequence[Numbers]) -> ModeSet:
 
 
 def _nearest(network: LinearNetwork, lattice: Lattice, direction: int, show: Sequence[Numbers], reason: str) -> ModeSet:
-    """The modes of the matrix nearest to the shapes of the theory, for a lattice that it does not hold for."""
+    """The modes of the matrix nearest to the shapes of the theory, for a lattice to which the theory does not apply."""
     if not show:
         return _by_number(network, ())
     frequencies, shapes = _spectrum(network)

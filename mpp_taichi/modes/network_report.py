@@ -1,4 +1,4 @@
-"""What is said about the springs of a scene: the modes they have, and what the integrator does to them."""
+"""The report on the springs of a scene: their modes, and the effect of the integrator on them."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -13,10 +13,10 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 QUICK_FREEDOMS = 200
-"""A start may look at the whole spectrum of so many freedoms: some 10 ms."""
+"""The largest number of freedoms for which the start of a run computes the whole spectrum: some 10 ms."""
 SLOWEST = 1e-7  # of the other frequencies: below, a motion of mechanisms and the rounding of their stiffness
 QUICK_SPRINGS = 20_000
-"""A start may linearise so many springs: 20 ms."""
+"""The largest number of springs that the start of a run linearises: 20 ms."""
 SHOWN_FREQUENCIES = 4
 Amplification = Callable[[float], np.ndarray]
 
@@ -32,9 +32,9 @@ def network_facts(
 ) -> dict[str, Any]:
     """Counts of modes, their lowest and highest frequencies and the numerical damping there, as far as that is cheap to know.
 
-    `most_freedoms` is how large a network may be for its spectrum to be solved; of a larger one without tension, Maxwell's rule
-    tells how many zero-frequency modes there are at least, and its highest frequency is the given one, where it is given. What
-    is not known is left out.
+    `most_freedoms` is the largest network whose spectrum is solved. For a larger network without tension, Maxwell's rule gives
+    the least number of zero-frequency modes, and its highest frequency is the given one, if one is given. Unknown facts are
+    left out.
     """
     if not len(start.springs) or len(start.springs) > max(QUICK_SPRINGS, 3 * most_freedoms):
         return {}
@@ -105,9 +105,9 @@ def _damping(name: str, frequency: float, amplification: Amplification, dt: floa
 
 
 def note(found: Mapping[str, Any]) -> str:
-    """What anybody who starts this network should know: that it does not hold itself up; empty when it does.
+    """A warning for a network that does not resist some motions; empty for a network that resists all.
 
-    Slack springs that a displacement pulls taut do hold it, if softly.
+    Slack springs that a displacement pulls taut resist it weakly, and give no warning.
     """
     unstable, mechanisms = found.get("unstable_modes", 0), found.get("mechanism_modes", 0)
     soft = found.get("second_order_modes", 0)
@@ -121,7 +121,7 @@ def note(found: Mapping[str, Any]) -> str:
 
 
 def network_lines(found: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Heads and texts of the lines of a summary; once a timeline has changed the scene, they are of the time before."""
+    """Heads and texts of the lines of a summary; they hold for the scene before its timeline changes it."""
     before = "as the run began: " if found.get("phases") else ""
     damping = found.get("predicted_damping", ())
     rows = [("" if number else "damping", _damping_text(row)) for number, row in enumerate(damping)]

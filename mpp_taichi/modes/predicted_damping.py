@@ -1,4 +1,4 @@
-"""Numerical damping: what an integrator does to an oscillation by itself, predicted from its matrix of one step."""
+"""Numerical damping: the effect of the integrator alone on an oscillation, predicted from its matrix of one step."""
 
 import cmath
 import math
@@ -9,12 +9,12 @@ import numpy as np
 
 SMALL_STEP = 1e-2  # ω dt at which the principal eigenvalue is the one nearest to e^(i ω dt), for every consistent method
 FOLLOWED_PER_DECADE = 40
-ROUNDING = 8.0 * float(np.finfo(float).eps)  # of |λ|: what a method that keeps the energy seems to change
+ROUNDING = 8.0 * float(np.finfo(float).eps)  # of |λ|: rounding in a method that conserves the energy
 
 
 @dataclass(frozen=True)
 class NumericalDamping:
-    """What a step of dt does to a free oscillation of ω.
+    """The effect of steps of dt on a free oscillation of ω.
 
     energy_loss       share of the energy lost in one oscillation; below 0 where it is gained
     frequency_error   ω_numerical / ω − 1

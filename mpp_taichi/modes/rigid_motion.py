@@ -1,18 +1,18 @@
-"""Rigid motions: how each part of a network may move as a whole, as far as its supports leave it."""
+"""Rigid motions: the motions of each part of a network as a whole that its supports allow."""
 
 import numpy as np
 
 from mpp_taichi.modes.linear_network import LinearNetwork
 
-ROUNDINGS = 64.0  # of a coordinate, summed over the particles of a part, that may hide in its constraint matrix
+ROUNDINGS = 64.0  # of a coordinate, summed over the particles of a part: the error of its constraint matrix
 
 
 def rigid_motions(network: LinearNetwork) -> np.ndarray:
     """Orthonormal basis of the displacements that turn and shift parts of the network, shape (freedom_count, motion_count).
 
-    A part is what springs hold together without passing through a particle that is held on every axis: that one belongs to
-    the laboratory. A motion u = t + ω × x of a part counts where no held axis of its particles, or of the held particles that
-    it is linked to, would have to move. Turns about the line that all particles of a part are on move nothing and do not count.
+    A part is a set of particles connected by springs; a particle that is held on every axis is a support and connects nothing.
+    A motion u = t + ω × x of a part counts where no held axis of its particles, or of its supports, would have to move. Turns
+    about the line that all particles of a part are on move nothing and do not count.
     """
     held = np.logical_not(network.free.any(axis=1))
     parts = _parts(network.between, held)
@@ -31,7 +31,7 @@ def rigid_motions(network: LinearNetwork) -> np.ndarray:
 
 
 def _parts(between: np.ndarray, held: np.ndarray) -> list[np.ndarray]:
-    """Particles that can move, in groups that springs connect: labels spread along the springs until they stand."""
+    """Particles that can move, in groups that springs connect: labels spread along the springs until none changes."""
     inner = between[~held[between].any(axis=1)]
     label = np.arange(len(held))
     while True:

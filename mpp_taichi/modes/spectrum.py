@@ -1,4 +1,4 @@
-"""Spectrum: every frequency of a linear network, and what its zero-frequency modes are."""
+"""Spectrum: every frequency of a linear network, and the kinds of its zero-frequency modes."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from mpp_taichi.modes.linear_network import LinearNetwork
 from mpp_taichi.modes.rigid_motion import rigid_motions
 
 MOST_FREEDOMS = 2000  # dense eigenvalues of so many take seconds, and the work grows with the third power
-SETTLED = float(np.sqrt(np.finfo(float).eps))  # a tension of order 1 against what rounding leaves of none
+SETTLED = float(np.sqrt(np.finfo(float).eps))  # a tension of order 1, compared with the rounding of a zero tension
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,8 +21,8 @@ class Spectrum:
     zero_frequency_modes  motions that no spring resists to first order; they are
     rigid_motions         those of the network as a whole, or of a part by itself, that its supports leave, and
     mechanism_modes       the others
-    second_order_modes    how many of the mechanisms a tension in the springs would stiffen: displaced by a, they are pulled
-                          back by a³, as a flat sheet of slack springs is across itself
+    second_order_modes    the mechanisms that a tension in the springs would stiffen: the restoring force at a displacement a is
+                          proportional to a³, as across a flat sheet of slack springs
     """
 
     angular_frequency: np.ndarray
@@ -38,8 +38,8 @@ def spectrum(network: LinearNetwork, *, shapes: bool = False) -> Spectrum:
     """Solve K u = ω² M u, with the shapes only where asked for, and count the modes that do not vibrate.
 
     The counts are those of S K S with S = diag(K)^(−1/2), which has as many zero and negative eigenvalues as K (Sylvester's law
-    of inertia) but not its range of stiffnesses, nor the masses'. Zero is what lies within n · eps · ‖S K S‖, the error of a
-    symmetric eigenvalue solver, of zero. Takes dense matrices: `MOST_FREEDOMS` is where it should not be asked for.
+    of inertia) but not its range of stiffnesses, nor the masses'. Eigenvalues within n · eps · ‖S K S‖ of zero, the error of a
+    symmetric eigenvalue solver, count as zero. The matrices are dense: the network should have at most `MOST_FREEDOMS`.
     Source of the split: Calladine, Int. J. Solids Struct. 14 (1978) 161; Pellegrino and Calladine, ibid. 22 (1986) 409.
     """
     unstable, null = _still(network)
@@ -77,13 +77,13 @@ def _still(network: LinearNetwork) -> tuple[int, np.ndarray]:
 def _split(network: LinearNetwork, null: np.ndarray) -> tuple[int, np.ndarray]:
     """Number of rigid motions among the zero-frequency modes, and an orthonormal basis of the rest of these, the mechanisms.
 
-    A rigid motion costs no energy only where the forces balance, so each is tried: a prestretched spring at a support resists
-    a turn.
+    A rigid motion costs no energy only where the forces balance, so each motion is tested: a prestretched spring at a support
+    resists a turn.
     """
     if null.shape[1] == 0:
         return 0, null
     rigid = rigid_motions(network)
-    inside = null @ (null.T @ rigid)  # the part of them that no spring resists
+    inside = null @ (null.T @ rigid)  # the part of the rigid motions that no spring resists
     left, values, _ = np.linalg.svd(inside, full_matrices=False)
     free_of_charge = left[:, values > 1.0 - SETTLED]
     rest = null - free_of_charge @ (free_of_charge.T @ null)
@@ -92,11 +92,11 @@ def _split(network: LinearNetwork, null: np.ndarray) -> tuple[int, np.ndarray]:
 
 
 def _stiffened_by_tension(network: LinearNetwork, mechanisms: np.ndarray) -> int:
-    """How many mechanisms a state of self-stress gives a stiffness.
+    """The number of mechanisms that a state of self-stress stiffens.
 
-    Every spring is pulled taut with tension 1 and the network left to settle, held by springs of stiffness 1: the tension that
-    remains, 1 − C u with C the elongations per displacement, is the self-stress next to that tension, zero where there is
-    none. It gives a spring the stiffness tension / l across itself.
+    Every spring, of stiffness 1, is given the tension 1, and the network finds its equilibrium: the tension that remains,
+    1 − C u with C the elongations per displacement, is the self-stress nearest to that tension, zero where none
+    exists. It gives a spring the stiffness tension / l across itself.
     """
     if mechanisms.shape[1] == 0:
         return 0

@@ -12,10 +12,10 @@ from mpp_taichi.snapshot import Springs
 
 @dataclass(frozen=True, eq=False)
 class NetworkContext:
-    """What a network may look at.
+    """The data that a network may use.
 
     rest_position   of every particle, shape (particle_count, 3)
-    lattice         name → (index of its first particle, counts along the axes); PlacementError when there is none
+    lattice         name → (index of its first particle, counts along the axes); PlacementError for an unknown name
     """
 
     rest_position: np.ndarray
@@ -25,13 +25,15 @@ class NetworkContext:
 class Network(ABC):
     """Links particles. Parameters are those that the file declares."""
 
+    links_lattice = False  # True: links the neighbours in the lattice that the parameter `of` names, with a `prestretch`
+
     @abstractmethod
     def spring_count(self, lattice: Callable[[str], tuple[int, tuple[int, int, int]]]) -> int:
-        """How many springs there will be, found without making them."""
+        """The number of springs, found without making them."""
 
     @abstractmethod
     def generate(self, context: NetworkContext) -> Springs:
-        """Make the springs; PlacementError where that cannot be done."""
+        """Make the springs; PlacementError where they cannot be made."""
 
 
 def make_springs(
@@ -40,7 +42,7 @@ def make_springs(
     """Springs between pairs of particles; without a rest length they are at rest as placed, divided by `stretch`."""
     count = len(between)
     separation = context.rest_position[between[:, 1]] - context.rest_position[between[:, 0]]
-    with np.errstate(over="ignore"):  # positions that far out are refused with their names by check_physics
+    with np.errstate(over="ignore"):  # check_physics refuses positions that are so large, by the names of the particles
         placed = np.sqrt(np.sum(separation**2, axis=1)) / stretch
     return Springs(
         between=between.astype(np.int32),

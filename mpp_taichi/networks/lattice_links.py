@@ -32,9 +32,10 @@ class LatticeLinks(Network):
     damping: float = param(0.0, slider=True, minimum=0.0, unit="force time length⁻¹", help="c")
     prestretch: float = param(1.0, above=0.0, slider=True, help="placed length over rest length")
     color: Color = param((0.4, 0.4, 1.0), help="red, green, blue in 0…1")
+    links_lattice = True
 
     def spring_count(self, lattice: Callable[[str], tuple[int, tuple[int, int, int]]]) -> int:
-        """Along every step that links go, one for each particle that has a partner there."""
+        """For every direction of links, one spring for each particle with a partner in this direction."""
         counts = lattice(self.of)[1]
         return sum(
             math.prod(max(count - abs(along), 0) for count, along in zip(counts, step, strict=True)) for step in self._steps()
@@ -59,7 +60,7 @@ class LatticeLinks(Network):
         )
 
     def _steps(self) -> Iterator[tuple[int, int, int]]:
-        """From a particle to those it is linked with, in places along the three axes."""
+        """The directions of links from a particle to its partners, as offsets along the three axes."""
         for axis in range(3):
             for lengths in {"nearest": [(1, 0)], "bending": [(2, 0)], "diagonal": [(1, 1), (1, -1)]}[self.neighbors]:
                 along = dict(zip((axis, (axis + 1) % 3, (axis + 2) % 3), (*lengths, 0), strict=True))
@@ -67,6 +68,6 @@ class LatticeLinks(Network):
 
 
 def _ends(count: int, along: int) -> tuple[slice, slice]:
-    """Where along an axis the first and the second ends of the springs are."""
+    """The places of the first and the second ends of the springs along an axis."""
     low, high = slice(0, max(count - abs(along), 0)), slice(abs(along), None)
     return (low, high) if along >= 0 else (high, low)

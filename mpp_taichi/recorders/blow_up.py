@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpp_taichi import component
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.recorders.massless import MasslessWatch
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.simulation import first_bad_step
 from mpp_taichi.snapshot import Snapshot
-from mpp_taichi.stability.network import Network
+from mpp_taichi.stability.network import SpringNetwork
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.saved_state import Mark
@@ -224,7 +225,7 @@ def _worst(simulation: "Simulation", state: Snapshot) -> tuple[int, str]:
             index = int(np.argmax(np.nan_to_num(springs.stiffness * (length - springs.rest_length) ** 2, nan=np.inf)))
             moving = int(max(springs.between[index], key=lambda end: kinetic[end]))
             change = f"{length[index]:.3g} long there, at rest {springs.rest_length[index]:.3g}"
-            return moving, f"{Network(simulation.spec, state).describe_spring(index)}, {change}"
+            return moving, f"{SpringNetwork(simulation.spec, state).describe_spring(index)}, {change}"
         particle = int(np.argmax(kinetic))
         return particle, f"{first_bad_step.label(state, particle)} at speed {np.linalg.norm(state.velocity[particle]):.3g}"
 
@@ -234,7 +235,8 @@ def _cure(simulation: "Simulation") -> str:
     if advice is None:
         return f"the step is too large for what happens there: try dt = {0.5 * simulation.dt:.3g}, or a softening"
     if advice.never_stable:
-        return f"no step of {advice.integrator} keeps an oscillation: take leapfrog or rk4"
+        instead = " or ".join(component.proposed("integrators", "oscillation"))
+        return f"no step of {advice.integrator} keeps an oscillation: take {instead}"
     if not advice.is_unlimited and simulation.dt > advice.safe_limit:
         return f"{advice.integrator} allows {advice.limit:.6g}; dt = {advice.holding_step:.6g} holds"
     return f"the springs allow dt = {simulation.dt:.6g}, something else does not: try {advice.holding_step:.6g}"

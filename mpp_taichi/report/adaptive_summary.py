@@ -1,4 +1,4 @@
-"""What the step control of an adaptive method did, for the summary of a run. Host side."""
+"""The step control of an adaptive method, for the summary of a run. Host side."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -8,7 +8,7 @@ if TYPE_CHECKING:
 
 
 def step_control(simulation: "Simulation") -> dict[str, Any]:
-    """Steps taken and refused, evaluations of the force and the mean step of the phase that runs; {} for methods without it."""
+    """Steps taken and refused, evaluations of the force and the mean step of the phase; {} without step control."""
     found = simulation.launcher.facts().get("step_control") if simulation.step_count else None
     return {} if found is None else {"step_control": found}
 

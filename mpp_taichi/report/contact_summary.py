@@ -1,4 +1,4 @@
-"""What a run tells of its contacts in the closing summary."""
+"""The contacts of a run in its closing summary."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def contact_facts(simulation: "Simulation") -> dict[str, Any]:
-    """{"contacts": {…}} for scenes that have them: the solver, and what it counted since the start."""
+    """{"contacts": {…}} for scenes with contacts: the solver, and its counts since the start."""
     contacts, solver = simulation.spec.contacts, simulation.contacts
     if contacts is None or solver is None:
         return {}
@@ -34,7 +34,7 @@ def contact_facts(simulation: "Simulation") -> dict[str, Any]:
 
 
 def _merged(simulation: "Simulation") -> dict[str, Any]:
-    """How many spheres became part of others, and how many are left; a rate per particle means nothing then."""
+    """The number of spheres that merged into others, and of those left; a rate per particle has no meaning here."""
     report = simulation.contact_report
     return {
         "merge_count": report.merge_count,

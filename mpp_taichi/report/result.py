@@ -1,4 +1,4 @@
-"""Run a scene from Python as the command line does, and keep what came of it as arrays: `mpp_taichi.run`."""
+"""Run a scene from Python as the command line does, and keep its results as arrays: `mpp_taichi.run`."""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -20,7 +20,7 @@ from mpp_taichi.simulation.recorder import Recorder
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.snapshot import Snapshot
 
-MOST_NUMBERS = 2**27  # of the positions and velocities that are kept, a gigabyte
+MOST_NUMBERS = 2**27  # of the positions and velocities that are kept: a gigabyte
 
 
 def run(
@@ -36,10 +36,10 @@ def run(
 ) -> "Result":
     """Run a scene to its end, or for a `duration` or `steps`, and keep about `samples` moments of it.
 
-    Where it was run to the scene's own end, the scene's `expect:` is judged as well.
+    After a run to the scene's own end, the scene's `expect:` is judged as well.
 
     Raises:
-        MppError: as of Simulation and its run; CapacityError where the moments would need more than a gigabyte.
+        MppError: an error of Simulation or its run; CapacityError where the moments would need more than a gigabyte.
     """
     if samples < 1:
         raise MppError(f"samples must be at least 1, got {samples}")
@@ -69,7 +69,7 @@ def run(
 
 
 def _step_count(simulation: Simulation, duration: float | None, steps: int | None) -> int:
-    """Steps that the run will take, for the distance between samples."""
+    """The number of steps of the run, from which the interval between samples follows."""
     wanted = simulation.scene.run
     if steps is None and duration is None:
         duration, steps = wanted.duration, wanted.steps if wanted.duration is None else None
@@ -77,15 +77,15 @@ def _step_count(simulation: Simulation, duration: float | None, steps: int | Non
 
 
 class Moments:
-    """A recorder that keeps the particles as they were every `every` steps, and at the end."""
+    """A recorder that keeps the particles after every `every` steps, and at the end."""
 
     def __init__(self, every: int) -> None:
-        """Nothing is seen yet."""
+        """Begin without a moment."""
         self.every = every
         self.seen: list[Snapshot] = []
 
     def steps_until_due(self, simulation: Simulation) -> int:
-        """Until the next multiple."""
+        """Steps until the next multiple of `every`."""
         return self.seen[-1].step + self.every - simulation.step_count if self.seen else 0
 
     def record(self, simulation: Simulation) -> None:
@@ -93,17 +93,17 @@ class Moments:
         self.seen.append(simulation.snapshot())
 
     def finish(self, simulation: Simulation) -> None:
-        """Keep the last moment, unless that was just done."""
+        """Keep the last moment, unless it has just been kept."""
         if self.seen[-1].step != simulation.step_count:
             self.record(simulation)
 
 
 class Result:
-    """What came of a run: numbers and arrays, and a picture of its end where a notebook shows it.
+    """The result of a run: numbers and arrays, and in a notebook a picture of its end.
 
-    simulation   still open, at the end of the run, to go on with; `close` it, or use the result as a context manager
+    simulation   still open, at the end of the run, to be continued; `close` it, or use the result as a context manager
     summary      the facts of `--json`, name → value
-    verdicts     what became of each entry of `expect:`
+    verdicts     the verdict on each entry of `expect:`
     table        column → array: time, energies and errors (sample_count,), momentum, … (sample_count, 3)
     time         of each moment kept, (moment_count,)
     position, velocity   of all particles at each moment, (moment_count, particle_count, 3)
@@ -117,7 +117,7 @@ class Result:
         table: TableRecorder,
         moments: Sequence[Snapshot],
     ) -> None:
-        """Of a run that has ended."""
+        """Keep the results of a run that has ended."""
         self.simulation, self.summary, self.verdicts = simulation, summary, tuple(verdicts)
         self.table: dict[str, np.ndarray] = table.columns()
         self.moments = tuple(moments)
@@ -144,11 +144,11 @@ class Result:
 
     @property
     def _shows_its_end(self) -> bool:
-        """Whether the simulation is still where the run left it."""
+        """Whether the simulation is still at the end of the run."""
         return self.simulation.step_count == self.moments[-1].step
 
     def close(self) -> None:
-        """Give the device memory back; the arrays stay."""
+        """Free the device memory; the arrays stay."""
         self.simulation.close()
 
     def __enter__(self) -> "Result":

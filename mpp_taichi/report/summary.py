@@ -1,4 +1,4 @@
-"""Summary: what a run was, how it went, and where its time went; as data for programs and as lines for people."""
+"""Summary: the settings of a run, its results and its times; as data for programs and as lines for people."""
 
 import contextlib
 import time as clock
@@ -43,33 +43,33 @@ class Stopwatch:
 
 
 class Timed:
-    """A recorder whose looks are timed under a name."""
+    """A recorder whose calls are timed under a name."""
 
     def __init__(self, recorder: Any, stopwatch: Stopwatch, name: str) -> None:
         """Wrap a recorder."""
         self.recorder, self.stopwatch, self.name = recorder, stopwatch, name
 
     def steps_until_due(self, simulation: "Simulation") -> int:
-        """As the recorder says."""
+        """Steps until the recorder is due."""
         return self.recorder.steps_until_due(simulation)
 
     def record(self, simulation: "Simulation") -> None:
-        """Look, timed."""
+        """Call the recorder, timed."""
         with self.stopwatch(self.name):
             self.recorder.record(simulation)
 
     def restart(self) -> None:
-        """As the recorder does."""
+        """Restart the recorder."""
         self.recorder.restart()
 
 
 def effect_names(simulation: "Simulation") -> list[str]:
-    """The effects that were compiled, as scenes call them."""
+    """The effects that were compiled, by their names in scenes."""
     return simulation.phases[simulation.phase_number].effects
 
 
 def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopwatch, *, plan_asked: str) -> dict[str, Any]:
-    """The facts of a run; `status`, `files` and `expect` are added by who knows them."""
+    """The facts of a run; the callers add `status`, `files` and `expect`."""
     spec, device = simulation.spec, simulation.device
     phases = simulation.phases[simulation.course.first : simulation.phase_number + 1]
     # The first launch of each phase is one step, and its time the compiler's.
@@ -121,7 +121,7 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
 
 
 def _solver(simulation: "Simulation") -> dict[str, Any]:
-    """What solving the equations of implicit steps took; {} for methods that solve none."""
+    """The work of the solver for the equations of implicit steps; {} for methods that solve none."""
     report, steps = simulation.solver_report, max(1, simulation.solver_report.steps)
     linear_solver = simulation.launcher.facts().get("linear_solver")
     if linear_solver is None:
@@ -138,7 +138,7 @@ def _solver(simulation: "Simulation") -> dict[str, Any]:
 
 
 def phase_facts(simulation: "Simulation") -> list[dict[str, Any]]:
-    """What the timeline has changed so far: time, keys and values, the effects since, and the energy put in by the change."""
+    """The changes by the timeline so far: time, keys and values, the effects after it, and the energy that the change adds."""
     begun = simulation.phases[simulation.course.first + 1 : simulation.phase_number + 1]
     return [
         {
@@ -153,10 +153,10 @@ def phase_facts(simulation: "Simulation") -> list[dict[str, Any]]:
 
 
 def damping_of_method(simulation: "Simulation", table: "TableRecorder") -> dict[str, Any]:
-    """What the method itself lost: measured where an energy balance is kept, or where no force accounts for a loss.
+    """The energy lost by the method itself: measured where an energy balance is kept, or where no force explains a loss.
 
-    A symplectic method in a scene that conserves energy loses none in the long run, and one that works to round-off loses none
-    that stands out; they are not asked.
+    It is left out for a symplectic method in a scene that conserves energy, which loses no energy in the long run, and for a
+    method that works to round-off, whose loss cannot be seen.
     """
     balance = simulation.energy_balance
     closed = simulation.phase.conserves_energy
@@ -174,7 +174,7 @@ def damping_of_method(simulation: "Simulation", table: "TableRecorder") -> dict[
 
 
 def launches_per_step(simulation: "Simulation") -> float | None:
-    """Kernel launches a step took, on average so far: a serial launch holds many steps, a parallel step several loops."""
+    """The mean number of kernel launches per step so far: a serial launch holds many steps, a parallel step several loops."""
     done = simulation.step_count - simulation.start.step
     if done <= 0:
         return None
@@ -185,7 +185,7 @@ def launches_per_step(simulation: "Simulation") -> float | None:
 
 
 def plan_reason(simulation: "Simulation", plan_asked: str) -> str:
-    """Why the plan is what it is."""
+    """The reason for the choice of the plan."""
     if plan_asked != "auto":
         return "asked for"
     if not simulation.device.on_cpu:
@@ -254,7 +254,7 @@ def _solver_line(found: Mapping[str, Any]) -> str:
 
 
 def _phase_lines(phases: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A line for each change; of the many that a hand on a slider makes, the first ones and how many there are."""
+    """A line for each change; of many changes, such as those by a slider, the first ones and the number of the others."""
     told = [_phase_line(phase) for phase in phases[:PHASES_TOLD]]
     left = len(phases) - len(told)
     return [*told, f"… and {left:,} more changes, the last at t = {phases[-1]['at']:.9g}"] if left else told
@@ -294,7 +294,7 @@ def _balance(found: Mapping[str, Any]) -> str:
 
 
 def _damping(found: Mapping[str, Any]) -> str:
-    """Energy that the method lost by itself: the price of its step, beside the time."""
+    """The energy lost by the method itself: the price of its step, next to the time."""
     damping = found.get("numerical_damping")
     if damping is None:
         return ""
@@ -309,7 +309,7 @@ def _damping(found: Mapping[str, Any]) -> str:
 
 
 def _beside(found: Mapping[str, Any]) -> str:
-    """The right half of a film of two: its settings, and how far apart the two have come."""
+    """The right half of a film: its settings, and the final difference of the two halves."""
     right = found.get("beside")
     if right is None:
         return ""

@@ -14,7 +14,7 @@ CONSTANTS_ALLOWED = 10_000
 
 
 def resolve(node: Node | None, given: Mapping[str, float | None], faults: Faults) -> dict[str, float | None]:
-    """Every constant's value: those `given` (G) and those of the mapping; None for one at fault, already reported."""
+    """The value of every constant, `given` (G) or of the mapping; None for a constant whose fault is reported."""
     values: dict[str, float | None] = dict(given)
     if node is None or not isinstance(node.value, dict):
         if node is not None and node.value is not None:
@@ -53,7 +53,7 @@ def resolve(node: Node | None, given: Mapping[str, float | None], faults: Faults
 
 
 def place_in(node: Node, error: ExpressionError) -> Location:
-    """Where in the file the character of an expression stands; the value's beginning when the text is folded."""
+    """The place in the file of a character of an expression; the beginning of the value when the text is folded."""
     if not node.text_column:
         return node.location
     return Location(node.location.file, node.location.line, node.text_column + error.offset)

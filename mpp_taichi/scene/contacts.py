@@ -13,13 +13,12 @@ from mpp_taichi.scene.fields import Field, Text
 from mpp_taichi.scene.parameters import STRICT, parameter_fields
 from mpp_taichi.scene.spec import ComponentSpec, ContactsSpec, Location, PairSpec, SceneSpec
 
-LOOKS = 1000  # of an event-driven run, where the scene does not say how often
+LOOKS = 1000  # in an event-driven run for which the scene gives no time between looks
 COMMON_KEYS = ("solver", "pairs", "overlap")
-MERGING = "merging"  # the solver after which there are fewer spheres
 
 
 def contacts_model(names: Sequence[str]) -> type[BaseModel]:
-    """The model of `contacts:` for the solvers selected; with none, one that says which solvers there are."""
+    """The model of `contacts:` for the selected solvers; without any, a model whose message lists the solvers."""
     bodies = [_solver_model(name) for name in names]
     if not bodies:
         solver: Any = (Annotated[Any, Text(tuple(component.names("contacts")))], Describe(description="the method"))
@@ -53,13 +52,13 @@ def _word(words: tuple[str, ...], default: str, description: str) -> Any:
 
 
 def merges(spec: SceneSpec) -> bool:
-    """Whether spheres of a scene become one where they meet."""
-    return spec.contacts is not None and spec.contacts.solver.name == MERGING
+    """Whether two spheres of a scene become one sphere where they touch."""
+    return spec.contacts is not None and bool(spec.contacts.solver.flag("contacts", "merges"))
 
 
-def is_event_driven(validated: Any) -> bool:
-    """Whether validated contacts, or None, are those that need no integrator."""
-    return validated is not None and bool(validated.hard_spheres.solver == "event_driven")
+def fly(validated: Any) -> bool:
+    """Whether validated contacts, or None, have a solver that moves the spheres itself, so that no integrator is needed."""
+    return validated is not None and bool(component.flag("contacts", validated.hard_spheres.solver, "flies"))
 
 
 def specification(validated: Any, node: Any) -> ContactsSpec | None:
@@ -72,56 +71,64 @@ def specification(validated: Any, node: Any) -> ContactsSpec | None:
     return ContactsSpec(solver, tuple(getattr(spheres, "pairs", ())), spheres.overlap)
 
 
-# Methods whose drifts lead forward in time alone: contacts on the way would be undone by one that leads back.
-DRIFTING = ("leapfrog", "symplectic_euler", "velocity_verlet")
-# Methods that choose a step by what they find, so that they can begin anew at any time; adaptive_leapfrog carries its along.
-CUT_AT_CONTACTS = ("ias15", "taylor", "adaptive_dop853", "adaptive_bogacki_shampine")
-
-
 def check_contacts(spec: SceneSpec, tree: Node, faults: Faults) -> None:
-    """Refuse walls without contacts, and solvers beside forces or integrators that they cannot go with."""
+    """Refuse walls without contacts, and contact solvers beside forces or integrators that they do not support.
+
+    A solver that resolves contacts during drifts needs an integrator whose drifts all lead forward in time: a drift that
+    leads back would undo the contacts. A solver that leads the integrator needs one that can begin anew at each contact.
+    """
     if spec.contacts is None:
         for number, wall in enumerate(spec.walls):
             faults.add(wall.location, f"walls[{number}].{wall.name}", "acts on contacts only, so the scene must have contacts:")
-        if spec.integrator.name == "event_driven":
-            faults.add(spec.integrator.location, "integrator.event_driven", "needs contacts with solver: event_driven")
+        name = spec.integrator.name
+        if spec.integrator.flag("integrators", "flies"):
+            faults.add(spec.integrator.location, f"integrator.{name}", f"needs contacts with solver: {name}")
         return
     solver = spec.contacts.solver
     place, key = tree.value["contacts"].value["hard_spheres"].value["solver"].location, "contacts.hard_spheres.solver"
-    if solver.name == "event_driven":
+    forward = bool(spec.integrator.flag("integrators", "moves_forward_alone"))
+    if solver.flag("contacts", "flies"):
         _check_free_flight(spec, place, key, faults)
-    elif solver.name == "located":
+    elif solver.flag("contacts", "leads"):
         _check_located(spec, place, key, faults)
-    elif spec.integrator.name not in DRIFTING:
-        goes = f"goes with the integrators {', '.join(DRIFTING)}, not {spec.integrator.name}"
-        other = ", which goes with solver: located" if spec.integrator.name in CUT_AT_CONTACTS else ""
+    elif not forward:
+        allowed = ", ".join(component.marked("integrators", "moves_forward_alone"))
+        goes = f"goes with the integrators {allowed}, not {spec.integrator.name}"
+        leading = ", ".join(component.marked("contacts", "leads"))
+        other = f", which goes with solver: {leading}" if spec.integrator.flag("integrators", "begins_anew") else ""
         faults.add(place, key, f"{solver.name} resolves contacts on straight ways between kicks: it {goes}{other}")
-    if solver.name == MERGING:
+    if merges(spec):
         _check_merging(spec, faults)
-    if solver.parameters.get("compliance") and spec.integrator.name in DRIFTING and spec.integrator.name != "symplectic_euler":
-        rule = "contacts that yield go with the integrator symplectic_euler, where each drift follows the kick it bears"
+    if solver.parameters.get("compliance") and forward and not spec.integrator.flag("integrators", "drifts_after_kick"):
+        allowed = ", ".join(component.marked("integrators", "drifts_after_kick"))
+        rule = f"contacts that yield go with the integrator {allowed}, whose drifts each follow the kick that they carry"
         given = tree.value["contacts"].value["hard_spheres"].value["compliance"].place
         faults.add(given, "contacts.hard_spheres.compliance", f"{rule}, not {spec.integrator.name}")
 
 
 def _check_free_flight(spec: SceneSpec, place: Location, key: str, faults: Faults) -> None:
-    if spec.integrator.name != "event_driven":
-        faults.add(place, key, f"event_driven needs no integrator, or integrator: event_driven, not {spec.integrator.name}")
+    assert spec.contacts is not None
+    solver = spec.contacts.solver.name
+    if not spec.integrator.flag("integrators", "flies"):
+        faults.add(place, key, f"{solver} needs no integrator, or integrator: {solver}, not {spec.integrator.name}")
     for number, force in enumerate(spec.forces):
-        if force.name != "uniform_gravity":
-            rule = "cannot act here: between collisions event_driven knows no force but uniform_gravity"
+        if not force.flag("forces", "is_uniform"):
+            known = ", ".join(component.marked("forces", "is_uniform"))
+            rule = f"cannot act here: between collisions {solver} knows no force but {known}"
             faults.add(force.location, f"forces[{number}].{force.name}", rule)
     if spec.springs:
-        rule = "cannot act here: between collisions event_driven knows no springs"
+        rule = f"cannot act here: between collisions {solver} knows no springs"
         faults.add(spec.springs[0].location, "springs", rule)
 
 
 def _check_located(spec: SceneSpec, place: Location, key: str, faults: Faults) -> None:
-    if spec.integrator.name not in CUT_AT_CONTACTS:
-        goes = f"goes with the integrators {', '.join(CUT_AT_CONTACTS)}, not {spec.integrator.name}"
-        faults.add(place, key, f"located cuts the steps of a method that chooses them at contacts: it {goes}")
+    assert spec.contacts is not None
+    if not spec.integrator.flag("integrators", "begins_anew"):
+        allowed, solver = ", ".join(component.marked("integrators", "begins_anew")), spec.contacts.solver.name
+        goes = f"goes with the integrators {allowed}, not {spec.integrator.name}"
+        faults.add(place, key, f"{solver} cuts the steps of a method that chooses them at contacts: it {goes}")
     for number, wall in enumerate(spec.walls):
-        if wall.name == "periodic_box":
+        if wall.flag("walls", "repeats"):
             rule = "cannot be where contacts are located: a step may lead through more than one copy of the box"
             faults.add(wall.location, f"walls[{number}].{wall.name}", rule)
 
@@ -130,6 +137,6 @@ def _check_merging(spec: SceneSpec, faults: Faults) -> None:
     if spec.springs:
         faults.add(spec.springs[0].location, "springs", "cannot be where spheres merge: a spring would lose its end")
     for number, wall in enumerate(spec.walls):
-        if wall.name == "periodic_box":
+        if wall.flag("walls", "repeats"):
             rule = "cannot be where spheres merge: they may grow beyond what a box that repeats has room for"
             faults.add(wall.location, f"walls[{number}].{wall.name}", rule)

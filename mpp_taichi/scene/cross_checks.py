@@ -1,4 +1,4 @@
-"""Cross checks: what two keys of a scene, each fine alone, must not say together."""
+"""Cross checks: pairs of keys of a scene that are each valid alone but contradict each other."""
 
 from mpp_taichi.scene.contacts import check_contacts
 from mpp_taichi.scene.document import Node
@@ -10,7 +10,7 @@ from mpp_taichi.scene.view_checks import check_view
 
 
 def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
-    """Add what is wrong between the keys."""
+    """Add a fault for every contradiction between keys."""
     _check_run(spec, tree, faults)
     check_view(spec, tree, faults)
     _check_expect(spec, faults)

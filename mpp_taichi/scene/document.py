@@ -46,11 +46,11 @@ class Node:
         return self.value
 
     def get(self, key: str) -> "Node | None":
-        """The entry of a mapping; None where it, or the mapping, is not there."""
+        """The entry of a mapping; None where the entry is absent or the node is no mapping."""
         return self.value.get(key) if isinstance(self.value, dict) else None
 
     def along(self, path: tuple[Any, ...]) -> Iterator[tuple[Any, "Node"]]:
-        """Walk down a path, yielding (key, Node); keys that are not there are passed over."""
+        """Walk down a path, yielding (key, Node); absent keys are skipped."""
         node = self
         for key in path:
             child = None

@@ -24,7 +24,7 @@ class Estimate:
 
     bytes                              host memory while the scene is assembled and copied to the device, an upper bound
     pair_interactions_per_evaluation   ordered pairs N (N − 1) that one evaluation of the pair forces visits; with a tree, about
-                                       what it visits instead
+                                       the number of nodes and bodies that it visits
     steps                              None where the scene does not end by itself
     """
 
@@ -36,7 +36,7 @@ class Estimate:
 
 
 def estimate(spec: SceneSpec) -> Estimate:
-    """Count without making anything."""
+    """Count particles, springs, pairs and steps without creating any of them."""
     layout = layout_of(spec)
     particles = layout.total
     springs = sum(build("networks", entry).spring_count(layout.lattice) for entry in spec.springs)
@@ -55,7 +55,7 @@ def estimate(spec: SceneSpec) -> Estimate:
 
 
 def check_capacity(needed: Estimate) -> None:
-    """CapacityError, with the numbers, when this machine cannot do it."""
+    """Raise CapacityError, with the numbers, when the scene needs more memory than this machine has."""
     for count, what in ((needed.particle_count, "particles"), (needed.spring_count, "springs")):
         if count > LARGEST_COUNT:
             raise CapacityError(f"the scene has {_short(count)} {what}, allowed: {LARGEST_COUNT}")
@@ -71,7 +71,7 @@ def check_capacity(needed: Estimate) -> None:
 
 
 def available_bytes() -> int | None:
-    """Memory that can be taken without swapping; None where the system does not say."""
+    """Memory that can be allocated without swapping; None where the system does not report it."""
     try:
         with open("/proc/meminfo", encoding="ascii") as stream:
             for line in stream:

@@ -26,7 +26,7 @@ SUMMARY_QUANTITIES = {
     "time": "time reached",
 }
 BALANCE_QUANTITIES = frozenset({"energy_balance_error_max", "dissipated_energy", "work"})
-"""Of these, the numbers for which an energy balance is kept."""
+"""The numbers among them for which an energy balance is kept."""
 BOUNDS = ("below", "above", "near", "within")
 REDUCTIONS = ("end", "largest", "smallest", "mean")
 REDUCTION_DEFAULTS: Mapping[str, Any] = {"when": "end", "at": None, "after": None, "until": None}

@@ -68,7 +68,7 @@ class ExpressionError(ValueError):
 
 
 class UnresolvedConstant(ExpressionError):
-    """A constant is named whose own value is at fault, which is reported where it is defined."""
+    """The expression names a constant whose own value is at fault; that fault is reported at the constant's definition."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def _offset(text: str, node: ast.AST) -> int:
 
 
 def _check(expression: Expression) -> None:
-    """Refuse everything that is not in the small arithmetic."""
+    """Refuse every node that the small arithmetic does not have."""
     functions = {id(node.func) for node in ast.walk(expression.tree) if isinstance(node, ast.Call)}
     for count, node in enumerate(ast.walk(expression.tree)):
         reason = _refusal(node, functions)
@@ -197,7 +197,7 @@ class _Evaluation:
             elif isinstance(node, ast.BinOp):
                 left, right = self.of(node.left), self.of(node.right)
                 if self.on_arrays and isinstance(node.op, ast.Pow):
-                    left = np.asarray(left, dtype=float)  # so that numbers, too, fail as arrays do
+                    left = np.asarray(left, dtype=float)  # so that numbers fail as arrays do
                 result = _BINARY[type(node.op)](left, right)
             else:
                 assert isinstance(node, ast.Call) and isinstance(node.func, ast.Name)

@@ -10,7 +10,7 @@ DEEPEST = 4
 
 
 def resolve(tree: Node, file: Path, root: Path, faults: Faults, chain: tuple[Path, ...] = ()) -> Node:
-    """The tree merged over what it extends; mappings merge, everything else is replaced. `root` bounds where files may be."""
+    """The tree merged over the scene that it extends: mappings merge, other values are replaced. Files must be below `root`."""
     node = tree.get("extends")
     if node is None:
         return tree
@@ -37,7 +37,7 @@ def resolve(tree: Node, file: Path, root: Path, faults: Faults, chain: tuple[Pat
 
 
 def merge(base: Node, over: Node, key: str = "") -> Node:
-    """`over` completed by `base`: mappings key by key, the rest as in `over`; another integrator replaces the whole one."""
+    """`over` completed by `base`: mappings key by key, other values as in `over`; a different integrator replaces the entry."""
     if not isinstance(base.value, dict) or not isinstance(over.value, dict):
         return over
     if key == "integrator" and base.value.keys() != over.value.keys():

@@ -21,7 +21,7 @@ class Faults:
     _settled: set[Location] = field(default_factory=set)
 
     def settle(self, location: Location, message: str) -> None:
-        """Note that the value here cannot be read; whatever else is said about it later would only mislead."""
+        """Note that the value at this place cannot be read, so that later faults of the same value are not reported."""
         self.add(location, "", message)
         self._settled.add(location)
 

@@ -1,7 +1,7 @@
 """Fields: the checked types that keys of a scene have, as annotations for pydantic.
 
-Each says in one place what a value may be, how an expression becomes a number, what the message is when it is wrong, and how
-the JSON Schema (and so the editor) describes it.
+Each type defines in one place which values are valid, how an expression becomes a number, the message for an invalid value,
+and how the JSON Schema (and so the editor) describes the key.
 """
 
 import math
@@ -22,7 +22,7 @@ LARGEST_NUMBER = 1e300
 
 @dataclass(frozen=True)
 class Context:
-    """What the checks of one scene need to know; None stands for a constant that is at fault itself."""
+    """The constants, dimensions and folder that the checks of one scene need; None is the value of a constant at fault."""
 
     constants: Mapping[str, float | None] = field(default_factory=dict)
     dimensions: int = 3
@@ -30,7 +30,7 @@ class Context:
 
 
 class Wrong(Exception):
-    """Something wrong inside a value: where below its key, at which character of a text, and why."""
+    """A fault inside a value: its place below the key, the character of a text, and the reason."""
 
     def __init__(self, message: str, *, path: tuple[Any, ...] = (), offset: int | None = None) -> None:
         """Keep the place beside the message."""
@@ -43,11 +43,11 @@ class Field(ABC):
 
     @abstractmethod
     def check(self, value: Any, context: Context) -> Any:
-        """Turn what the scene says into what the program uses."""
+        """Turn the value that the scene gives into the value that the program uses."""
 
     @abstractmethod
     def schema(self) -> dict[str, Any]:
-        """The JSON Schema of what the scene may say."""
+        """The JSON Schema of the values that the scene may give."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Let pydantic call `check`."""
@@ -82,15 +82,15 @@ def calculate(value: Any, context: Context) -> float:
 
 
 @dataclass(frozen=True)
-class Number(Field):
-    """A finite number or an expression, within a range."""
+class Ranged(Field, ABC):
+    """A finite number or an expression, within a range: what numbers and whole numbers have in common."""
 
     json_type: ClassVar[str] = "number"
     minimum: float | None = None
     maximum: float | None = None
     above: float | None = None
 
-    def check(self, value: Any, context: Context) -> float:
+    def calculated(self, value: Any, context: Context) -> float:
         """Calculate and compare with the range."""
         number = calculate(value, context)
         low = (self.minimum is None or number >= self.minimum) and (self.above is None or number > self.above)
@@ -110,7 +110,7 @@ class Number(Field):
         return " and ".join(parts)
 
     def listed(self) -> dict[str, Any]:
-        """What a schema says of the values one by one."""
+        """The keywords of the schema that list the values one by one."""
         return {}
 
     def schema(self) -> dict[str, Any]:
@@ -125,15 +125,24 @@ class Number(Field):
 
 
 @dataclass(frozen=True)
-class Whole(Number):
-    """A whole number within a range, or one of a few; 1e6 and expressions are welcome."""
+class Number(Ranged):
+    """A finite number or an expression, within a range."""
+
+    def check(self, value: Any, context: Context) -> float:
+        """Calculate and compare with the range."""
+        return self.calculated(value, context)
+
+
+@dataclass(frozen=True)
+class Whole(Ranged):
+    """A whole number within a range, or one of a few choices; 1e6 and expressions are allowed."""
 
     json_type: ClassVar[str] = "integer"
     choices: tuple[int, ...] = ()
 
     def check(self, value: Any, context: Context) -> int:
         """Calculate and refuse a fraction."""
-        number = super().check(value, context)
+        number = self.calculated(value, context)
         if number != math.floor(number):
             raise Wrong(f"{shown(number)} is not a whole number")
         if self.choices and number not in self.choices:
@@ -213,7 +222,7 @@ class ListOf(Field):
 
 @dataclass(frozen=True)
 class InSpace(Field):
-    """A vector in the scene's space: with `dimensions: 2`, two components will do and the third must be 0."""
+    """A vector in the scene's space: with `dimensions: 2`, two components are enough and a third must be 0."""
 
     item: Field
 
@@ -263,12 +272,12 @@ class Counts(Field):
 
 @dataclass(frozen=True)
 class Settings(Field):
-    """A mapping of paths to values; what they may be is known only to the scene that they are set in (timeline.py)."""
+    """A mapping of paths to values; the values are checked with the scene that they are set in (timeline.py)."""
 
-    optional: bool = False  # whether nothing will do
+    optional: bool = False  # whether an empty mapping is allowed
 
     def check(self, value: Any, context: Context) -> dict[str, Any] | None:
-        """Refuse what is no mapping, and one that changes nothing unless nothing will do."""
+        """Refuse a value that is no mapping, and an empty mapping where it is not allowed."""
         if self.optional and value in (None, {}):
             return None
         if not isinstance(value, dict) or not value:
@@ -284,7 +293,7 @@ class Settings(Field):
 
 @dataclass(frozen=True)
 class Reference(Field):
-    """A particle by index or name; which it is is known only when all particles are counted (references.py)."""
+    """A particle given by index or name; references.py finds its index after all particles are counted."""
 
     def check(self, value: Any, context: Context) -> int | str:
         """Check the form."""
@@ -302,7 +311,7 @@ class FileBeside(Field):
     """A file in the scene's folder or below it, links resolved; the value is its full path."""
 
     def check(self, value: Any, context: Context) -> str:
-        """Find the file and refuse one outside."""
+        """Find the file, and refuse a file outside the folder."""
         name = Text().check(value, context)
         try:
             root = context.folder.resolve()
@@ -322,14 +331,14 @@ class FileBeside(Field):
 
 
 class OneOrMore:
-    """Of a list: its only entry may stand for it."""
+    """A list whose only entry may be given without the list."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Make the list before it is checked."""
         return core_schema.no_info_before_validator_function(_as_list, handler(source))
 
     def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
-        """One, or many."""
+        """The schema of one entry, or of a list of entries."""
         many = handler(core)
         return {"anyOf": [many["items"], many]}
 
@@ -345,7 +354,7 @@ class PerParticle(Field):
     names: tuple[str, ...]
 
     def check(self, value: Any, context: Context) -> Formula:
-        """Check every name now; the values come when the particles do."""
+        """Check every name now; the values are computed when the particles are placed."""
         if not isinstance(value, str):
             value = repr(calculate(value, context))
         try:

@@ -18,7 +18,7 @@ from mpp_taichi.scene.spec import ComponentSpec, PanelSpec
 PANELS_ALLOWED = 12  # in a picture of 720 rows more could not be read
 CURVES_ALLOWED = 8
 THEORY_NAMES = ("t", "x")
-"""What the expression `theory:` may speak of besides constants: time, and the quantity along x."""
+"""The names that the expression `theory:` may use besides constants: time, and the quantity along x."""
 DISTRIBUTIONS = ("maxwell_boltzmann",)
 DISTRIBUTED = ("speed", "velocity")
 """Quantities whose distribution in a gas is known."""
@@ -27,10 +27,10 @@ DISTRIBUTABLE = "OfEach"
 
 
 class _WordOrEntry:
-    """Of an entry {quantity: {parameters}}: the word alone stands for one without parameters."""
+    """An entry {quantity: {parameters}}, or the word alone for a quantity without parameters."""
 
     def __init__(self, words: Sequence[str]) -> None:
-        """Keep the words for the schema; what is unknown is found when the entry is checked."""
+        """Keep the words for the schema; an unknown word is found when the entry is checked."""
         self.words = tuple(words)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
@@ -47,7 +47,7 @@ def _as_entry(value: Any) -> Any:
 
 
 def quantity_of(entry: Any, names: Sequence[str]) -> Any:
-    """The type of a quantity: `entry`, or the name of one of those that need no parameters."""
+    """The type of a quantity: `entry`, or the name of a quantity that needs no parameters."""
     return Annotated[entry, _WordOrEntry([name for name in names if _needs_nothing(name)])]
 
 
@@ -57,7 +57,7 @@ def _needs_nothing(name: str) -> bool:
 
 
 def panel_model(quantity: Any, quantities: Any) -> type[BaseModel]:
-    """The model of one panel; `quantity` is the type of one, `quantities` of one or more."""
+    """The model of one panel; `quantity` is the type of one quantity, `quantities` the type of one or more."""
     return create_model(
         "Panel",
         __config__=STRICT,
@@ -74,7 +74,7 @@ def panel_model(quantity: Any, quantities: Any) -> type[BaseModel]:
 
 
 class _Theory(Field):
-    """A formula, a list of formulas, or the name of a distribution; which it must be is known only to the whole panel."""
+    """A formula, a list of formulas, or the name of a distribution; `build` checks which of them the panel needs."""
 
     formula = PerParticle(THEORY_NAMES)
     formulas = ListOf(formula, tuple(range(1, CURVES_ALLOWED + 1)), "formulas")
@@ -86,7 +86,7 @@ class _Theory(Field):
         return value if value in DISTRIBUTIONS else (self.formula.check(value, context),)
 
     def schema(self) -> dict[str, Any]:
-        """What a formula may be, or a list of them."""
+        """The schema of a formula, or of a list of formulas."""
         return {"anyOf": [*self.formula.schema()["anyOf"], self.formulas.schema()]}
 
 
@@ -95,7 +95,7 @@ def _key(check: Field, default: Any, description: str) -> Any:
 
 
 def named(scene: Any) -> set[str]:
-    """The quantities that `inspect:` of a scene, as plain data, names; with time, which goes without saying."""
+    """The quantities that `inspect:` of a scene, as plain data, names; and time, the default along x."""
     found = {"time"}
     panels = scene.get("inspect")
     for panel in panels if isinstance(panels, list) else ():
@@ -146,7 +146,7 @@ def quantity_entry(entry: Any, node: Node) -> ComponentSpec:
 
 
 def _conflicts(panel: PanelSpec, given: set[str]) -> Iterator[tuple[str, str]]:
-    """Keys that cannot stand together, and why."""
+    """Pairs of keys that contradict each other, and the reason."""
     if panel.histogram is None:
         if not panel.y:
             yield "", "a panel needs y: the quantities to plot, or histogram: one whose distribution is drawn"

@@ -1,4 +1,4 @@
-"""What an integrator needs of the forces of a scene, known without compiling anything."""
+"""Checks of the integrator against the forces of a scene, made without compiling anything."""
 
 from collections.abc import Iterator
 
@@ -10,50 +10,47 @@ from mpp_taichi.scene.layout import ParticleLayout
 from mpp_taichi.scene.spec import Location, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
-# Methods made for certain forces, of which the scene must have one and no other, and the reason.
-MADE_FOR = {
-    "adaptive_leapfrog": (("newtonian_gravity",), "its step follows a potential that has one sign"),
-    "taylor": (("newtonian_gravity", "uniform_gravity"), "its series are theirs"),
-    "wisdom_holman": (("newtonian_gravity",), "its drifts are Kepler's orbits"),
-}
-CORRECTORS = (0, 3, 5, 7, 11, 17)
 OUTWEIGHS = 10.0
-"""What the central body of a planetary method must weigh, over all others together: the error goes with the inverse of it."""
+"""The least ratio of the central body's mass to that of all other bodies; the error is proportional to its inverse."""
 
 
 def check_integrator(spec: SceneSpec, faults: Faults) -> None:
-    """Refuse forces and springs beside a method that was not made for them."""
+    """Refuse forces and springs that the integrator was not made for."""
     place, key = spec.integrator.location, f"integrator.{spec.integrator.name}"
     rule = refused_formulas(spec.integrator.name, spec)
     if rule:
         faults.add(place, key, rule)
-    forces, reason = MADE_FOR.get(spec.integrator.name, ((), ""))
-    if not forces:
+    made_for = spec.integrator.flag("integrators", "made_for")
+    if not made_for:
         return
-    others = [force.name for force in spec.forces if force.name not in forces] + (["springs"] if spec.springs else [])
+    known = [name for name in component.names("forces") if any(component.flag("forces", name, each) for each in made_for)]
+    reason = spec.integrator.flag("integrators", "made_for_reason")
+    others = [force.name for force in spec.forces if force.name not in known] + (["springs"] if spec.springs else [])
+    attractions = spec.forces_with("gravitates")
     if others:
-        faults.add(place, key, f"knows no forces but {', '.join(forces)} ({reason}), not {', '.join(others)}")
+        faults.add(place, key, f"knows no forces but {', '.join(known)} ({reason}), not {', '.join(others)}")
     elif not spec.forces:
-        faults.add(place, key, f"needs {', '.join(forces)}: {reason}")
-    elif len([force for force in spec.forces if force.name == "newtonian_gravity"]) > 1:
-        faults.add(place, key, "knows one newtonian_gravity, not several")
-    elif spec.integrator.name == "wisdom_holman":
+        faults.add(place, key, f"needs {', '.join(known)}: {reason}")
+    elif len(attractions) > 1:
+        faults.add(place, key, f"knows one {attractions[0].name}, not several")
+    elif spec.integrator.flag("integrators", "orbits_central_body"):
         _check_orbits(spec, key, faults)
 
 
 def refused_formulas(integrator: str, spec: SceneSpec) -> str:
-    """Why a method cannot go with formulas of these forces, or nothing.
+    """The reason why an integrator cannot use the formulas of these forces, or an empty text.
 
-    Jerks want derivatives, which a force says that it has; what depends on velocity is refused for that, in check_physics. A
-    force that depends on time finds other times on the way back, where they are sums of steps: no bit is sure then.
+    A method that sums jerks needs the derivatives of every force; forces that depend on velocity are refused in check_physics.
+    A method that can be run backwards to the bit needs forces that do not depend on time: on the way back a time is a sum of
+    other steps, and differs by rounding.
     """
     wants = component.declaration("integrators", integrator).flags
     forces = {force.name: component.declaration("forces", force.name).flags for force in spec.forces}
     if wants.get("needs_derivatives"):
         without = [n for n, says in forces.items() if not (says.get("has_derivatives") or says.get("depends_on_velocity"))]
         if without:
-            names = component.names("forces")
-            allowed = [n for n in names if n != "spring" and component.declaration("forces", n).flags.get("has_derivatives")]
+            on_springs = component.marked("forces", "acts_on_springs")
+            allowed = [name for name in component.marked("forces", "has_derivatives") if name not in on_springs]
             return (
                 f"needs the derivative of every force, which {', '.join(without)} lacks, allowed: {', '.join(allowed)}, springs"
             )
@@ -65,31 +62,32 @@ def refused_formulas(integrator: str, spec: SceneSpec) -> str:
 
 
 def suits(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> bool:
-    """Whether a scene is one that its integrator was made for."""
+    """Whether the integrator of a scene was made for the forces and bodies of the scene."""
     faults = Faults()
     check_integrator(spec, faults)
     return not faults.found and not list(planetary_faults(spec, snapshot, layout))
 
 
 def _check_orbits(spec: SceneSpec, key: str, faults: Faults) -> None:
-    """Kepler's orbits want gravity that attracts, as 1/r² all the way in."""
-    corrector, gravity = spec.integrator.parameters["corrector"], spec.forces[0]
-    if corrector not in CORRECTORS:
-        allowed = ", ".join(map(str, CORRECTORS))
+    """Refuse gravity that is softened or does not attract, since Kepler's orbits need a force of −1/r² at every distance."""
+    corrector, gravity, name = spec.integrator.parameters["corrector"], spec.forces[0], spec.integrator.name
+    correctors = spec.integrator.flag("integrators", "correctors")
+    if corrector not in correctors:
+        allowed = ", ".join(map(str, correctors))
         faults.add(spec.integrator.location, f"{key}.corrector", f"{corrector} is no order of a corrector, allowed: {allowed}")
     if gravity.parameters["softening"] != 0.0:
-        found, rule = gravity.parameters["softening"], "must be 0 for wisdom_holman: softened orbits are not Kepler's"
-        faults.add(gravity.location, "newtonian_gravity", f"softening is {found:g}, {rule}")
+        found, rule = gravity.parameters["softening"], f"must be 0 for {name}: softened orbits are not Kepler's"
+        faults.add(gravity.location, gravity.name, f"softening is {found:g}, {rule}")
     if not gravity.parameters["strength"] > 0.0:
-        found, rule = gravity.parameters["strength"], "must be above 0 for wisdom_holman: nothing orbits"
-        faults.add(gravity.location, "newtonian_gravity", f"strength is {found:g}, {rule}")
+        found, rule = gravity.parameters["strength"], f"must be above 0 for {name}: nothing orbits"
+        faults.add(gravity.location, gravity.name, f"strength is {found:g}, {rule}")
 
 
 def planetary_faults(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[tuple[Location, str]]:
-    """What of the bodies does not suit wisdom_holman: no body that all others orbit, bodies held back."""
-    if spec.integrator.name != "wisdom_holman":
+    """What of the bodies does not suit a planetary method: no body that all others orbit, or bodies that are held."""
+    if not spec.integrator.flag("integrators", "orbits_central_body"):
         return
-    place, key = spec.integrator.location, "integrator.wisdom_holman"
+    place, key = spec.integrator.location, f"integrator.{spec.integrator.name}"
     mass, given = snapshot.mass, spec.integrator.parameters["central"]
     center = int(np.argmax(mass)) if given is None else given
     others = float(np.delete(mass, center).sum())

@@ -18,7 +18,7 @@ Lattice = tuple[int, tuple[int, int, int]]  # index of the first particle, count
 
 @dataclass(frozen=True, eq=False)
 class ParticleLayout:
-    """Counts of the entries of `particles:`, and where each begins."""
+    """The number of particles of each entry of `particles:`, and the index of its first particle."""
 
     entries: tuple[ComponentSpec, ...]
     counts: tuple[int, ...]
@@ -36,14 +36,14 @@ class ParticleLayout:
         return bisect.bisect_right(self.starts, index) - 1
 
     def label(self, index: int) -> str:
-        """A particle as a message calls it: its name, or that of its group, or its index alone."""
+        """The text for a particle in messages: its name, the name of its group, or its index alone."""
         number = self.entry_of(index)
         name = self.entries[number].parameters.get("name") or self.entries[number].name
         part = f"{name}[{index - self.starts[number]}]" if self.counts[number] > 1 else name
         return f"particle {index} ({part})"
 
     def find(self, reference: int | str) -> int:
-        """Index of a particle given by index, by name, or as `group[number]`; PlacementError says what there is."""
+        """Index of a particle given by index, by name, or as `group[number]`; PlacementError lists the names that exist."""
         if isinstance(reference, int):
             if not 0 <= reference < self.total:
                 raise PlacementError(f"there is no particle {shown(reference)}, allowed: 0 to {shown(self.total - 1)}")
@@ -61,7 +61,7 @@ class ParticleLayout:
         return self.starts[number] + offset
 
     def check_mode(self, name: str | None, numbers: tuple[int, int, int]) -> None:
-        """Refuse numbers that no mode of a lattice has; PlacementError says which are allowed."""
+        """Refuse numbers that no mode of a lattice has; PlacementError says which numbers are allowed."""
         if name is None:
             return  # the modes of a network are counted only when its matrix is solved
         most = [max(1, count - 2) for count in self.lattice(name)[1]]
@@ -69,7 +69,7 @@ class ParticleLayout:
             raise PlacementError(f"{name} has no mode {list(numbers)}, allowed: from [1, 1, 1] to {most}")
 
     def group(self, reference: int | str) -> tuple[int, int] | None:
-        """First index and count of the entry called so, or of a part `name[first:end]` of it; None where no entry is."""
+        """First index and count of the entry of this name, or of its part `name[first:end]`; None without such an entry."""
         if not isinstance(reference, str):
             return None
         part = _PART.fullmatch(reference)
@@ -81,7 +81,7 @@ class ParticleLayout:
         return (self.starts[number] + first, end - first) if first < end <= count else None
 
     def lattice(self, name: str) -> Lattice:
-        """The lattice of a name; PlacementError says which there are."""
+        """The lattice of a name; PlacementError lists the lattices that exist."""
         if name not in self.lattices:
             raise PlacementError(f"of: no lattice is called {shown(name)}{choices(name, self.lattices)}")
         return self.lattices[name]
@@ -108,7 +108,7 @@ def particle_layout(entries: Sequence[ComponentSpec], count: Callable[[Component
 
 
 def layout_of(spec: SceneSpec) -> ParticleLayout:
-    """The layout of a checked scene; SceneError where a file it names has changed for the worse since."""
+    """The layout of a checked scene; SceneError where a file that the scene names can no longer be read as it was."""
 
     def count(entry: ComponentSpec) -> int:
         try:
@@ -120,7 +120,7 @@ def layout_of(spec: SceneSpec) -> ParticleLayout:
 
 
 def sum_before(counts: Sequence[int]) -> list[int]:
-    """For every entry the sum of those before it."""
+    """For every entry the sum of the entries before it."""
     starts, total = [], 0
     for count in counts:
         starts.append(total)

@@ -29,7 +29,7 @@ from mpp_taichi.scene.faults import Faults, printable, shown
 from mpp_taichi.scene.fields import Context, Whole, Wrong
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.model import scene_model, select
-from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec, default_integrator
 
 _Overrides = Mapping[str, Any] | Sequence[str]
 
@@ -58,9 +58,9 @@ def _whole(tree: Node, name: str, folder: Path, faults: Faults) -> SceneSpec:
 
 
 def change_scene(spec: SceneSpec, at: float, changes: Mapping[str, Any]) -> SceneSpec:
-    """The scene with one more event in its timeline, at a time that a run has come to; SceneError lists every fault.
+    """The scene with one more event in its timeline, at a time that a run has reached; SceneError lists every fault.
 
-    What is set at time 0 is an override of the scene itself.
+    Values set at time 0 are overrides of the scene itself.
     """
     if at <= 0.0:
         return load_scene(spec, overrides=changes)
@@ -71,13 +71,13 @@ def change_scene(spec: SceneSpec, at: float, changes: Mapping[str, Any]) -> Scen
 
 
 def _set(path: str, value: Any) -> Node:
-    """A value from Python, placed where messages say what was to be set."""
+    """A value from Python as a tree; messages give the path and the value in place of a line of a file."""
     node = from_python(value, Location(printable(f"set {path}"), 0, 0))
     return from_python(node.plain(), Location(printable(f"set {path} = {shown(node.plain())}"), 0, 0))
 
 
 def _check(tree: Node, name: str, folder: Path, faults: Faults) -> tuple[SceneSpec, list[float]]:
-    """The scene that a tree holds, and the times of its timeline, whose phases are still to be made."""
+    """The scene of a tree, and the times of its timeline; the phases of the timeline are made later."""
     context = _context(tree, folder, faults)
     model = scene_model(select(tree.plain()))
     try:
@@ -96,7 +96,7 @@ def _check(tree: Node, name: str, folder: Path, faults: Faults) -> tuple[SceneSp
 
 
 def _read(source: str | Path | Mapping[str, Any] | SceneSpec, faults: Faults) -> tuple[Node, str, Path]:
-    """The tree, the name it goes by, and the folder its files are in."""
+    """The tree, the name of the scene in messages, and the folder of its files."""
     if isinstance(source, SceneSpec):
         return from_python(source.resolved, Location(source.source, 0, 0)), source.source, Path(source.source).parent
     if isinstance(source, Mapping):
@@ -116,7 +116,7 @@ def _override(tree: Node, given: _Overrides, faults: Faults) -> Node:
 
 
 def _context(tree: Node, folder: Path, faults: Faults) -> Context:
-    """What the checks need beforehand: dimensions, units and constants."""
+    """The dimensions, units and constants, which all other checks need."""
     dimensions = tree.get("dimensions")
     try:
         flat = dimensions is not None and Whole(minimum=2, maximum=3).check(dimensions.value, Context()) == 2
@@ -164,18 +164,19 @@ def _specification(validated: Any, tree: Node, name: str, context: Context, faul
 
 
 def _integrator(validated: Any, tree: Node, faults: Faults) -> ComponentSpec:
-    """The integrator; event-driven contacts bring their own, which looks LOOKS times in a run if not told how often."""
-    event_driven = contacts.is_event_driven(validated.contacts)
+    """The integrator; a contact solver that flies brings its own, which looks LOOKS times in a run where no dt is given."""
     if validated.integrator is not None:
         entry = _entry(validated.integrator, tree.value["integrator"])
-    elif event_driven:
-        entry = ComponentSpec("event_driven", {"dt": None}, tree.value["contacts"].place)
+    elif contacts.fly(validated.contacts):  # the integrator that goes with them has their name
+        entry = ComponentSpec(validated.contacts.hard_spheres.solver, {"dt": None}, tree.value["contacts"].place)
     elif validated.accuracy is not None and validated.run.duration is not None:
-        entry = ComponentSpec("leapfrog", {"dt": validated.run.duration / contacts.LOOKS}, tree.value["accuracy"].place)
+        entry = ComponentSpec(
+            default_integrator(), {"dt": validated.run.duration / contacts.LOOKS}, tree.value["accuracy"].place
+        )
     else:
         faults.add(tree.location, "integrator", "missing key 'integrator' (the method that advances time)")
-        return ComponentSpec("leapfrog", {"dt": 1.0}, tree.location)
-    if entry.parameters["dt"] is None:  # of methods without steps of their own it is the time between two looks
+        return ComponentSpec(default_integrator(), {"dt": 1.0}, tree.location)
+    if entry.parameters["dt"] is None:  # of a method that takes no equal steps, dt is the time between two looks
         if validated.run.duration is None:
             faults.add(
                 entry.location, f"integrator.{entry.name}", "needs dt, the time between looks, or run.duration to divide"
@@ -197,7 +198,7 @@ def _entry(entry: BaseModel, node: Node) -> ComponentSpec:
 
 
 def _with_gravity(entry: ComponentSpec, strength: float | None) -> ComponentSpec:
-    """Gravity whose strength is not said has that of the scene's units, or 1."""
-    if entry.name != "newtonian_gravity" or entry.parameters.get("strength") is not None:
+    """Gravity without a given strength gets the strength of the scene's units, or 1."""
+    if not entry.flag("forces", "gravitates") or entry.parameters.get("strength") is not None:
         return entry
     return ComponentSpec(entry.name, {**entry.parameters, "strength": strength}, entry.location)

@@ -1,11 +1,11 @@
-"""Location: where something was written."""
+"""Location: the place of a value in a file."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Location:
-    """Where in which file something was written; `file` is `--set …` for an override."""
+    """The file, line and column of a value; `file` is `--set …` for an override."""
 
     file: str
     line: int

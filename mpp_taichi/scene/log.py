@@ -1,4 +1,4 @@
-"""Log: a scene file that repeats what was done while a scene ran: what it extends, its timeline, and where it ended."""
+"""Log: a scene file that repeats a run with the changes made during it: the scene that it extends, a timeline and the end."""
 
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,12 @@ WITHOUT = ("timeline", "run", "expect")  # what the log says itself, or cannot h
 
 
 def write_log(path: Path, scene: SceneSpec, end: float, comment: str) -> None:
-    """Write the scene file; `end` is the time that the run has come to, `comment` what else is needed to repeat it.
+    """Write the scene file; `end` is the time that the run has reached, `comment` says how else to repeat the run.
 
-    It extends the scene's own file where that is in the same folder or below, and else holds the whole scene.
+    The log extends the scene's own file where that file is in the same folder or below; otherwise it holds the whole scene.
 
     Raises:
-        OutputError: it cannot be written, or not there.
+        OutputError: the file cannot be written, or not in this folder.
     """
     with whole_file(path, "the log") as temporary:
         temporary.write_text(scene_text(_as_mapping(path, scene, end), comment), encoding="utf-8")
@@ -37,7 +37,7 @@ def _as_mapping(path: Path, scene: SceneSpec, end: float) -> dict[str, Any]:
         changed = {key: value for key, value in scene.resolved.items() if key not in WITHOUT and plain.get(key) != value}
         found = {"extends": name, **changed}
         if "expect" in plain:
-            found["expect"] = None  # what the scene promises is of a run that nobody meddled with
+            found["expect"] = None  # the expectations of the scene hold for a run without changes
         if plain.get("timeline") and not timeline:
             found["timeline"] = []
     if end > 0.0:
@@ -46,7 +46,7 @@ def _as_mapping(path: Path, scene: SceneSpec, end: float) -> dict[str, Any]:
 
 
 def _base(path: Path, scene: SceneSpec) -> tuple[str, dict[str, Any]] | None:
-    """The scene's own file, as the log may call it, and what it holds; None where the log cannot extend it."""
+    """The path of the scene's own file relative to the log, and its content; None where the log cannot extend the file."""
     source, folder = Path(scene.source), path.absolute().parent
     if not source.is_file() or not source.absolute().is_relative_to(folder) or source.absolute() == path.absolute():
         return None
@@ -57,12 +57,12 @@ def _base(path: Path, scene: SceneSpec) -> tuple[str, dict[str, Any]] | None:
     plain = tree.plain()
     gone = any(key not in scene.resolved for key in plain if key not in WITHOUT)
     if faults.found or gone or "steps" in (plain.get("run") or {}):
-        return None  # a log cannot take back what the file says
+        return None  # a log cannot remove keys that the file has
     return source.absolute().relative_to(folder).as_posix(), plain
 
 
 def _files(scene: SceneSpec) -> bool:
-    """Whether the scene reads files beside it."""
+    """Whether the scene reads other files of its folder."""
     return any(entry.name == "file" for entry in scene.particles)
 
 

@@ -1,4 +1,4 @@
-"""Messages: what pydantic found wrong with a scene, said in the scene's own words at the scene's own lines."""
+"""Messages: the faults that pydantic found, expressed with the keys of the scene and placed at its lines."""
 
 import dataclasses
 import typing
@@ -24,7 +24,7 @@ _KIND_WORDS = {
     "quantities": "quantity",
 }
 
-EXAMINED = 1000  # faults for which a message is composed; the rest is counted
+EXAMINED = 1000  # faults for which a message is composed; the others are only counted
 
 
 def report(error: ValidationError, tree: Node, model: type[BaseModel], faults: Faults) -> None:
@@ -44,7 +44,7 @@ def report(error: ValidationError, tree: Node, model: type[BaseModel], faults: F
 
 
 class _Place:
-    """A pydantic location, freed of what pydantic put in and the document does not have (tags of unions, list of one)."""
+    """A pydantic location without the parts that the document does not have (tags of unions, the list around one entry)."""
 
     def __init__(self, tree: Node, path: tuple[Any, ...]) -> None:
         walked = list(tree.along(path))
@@ -105,7 +105,7 @@ def _unknown_key(place: _Place, known: list[str]) -> str:
 
 
 def _is_quantity(path: tuple[Any, ...]) -> bool:
-    """Whether a pydantic location is that of a quantity's name, `inspect[0].y.position` or `record.table.columns[0].speed`."""
+    """Whether a pydantic location is a quantity's name, `inspect[0].y.position` or `record.table.columns[0].speed`."""
     if path[:3] == ("record", "table", "columns"):
         return len([*filter(_is_word, path)]) == 4
     return path[0] == "inspect" and path[2:3] in (("x",), ("y",), ("histogram",)) and len([*filter(_is_word, path)]) == 3

@@ -1,4 +1,4 @@
-"""The model of a scene: which keys it has and what each may hold, built for pydantic from the components' declarations.
+"""The model of a scene: its keys and their types, built for pydantic from the components' declarations.
 
 Components are not imported. A scene is checked against a model that holds only the components it names; the JSON Schema is
 written from the model that holds all of them.
@@ -17,13 +17,13 @@ from mpp_taichi import component
 from mpp_taichi.precision import PRECISIONS
 from mpp_taichi.scene import expectations, fields, inspection, table_columns, units
 from mpp_taichi.scene.contacts import contacts_model
-from mpp_taichi.scene.fields import Context, Field, Number, OneOrMore, Text, Whole, Wrong
+from mpp_taichi.scene.fields import Context, Field, Number, OneOrMore, Ranged, Text, Whole, Wrong
 from mpp_taichi.scene.parameters import STRICT, parameter_fields
 from mpp_taichi.scene.slider_model import slider_model
 from mpp_taichi.scene.spec import EventSpec, ModesSpec, RunSpec, SpringTypeSpec, ViewSpec
 from mpp_taichi.scene.target import Target
 
-# Keys of a scene that hold components, and the kind of those.
+# Keys of a scene that hold components, and the kind of these components.
 KIND_OF_KEY = {
     "particles": "generators",
     "springs": "networks",
@@ -44,19 +44,19 @@ class Units(BaseModel):
     mass: Annotated[str, Text(tuple(units.GRAVITATIONAL_PARAMETERS))]
 
 
-class ResolvedBefore(Number):
-    """A constant: what it may say is checked where constants are resolved, in the order of their dependence."""
+class ResolvedBefore(Ranged):
+    """A constant; constants.py checks its value, in the order in which constants depend on each other."""
 
     def check(self, value: Any, context: Context) -> Any:
-        """Leave it as it is."""
+        """Return the value unchanged."""
         return value
 
 
 class Bound(Field):
-    """A number for every precision, or one for each."""
+    """One number for all precisions, or a mapping of precisions to numbers."""
 
     def __init__(self, number: Number) -> None:
-        """Keep what the numbers may be."""
+        """Keep the allowed range of the numbers."""
         self.number = number
 
     def check(self, value: Any, context: Context) -> dict[str, float]:
@@ -84,13 +84,13 @@ _BOUND_FIELDS: dict[str, Any] = {
 
 
 def scene_model(selection: Selection) -> type[BaseModel]:
-    """The pydantic model of scenes that use the components selected."""
+    """The pydantic model of scenes that use the selected components."""
     return _scene_model(selection, tuple(component.extra_folders))
 
 
 @lru_cache(maxsize=64)
 def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[BaseModel]:
-    del extra_folders  # only tells apart models made from other files of the same names
+    del extra_folders  # part of the cache key alone: files of the same names in other folders give other models
     chosen = dict(selection)
     expect = _expect_model(chosen["diagnostics"], chosen["quantities"])
     particles, springs, forces, walls, integrator = (
@@ -154,7 +154,7 @@ def available(kind: str) -> list[str]:
 
 
 def select(scene: Mapping[str, Any]) -> Selection:
-    """The components that a scene, as plain data, names and that exist."""
+    """The existing components that a scene, as plain data, names."""
     found = []
     for key, kind in KIND_OF_KEY.items():
         entries = scene.get(key)
@@ -173,7 +173,7 @@ def _exists(kind: str, name: str) -> bool:
 
 
 def contact_solver(scene: Mapping[str, Any]) -> str | None:
-    """The contact solver that a scene, as plain data, names, if there is one of that name."""
+    """The contact solver that a scene, as plain data, names, if it exists."""
     entry = scene.get("contacts")
     spheres = entry.get("hard_spheres") if isinstance(entry, dict) else None
     name = spheres.get("solver") if isinstance(spheres, dict) else None

@@ -1,4 +1,4 @@
-"""Warnings of spring networks that run, but not as their author may expect; one line each when a scene is assembled."""
+"""Warnings for spring networks whose motion may surprise their author; one line each, logged when a scene is assembled."""
 
 import logging
 from collections.abc import Iterator
@@ -15,13 +15,13 @@ _HELD_ALL_ROUND = ("rim", "ends")
 
 
 def warn_of_networks(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> None:
-    """Log what a network of springs will not do."""
+    """Log a warning for springs without a direction and for lattices without linear modes."""
     for line in (*_without_direction(spec, snapshot, layout), *_without_linear_modes(spec, snapshot, layout)):
         log.warning("%s", line)
 
 
 def _without_direction(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[str]:
-    """The first spring whose ends coincide although it is not the linear spring that rest_length: 0 asks for."""
+    """The first spring whose ends coincide although its rest length is not 0, so that its force has no direction."""
     springs = snapshot.springs
     ends = snapshot.position[springs.between]
     together = np.all(ends[:, 0] == ends[:, 1], axis=1)
@@ -42,10 +42,10 @@ def _without_direction(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayo
 
 
 def _without_linear_modes(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[str]:
-    """Flat lattices, held all round, without prestretch, that start across themselves."""
-    pulled = any(entry.name == "uniform_gravity" for entry in spec.forces)  # what hangs through is taut
+    """Flat lattices, held along all edges, without prestretch, whose start is displaced across their plane."""
+    pulled = bool(spec.forces_with("is_uniform"))  # a lattice that hangs under its weight is taut
     for number, entry in enumerate(spec.springs):
-        if entry.name != "lattice_links" or entry.parameters["prestretch"] != 1.0 or pulled:
+        if not entry.flag("networks", "links_lattice") or entry.parameters["prestretch"] != 1.0 or pulled:
             continue
         name = entry.parameters["of"]
         taut = any(other.parameters.get("of") == name and other.parameters["prestretch"] > 1.0 for other in spec.springs)
@@ -61,7 +61,7 @@ def _without_linear_modes(spec: SceneSpec, snapshot: Snapshot, layout: ParticleL
 
 
 def _is_displaced_across(lattice: dict, snapshot: Snapshot, rows: slice) -> bool:
-    """Whether particles are off, or leave, the line or plane in which the lattice is at rest."""
+    """Whether particles are outside the line or plane in which the lattice is at rest, or have a velocity out of it."""
     lower, upper = np.array(lattice["lower"]), np.array(lattice["upper"])
     across = (np.array(lattice["shape"]) == 1) | (lower == upper)
     size = np.abs(upper - lower).max()

@@ -1,8 +1,8 @@
 """Overrides: `--set path=value` and the `overrides=` of Python, put into a scene's tree before it is checked.
 
-A path is dotted, `integrator.leapfrog.dt`, with `[0]` or `.0` for the entries of lists, or the name of the component when one
-entry only has it, `forces.linear_drag.coefficient`. It sets what the scene has, or a key
-that such a place may have; `+path=value` adds whatever is not there. Values are read as in a scene file.
+A path is dotted, `integrator.leapfrog.dt`, with `[0]` or `.0` for the entries of lists, or with the name of the
+component where only one entry has this component, `forces.linear_drag.coefficient`. An override sets a key that the scene
+has or may have at that place; `+path=value` adds any key. Values are read as in a scene file.
 """
 
 import re
@@ -39,7 +39,7 @@ def apply(tree: Node, overrides: Mapping[str, Any] | Sequence[str], faults: Faul
 
 
 def put(tree: Node, written: str, new: Node, faults: Faults) -> Node:
-    """The tree with a value from the scene itself at a path; a fault is placed at the value, and leaves the tree as it is."""
+    """The tree with a value from the scene itself at a path; a fault is placed at the value, and then the tree is unchanged."""
     try:
         return _put(tree, steps(written.removeprefix("+").strip()), new, written.startswith("+"), ())
     except SceneError as error:
@@ -68,7 +68,7 @@ def _read(written: str, value: Any, *, from_text: bool) -> tuple[Path, bool, Nod
 
 
 def steps(text: str) -> Path:
-    """The steps of a path; empty when it is none."""
+    """The steps of a path; empty when the text is no path."""
     found_steps: list[Any] = []
     end = 0
     for found in _STEP.finditer(text):
@@ -117,7 +117,7 @@ def _put_in_list(entries: list[Node], step: Any, rest: Path, new: Node, adding: 
 
 
 def _instead(word: str, entries: list[Node]) -> str:
-    """What to write for an entry of a list."""
+    """The path that the user should write for an entry of a list."""
     names = (
         []
         if any(entry.get(word) for entry in entries)

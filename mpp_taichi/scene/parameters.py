@@ -1,4 +1,4 @@
-"""Parameters: the fields of a pydantic model from what a component declares."""
+"""Parameters: the fields of a pydantic model, made from the parameters that a component declares."""
 
 from collections.abc import Iterable
 from typing import Annotated, Any
@@ -14,7 +14,7 @@ STRICT = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, p
 
 
 def field_of(parameter: Parameter) -> Field:
-    """The check that a parameter's declared type asks for."""
+    """The check of a parameter, by its declared type."""
     span = {"minimum": parameter.minimum, "maximum": parameter.maximum, "above": parameter.above}
     makers = {
         "float": lambda: Number(**span),

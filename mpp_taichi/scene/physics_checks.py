@@ -1,4 +1,4 @@
-"""Physics checks: arrangements of particles that no computation should start from, each named with its particles."""
+"""Physics checks: initial states that cannot be computed; each message names the particles."""
 
 from collections.abc import Iterator
 
@@ -9,22 +9,18 @@ from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.faults import FAULTS_SHOWN
 from mpp_taichi.scene.integrator_checks import planetary_faults
 from mpp_taichi.scene.layout import ParticleLayout
-from mpp_taichi.scene.spec import Location, SceneSpec
+from mpp_taichi.scene.spec import ComponentSpec, Location, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 LARGEST_COORDINATE = 1e100
 """Positions, velocities: their squares and cubes must stay finite."""
 LARGEST_RATE = 1e60
 """Stiffness and damping over mass: their fourth powers, in the matrix of a step of fourth order, must stay finite."""
-TAKE_FRICTION = ("pefrl", "srkn6b", "kahan_li6", "kahan_li8", "dop853")
-"""What is named instead of a method that takes no forces that depend on velocity."""
-_PROPORTIONAL_TO_MASS = {"newtonian_gravity", "uniform_gravity"}
-_NEEDS_NO_MASS_WITHOUT_CHARGE = {"coulomb"}
 Fault = tuple[Location, str]
 
 
 def check_physics(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout, *, moved: bool = False) -> None:
-    """Raise SceneError with every arrangement that cannot be run; nothing that depends on the places when they have `moved`."""
+    """Raise SceneError for a state that cannot be run; once particles have `moved`, their positions are not checked."""
     found: list[Fault] = []
     always = (_numbers, _masses, _rates, _friction, planetary_faults)
     for check in always if moved else (*always, _coincidences, _center_of_mass):
@@ -43,7 +39,7 @@ def _at(layout: ParticleLayout, index: int, message: str) -> Fault:
 
 
 def _first_of_each_entry(layout: ParticleLayout, bad: np.ndarray) -> Iterator[int]:
-    """One particle of every entry that has a bad one."""
+    """The first `bad` particle of every entry that has one."""
     indices = np.flatnonzero(bad)
     starts = np.asarray(layout.starts)
     _, first = np.unique(np.searchsorted(starts, indices, side="right"), return_index=True)
@@ -61,7 +57,6 @@ def _numbers(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Ite
 
 def _masses(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
     """No negative masses; massless particles only where every force is proportional to mass."""
-    forces = {entry.name for entry in spec.forces}
     for index in _first_of_each_entry(layout, snapshot.mass < 0.0):
         yield _at(layout, index, f"has the mass {snapshot.mass[index]:g}, must be 0 or more")
     massless = (snapshot.mass == 0.0) & np.any(snapshot.free, axis=1)
@@ -69,20 +64,22 @@ def _masses(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iter
     linked[snapshot.springs.between.ravel()] = True
     for index in _first_of_each_entry(layout, massless & linked):
         yield _at(layout, index, "has no mass but a spring, must have a mass above 0 or be held fixed")
-    for index in _first_of_each_entry(layout, massless & (snapshot.charge != 0.0) & ("coulomb" in forces)):
-        yield _at(layout, index, "has a charge but no mass, must have a mass above 0 where coulomb acts")
+    for entry in spec.forces_with("proportional_to_charge"):
+        for index in _first_of_each_entry(layout, massless & (snapshot.charge != 0.0)):
+            yield _at(layout, index, f"has a charge but no mass, must have a mass above 0 where {entry.name} acts")
     if spec.contacts is not None:
         for index in _first_of_each_entry(layout, massless):
             yield _at(layout, index, "has no mass, must have one above 0 where particles touch")
         return
-    others = sorted(forces - _PROPORTIONAL_TO_MASS - _NEEDS_NO_MASS_WITHOUT_CHARGE)
+    need_no_mass = (*spec.forces_with("proportional_to_mass"), *spec.forces_with("proportional_to_charge"))
+    others = sorted({entry.name for entry in spec.forces} - {entry.name for entry in need_no_mass})
     for index in _first_of_each_entry(layout, massless & bool(others)):
         yield _at(layout, index, f"has no mass, must have one above 0 where {', '.join(others)} acts")
 
 
 def _rates(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
     """Particles too light for their springs or their drag: no step resolves their motion, and its rate overflows."""
-    drag = sum(entry.parameters["coefficient"] for entry in spec.forces if entry.name == "linear_drag")
+    drag = sum(entry.parameters["coefficient"] for entry in spec.forces_with("is_linear_drag"))
     moves = np.any(snapshot.free, axis=1) & (snapshot.mass > 0.0)
     for what, each, coefficient in (
         ("a spring of the stiffness", snapshot.springs.between, snapshot.springs.stiffness),
@@ -98,40 +95,48 @@ def _rates(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Itera
 
 
 def refused_friction(integrator: str, spec: SceneSpec, snapshot: Snapshot) -> list[str]:
-    """What of the scene depends on velocity, where a method would lose its order with it; else nothing."""
+    """The forces that depend on velocity, if the integrator would lose its order with them; otherwise an empty list."""
     if component.declaration("integrators", integrator).flags.get("takes_velocity", True):
         return []
-    forces = [each.name for each in spec.forces if component.declaration("forces", each.name).flags.get("depends_on_velocity")]
+    forces = [force.name for force in spec.forces_with("depends_on_velocity")]
     return [*forces, "damped springs"] if spec.damping_is_live or snapshot.springs.damping.any() else forces
 
 
 def _friction(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
-    """Forces that depend on velocity, beside a method that takes none."""
+    """Forces that depend on velocity, beside an integrator that does not support them."""
     name = spec.integrator.name
     forces = refused_friction(name, spec, snapshot)
     if forces:
         rule = f"would lose its order beside {', '.join(forces)}, for it takes no forces that depend on velocity"
-        yield spec.integrator.location, f"integrator.{name}: {rule}, allowed: {', '.join(TAKE_FRICTION)}, among others"
+        allowed = ", ".join(component.proposed("integrators", "friction"))
+        yield spec.integrator.location, f"integrator.{name}: {rule}, allowed: {allowed}, among others"
 
 
 def _coincidences(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
     """Two particles at one place, between which an unsoftened force has no value."""
-    for entry in spec.forces:
-        if entry.parameters.get("softening") != 0.0:
+    for entry in spec.forces_with("singular_at_zero_distance"):
+        if entry.parameters.get("softening", 0.0) != 0.0 or _is_switched_off(entry):
             continue
-        if entry.name == "newtonian_gravity" and entry.parameters["strength"] != 0.0:
-            interacting = np.arange(snapshot.particle_count)  # one mass of the two is enough
-        elif entry.name == "coulomb" and entry.parameters["coulomb_constant"] != 0.0:
-            interacting = np.flatnonzero(snapshot.charge)
-        else:
-            continue
+        charged = entry.flag("forces", "proportional_to_charge")
+        interacting = np.flatnonzero(snapshot.charge) if charged else np.arange(snapshot.particle_count)
         order = interacting[np.lexsort(snapshot.position[interacting].T)]
         same = np.all(snapshot.position[order[1:]] == snapshot.position[order[:-1]], axis=1)
-        if entry.name == "newtonian_gravity":
+        if entry.flag("forces", "proportional_to_mass"):  # one of the two masses is enough
             same &= (snapshot.mass[order[1:]] != 0.0) | (snapshot.mass[order[:-1]] != 0.0)
         for row in np.flatnonzero(same):
             first, second = sorted((int(order[row]), int(order[row + 1])))
-            yield _at(layout, second, f"is where {layout.label(first)} is, must be elsewhere or {entry.name} needs a softening")
+            cure = (
+                f" or {entry.name} needs a softening"
+                if "softening" in entry.parameters
+                else f": {entry.name} is infinite there"
+            )
+            yield _at(layout, second, f"is where {layout.label(first)} is, must be elsewhere{cure}")
+
+
+def _is_switched_off(force: ComponentSpec) -> bool:
+    """Whether a parameter that the force is proportional to is zero."""
+    parameters = component.declaration("forces", force.name).parameters
+    return any(each.strength and force.parameters[each.name] == 0.0 for each in parameters)
 
 
 def _center_of_mass(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[Fault]:
@@ -140,6 +145,6 @@ def _center_of_mass(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout)
     place = Location(spec.source, 0, 0)
     if snapshot.mass.sum() <= 0.0:
         yield place, "move_to_center_of_mass: the total mass must be above 0"
-    # An axis that all are held on is one along which nothing moves.
+    # Along an axis on which all particles are held, nothing moves.
     if np.any(snapshot.free.any(axis=0) & ~snapshot.free.all(axis=0)):
         yield place, "move_to_center_of_mass: not allowed where some particles are held fixed and others are not"

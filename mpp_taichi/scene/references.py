@@ -17,7 +17,7 @@ from mpp_taichi.scene.view_checks import resolve_view
 
 
 def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
-    """The scene with every Particle an index; what is not there becomes a fault."""
+    """The scene with an index for every Particle; a name without a particle becomes a fault."""
 
     def count(entry: ComponentSpec) -> int:
         try:
@@ -67,7 +67,7 @@ def _measured(quantity: str) -> Declaration | None:
 
 
 class _Finder:
-    """Finds particles, and says where in the scene they were named."""
+    """Finds particles, and keeps the places in the scene that name them."""
 
     def __init__(self, layout: ParticleLayout, tree: Node, faults: Faults) -> None:
         self.layout, self.tree, self.faults = layout, tree, faults
@@ -94,13 +94,13 @@ class _Finder:
         return found
 
     def pair(self, number: int, pair: PairSpec) -> PairSpec:
-        """With its groups found."""
+        """The pair with the indices of its groups."""
         path = ("contacts", "hard_spheres", "pairs", number, "between")
         first, second = (self.group(each, (*path, end)) for end, each in enumerate(pair.between))
         return replace(pair, between=(first, second))
 
     def panel(self, number: int, panel: PanelSpec) -> PanelSpec:
-        """With the particles of its quantities found."""
+        """The panel with the indices of the particles of its quantities."""
         x, *y = (
             self.entry(each, "quantities", ("inspect", number, *place, each.name))
             for place, each in ((("x",), panel.x), *((("y", index), each) for index, each in enumerate(panel.y)))
@@ -111,7 +111,7 @@ class _Finder:
         return replace(panel, x=x, y=tuple(y), histogram=histogram)
 
     def modes(self, name: str | None, modes: dict[tuple[Any, ...], Any], path: tuple[Any, ...]) -> None:
-        """Check that `of` below the path is a lattice, and that it has the modes that stand elsewhere below the path."""
+        """Check that `of` below the path names a lattice, and that this lattice has the modes given below the path."""
         if name is not None and name not in self.layout.lattices:
             self.fault((*path, "of"), f"no lattice is called {shown(name)}{choices(name, self.layout.lattices)}")
             return
@@ -129,7 +129,7 @@ class _Finder:
             return None
 
     def group(self, reference: int | str, path: tuple[Any, ...]) -> tuple[int, int] | None:
-        """First index and count of a group, or of one particle; a fault where there is none."""
+        """First index and count of a group, or of one particle; a fault where no such particle exists."""
         group = self.layout.group(reference)
         if group is not None:
             return group
@@ -137,13 +137,13 @@ class _Finder:
         return None if index is None else (index, 1)
 
     def fault(self, path: tuple[Any, ...], message: str) -> None:
-        """Note what is wrong at a path of the scene."""
+        """Add a fault at a path of the scene."""
         walked = list(self.tree.along(path))
         self.faults.add(walked[-1][1].location if walked else self.tree.location, key_text(_as_written(path, walked)), message)
 
 
 def _as_written(path: tuple[Any, ...], walked: list[tuple[Any, Node]]) -> list[Any]:
-    """A path without the numbers of lists whose only entry the scene has written without a list."""
+    """A path without the index of a list that the scene gives as a single entry."""
     there = iter([*(key for key, _ in walked), None])
     ahead = next(there)
     found = []
@@ -157,7 +157,7 @@ def _as_written(path: tuple[Any, ...], walked: list[tuple[Any, Node]]) -> list[A
 
 
 def _check_names(spec: SceneSpec, tree: Node, faults: Faults) -> None:
-    """Refuse a name that two entries have, or that could not be told from an index or `group[number]`."""
+    """Refuse a name that two entries have, or that could be read as an index or as `group[number]`."""
     first: dict[str, int] = {}
     for number, entry in enumerate(spec.particles):
         name = entry.parameters.get("name")

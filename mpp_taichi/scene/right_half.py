@@ -1,7 +1,7 @@
-"""Right half: what `--beside` and `record: {beside: …}` change of a scene for the right half of a film, and what they may not.
+"""Right half: the settings by which `--beside` and `record: {beside: …}` change a scene for the right half of a film.
 
-They take what `--set` takes, and besides `integrator: rk4`, the method with the step of the left half, `dt: 0.01`, and
-`backend`, `precision`, `plan` and `threads`, which are options on the left.
+They are the paths of `--set`, and also `integrator: rk4`, the method with the step of the left half, `dt: 0.01`, and
+`backend`, `precision`, `plan` and `threads`, which are options of the command line for the left half.
 """
 
 import re
@@ -27,13 +27,13 @@ DEVICE_SETTINGS: dict[str, tuple[str, ...]] = {
     "threads": (),
 }
 SHARED = ("title", "dimensions", "units", "run", "view", "record", "inspect", "expect", "modes", "sliders", "accuracy")
-"""Keys of a scene that both halves have in common: how long, how seen, how measured."""
+"""Keys of a scene that both halves share: the length of the run, its view and its measurements."""
 _WORD = re.compile(r"[a-z]\w*", re.ASCII)
 _COUNT = re.compile(r"[0-9]{1,9}")
 
 
 def refusal(key: str, value: str) -> str:
-    """Why a setting is none of the right half's; empty when nothing is wrong with it so far."""
+    """The reason why a setting cannot be changed in the right half; empty if it can."""
     first = (overrides.steps(key.removeprefix("+")) or ("",))[0]
     if first in SHARED:
         return f"both halves have the same {first}"
@@ -45,9 +45,9 @@ def refusal(key: str, value: str) -> str:
 
 
 def in_scene(key: str, value: str, integrator: str, dt: float) -> tuple[str, str, str]:
-    """What a setting sets in the scene: the path, the value as YAML, and the name of the right half's method from then on.
+    """The change that a setting makes: the path, the value as YAML, and the name of the right half's method after it.
 
-    `integrator` is that name so far, `dt` the step of the left half.
+    `integrator` is the name of the method before, `dt` the step of the left half.
     """
     if key == "integrator" and _WORD.fullmatch(value):
         return key, f"{{{value}: {{dt: {dt!r}}}}}", value
@@ -57,12 +57,12 @@ def in_scene(key: str, value: str, integrator: str, dt: float) -> tuple[str, str
 
 
 def as_texts(given: Mapping[str, Any] | None) -> list[str]:
-    """The settings of `record: {beside: …}` as `--beside` takes them; the method comes before its step."""
+    """The settings of `record: {beside: …}` as texts of `--beside`; the method comes before its step."""
     return [f"{key}={_text(value)}" for key, value in _method_first(given or {})]
 
 
 def check(spec: SceneSpec, tree: Node, faults: Faults, load: Callable[[Node], SceneSpec]) -> None:
-    """Add what is wrong with `record: {beside: …}`: the right half must be a scene too, which `load` makes of a tree."""
+    """Add the faults of `record: {beside: …}`: the right half must be a valid scene; `load` makes a scene from a tree."""
     if not spec.record.beside:
         return
     record = tree.value["record"]
@@ -93,5 +93,5 @@ def _method_first(given: Mapping[str, Any]) -> list[tuple[str, Any]]:
 
 
 def _text(value: Any) -> str:
-    """A value as `--set` reads it."""
+    """A value as a text for `--set`."""
     return yaml.safe_dump(value, default_flow_style=True, width=10**6, sort_keys=False).removesuffix("...\n").strip()

@@ -19,7 +19,7 @@ _WORDS |= {word: float("nan") for word in (".nan", ".NaN", ".NAN")}
 
 
 def read_plain(text: str) -> None | bool | int | float | str:
-    """The value of a plain (unquoted) scalar; ValueError says why it has none."""
+    """The value of a plain (unquoted) scalar; ValueError with the reason where the scalar has no value."""
     if text in _WORDS:
         return _WORDS[text]
     if _LEADING_ZERO.fullmatch(text):

@@ -12,7 +12,7 @@ SCHEMA_FILE = Path(__file__).parent.parent / "scene.schema.json"
 
 
 def scene_schema() -> dict[str, Any]:
-    """The schema of everything this version (and `component.extra_folders`) has."""
+    """The schema of all keys and components of this version and of `component.extra_folders`."""
     schema = scene_model(all_components()).model_json_schema(mode="validation")
     for described in (EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec, *VIEW_SPECS.values()):  # pydantic may not
         schema["$defs"][described.__name__]["description"] = described.__doc__
@@ -21,12 +21,12 @@ def scene_schema() -> dict[str, Any]:
 
 
 def write() -> None:
-    """Renew the schema that is shipped: `python -m mpp_taichi.scene.schema`."""
+    """Write the schema of the package: `python -m mpp_taichi.scene.schema`."""
     SCHEMA_FILE.write_text(schema_text(), encoding="utf-8")
 
 
 def schema_text() -> str:
-    """The schema as it is shipped."""
+    """The text of the schema of the package."""
     return json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n"
 
 

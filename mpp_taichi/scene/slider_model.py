@@ -1,4 +1,4 @@
-"""The model of `sliders:`: what an entry may say; what it means in its scene is found out by sliders.py."""
+"""The model of `sliders:`, the keys of an entry; sliders.py finds the parameters that an entry acts on."""
 
 from typing import Annotated, Any
 

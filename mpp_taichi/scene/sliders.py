@@ -1,4 +1,4 @@
-"""Sliders: the parameters that a scene lets be moved while it runs, and the scene with other values of them."""
+"""Sliders: the parameters that may change while a scene runs, and the scene with other values of these parameters."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -13,18 +13,18 @@ from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.spec import ComponentSpec, Event, Location, SceneSpec, SliderSpec, SliderTarget
 
-SLIDERS_ALLOWED = 24  # that fit into a window of 720 rows
+SLIDERS_ALLOWED = 24  # the largest number that fits into a window of 720 rows
 SPRING_TYPE_PARAMETERS = ("stiffness", "damping", "prestretch")
 FOLDERS = {"forces": "forces", "springs": "networks", "integrator": "integrators"}
 """Keys of a scene below which sliders may act, and where their components come from."""
-LEAST_SHARE, LARGEST_SHARE = 0.1, 10.0  # of the scene's value: the ends that go without saying, where 0 cannot be one
+LEAST_SHARE, LARGEST_SHARE = 0.1, 10.0  # of the scene's value: the default ends of a range that cannot include 0
 
 
 # --- from text ----------------------------------------------------------------------------------------------------------
 
 
 def with_sliders(spec: SceneSpec, validated: Any, tree: Node, faults: Faults) -> SceneSpec:
-    """The scene with its sliders, and with the parameters marked that they move."""
+    """The scene with its sliders; each force knows which of its parameters a slider moves."""
     node = tree.get("sliders")
     if node is None or not validated.sliders:
         return spec
@@ -42,7 +42,7 @@ def with_sliders(spec: SceneSpec, validated: Any, tree: Node, faults: Faults) ->
 
 
 def _marked(entry: ComponentSpec, sliders: Sequence[SliderSpec]) -> ComponentSpec:
-    """A force that knows which of its parameters are moved."""
+    """A force with the names of its parameters that sliders move."""
     targets = [target for slider in sliders for target in slider.targets]
     moved = {target.parameter for target in targets if (target.kind, target.entry) == ("forces", entry.name)}
     return replace(entry, live=tuple(sorted(moved)))
@@ -79,7 +79,7 @@ def _slider(entry: Any, node: Node, key: str, spec: SceneSpec, validated: Any, t
 
 
 def _ends(spec: SceneSpec, target: SliderTarget, value: float, logarithmic: bool) -> tuple[float, float]:
-    """The range that goes without saying."""
+    """The default range of a slider."""
     declared = _declared(spec, target)
     if logarithmic or declared.above is not None:
         low, high = LEAST_SHARE * value, (LARGEST_SHARE if logarithmic else 2.0) * value
@@ -123,8 +123,8 @@ def _movable(spec: SceneSpec, validated: Any, tree: Node) -> Iterator[tuple[str,
 
 
 def _forces_may_move(spec: SceneSpec, method: component.Declaration) -> bool:
-    """Not where orbits or flights are solved by constants made of them."""
-    return method.flags.get("takes_sliders", True) and method.name != "event_driven"
+    """Whether parameters of forces may change during a run; not where an integrator keeps constants computed from them."""
+    return bool(method.flags.get("takes_sliders", True))
 
 
 def _of_type(spec: SceneSpec, name: str, parameter: str, tree: Node) -> Iterator[SliderTarget]:
@@ -136,9 +136,9 @@ def _of_type(spec: SceneSpec, name: str, parameter: str, tree: Node) -> Iterator
 
 
 def check_ends(spec: SceneSpec, tree: Node, check: Callable[[Node], SceneSpec]) -> None:
-    """Refuse a range at one of whose ends the scene could not be; SceneError names the slider.
+    """Refuse a range if the scene is invalid at one of its ends; SceneError names the slider.
 
-    `check` makes a scene of a tree.
+    `check` makes a scene from a tree.
     """
     for number, slider in enumerate(spec.sliders):
         said: Node = tree.value["sliders"].value[number]
@@ -156,7 +156,7 @@ def check_ends(spec: SceneSpec, tree: Node, check: Callable[[Node], SceneSpec]) 
 
 
 def canonical(scene: Any, text: str) -> tuple[Any, ...]:
-    """The steps of a path with entries of lists by number; empty where there is no such place in a scene, as plain data."""
+    """The steps of a path with entries of lists by number; empty where the scene, as plain data, has no such place."""
     found: list[Any] = []
     steps = list(overrides.steps(text.removeprefix("+").strip()))
     while steps:
@@ -173,7 +173,7 @@ def canonical(scene: Any, text: str) -> tuple[Any, ...]:
         elif isinstance(scene, Mapping):
             scene = scene.get(str(step))
         elif scene is None and str(step).isdigit():
-            step = int(step)  # of a vector that the scene does not say
+            step = int(step)  # of a vector that the scene leaves out
         elif scene is not None:
             return ()
         found.append(step)
@@ -190,13 +190,13 @@ def entry_of(spec: SceneSpec, target: SliderTarget) -> ComponentSpec:
 
 
 def value_of(spec: SceneSpec, target: SliderTarget) -> float | None:
-    """What it is in a scene; None where the scene does not say."""
+    """The value of a slider's parameter in a scene; None where the scene gives none."""
     value = entry_of(spec, target).parameters[target.parameter]
     return value if target.axis is None or value is None else value[target.axis]
 
 
 def moved_to(spec: SceneSpec, changes: Mapping[str, Any]) -> dict[SliderSpec, float] | None:
-    """What changes mean where all of them are numbers, finite and within the ranges of sliders; else None."""
+    """The values of the sliders after changes; None unless all changes are finite numbers within the ranges of sliders."""
     known = {slider.steps: slider for slider in spec.sliders}
     found: dict[SliderSpec, float] = {}
     for path, value in changes.items():
@@ -210,7 +210,7 @@ def moved_to(spec: SceneSpec, changes: Mapping[str, Any]) -> dict[SliderSpec, fl
 
 
 def is_set(slider: SliderSpec, event: Event, before: SceneSpec) -> bool:
-    """Whether an event, `before` which a scene held, says itself what a slider's parameter is from then on."""
+    """Whether an event gives the parameter of a slider a value of its own; `before` is the scene before the event."""
     paths = (canonical(event.scene.resolved, path) for path in event.changes)
     if any(path and slider.steps[: len(path)] == path for path in paths):
         return True
@@ -220,7 +220,7 @@ def is_set(slider: SliderSpec, event: Event, before: SceneSpec) -> bool:
 
 
 def with_values(spec: SceneSpec, values: Mapping[SliderSpec, float]) -> SceneSpec:
-    """The scene with its sliders elsewhere, within their ranges: nothing needs to be checked again."""
+    """The scene with other values of its sliders, within their ranges, so that nothing must be checked again."""
     for slider, value in values.items():
         resolved = with_value(spec.resolved, slider, spec, value)
         for target in slider.targets:
@@ -243,7 +243,7 @@ def _with_target(spec: SceneSpec, target: SliderTarget, value: float) -> SceneSp
 
 
 def put(tree: Node, slider: SliderSpec, spec: SceneSpec, value: float, place: Location) -> Node:
-    """The tree of a scene with a slider elsewhere; a vector is put as a whole, for the scene may leave it out."""
+    """The tree of a scene with another value of a slider; a vector is set as a whole, since the scene may leave it out."""
     path = slider.steps if slider.targets[0].axis is None else slider.steps[:-1]
     new = with_value(tree.plain(), slider, spec, value)
     for step in path:
@@ -255,7 +255,7 @@ def put(tree: Node, slider: SliderSpec, spec: SceneSpec, value: float, place: Lo
 
 
 def with_value(scene: Any, slider: SliderSpec, spec: SceneSpec, value: float) -> Any:
-    """A scene as plain data with a slider elsewhere; `spec` has what the data may leave out."""
+    """A scene as plain data with another value of a slider; `spec` has the values that the data may leave out."""
 
     def put(tree: Any, steps: tuple[Any, ...]) -> Any:
         if not steps:

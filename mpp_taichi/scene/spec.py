@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
+from mpp_taichi import component
 from mpp_taichi.scene.expressions import Formula
 from mpp_taichi.scene.fields import Counts, ListOf, Number, Reference, Settings, Text, Whole
 from mpp_taichi.scene.location import Location
@@ -30,6 +31,11 @@ _CLOSED = ConfigDict(extra="forbid")
 _COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
 
 
+def default_integrator() -> str:
+    """The integrator of a scene that names none."""
+    return component.marked("integrators", "default_of_kind")[0]
+
+
 @dataclass(frozen=True, eq=False)
 class ComponentSpec:
     """One component that the scene names, with every parameter checked and defaults filled in."""
@@ -38,6 +44,10 @@ class ComponentSpec:
     parameters: dict[str, Any]
     location: Location
     live: tuple[str, ...] = ()  # parameters that sliders move while kernels run
+
+    def flag(self, kind: str, key: str) -> Any:
+        """The literal value that the component, of this kind, gives to an attribute; None where it gives none."""
+        return component.flag(kind, self.name, key)
 
 
 @dataclass(frozen=True)
@@ -50,7 +60,7 @@ class TableSpec:
 
 @dataclass(frozen=True)
 class RecordSpec:
-    """How a film is made, and the table of a run; `seconds` is the length of the film, over which `run.duration` is spread."""
+    """How a film is made, and the table of a run; `seconds` is the length of the film, which shows the whole `run.duration`."""
 
     __pydantic_config__ = _CLOSED
     size: Annotated[tuple[int, int], ListOf(Whole(minimum=16, maximum=8192), (2,)), Field(description="pixels")] = (1280, 720)
@@ -94,7 +104,7 @@ class EventSpec:
 
 @dataclass(frozen=True)
 class SpringTypeSpec:
-    """What the springs of one type share; what it does not say, each entry of springs: says for itself."""
+    """The parameters that all springs of one type share; each entry of springs: gives those that the type leaves out."""
 
     __pydantic_config__ = _CLOSED
     stiffness: Annotated[float | None, Number(minimum=0.0), Field(description="D [force length⁻¹]")] = None
@@ -122,7 +132,7 @@ class ModesSpec:
 
 @dataclass(frozen=True)
 class PairSpec:
-    """The restitution of contacts between two particles or groups, where it is not that of the others."""
+    """The restitution of contacts between two particles or groups, where it differs from the common one."""
 
     __pydantic_config__ = _CLOSED
     between: Annotated[tuple[Any, Any], ListOf(Reference(), (2,), "particles or groups"), Field(description="the two")]
@@ -131,7 +141,7 @@ class PairSpec:
 
 @dataclass(frozen=True, eq=False)
 class ContactsSpec:
-    """How hard spheres meet: the solver with its parameters, exceptions for pairs, and what is done about a start in overlap.
+    """How hard spheres collide: the solver with its parameters, exceptions for pairs, and how a start in overlap is treated.
 
     `pairs` hold (first index, count) of the two groups in place of references once the scene is loaded.
     """
@@ -161,9 +171,9 @@ class PanelSpec:
 
 @dataclass(frozen=True)
 class SliderTarget:
-    """A number that a slider moves: a parameter of an entry of `kind` (forces, springs, integrator), of a vector one axis.
+    """A number that a slider moves: a parameter of an entry of `kind` (forces, springs, integrator), or one axis of a vector.
 
-    A force is known by its name, which stands once, an entry of springs by its number.
+    A force is found by its name, which occurs once, an entry of springs by its number.
     """
 
     kind: str
@@ -174,9 +184,9 @@ class SliderTarget:
 
 @dataclass(frozen=True, eq=False)
 class SliderSpec:
-    """A parameter that may be moved from `low` to `high` while the scene runs; `steps` lead to it in the scene's tree.
+    """A parameter that may change between `low` and `high` while the scene runs; `steps` are its path in the scene's tree.
 
-    A parameter of a spring type is that of several entries, all of them `targets`.
+    A parameter of a spring type belongs to several entries, all of them `targets`.
     """
 
     path: str
@@ -208,13 +218,13 @@ class Expectation:
 
 @dataclass(frozen=True, eq=False)
 class Event:
-    """A time of the timeline: what changes there, as plain data, and the scene from then on, which has no timeline itself."""
+    """An event of the timeline: its time, its changes as plain data, and the scene after it, which has no timeline itself."""
 
     at: float
     changes: dict[str, Any]
     scene: "SceneSpec"
     location: Location
-    live: bool = False  # nothing changes but what sliders move, so that nothing is compiled
+    live: bool = False  # only parameters of sliders change, so that nothing is compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,15 +254,19 @@ class SceneSpec:
     resolved: dict[str, Any]  # plain YAML-able mapping, itself a scene: extends and overrides applied, expressions kept
     timeline: tuple[Event, ...] = ()  # this scene itself is the first phase
     sliders: tuple[SliderSpec, ...] = ()
-    accuracy: TargetSpec | None = None  # while it is not settled, the integrator is where the choice begins
+    accuracy: TargetSpec | None = None  # until a method is chosen, the integrator is the first candidate
 
     @property
     def damping_is_live(self) -> bool:
-        """Whether springs without damping may come to have some."""
+        """Whether a slider may give damping to springs without damping."""
         return any(slider.steps[-1] == "damping" for slider in self.sliders)
 
+    def forces_with(self, key: str) -> list[ComponentSpec]:
+        """The forces whose flag `key` is true, in the order of the scene."""
+        return [force for force in self.forces if force.flag("forces", key)]
+
     def effects(self, spring_count: int) -> list[str]:
-        """What acts, as scenes call it: forces, springs where there are some, contacts and walls."""
-        names = [entry.name for entry in self.forces] + (["spring"] if spring_count else [])
+        """The names of all effects: forces, springs where the scene has some, contacts and walls."""
+        names = [entry.name for entry in self.forces] + (component.marked("forces", "acts_on_springs") if spring_count else [])
         contacts = ["hard_spheres"] if self.contacts is not None else []
         return names + contacts + list(dict.fromkeys(wall.name for wall in self.walls))

@@ -1,4 +1,4 @@
-"""Spring types: `type: steel` in an entry of `springs:` stands for what `spring_types: {steel: …}` says."""
+"""Spring types: `type: steel` in an entry of `springs:` stands for the parameters in `spring_types: {steel: …}`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
@@ -15,7 +15,7 @@ _SHARED = tuple(field.name for field in fields(SpringTypeSpec))
 def resolve(
     entries: Sequence[ComponentSpec], types: Mapping[str, SpringTypeSpec], tree: Node, faults: Faults
 ) -> tuple[ComponentSpec, ...]:
-    """The entries completed by their types; what an entry itself says wins. Types and stiffnesses not there become faults."""
+    """The entries completed by their types; an entry's own parameters prevail. A missing type or stiffness is a fault."""
     return tuple(_completed(number, entry, types, tree, faults) for number, entry in enumerate(entries))
 
 

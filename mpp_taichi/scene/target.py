@@ -11,9 +11,9 @@ QUANTITIES = ("position", "energy")
 
 @dataclass(frozen=True)
 class TargetSpec:
-    """`accuracy: 1e-6`, or of one of QUANTITIES; with None it is of positions at the end where they mean something.
+    """`accuracy: 1e-6`, an error of one of QUANTITIES; None means positions at the end, where chaos has left them a meaning.
 
-    Relative: of positions to the size of the system, of the energy to |E₀|; the largest of any particle or time.
+    Errors are relative: of positions to the size of the system, of the energy to |E₀|; the largest over particles and times.
     """
 
     error: float
@@ -26,7 +26,7 @@ class Target(Field):
     number = Number(above=0.0, maximum=LARGEST)
 
     def check(self, value: Any, context: Context) -> TargetSpec:
-        """Which error of what."""
+        """Check the number and the quantity."""
         if not isinstance(value, dict):
             return TargetSpec(self.number.check(value, context))
         if len(value) != 1 or next(iter(value)) not in QUANTITIES:

@@ -17,22 +17,22 @@ from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.spec import ComponentSpec, Event, SceneSpec, SliderSpec
 
-EVENTS_ALLOWED = 50  # that change more than what sliders move: such a phase is compiled and kept
+EVENTS_ALLOWED = 50  # of phases that change more than parameters of sliders: such a phase is compiled and kept
 MOVES_ALLOWED = 100_000  # of sliders
 CHANGEABLE = (
     *("constants", "particles", "springs", "spring_types", "spring_damping", "forces", "contacts", "walls", "integrator"),
 )
 CHANGEABLE_OF_PARTICLES = frozenset({"mass", "charge", "radius", "color", "free", "fixed"})
 UNCOUNTABLE = 10**300  # steps, where their number is beyond a float
-SAME_TIME = 1e-9  # of a step: what rounding may do to a time
+SAME_TIME = 1e-9  # of a step: the rounding error of a time
 
 
 def with_phases(
     spec: SceneSpec, times: Sequence[float], tree: Node, faults: Faults, check: Callable[[Node], SceneSpec]
 ) -> SceneSpec:
-    """The scene with every event of its timeline; `times` are those of the events, `check` makes a scene of a tree.
+    """The scene with every event of its timeline; `times` are the times of the events, `check` makes a scene from a tree.
 
-    An event changes what the one before left. SceneError, with all faults of the first event that has any.
+    Each event changes the scene after the event before it. SceneError has all faults of the first faulty event.
     """
     node = tree.get("timeline")
     if node is None or not times:
@@ -50,10 +50,10 @@ def with_phases(
 def with_change(
     spec: SceneSpec, at: float, changes: Node, tree: Node, faults: Faults, check: Callable[[Node], SceneSpec]
 ) -> SceneSpec:
-    """The scene, its tree, with one more change at a time that a run has come to; what is at that time already is joined by it.
+    """The scene, given with its tree, with one more change at a time that a run has reached, added to an event at that time.
 
-    Later events change what this one left. SceneError as for a timeline that the scene had from the beginning, but for the
-    length of its run, which nobody is bound to.
+    Later events change the scene after this one. SceneError as for a timeline that the scene had from the beginning, except
+    for the length of its run, which the change may exceed.
     """
     given = [(event.at, from_python(event.changes, event.location), event.location) for event in spec.timeline]
     before = [entry for entry in given if entry[0] < at]
@@ -70,7 +70,7 @@ def with_change(
 
 
 def without_timeline(tree: Node) -> Node:
-    """The scene that a timeline begins with."""
+    """The tree of the scene without its timeline."""
     return replace(tree, value={key: child for key, child in tree.value.items() if key != "timeline"})
 
 
@@ -81,10 +81,10 @@ def _events(
     faults: Faults,
     check: Callable[[Node], SceneSpec],
 ) -> tuple[Event, ...]:
-    """The events of a timeline that is given as times, what is set, and places; `now` is the tree it begins with."""
+    """The events of a timeline given as times, settings and places; `now` is the tree before the first event."""
     events: list[Event] = []
     scene = replace(spec, forces=_acting(spec.forces), resolved=now.plain())
-    pending: dict[SliderSpec, float] = {}  # what sliders moved and `now` has yet to be given
+    pending: dict[SliderSpec, float] = {}  # values of sliders that `now` does not have yet
     for number, (at, changes, location) in enumerate(given):
         key = f"timeline[{number}].set"
         moved = sliders.moved_to(scene, changes.plain())
@@ -121,7 +121,7 @@ def _check_times(spec: SceneSpec, times: Sequence[float], node: Node, faults: Fa
 
 
 def _check_count(spec: SceneSpec, given: Sequence[Node], place: Location, faults: Faults) -> None:
-    """Refuse more phases than anybody has memory for; what sliders move takes little."""
+    """Refuse more phases than fit into memory; phases that only move sliders take little."""
     count = sum(sliders.moved_to(spec, changes.plain()) is None for changes in given)
     if count > EVENTS_ALLOWED:
         faults.add(place, "timeline", f"{count} events are too many, allowed: {EVENTS_ALLOWED}")
@@ -130,7 +130,7 @@ def _check_count(spec: SceneSpec, given: Sequence[Node], place: Location, faults
 
 
 def _check_steps(spec: SceneSpec, node: Node, faults: Faults) -> None:
-    """Refuse what a run of so many steps never reaches."""
+    """Refuse events that a run of so many steps never reaches."""
     for number, event in enumerate(spec.timeline):
         taken = step_count(spec, event.at)
         if spec.run.steps is not None and taken >= spec.run.steps:
@@ -154,7 +154,7 @@ def _changed(tree: Node, changes: Node, key: str, faults: Faults) -> Node:
 
 
 def _checked(tree: Node, number: int, check: Callable[[Node], SceneSpec]) -> SceneSpec:
-    """The scene of a phase; its faults name the event, for a constant may spoil a line that was right before."""
+    """The scene of a phase; its faults name the event, since a changed constant may make an earlier line invalid."""
     try:
         return check(tree)
     except SceneError as error:
@@ -164,7 +164,7 @@ def _checked(tree: Node, number: int, check: Callable[[Node], SceneSpec]) -> Sce
 
 
 def _check_placement(first: SceneSpec, scene: SceneSpec, changes: Node, key: str, faults: Faults) -> None:
-    """Refuse a phase that would place its particles elsewhere, or others: they are where the phase before left them."""
+    """Refuse a phase with other particles or other initial positions: particles go on from the end of the phase before."""
     if len(scene.particles) != len(first.particles):
         _report(changes, ("particles",), key, "adds or removes particles, their number stays as it is", faults)
         return
@@ -182,7 +182,7 @@ def _check_placement(first: SceneSpec, scene: SceneSpec, changes: Node, key: str
 
 
 def _report(changes: Node, path: tuple[Any, ...], key: str, message: str, faults: Faults) -> None:
-    """Place a fault at the change that goes along `path`, else at all of them, for a constant may be behind it."""
+    """Place a fault at the change whose path is along `path`; otherwise at all changes, since a constant may be the cause."""
     for text, value in changes.value.items():
         steps = tuple(int(step) if str(step).isdigit() else step for step in overrides.steps(text.removeprefix("+")))
         if steps[: len(path)] == path[: len(steps)]:
@@ -192,7 +192,7 @@ def _report(changes: Node, path: tuple[Any, ...], key: str, message: str, faults
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Whether two values of a parameter are; formulas are by their text and the constants in it."""
+    """Whether two values of a parameter are equal; formulas are compared by their text and their constants."""
     if isinstance(one, Formula) and isinstance(other, Formula):
         return one.expression.text == other.expression.text and one.constants == other.constants
     if isinstance(one, tuple) and isinstance(other, tuple):
@@ -201,7 +201,7 @@ def _same(one: Any, other: Any) -> bool:
 
 
 def _acting(forces: tuple[ComponentSpec, ...]) -> tuple[ComponentSpec, ...]:
-    """The forces without those that have no strength: setting it to zero is how a timeline takes an effect away."""
+    """The forces whose strength is not zero; a timeline removes an effect by setting its strength to zero."""
     return tuple(entry for entry in forces if not _is_nothing(entry))
 
 
@@ -218,7 +218,7 @@ def _is_zero(value: Any) -> bool:
 
 
 def whole_steps(span: float, dt: float) -> tuple[int, float]:
-    """Whole steps of dt in a span of time, and the length of a last, shorter one that reaches its end exactly; 0 without."""
+    """The number of whole steps of dt in a span of time, and the length of a last, shorter step to its exact end, or 0."""
     whole = math.floor(span / dt * (1.0 + 4e-16) + SAME_TIME)
     rest = span - whole * dt
     return whole, (rest if rest > SAME_TIME * dt else 0.0)
@@ -239,7 +239,7 @@ def step_count(spec: SceneSpec, until: float) -> int:
 
 
 def time_after(spec: SceneSpec, steps: int, time: float = 0.0) -> float:
-    """The time that `steps` steps from `time` lead to."""
+    """The time after `steps` steps from `time` on."""
     for began, ended, dt in _legs(spec):
         if time >= ended:
             continue

@@ -1,16 +1,13 @@
-"""What gravity by a tree does not go with, known without compiling anything."""
+"""Checks of gravity by a tree against the rest of a scene, made without compiling anything."""
 
 from mpp_taichi import component
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 
-FAMILIES = ("Splitting", "RungeKutta")
-"""Of integrators that ask for nothing but accelerations, all particles at once."""
 VISITS_OF_A_TREE = 3000
-"""Nodes and bodies whose pull on a particle is worked out, roughly, at an accuracy of 1e-3."""
+"""The approximate number of nodes and bodies whose pull on a particle is computed at an accuracy of 1e-3."""
 DEFAULT_ACCURACY = 1e-3
-"""Relative error of the force that 99 % of the particles keep, where the scene says nothing."""
-INSTEAD = "leapfrog, yoshida4, rk4, dop853"
+"""The default of the relative error of the force that 99 % of the particles keep."""
 
 
 def tree_of(spec: SceneSpec) -> ComponentSpec | None:
@@ -19,7 +16,7 @@ def tree_of(spec: SceneSpec) -> ComponentSpec | None:
 
 
 def check_tree(spec: SceneSpec, faults: Faults) -> None:
-    """Refuse what a tree cannot serve, and an accuracy where there is none."""
+    """Refuse integrators, forces and contacts that a tree does not support, and an accuracy of the direct sum."""
     for force in spec.forces:
         if force.parameters.get("accuracy") is not None and force.parameters.get("solver") == "direct":
             faults.add(
@@ -30,11 +27,12 @@ def check_tree(spec: SceneSpec, faults: Faults) -> None:
         return
     key = f"{tree.name}.solver"
     method = spec.integrator.name
-    if component.declaration("integrators", method).base not in FAMILIES:
-        rule = f"sums accelerations for steps of equal length, not for {method}, allowed: {INSTEAD}, among others"
+    if not spec.integrator.flag("integrators", "can_use_tree"):
+        instead = ", ".join(component.proposed("integrators", "tree"))
+        rule = f"sums accelerations for steps of equal length, not for {method}, allowed: {instead}, among others"
         faults.add(tree.location, key, f"tree {rule}")
     others = [f.name for f in spec.forces if f is not tree and component.declaration("forces", f.name).base == "PairForce"]
     if others:
         faults.add(tree.location, key, f"tree sums gravity alone, not beside {', '.join(others)}, allowed: direct")
-    if spec.contacts is not None and spec.contacts.solver.name == "merging":
+    if spec.contacts is not None and spec.contacts.solver.flag("contacts", "merges"):
         faults.add(tree.location, key, "tree does not know bodies that merge, allowed: direct")

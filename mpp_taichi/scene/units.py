@@ -1,6 +1,6 @@
 """Units of a scene: one length, one time and one mass, from which the constant of gravitation follows.
 
-Masses are held as G·M, because that is what astronomy measures: the Sun's is known to ten digits, G to five. With
+Masses are held as G·M, because astronomy measures this product: that of the Sun is known to ten digits, G to five. With
 `units: {length: AU, time: day, mass: Msun}` the constant comes out as Gauss's k² = 0.01720209895² to 1e-9.
 
 Sources: IAU 2012 resolution B2 (AU); GM of the Sun JPL DE405, of the Earth IERS 2010, of Jupiter alone JUP230, of the Moon
@@ -52,5 +52,5 @@ GRAVITATIONAL_PARAMETERS = {  # G·M in m³ s⁻²
 
 
 def gravitational_constant(length: str, time: str, mass: str) -> float:
-    """G in the units named: length³ mass⁻¹ time⁻²."""
+    """G in the given units: length³ mass⁻¹ time⁻²."""
     return GRAVITATIONAL_PARAMETERS[mass] * TIMES[time] ** 2 / LENGTHS[length] ** 3

@@ -1,4 +1,4 @@
-"""What a view says, checked and resolved: the bodies it names, and what must not stand together."""
+"""Checks of a view: the bodies that it names become indices, and contradictory keys become faults."""
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
@@ -15,13 +15,13 @@ MOST_PIXELS = 150_000_000  # of a picture that is wrapped around a body, or arou
 
 
 class Finder(Protocol):
-    """Finds what a scene names; what is not there becomes a fault."""
+    """Finds the particles that a scene names; a missing particle becomes a fault."""
 
     def group(self, reference: int | str, path: tuple[Any, ...]) -> tuple[int, int] | None:
         """First index and count of a group, or of one particle."""
 
     def fault(self, path: tuple[Any, ...], message: str) -> None:
-        """Something is wrong at a path."""
+        """Add a fault at a path of the scene."""
 
 
 def resolve_view(view: ViewSpec, layout: ParticleLayout, finder: Finder) -> ViewSpec:
@@ -76,7 +76,7 @@ def _check_body(body: BodyViewSpec, path: tuple[Any, ...], finder: Finder) -> No
 
 
 def _check_picture(file: str | None, path: tuple[Any, ...], finder: Finder) -> None:
-    """Look at the beginning of a file; what is torn farther on is found when it is drawn."""
+    """Read the beginning of a file; damage farther on is found when the picture is drawn."""
     if file is None:
         return
     from PIL import Image  # only for scenes that bring pictures
@@ -92,7 +92,7 @@ def _check_picture(file: str | None, path: tuple[Any, ...], finder: Finder) -> N
 
 
 def _groups(colors: GroupColorsSpec, layout: ParticleLayout, finder: Finder) -> tuple[tuple[str, int, int], ...]:
-    """(name, first index, count) of the groups that are told apart."""
+    """(name, first index, count) of the groups that get different colours."""
     if colors.of is None:
         labels = [entry.parameters.get("name") or f"{entry.name} {number}" for number, entry in enumerate(layout.entries)]
         return tuple(zip(labels, layout.starts, layout.counts, strict=True))
@@ -101,7 +101,7 @@ def _groups(colors: GroupColorsSpec, layout: ParticleLayout, finder: Finder) -> 
 
 
 def _circle(bodies: Mapping[tuple[int, int], BodyViewSpec]) -> bool:
-    """Whether following `around` comes back to where it began."""
+    """Whether the bodies named by `around`, one after the other, lead back to the first."""
     moved = [(range(first, first + count), body.around) for (first, count), body in bodies.items() if body.around is not None]
     around = {index: primary for indices, primary in moved for index in indices}
     for index in set(around.values()):
@@ -115,7 +115,7 @@ def _circle(bodies: Mapping[tuple[int, int], BodyViewSpec]) -> bool:
 
 
 def check_view(spec: SceneSpec, tree: Node, faults: Faults) -> None:
-    """Add what is wrong between the keys of the view."""
+    """Add a fault for every contradiction between keys of the view."""
     view, node = spec.view, tree.get("view")
     if node is None:
         return

@@ -1,4 +1,4 @@
-"""ViewSpec: what a scene says of its pictures. Display only: nothing here changes a motion."""
+"""ViewSpec: how a scene is drawn. Display only: no key of the view changes a motion."""
 
 from dataclasses import dataclass, field
 from typing import Annotated, Any
@@ -25,7 +25,7 @@ _ASKED = BeforeValidator(_nothing_is_empty)
 
 @dataclass(frozen=True)
 class CameraSpec:
-    """Where the picture is taken from; None means: chosen so that every particle is in view."""
+    """The place of the camera; None: chosen so that every particle is in view."""
 
     __pydantic_config__ = _CLOSED
     position: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="of the eye")] = None
@@ -95,7 +95,7 @@ class LightSpec:
 
 @dataclass(frozen=True)
 class SkySpec:
-    """What is behind all: stars from a seed, or a picture of the whole sky."""
+    """The background: stars from a seed, or a picture of the whole sky."""
 
     __pydantic_config__ = _CLOSED
     stars: Annotated[int, Whole(minimum=0, maximum=100_000), Field(description="how many, all around")] = 0
@@ -127,7 +127,7 @@ class ColorScaleSpec:
 
 @dataclass(frozen=True)
 class GroupColorsSpec:
-    """Colours that tell groups apart, those of Okabe and Ito.
+    """A different colour for each group, from the palette of Okabe and Ito.
 
     Once the scene is loaded, `of` holds (name, first index, count) of each.
     """
@@ -142,7 +142,7 @@ class GroupColorsSpec:
 
 @dataclass(frozen=True)
 class ColorBySpec:
-    """By what particles are coloured; one of these."""
+    """The quantity by which particles are coloured; one of these keys."""
 
     __pydantic_config__ = _CLOSED
     speed: Annotated[ColorScaleSpec | None, _ASKED, Field(description="size of the velocity")] = None
@@ -159,7 +159,7 @@ class ColorBySpec:
 
 @dataclass(frozen=True)
 class SpringColorBySpec:
-    """By what springs are coloured; one of these."""
+    """The quantity by which springs are coloured; one of these keys."""
 
     __pydantic_config__ = _CLOSED
     strain: Annotated[ColorScaleSpec | None, _ASKED, Field(description="(l − L)/L, above 0 where stretched")] = None
@@ -169,9 +169,9 @@ class SpringColorBySpec:
 
 @dataclass(frozen=True)
 class ArrowsSpec:
-    """Arrows of a vector that each particle has, from its place on, as long as a scale times the vector.
+    """An arrow at each particle for a vector quantity; its length is a scale times the vector.
 
-    Those of a velocity end where the particle would be after `time` if it went straight on.
+    The arrow of a velocity ends where the particle would be after `time` on a straight line.
     """
 
     __pydantic_config__ = _CLOSED
@@ -202,7 +202,7 @@ class ArrowsSpec:
 
     @property
     def length_per_quantity(self) -> float | None:
-        """What the vector is multiplied by, where the scene says it."""
+        """The factor by which the vector is multiplied, where the scene gives one."""
         return self.time if self.quantity == "velocity" else self.scale
 
 
@@ -217,7 +217,7 @@ class AxesSpec:
 
 @dataclass(frozen=True)
 class GridSpec:
-    """A grid of squares in a plane through the origin; its spacing is told in the legend."""
+    """A grid of squares in a plane through the origin; the legend gives its spacing."""
 
     __pydantic_config__ = _CLOSED
     plane: Annotated[str, Text(("xy", "xz", "yz")), Field(description="xy, xz or yz")] = "xy"
@@ -269,7 +269,7 @@ class ViewSpec:
 
     @property
     def wants_acceleration(self) -> bool:
-        """Whether something is drawn that takes the forces of the moment."""
+        """Whether something is drawn that needs the present accelerations."""
         return any(arrows.quantity != "velocity" for arrows in self.arrows)
 
 

@@ -36,14 +36,14 @@ def _plain(value: Any) -> Any:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Never `&id001`: a value that stands twice is written twice."""
+    """Writes no anchors such as `&id001`: a value that occurs twice is written twice."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
 
 
 def _number(dumper: yaml.SafeDumper, value: float) -> yaml.ScalarNode:
-    """The shortest text that is this number; with a point, so that YAML takes 1e-05 for one."""
+    """The shortest text of this number; with a point, so that YAML reads 1e-05 as a number."""
     text = repr(value)
     if "e" in text and "." not in text:
         text = text.replace("e", ".0e")

@@ -46,7 +46,7 @@ strength is set to 0 is no part of the phase. In `{…}`, write `forces.linear_d
 
 
 def reference_text() -> str:
-    """The page as it is shipped."""
+    """The text of the page."""
     return "\n".join([INTRODUCTION, *_keys(), *_specs(), *_components(), *_summary_quantities()]) + "\n"
 
 
@@ -112,7 +112,7 @@ def _paragraphs(text: str) -> str:
 
 
 def write() -> None:
-    """Renew the page."""
+    """Write the page."""
     REFERENCE_FILE.write_text(reference_text(), encoding="utf-8")
 
 

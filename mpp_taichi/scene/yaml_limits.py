@@ -1,7 +1,7 @@
-"""Guard: refuses YAML that is hostile or no scene at all, from the stream of events, before anything is built.
+"""Limits of YAML: hostile text is refused by the parser's stream of events, before any value is built.
 
 The parser's events come one at a time and need no recursion, so nesting bombs and alias bombs are stopped at the first event
-that breaks a limit; only then may the (recursive, in C) composer see the text.
+that breaks a limit; only after that does the composer, which is recursive and in C, read the text.
 """
 
 import re
@@ -16,7 +16,7 @@ from mpp_taichi.errors import SceneError
 BYTES_ALLOWED = 1 << 20
 DEPTH_ALLOWED = 64
 NODES_ALLOWED = 200_000  # after every alias is expanded
-LOADER = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # resolves nothing: scalars.py does
+LOADER = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # resolves no scalar: scalars.py does
 _NODE_EVENTS = (yaml.ScalarEvent, yaml.SequenceStartEvent, yaml.MappingStartEvent)
 _END_EVENTS = (yaml.SequenceEndEvent, yaml.MappingEndEvent)
 _NOT_IN_YAML = re.compile(r"[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -24,7 +24,7 @@ _NOT_IN_YAML = re.compile(r"[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010
 
 @dataclass
 class _Open:
-    """A collection whose end has not come yet: its anchor, nodes so far, and nesting below it."""
+    """A collection that has not ended yet: its anchor, its nodes so far, and the depth of nesting below it."""
 
     anchor: str | None
     nodes: int = 1
@@ -48,7 +48,7 @@ def decode(data: bytes, file: str) -> str:
 
 
 def check_characters(text: str, file: str) -> str:
-    """The text itself, if every character may stand in YAML."""
+    """The text, unchanged, if YAML allows every character of it."""
     if (bad := _NOT_IN_YAML.search(text)) is not None:
         before = text[: bad.start()]
         line, column = before.count("\n") + 1, bad.start() - (before.rfind("\n") + 1) + 1
@@ -57,7 +57,7 @@ def check_characters(text: str, file: str) -> str:
 
 
 def check_events(text: str, file: str) -> None:
-    """Refuse, at the place where a limit breaks, what `decode` let through: bombs, tags, several documents, bad syntax."""
+    """Refuse bombs, tags, several documents and bad syntax, at the place where a limit is broken."""
     stack: list[_Open] = []
     anchors: dict[str, _Open] = {}
     total = documents = 0
@@ -87,7 +87,7 @@ def check_events(text: str, file: str) -> None:
             total += 1
             entry = _Open(event.anchor)
             if event.anchor:
-                anchors.pop(event.anchor, None)  # an anchor means something only after its node has ended
+                anchors.pop(event.anchor, None)  # an anchor is defined only after its node has ended
             if kind is yaml.ScalarEvent:
                 entry.height = 0
                 _name(anchors, entry)

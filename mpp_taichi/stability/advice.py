@@ -8,10 +8,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from mpp_taichi import component
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
-from mpp_taichi.stability.network import Network, Rates
+from mpp_taichi.stability.network import Rates, SpringNetwork
 from mpp_taichi.stability.step_limit import growth_per_step, largest_stable_step
 
 log = logging.getLogger(__name__)
@@ -35,7 +36,7 @@ class Method(Protocol):
 class StepAdvice:
     """What a step `dt` of an integrator means for a network; each quantity is computed when it is first asked for."""
 
-    def __init__(self, network: Network, method: Method, integrator: str, dt: float, begins: float = 0.0) -> None:
+    def __init__(self, network: SpringNetwork, method: Method, integrator: str, dt: float, begins: float = 0.0) -> None:
         """Keep the parts; `begins` is the time from which on the network is as given [time]."""
         self.network, self.method, self.integrator, self.dt, self.begins = network, method, integrator, dt, begins
 
@@ -155,7 +156,8 @@ class StepAdvice:
             f"of {self.culprit} grow by {per_oscillation:.3g} % each time, and no step keeps an undamped one"
         )
         if growth > ABSURD_GROWTH:
-            self._refuse(f"{text}, and {growth:.1e}-fold in {steps:,} steps; leapfrog or rk4 would hold it", force)
+            instead = " or ".join(component.proposed("integrators", "oscillation"))
+            self._refuse(f"{text}, and {growth:.1e}-fold in {steps:,} steps; {instead} would hold it", force)
         else:
             log.warning("%s, %.3g-fold in %s steps", text, growth, f"{steps:,}")
 
@@ -214,7 +216,7 @@ def advise(spec: SceneSpec, snapshot: Snapshot, method: Method, dt: float, *, be
 
     `snapshot` has the springs and the masses as they are now, `spec` the dimensions, the kind of damping and the drag.
     """
-    network = Network(spec, snapshot)
+    network = SpringNetwork(spec, snapshot)
     if network.is_still:
         return None
     return StepAdvice(network, method, spec.integrator.name, dt, begins)

@@ -23,10 +23,10 @@ class Rates:
 
 def drag_of(spec: SceneSpec) -> float:
     """The coefficient of the scene's linear drag [mass / time]."""
-    return sum(float(force.parameters["coefficient"]) for force in spec.forces if force.name == "linear_drag")
+    return sum(float(force.parameters["coefficient"]) for force in spec.forces_with("is_linear_drag"))
 
 
-class Network:
+class SpringNetwork:
     """Springs and linear drag of a scene, linearised where the particles are.
 
     Forces between pairs of particles and uniform fields are left out: they hardly stiffen a network of springs.

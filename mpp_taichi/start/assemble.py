@@ -24,15 +24,15 @@ _SPRING_ARRAYS = ("between", "stiffness", "damping", "rest_length", "color")
 def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot:
     """Make every particle and spring; the same scene and seed give the same numbers.
 
-    A later phase of a timeline is `placed_as` the scene it began as, whose forces orbits were computed from. SceneError,
-    located at the entry, where they cannot be placed or physics does not allow them.
+    A later phase of a timeline is `placed_as` the scene of the first phase, whose forces determine the orbits. SceneError,
+    located at the entry, where particles cannot be placed or the physics checks refuse them.
     """
     layout = layout_of(spec)
     groups = _place(spec if placed_as is None else replace(spec, forces=placed_as.forces), layout)
     arrays: dict[str, Any] = {key: np.concatenate([getattr(group, key) for group in groups]) for key in _PARTICLE_ARRAYS}
     rest_position = np.concatenate([group.rest_position for group in groups])
     names = tuple(name for group in groups for name in group.name)
-    arrays["velocity"] = np.where(arrays["free"], arrays["velocity"], 0.0)  # a held axis does not move, whatever was said
+    arrays["velocity"] = np.where(arrays["free"], arrays["velocity"], 0.0)  # along a held axis a given velocity is ignored
     springs = _link(spec, layout, rest_position)
     merged_into = np.full(len(names), -1, np.int32) if merges(spec) else None
     snapshot = Snapshot(**arrays, name=names, springs=springs, merged_into=merged_into)
@@ -51,7 +51,7 @@ def springs_of(spec: SceneSpec) -> Springs:
 
 
 def rest_positions(spec: SceneSpec) -> np.ndarray:
-    """Where the particles of a checked scene are without their displacements [length], shape (particle_count, 3)."""
+    """The positions of the particles of a checked scene without their displacements [length], shape (particle_count, 3)."""
     groups = _place(spec, layout_of(spec))
     rest = np.concatenate([group.rest_position for group in groups])
     if not spec.move_to_center_of_mass:
@@ -61,7 +61,7 @@ def rest_positions(spec: SceneSpec) -> np.ndarray:
 
 
 def _place(spec: SceneSpec, layout: ParticleLayout) -> list[Group]:
-    gravity = next((entry.parameters for entry in spec.forces if entry.name == "newtonian_gravity"), {})
+    gravity = next((entry.parameters for entry in spec.forces_with("gravitates")), {})
     groups: list[Group] = []
 
     def find(index: int) -> Center:
@@ -103,7 +103,7 @@ def _joined(made: Iterable[Springs]) -> Springs:
 
 
 def _centered(snapshot: Snapshot) -> Snapshot:
-    """With the centre of mass at rest at the origin."""
+    """The particles shifted so that the centre of mass is at rest at the origin."""
     weight = snapshot.mass / snapshot.mass.sum()
     position = snapshot.position - weight @ snapshot.position
     return replace(snapshot, position=position, velocity=snapshot.velocity - weight @ snapshot.velocity)

@@ -1,4 +1,4 @@
-"""The spheres and walls of a scene, as contact solvers want them. Host side; no Taichi."""
+"""The spheres and walls of a scene in the form that contact solvers need. Host side; no Taichi."""
 
 from dataclasses import dataclass, field, replace
 
@@ -13,7 +13,7 @@ from mpp_taichi.walls._base import Enclosure, joined
 
 @dataclass(frozen=True, eq=False)
 class ContactSetup:
-    """The spheres of a scene as a contact solver wants them.
+    """The spheres and walls of a scene in the form that contact solvers need.
 
     radius         (n,) [length]
     inverse_mass   (n, 3) [1 / mass]; 0 along an axis that is held, so a held sphere is infinitely heavy
@@ -21,9 +21,9 @@ class ContactSetup:
     restitution    (m, m), symmetric: e of a contact between two materials, 0 … 1; NaN where the scene gives none of its own
     contact_time   t_c of the TC model [time]: a contact within it after the last one of either sphere is elastic; 0: off.
                    Source: Luding & McNamara, Granular Matter 1 (1998) 113.
-    force_free     whether nothing but the solver changes positions and velocities, or it is told (`ContactSolver.prepare`)
-    names          what the scene calls the spheres, "" where it does not
-    gravity        uniform acceleration (3,) that a free flight has [length / time²]; solvers that step ignore it
+    force_free     whether only the solver changes positions and velocities, any other change being followed by `prepare`
+    names          the names of the spheres in the scene, "" for a sphere without a name
+    gravity        uniform acceleration (3,) of a free flight [length / time²]; solvers that take steps ignore it
     """
 
     dimensions: int
@@ -43,7 +43,7 @@ class ContactSetup:
         return replace(self, restitution=matrix, contact_time=contact_time)
 
     def label(self, i: int) -> str:
-        """Sphere i as a message calls it; −1 − w is surface w."""
+        """The text for sphere i in messages; −1 − w is surface w."""
         if i < 0:
             return self.enclosure.surfaces[-1 - i].label
         return f"particle {i} ({self.names[i]!r})" if i < len(self.names) and self.names[i] else f"particle {i}"
@@ -55,12 +55,12 @@ class ContactSetup:
 
 
 def contact_setup(spec: SceneSpec, particles: Snapshot, *, force_free: bool = False) -> ContactSetup:
-    """What the contact solver of a scene is given; SceneError, located, for walls that cannot be."""
+    """The setup for the contact solver of a scene; SceneError, located, for impossible walls."""
     assert spec.contacts is not None
     material, restitution = _materials(particles.particle_count, spec.contacts)
     with np.errstate(divide="ignore"):
         inverse = np.where(particles.free, 1.0 / particles.mass[:, None], 0.0)
-    gravity = next((force.parameters["acceleration"] for force in spec.forces if force.name == "uniform_gravity"), (0.0,) * 3)
+    gravity = next((force.parameters["acceleration"] for force in spec.forces_with("is_uniform")), (0.0,) * 3)
     return ContactSetup(
         dimensions=spec.dimensions,
         radius=particles.radius,
@@ -75,7 +75,7 @@ def contact_setup(spec: SceneSpec, particles: Snapshot, *, force_free: bool = Fa
 
 
 def enclosure_of(spec: SceneSpec) -> Enclosure:
-    """All walls of a scene; SceneError at the one that cannot be."""
+    """All walls of a scene; SceneError at an impossible wall."""
     made = Enclosure()
     for number, entry in enumerate(spec.walls):
         label = f"walls[{number}].{entry.name}"
@@ -87,9 +87,9 @@ def enclosure_of(spec: SceneSpec) -> Enclosure:
 
 
 def _materials(count: int, contacts: ContactsSpec) -> tuple[np.ndarray, np.ndarray]:
-    """For each particle a material, and the restitution of every two materials, NaN where the scene gives none.
+    """A material for each particle, and the restitution of every two materials, NaN where the scene gives none.
 
-    Particles of the same groups are of one material.
+    Particles of the same groups share a material.
     """
     groups = sorted({group for pair in contacts.pairs for group in pair.between})
     member = np.zeros((count, len(groups)), dtype=bool)
@@ -97,7 +97,7 @@ def _materials(count: int, contacts: ContactsSpec) -> tuple[np.ndarray, np.ndarr
         member[first : first + length, column] = True
     kinds, material = np.unique(member, axis=0, return_inverse=True) if groups else (member[:1], np.zeros(count, np.intp))
     restitution = np.full((len(kinds), len(kinds)), np.nan)
-    for pair in contacts.pairs:  # a later one holds against an earlier
+    for pair in contacts.pairs:  # a later pair of groups overrides an earlier one
         first, second = (np.flatnonzero(kinds[:, groups.index(group)]) for group in pair.between)
         restitution[np.ix_(first, second)] = pair.restitution
         restitution[np.ix_(second, first)] = pair.restitution

@@ -1,4 +1,4 @@
-"""Overlaps of spheres with each other and with walls, on the host: what a start must not have, and how it is pushed apart."""
+"""Overlaps of spheres with each other and with walls at the start: found, refused or removed. Host side."""
 
 from dataclasses import replace
 
@@ -13,16 +13,16 @@ from mpp_taichi.start.contact_setup import ContactSetup, contact_setup
 from mpp_taichi.walls._base import Surface
 
 ALLOWED = 1e-9
-"""Overlap, in parts of the smaller radius, that rounding explains: such spheres touch."""
-LARGE = 4.0  # times the median radius: spheres that are compared with all others, so that cells may stay small
-MOST_ROUNDS = 10_000  # of pushing apart
+"""The largest overlap, in units of the smaller radius, that rounding can cause: spheres with such an overlap touch."""
+LARGE = 4.0  # times the median radius: larger spheres are compared with all others, so that cells may stay small
+MOST_ROUNDS = 10_000  # rounds of pushing pairs apart
 
 
 def overlapping_pairs(setup: ContactSetup, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs (m, 2) with i < j that are nearer than their radii, and how deep [length], (m,).
+    """Pairs (m, 2) with i < j that overlap, and the depth of each overlap [length], (m,).
 
-    Cells of the largest diameter among the small spheres; the few large ones against all. Two held spheres are no pair: nothing
-    moves them.
+    Small spheres are sorted by cells as wide as the largest diameter among them; the few large spheres are compared with all
+    spheres. Two spheres held fixed are left out, since they cannot be moved.
     """
     radius = setup.radius
     large = radius > LARGE * np.median(radius)
@@ -41,7 +41,7 @@ def overlapping_pairs(setup: ContactSetup, position: np.ndarray) -> tuple[np.nda
 
 
 def _separation(setup: ContactSetup, position: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """x_j − x_i, of the nearest copies where the box repeats."""
+    """x_j − x_i, between the nearest copies in a periodic box."""
     separation = position[pairs[:, 1]] - position[pairs[:, 0]]
     for axis, period in enumerate(setup.enclosure.period):
         if period > 0.0:
@@ -55,7 +55,7 @@ def _depth(setup: ContactSetup, position: np.ndarray, pairs: np.ndarray) -> np.n
 
 
 def _of_cells(setup: ContactSetup, position: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Pairs of the chosen spheres in the same cell or in neighbouring ones, each once."""
+    """Pairs of the chosen spheres in the same cell or in neighbouring cells, each pair once."""
     if len(chosen) < 2:
         return np.zeros((0, 2), dtype=np.int64)
     edge = 2.0 * setup.radius[chosen].max()
@@ -92,7 +92,7 @@ def _of_cells(setup: ContactSetup, position: np.ndarray, chosen: np.ndarray) -> 
 def surface_depth(
     surface: Surface, position: np.ndarray, radius: np.ndarray, time: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How far spheres reach into a wall [length], (n,), negative where they are clear, and the way out (n, 3)."""
+    """The depth of spheres in a wall [length], (n,), negative for spheres outside it, and the direction out of it (n, 3)."""
     point = np.asarray(surface.point) + time * np.asarray(surface.velocity)
     direction = np.asarray(surface.direction)
     offset = position - point
@@ -106,9 +106,9 @@ def surface_depth(
 
 
 def pushed_apart(setup: ContactSetup, position: np.ndarray) -> np.ndarray:
-    """Positions without overlaps: pairs moved along their line by shares of inverse mass, round after round.
+    """Positions without overlaps: in each round every pair is moved apart along its line, in proportion to the inverse masses.
 
-    ValueError where MOST_ROUNDS do not suffice: there is no room.
+    ValueError where MOST_ROUNDS rounds do not suffice, since the box has too little room.
     """
     position = position.copy()
     weight = setup.inverse_mass.max(axis=1)
@@ -120,7 +120,7 @@ def pushed_apart(setup: ContactSetup, position: np.ndarray) -> np.ndarray:
         clear = not deep.any()
         separation = _separation(setup, position, pairs)
         distance = np.linalg.norm(separation, axis=1)
-        # Coincident centres have no direction: each pair takes one of its own, so that a heap of them opens on all sides.
+        # Coincident centres have no direction: each pair gets a different one, so that a heap of spheres opens on all sides.
         turned = np.random.default_rng(len(pairs)).normal(size=separation.shape) * (np.arange(3) < setup.dimensions)
         separation = np.where(distance[:, None] > 0.0, separation, turned)
         normal = separation / np.linalg.norm(separation, axis=1)[:, None]
@@ -139,9 +139,9 @@ def pushed_apart(setup: ContactSetup, position: np.ndarray) -> np.ndarray:
 
 
 def start_of_contacts(spec: SceneSpec, particles: Snapshot, layout: ParticleLayout) -> Snapshot:
-    """The particles of a scene with contacts as they may start: overlaps refused, the pair named, or pushed apart as it says.
+    """The particles of a scene with contacts at the start: overlaps are refused, with the pair named, or pushed apart.
 
-    Velocities stay as they are. Raises SceneError, located at the contacts.
+    The scene chooses by `overlap`. Velocities are unchanged. Raises SceneError, located at the contacts.
     """
     assert spec.contacts is not None
     setup = contact_setup(spec, particles)
@@ -160,7 +160,7 @@ def start_of_contacts(spec: SceneSpec, particles: Snapshot, layout: ParticleLayo
 
 
 def _check_size(setup: ContactSetup, layout: ParticleLayout) -> None:
-    """Refuse spheres of which two could meet in two places of a box that repeats."""
+    """Refuse spheres so large that two of them could touch at two places of a periodic box."""
     periods = [period for period in setup.enclosure.period if period > 0.0]
     largest = int(np.argmax(setup.radius))
     if periods and 4.0 * setup.radius[largest] > min(periods):

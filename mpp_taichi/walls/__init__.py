@@ -1,1 +1,1 @@
-"""Walls: what encloses the particles, one kind per file."""
+"""Walls that enclose the particles, one kind per file."""

@@ -1,4 +1,4 @@
-"""What a wall is: surfaces that spheres bounce off, or a box that repeats. Pure Python; `_geometry.py` has the formulas."""
+"""A wall: surfaces that spheres bounce off, or a periodic box. Pure Python; `_geometry.py` has the formulas."""
 
 import math
 from collections.abc import Iterable
@@ -20,7 +20,7 @@ class Surface:
     inside       of cylinder or sphere: whether the particles are inside it
     velocity     of the surface [length / time]; it is at `point` when the time is 0
     restitution  e of a bounce off it
-    label        what messages and reports call it, "walls[0].box, lower x"
+    label        its text in messages and reports, "walls[0].box, lower x"
     """
 
     kind: Literal["plane", "cylinder", "sphere"]
@@ -35,10 +35,10 @@ class Surface:
 
 @dataclass(frozen=True)
 class Enclosure:
-    """All walls of a scene: surfaces, and the box that repeats, if any.
+    """All walls of a scene: surfaces, and a periodic box, if the scene has one.
 
     period   edge lengths of the periodic box along x, y, z; 0 along an axis that does not repeat [length]
-    origin   its lower corner; positions go on growing where a sphere crosses it, pictures show the copy in the box
+    origin   its lower corner; the position of a sphere that leaves the box is not reduced, pictures show the copy in the box
     """
 
     surfaces: tuple[Surface, ...] = ()
@@ -47,15 +47,17 @@ class Enclosure:
 
     @property
     def repeats(self) -> tuple[bool, bool, bool]:
-        """Along which axes it repeats."""
+        """Whether the walls repeat along each axis."""
         return (self.period[0] > 0.0, self.period[1] > 0.0, self.period[2] > 0.0)
 
 
 class Wall:
     """A kind of wall: parameters → surfaces or a period."""
 
+    repeats = False  # True: the wall is a periodic box; scenes are checked by this literal value
+
     def enclosure(self, dimensions: int, label: str) -> Enclosure:
-        """What it adds; `label` is what the scene calls it."""
+        """The surfaces or the period of this wall; `label` is its name in the scene."""
         raise NotImplementedError
 
 

@@ -42,7 +42,7 @@ def normal(surface: Template, x, time):
 
 @ti.func
 def surface_velocity(surface: Template, x):
-    """Its velocity, with as many components as x."""
+    """The velocity of the surface, with as many components as x."""
     return ti.Vector([surface.velocity[k] for k in ti.static(range(x.n))], float)
 
 
@@ -88,7 +88,7 @@ def _direction(surface: Template, x):
 
 @ti.func
 def _along(surface: Template, vector):
-    """The part of a vector along a plane's normal, from what is not 0 of it: most planes lie along the axes."""
+    """The part of a vector along a plane's normal, by the normal's components other than 0: most planes lie along axes."""
     axes = ti.static([k for k in range(vector.n) if surface.direction[k] != 0.0])
     result = surface.direction[axes[0]] * vector[axes[0]]
     for k in ti.static(axes[1:]):
@@ -98,7 +98,7 @@ def _along(surface: Template, vector):
 
 @ti.func
 def _from_surface(surface: Template, x, time):
-    """From the surface's point, axis or centre, where it is at that time, to x."""
+    """The vector to x from the surface's point, axis or centre at this time."""
     way = x - ti.Vector([surface.point[k] for k in ti.static(range(x.n))], float)
     for k in ti.static(range(x.n)):
         if ti.static(surface.velocity[k] != 0.0):

@@ -19,9 +19,9 @@ from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.ladder import Ladder
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.reference import Convergence, converge
-from mpp_taichi.accuracy.sample import Configuration, Measured, Sample
+from mpp_taichi.accuracy.sample import Configuration, MeasuredError, Sample
 from mpp_taichi.accuracy.store import Store, identity
-from mpp_taichi.accuracy.study import Study, Wishes
+from mpp_taichi.accuracy.study import Study, StudyWishes
 from mpp_taichi.accuracy.verdict import duration, factor, sentence, step_ratio
 from mpp_taichi.accuracy.workbench import Machine, Trace, Workbench
 from mpp_taichi.cli.main import main
@@ -158,7 +158,7 @@ def test_errors_below_the_bar_are_never_numbers(kepler_study):
     errors = [row["errors"]["position"] for row in kepler_study.rows if row["status"] == "ok"]
     assert any(error["value"] is None and error["at_most"] == bar for error in errors)
     assert all(error["value"] is None or error["value"] > bar for error in errors)
-    assert str(Measured.against(3e-14, 1e-13)) == "≤ 1e-13" and str(Measured.against(3e-12, 1e-13)) == "3.0e-12"
+    assert str(MeasuredError.against(3e-14, 1e-13)) == "≤ 1e-13" and str(MeasuredError.against(3e-12, 1e-13)) == "3.0e-12"
 
 
 # --- what is measured -------------------------------------------------------------------------------------------------
@@ -258,9 +258,9 @@ def test_the_sentence_says_what_the_rows_say(kepler_study):
 
 def test_words_for_what_was_not_reached():
     rows = [
-        front.Row(
+        front.StudyRow(
             Sample(Configuration("leapfrog", steps, "f64", "cpu"), 1.0 / steps, evaluations=steps, seconds=[1.0 * steps]),
-            *[Measured(1.0 / steps**2)] * 5,
+            *[MeasuredError(1.0 / steps**2)] * 5,
             is_own=steps == 10,
         )
         for steps in (10, 30, 100)
@@ -339,7 +339,7 @@ def test_a_study_ends_with_its_budget_and_keeps_what_there_is(tmp_path):
     problem = pose(load_scene({**kepler(ECCENTRICITY, dt=0.01), "run": {"duration": SPAN}}))
     store = Store(tmp_path, identity(problem, SPAN, "test"))
     budget = CountedBudget(700.0)  # a run is 64 launches: some 10 runs
-    study = Study(problem, store, budget, Wishes(("leapfrog",), (("cpu", "f64"),), reference="leapfrog"))
+    study = Study(problem, store, budget, StudyWishes(("leapfrog",), (("cpu", "f64"),), reference="leapfrog"))
     study.run()
     assert study.status in ("out of time", "partial")
     assert budget.spent <= budget.seconds + 1
@@ -351,7 +351,7 @@ def test_a_study_ends_with_its_budget_and_keeps_what_there_is(tmp_path):
 def test_a_run_is_left_when_the_budget_is_spent(tmp_path):
     problem = pose(load_scene({**kepler(ECCENTRICITY, dt=0.01), "run": {"duration": SPAN}}))
     budget = CountedBudget(30.0)  # less than the 64 launches of a run
-    study = Study(problem, Store(tmp_path, identity(problem, SPAN, "test")), budget, Wishes(reference="leapfrog"))
+    study = Study(problem, Store(tmp_path, identity(problem, SPAN, "test")), budget, StudyWishes(reference="leapfrog"))
     study.run()
     assert study.status == "out of time" and budget.spent == 30.0
     assert study.rows() == [] and study.quantity is None
@@ -413,7 +413,7 @@ def test_an_orbit_is_not_chaotic():
 def test_beyond_the_horizon_energies_are_compared(tmp_path):
     problem = pose(load_scene(three_bodies(400.0)))
     store = Store(tmp_path, identity(problem, 400.0, "test"))
-    study = Study(problem, store, CountedBudget(1000.0), Wishes(("leapfrog",), (("cpu", "f64"),), reference="leapfrog"))
+    study = Study(problem, store, CountedBudget(1000.0), StudyWishes(("leapfrog",), (("cpu", "f64"),), reference="leapfrog"))
     study.run()
     assert study.quantity == "energy" and not study.reference.positions_mean_something
     assert study.reference.meaning < 400.0 and study.chaos.lyapunov_time is not None

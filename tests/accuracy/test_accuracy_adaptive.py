@@ -12,7 +12,7 @@ from mpp_taichi.accuracy.choice import choose
 from mpp_taichi.accuracy.ladder import Ladder
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import pose
-from mpp_taichi.accuracy.reference import Reference, size_of
+from mpp_taichi.accuracy.reference import ReferenceSolution, size_of
 from mpp_taichi.accuracy.workbench import Machine
 from mpp_taichi.scene.load import load_scene
 
@@ -71,7 +71,7 @@ def known(bench, *, error, bar):
     end = bench.truth.astype(float) + [0.0, error, 0.0]
     trace = bench.machine.run(bench.machine.configuration(LOOKS, 1e-9), Budget(1e9), follow=True)[1]
     size = size_of(trace)
-    return Reference("kahan_li8", 8, 8192, np.array([[0.0, 0.0, 0.0], end]), size, bar / size, bar / size, True)
+    return ReferenceSolution("kahan_li8", 8, 8192, np.array([[0.0, 0.0, 0.0], end]), size, bar / size, bar / size, True)
 
 
 def test_ias15_is_a_reference_as_good_as_its_bar_says(bench):

@@ -12,11 +12,11 @@ import mpp_taichi as mpp
 from mpp_taichi.accuracy import choice as choosing
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.choice import Offer, choose, offers_for
-from mpp_taichi.accuracy.front import Row
+from mpp_taichi.accuracy.front import StudyRow
 from mpp_taichi.accuracy.problem import pose
-from mpp_taichi.accuracy.sample import Configuration, Measured, Sample
+from mpp_taichi.accuracy.sample import Configuration, MeasuredError, Sample
 from mpp_taichi.accuracy.store import Store, identity
-from mpp_taichi.accuracy.study import Study, Wishes
+from mpp_taichi.accuracy.study import Study, StudyWishes
 from mpp_taichi.cli.main import main
 from mpp_taichi.scene.load import load_scene
 from scenes import kepler
@@ -33,7 +33,7 @@ def scene_of(target):
 
 def row(steps, error, *, seconds, integrator="leapfrog"):
     sample = Sample(Configuration(integrator, steps, "f64", "cpu"), 1.0 / steps, evaluations=steps, seconds=[seconds])
-    return Row(sample, *[Measured(error)] * 5)
+    return StudyRow(sample, *[MeasuredError(error)] * 5)
 
 
 def relative_separation(snapshot):
@@ -90,7 +90,7 @@ def test_the_choice_is_kept(chosen, monkeypatch):
 def test_a_step_that_misses_is_made_finer_until_it_does_not(chosen):
     problem = pose(chosen.spec)
     store = Store(chosen.folder, identity(problem, SPAN, mpp.__version__))
-    study = Study(problem, store, Budget(20.0), Wishes(METHODS, (("cpu", "f64"),), aim=0.7e-6))
+    study = Study(problem, store, Budget(20.0), StudyWishes(METHODS, (("cpu", "f64"),), aim=0.7e-6))
     study.run()
     steps = SPAN / chosen.found.dt
     too_coarse = Offer("pefrl", "f64", "cpu", steps / 2.0, 1.0)  # of fourth order: an error 16 times too large

@@ -12,7 +12,7 @@ from mpp_taichi.accuracy.contact_methods import solvers, with_solver
 from mpp_taichi.accuracy.flight_reference import fly
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.store import Store, identity
-from mpp_taichi.accuracy.study import Study, Wishes
+from mpp_taichi.accuracy.study import Study, StudyWishes
 from mpp_taichi.accuracy.workbench import Machine
 from mpp_taichi.cli.main import main
 from mpp_taichi.scene.load import load_scene
@@ -35,7 +35,7 @@ def gas(**more):
 def study_of(scene, folder, solvers, *, asks=1e9):
     problem = pose(load_scene(scene))
     store = Store(folder, identity(problem, problem.span, "test"))
-    study = Study(problem, store, CountedBudget(asks), Wishes(solvers, (("cpu", "f64"),)))
+    study = Study(problem, store, CountedBudget(asks), StudyWishes(solvers, (("cpu", "f64"),)))
     study.run()
     return study
 

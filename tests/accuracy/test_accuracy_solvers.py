@@ -13,7 +13,7 @@ from mpp_taichi.accuracy.findings import findings
 from mpp_taichi.accuracy.methods import for_reference, methods
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.store import Store, identity
-from mpp_taichi.accuracy.study import Study, Wishes
+from mpp_taichi.accuracy.study import Study, StudyWishes
 from mpp_taichi.accuracy.workbench import Machine
 from mpp_taichi.cli.main import main
 from mpp_taichi.device.backends import import_taichi
@@ -163,7 +163,7 @@ def test_a_study_tells_the_tree_from_the_direct_sum(tmp_path):
     import_taichi()
     problem, names = pose(load_scene(stars(800, accuracy=0.1))), ("leapfrog", "leapfrog+tree-1e-1")
     store = Store(tmp_path, identity(problem, SPAN, "1"))
-    study = Study(problem, store, Budget(60.0), Wishes(names, (("cpu", "f64"),), aim=1e-7))
+    study = Study(problem, store, Budget(60.0), StudyWishes(names, (("cpu", "f64"),), aim=1e-7))
     study.run()
     found = findings(study, 1e-7)
     assert "+" not in found["reference"]["integrator"] and found["reference"]["trusted"]

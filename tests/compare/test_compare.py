@@ -14,7 +14,7 @@ from mpp_taichi.compare.certificate import Judge, verdict
 from mpp_taichi.compare.course import COPIES, margin
 from mpp_taichi.compare.evidence import Evidence, follow, gather
 from mpp_taichi.compare.numpy_contender import NumpyContender
-from mpp_taichi.compare.numpy_reference import Reference, bodies
+from mpp_taichi.compare.numpy_reference import NumpyForces, bodies
 from mpp_taichi.compare.taichi_contender import TaichiContender
 from mpp_taichi.contacts.sweep.contact_group import ContactGroup
 from mpp_taichi.contacts.sweep.contact_memory import ContactMemory
@@ -403,7 +403,7 @@ def test_what_is_no_number_is_a_bug(five):
 def test_forces_of_the_reference_are_minus_the_gradient_of_its_energy():
     spec = load_scene(everything(damping=0.0, drag=0.0))
     start = assemble(spec)
-    reference = Reference(spec, bodies(start, 3, ["f64"]))
+    reference = NumpyForces(spec, bodies(start, 3, ["f64"]))
     force = reference.acceleration(start.position[None], start.velocity[None])[0] * start.mass[:, None]
     step = 1e-5  # error of the central difference step² · third derivative ~ 1e-10 · 10; rounding 1e-16 / 1e-5
     for i, axis in np.ndindex(start.particle_count, 3):
@@ -431,7 +431,7 @@ def test_steps_of_the_reference_have_the_order_of_their_method(method):
     counts = np.array([20, 40, 320])
     ends = []
     for count in counts:
-        steps = numpy_steps.NumpySteps(Reference(spec, given), method, np.array([2.0 / count]))
+        steps = numpy_steps.NumpySteps(NumpyForces(spec, given), method, np.array([2.0 / count]))
         steps.start(start.position[None], start.velocity[None])
         steps.advance(int(count))
         ends.append(steps.position[0, 1])

@@ -12,7 +12,7 @@ from PIL import Image
 
 from mpp_taichi.cli.main import main
 from mpp_taichi.compare import scaling, table
-from mpp_taichi.compare.numpy_reference import Reference
+from mpp_taichi.compare.numpy_reference import NumpyForces
 from mpp_taichi.compare.process import WorkerError, WorkerProcess
 from scenes import cluster, kepler
 
@@ -91,8 +91,8 @@ def test_the_numbers_are_there_and_fit_together(compared):
 
 def test_a_bug_ends_with_4(compared, monkeypatch, capfd):
     """The reference is made wrong in this process; the worker is sound, but they cannot agree."""
-    steady = Reference.steady
-    monkeypatch.setattr(Reference, "steady", lambda self, *rest: -steady(self, *rest))
+    steady = NumpyForces.steady
+    monkeypatch.setattr(NumpyForces, "steady", lambda self, *rest: -steady(self, *rest))
     monkeypatch.setattr(scaling, "COUNTS", (2, 8))
     words = ["compare", str(compared.scene), "--backends", "numpy", "--budget", "5s", "--json", "--steps", "10", "--scaling"]
     assert main([*words, "--out", str(compared.out.parent / "bug")]) == 4

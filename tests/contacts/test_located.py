@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from mpp_taichi import SceneError, Simulation, StabilityError
+from mpp_taichi import SceneError, Simulation, StabilityError, component
 from mpp_taichi.contacts._report import ContactReport
-from mpp_taichi.scene.contacts import CUT_AT_CONTACTS
 from mpp_taichi.scene.load import load_scene
 
 EPSILON = 2.0**-52
 CHEAP = "adaptive_bogacki_shampine"  # of third order: straight ways and parabolas are its own, and it compiles soonest
+CUT_AT_CONTACTS = component.marked("integrators", "begins_anew")
 
 
 def scene(bodies, *, integrator=CHEAP, dt=1.0, walls=(), forces=(), dimensions=2, contacts=None, **more):

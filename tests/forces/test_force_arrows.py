@@ -12,7 +12,7 @@ from PIL import Image
 
 from mpp_taichi import Simulation
 from mpp_taichi.cli.main import main
-from mpp_taichi.compare.numpy_reference import ROUNDINGS, Limits, Reference, bodies
+from mpp_taichi.compare.numpy_reference import ROUNDINGS, Limits, NumpyForces, bodies
 from mpp_taichi.errors import SceneError
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.scene.load import load_scene
@@ -33,7 +33,7 @@ PULL = {"quantity": "acceleration", "scale": 0.5}
 def expected(simulation, snapshot):
     """Accelerations of a snapshot by direct sums in NumPy, and what rounding may make of them."""
     spec, precision = simulation.spec, simulation.device.precision
-    reference = Reference(spec, bodies(snapshot, spec.dimensions, [precision]))
+    reference = NumpyForces(spec, bodies(snapshot, spec.dimensions, [precision]))
     position, velocity = snapshot.position[None], snapshot.velocity[None]
     terms, _ = reference.magnitude(position, velocity, np.arange(snapshot.particle_count), Limits(0.0, 0.0))
     bound = (ROUNDINGS + reference.most_terms()) * UNIT[precision] * terms[0]

@@ -12,7 +12,7 @@ from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.sample import Configuration
 from mpp_taichi.accuracy.store import Store
-from mpp_taichi.accuracy.sweep import Sweep
+from mpp_taichi.accuracy.sweep import StepSweep
 from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.arithmetic import low_parts
 from mpp_taichi.cli.main import main
@@ -307,7 +307,7 @@ def test_a_sweep_over_precisions_notes_what_one_of_them_refuses(tmp_path):
     problem = pose(load_scene(figure_eight(100) | {"run": {"duration": 0.1}}))
     with Workbench(problem, backend="cpu", precision="ds") as bench:
         store = Store(tmp_path, {})
-        sweep = Sweep(bench, store, Budget(60.0), {}, lambda sample: 0.0)
+        sweep = StepSweep(bench, store, Budget(60.0), {}, lambda sample: 0.0)
         refused = sweep.measure(Configuration("ias15", 16, "ds", "cpu"))
         assert refused.status == "refused" and "does not carry low parts" in refused.reason
         assert sweep.measure(Configuration("leapfrog", 16, "ds", "cpu")).status == "ok"

@@ -14,7 +14,6 @@ from mpp_taichi.accuracy.methods import methods
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.integrators._splitting import KICK_METHODS
 from mpp_taichi.scene.load import load_scene
-from mpp_taichi.scene.physics_checks import TAKE_FRICTION
 from mpp_taichi.start.assemble import assemble
 from scenes import INTEGRATORS, MORE_TABLES, everything, kepler, takes_friction
 
@@ -249,7 +248,7 @@ REFUSING = [name for name in INTEGRATORS if not takes_friction(name)]
 def test_those_that_refuse_friction_say_so_as_classes_and_to_the_scene():
     assert REFUSING == ["chin4a", "hermite4", "hermite6", "janus", "mclachlan_atela4", "rkn8", "srkn11b", "srkn14a"]
     assert all(declared(name, "takes_velocity") == takes_friction(name) for name in INTEGRATORS)
-    assert all(takes_friction(name) for name in TAKE_FRICTION)
+    assert all(takes_friction(name) for name in component.proposed("integrators", "friction"))
 
 
 @pytest.mark.parametrize("name", REFUSING)

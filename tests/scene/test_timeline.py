@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from mpp_taichi import SceneError, Simulation, Snapshot
+from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._interactive import _Steered
-from mpp_taichi.cli._request import Goal
 from mpp_taichi.cli._signals import Interruption
 from mpp_taichi.cli.main import main
 from mpp_taichi.recorders.film import FilmRecorder

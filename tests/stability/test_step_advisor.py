@@ -340,4 +340,4 @@ def test_the_spring_that_is_named_is_the_one_that_swings():
     bodies = [{"body": {"mass": mass, "position": [float(k), 0, 0]}} for k, mass in enumerate((1e3, 1e3, 1e-3))]
     links = [{"link": {"between": [0, 1], "stiffness": 1e3}}, {"link": {"between": [1, 2], "stiffness": 10}}]
     spec = load_scene({"particles": bodies, "springs": links, "integrator": {"leapfrog": {"dt": 1e-3}}})
-    assert network.Network(spec, assemble(spec)).stiffest_spring() == 1
+    assert network.SpringNetwork(spec, assemble(spec)).stiffest_spring() == 1

@@ -14,7 +14,7 @@ sys.path.insert(0, str(ROOT / "tools"))
 from paper.page import APART, CURED, EMPTY, HOLDS, SAME, WRONG, Figure, Row, Section, half_digit, number, page  # noqa: E402
 
 from mpp_taichi.accuracy import svg  # noqa: E402
-from mpp_taichi.accuracy.svg import Mark, Plot, Series  # noqa: E402
+from mpp_taichi.accuracy.svg import Plot, PlotMark, Series  # noqa: E402
 
 SECTIONS = "choreographies,two_bodies,ring"
 
@@ -53,7 +53,7 @@ def test_numbers_are_told_with_two_digits_more_than_printed():
 
 
 def test_a_linear_axis_takes_every_sign_and_equal_steps():
-    marks = [Mark(x, y) for x, y in ((-2.0, -1.0), (0.0, 0.0), (2.0, 1.0))]
+    marks = [PlotMark(x, y) for x, y in ((-2.0, -1.0), (0.0, 0.0), (2.0, 1.0))]
     drawn = svg.draw(Plot("line", "x", "y", [Series("a", 0, marks, marked=False)], linear_x=True, linear_y=True))
     line = ElementTree.fromstring(drawn).find(f".//{{{svg.NAMESPACE}}}polyline").get("points")
     (x0, y0), (x1, y1), (x2, y2) = ((float(x), float(y)) for x, y in (pair.split(",") for pair in line.split()))

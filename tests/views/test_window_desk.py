@@ -165,7 +165,7 @@ PROGRAM = """
 from mpp_taichi import Simulation
 from mpp_taichi.cli._window_desk import SessionDesk
 from mpp_taichi.cli._interactive import _Steered
-from mpp_taichi.cli._request import Goal
+from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._signals import Interruption
 from mpp_taichi.views.window import Window
 

@@ -28,7 +28,7 @@ from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.sample import Configuration
 from mpp_taichi.accuracy.store import Store, identity
-from mpp_taichi.accuracy.study import Study, Wishes
+from mpp_taichi.accuracy.study import Study, StudyWishes
 from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.scene.load import load_scene
@@ -117,7 +117,7 @@ def reference_end(spec, start, span):
 def sweep(spec, folder, budget):
     """Everything that the verb finds."""
     problem = pose(spec)
-    study = Study(problem, Store(folder, identity(problem, problem.span, __version__)), Budget(budget), Wishes())
+    study = Study(problem, Store(folder, identity(problem, problem.span, __version__)), Budget(budget), StudyWishes())
     study.run()
     return study
 

@@ -317,7 +317,7 @@ def show(problem, table):
 def page(results):
     """One HTML page of plots, by the report's own drawing."""
     from mpp_taichi.accuracy.report import style_sheet
-    from mpp_taichi.accuracy.svg import Mark, Plot, Series, draw, marker
+    from mpp_taichi.accuracy.svg import Plot, PlotMark, Series, draw, marker
 
     parts = [
         f"<!doctype html><meta charset='utf-8'><title>Work and precision</title><style>{style_sheet()}{PAGE_STYLE}</style>"
@@ -331,7 +331,9 @@ def page(results):
         kinds = {other: DRAWN.index(other) for other in curves}
         series = [
             Series(
-                other, kinds[other], [Mark(row[2], row[1], f"{row[0]}: {row[1]:.1e}, {1e3 * row[2]:.3g} ms") for row in rows]
+                other,
+                kinds[other],
+                [PlotMark(row[2], row[1], f"{row[0]}: {row[1]:.1e}, {1e3 * row[2]:.3g} ms") for row in rows],
             )
             for other, rows in curves.items()
         ]

@@ -162,7 +162,7 @@ PANELS = {
 def page(results):
     """One HTML page of plots, by the report's own drawing."""
     from mpp_taichi.accuracy.report import style_sheet
-    from mpp_taichi.accuracy.svg import Mark, Plot, Series, draw, marker
+    from mpp_taichi.accuracy.svg import Plot, PlotMark, Series, draw, marker
 
     parts = [f"<!doctype html><meta charset='utf-8'><title>Round-off</title><style>{style_sheet()}</style>"]
     for panel, rows in results.items():
@@ -171,7 +171,7 @@ def page(results):
         series = []
         for k, name in enumerate(names):
             mine = [row for row in rows if row["series"] == name]
-            marks = [Mark(row["x"], row["error"], f"{row['said']}: {row['error']:.1e}") for row in mine]
+            marks = [PlotMark(row["x"], row["error"], f"{row['said']}: {row['error']:.1e}") for row in mine]
             series.append(Series(name, k, marks))
         keys = "".join(f'<li><svg viewBox="0 0 26 14">{marker(k, 13, 7)}</svg>{name}</li>' for k, name in enumerate(names))
         parts.append(f"<h2>{title}</h2><ul class='legend'>{keys}</ul>{draw(Plot(title, x_label, y_label, series))}")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mpp_taichi.accuracy.svg import Mark, Plot, Series
+from mpp_taichi.accuracy.svg import Plot, PlotMark, Series
 from paper import runs
 from paper.page import Figure, Row, Section, drawing, pictures
 
@@ -66,7 +66,7 @@ def section(*, short):
             "2D cantilever at beginning of the simulation (upper image) and at the lower ‘turning’ point (lower image).",
         )
     )
-    series = [Series("tip", 0, [Mark(t, z) for t, z in zip(time, tip)], marked=False)]
+    series = [Series("tip", 0, [PlotMark(t, z) for t, z in zip(time, tip)], marked=False)]
     plot = Plot("Tip of the beam", "t", "z of particle ‘5’", series, linear_x=True, linear_y=True)
     found.figures.append(Figure("The tip", drawing(plot), "z of the free lower corner."))
     return found

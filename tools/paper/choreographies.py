@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from mpp_taichi.accuracy.svg import Mark, Plot, Series
+from mpp_taichi.accuracy.svg import Plot, PlotMark, Series
 from paper import runs
 from paper.page import Figure, Row, Section, drawing, pictures
 
@@ -99,7 +99,7 @@ def _plot(curves):
         Series(
             f"N = {n}, {precision}",
             n - 2,
-            [Mark(t, e) for t, e in zip(turns, apart) if 1e-17 < e < 3.0],
+            [PlotMark(t, e) for t, e in zip(turns, apart) if 1e-17 < e < 3.0],
             marked=False,
             dashed=precision == "f32",
         )

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from mpp_taichi.accuracy.svg import Mark, Plot, Series
+from mpp_taichi.accuracy.svg import Plot, PlotMark, Series
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.start.assemble import assemble
 from paper import runs
@@ -169,7 +169,7 @@ def _map(distances, phases, years, lost):
             f"{angle:.0f}°",
             k,
             [
-                Mark(
+                PlotMark(
                     r,
                     t if np.isfinite(t) else years,
                     f"{angle:.0f}°, {r:.2f} AU: " + (f"{t:.1f} years" if np.isfinite(t) else "stays"),

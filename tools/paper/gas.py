@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from mpp_taichi.accuracy.svg import Mark, Plot, Series
+from mpp_taichi.accuracy.svg import Plot, PlotMark, Series
 from mpp_taichi.kinetic_theory import kolmogorov_smirnov
 from mpp_taichi.kinetic_theory.speeds import speed_cumulative, speed_density
 from mpp_taichi.kinetic_theory.transport import friction_in_bath
@@ -80,7 +80,7 @@ def _approach(run):
     series = [
         _dots(once, f"250 disks at t = {SNAPSHOT:g}", 0),
         _dots(often, often.label.replace("particles", "disks"), 2),
-        Series("eq. (21)", 4, [Mark(x, y) for x, y in zip(v, speed_density(v, 1.0, 2))], marked=False, dashed=True),
+        Series("eq. (21)", 4, [PlotMark(x, y) for x, y in zip(v, speed_density(v, 1.0, 2))], marked=False, dashed=True),
     ]
     plot = Plot("Velocity distribution", "v / b", "f(v)", series, linear_x=True, linear_y=True)
     paper = (
@@ -108,7 +108,7 @@ def _dots(histogram, name, number):
     columns = histogram.columns()
     middle = 0.5 * (columns["edge"][1:] + columns["edge"][:-1])
     rows = zip(middle, columns["density"], columns["standard_error"])
-    return Series(name, number, [Mark(x, y, f"{y:.3f} ± {e:.3f}") for x, y, e in rows if x < 3.0], joined=False)
+    return Series(name, number, [PlotMark(x, y, f"{y:.3f} ± {e:.3f}") for x, y, e in rows if x < 3.0], joined=False)
 
 
 def _distance(run):
@@ -124,8 +124,8 @@ def _over_time(duration, found):
     critical = kolmogorov_smirnov.critical_distance(250)
     early = time <= 5.0
     series = [
-        Series("distance", 0, [Mark(t, d) for t, d in zip(time[early], distance[early])], marked=False),
-        Series("5 % critical", 4, [Mark(0.0, critical), Mark(5.0, critical)], marked=False, dashed=True),
+        Series("distance", 0, [PlotMark(t, d) for t, d in zip(time[early], distance[early])], marked=False),
+        Series("5 % critical", 4, [PlotMark(0.0, critical), PlotMark(5.0, critical)], marked=False, dashed=True),
     ]
     plot = Plot("Distance from eq. (21)", "t", "Kolmogorov–Smirnov distance", series, linear_x=True)
     found.figures.append(

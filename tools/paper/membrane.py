@@ -5,7 +5,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from mpp_taichi.accuracy.svg import Mark, Plot, Series
+from mpp_taichi.accuracy.svg import Plot, PlotMark, Series
 from paper import runs
 from paper.page import Figure, Row, Section, drawing, pictures
 
@@ -124,7 +124,7 @@ def _screen():
 
 
 def _inspector(time, z, away, span):
-    series = [Series(f"z of #{SEEN}", 0, [Mark(t, x) for t, x in zip(time, z)], marked=False)]
+    series = [Series(f"z of #{SEEN}", 0, [PlotMark(t, x) for t, x in zip(time, z)], marked=False)]
     plot = Plot(f"z of particle #{SEEN}", "simulation time", f"z of particle #{SEEN}", series, linear_x=True, linear_y=True)
     said = f"membrane_loose.yaml, z from {z[0]:.5f} on; particles move along x and y by {away.max():.4f} at most."
     paper = (

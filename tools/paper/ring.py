@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from mpp_taichi.accuracy.svg import Mark, Plot, Series
+from mpp_taichi.accuracy.svg import Plot, PlotMark, Series
 from mpp_taichi.generators._elliptic import annulus_pull, elliptic_integrals
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.start.assemble import assemble
@@ -160,7 +160,7 @@ def _curve():
     r = np.concatenate([np.linspace(0.5, 1.99, 120), 2.0 + np.linspace(0.002, 0.498, 120), np.linspace(2.51, 5.0, 140)])
     kinds = (("σ = 0", 0.0, -1, True), ("ρ = Mσ, σ = 0.02", SIGMA, 0, False), ("M_ring = 0.02 M", SIGMA / AREA, 4, False))
     series = [
-        Series(name, number, [Mark(x, v) for x, v in zip(r, _speed(r, density))], marked=False, dashed=dashed)
+        Series(name, number, [PlotMark(x, v) for x, v in zip(r, _speed(r, density))], marked=False, dashed=dashed)
         for name, density, number, dashed in kinds
     ]
     plot = Plot("Initial velocity in a ring", "r′ [AU]", "v [AU / day]", series, linear_x=True, linear_y=True)

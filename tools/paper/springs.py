@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from mpp_taichi.accuracy.svg import Mark, Plot, Series
+from mpp_taichi.accuracy.svg import Plot, PlotMark, Series
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.start.assemble import assemble
@@ -81,7 +81,7 @@ def _oscillator():
         words = f"{told}{crossings} passages through rest, off the formula by {off:.0e} of the amplitude"
         # rk4 errs by some (ω dt)⁴ ω t / 120 = 1e-11; what crosses zero oscillates
         rows.append(Row("§2.3", name, statement, words, holds=off < 1e-8 and (crossings > 0) == (gamma < slow)))
-        series.append(Series(name, number, [Mark(t, x) for t, x in zip(time, q)], marked=False))
+        series.append(Series(name, number, [PlotMark(t, x) for t, x in zip(time, q)], marked=False))
     plot = Plot("Damped oscillator", "t", "displacement q", series, linear_x=True, linear_y=True)
     paper = (
         "The most simple mass-spring model: a mass m that is connected to a wall by a spring with constant D and "

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mpp_taichi.accuracy.svg import Mark, Plot, Series
+from mpp_taichi.accuracy.svg import Plot, PlotMark, Series
 from mpp_taichi.importers.catalogue import import_scene
 from mpp_taichi.scene.load import load_scene
 from paper import runs
@@ -130,7 +130,7 @@ def _jupiter(duration):
     apart = {factor: np.linalg.norm(paths[factor][1:] - paths[0.0][1:], axis=0) for factor in (1.0, 10.0)}
     radius = float(np.linalg.norm(paths[0.0][1:], axis=0).mean())
     series = [
-        Series(f"Jupiter × {factor:.0f}", number, [Mark(t, d) for t, d in zip(time, apart[factor])], marked=False)
+        Series(f"Jupiter × {factor:.0f}", number, [PlotMark(t, d) for t, d in zip(time, apart[factor])], marked=False)
         for number, factor in enumerate(apart)
     ]
     plot = Plot(
