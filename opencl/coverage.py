@@ -76,8 +76,16 @@ def problem_of(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: s
         spring_damping=spec.spring_damping if damped else "none",
         has_springs=len(snapshot.springs) > 0,
         held=not bool(snapshot.free[:, : spec.dimensions].all()),
-        contacts=contact_setup(spec, snapshot) if spec.contacts is not None else None,
+        contacts=_contacts(spec, snapshot),
     )
+
+
+def _contacts(spec: SceneSpec, snapshot: Snapshot) -> ContactSetup | None:
+    """The spheres with the restitution and the contact time of the solver; None for a scene without contacts."""
+    if spec.contacts is None:
+        return None
+    given = spec.contacts.solver.parameters
+    return contact_setup(spec, snapshot).with_bounces(given["restitution"], given["contact_time"])
 
 
 def _refuse(reason: str) -> None:

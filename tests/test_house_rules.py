@@ -165,3 +165,89 @@ def test_no_unsafe_calls():
     for path in (ROOT / "mpp_taichi").rglob("*.py"):
         text = path.read_text(encoding="utf-8")
         assert not [call for call in unsafe if call in text], path
+
+
+# --- laws that stand in one file each -----------------------------------------------------------------------------------
+
+
+def added_softening(node):
+    """A sum with ε², as in |d|² + ε²."""
+    terms = (node.left, node.right) if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add) else ()
+    return any(ast.unparse(term).split(".")[-1] == "softening_squared" for term in terms)
+
+
+def inverse_of_a_root(node):
+    """1.0 / ti.sqrt(…)."""
+    quotient = isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div)
+    return quotient and ast.unparse(node.left) in ("1", "1.0") and ast.unparse(node.right).startswith("ti.sqrt(")
+
+
+def drift_or_kick(node):
+    """A function of Taichi with x + h v or v + h a, of fields or of arguments with these names."""
+    if not (isinstance(node, ast.FunctionDef) and any(ast.unparse(mark).startswith("ti.") for mark in node.decorator_list)):
+        return False
+    return any(grows_by_its_rate(part) for part in ast.walk(node))
+
+
+def grows_by_its_rate(node):
+    if not (isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add)):
+        return False
+    if not (isinstance(node.right, ast.BinOp) and isinstance(node.right.op, ast.Mult)):
+        return False
+    rates = {"position": "velocity", "velocity": "acceleration"}
+    factors = {name_of(node.right.left), name_of(node.right.right)}
+    return any(name_of(node.left).endswith(name) and any(f.endswith(rate) for f in factors) for name, rate in rates.items())
+
+
+def name_of(node):
+    """The last name of an expression without its subscripts: `position` of state.position[i][k]."""
+    while isinstance(node, ast.Subscript):
+        node = node.value
+    return ast.unparse(node).split(".")[-1]
+
+
+def least_iterations_of_a_thread(node):
+    """q % grain, as in a loop of few heavy iterations; or the number 512 given to such a constant."""
+    remainder = isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mod)
+    if remainder and (name_of(node.right).lower() in ("grain", "cpu_grain", "smallest_block") or name_of(node.right) == "512"):
+        return True
+    named = isinstance(node, ast.Assign) and name_of(node.value) == "512"
+    return named and any(word in name_of(node.targets[0]).lower() for word in ("grain", "smallest_block"))
+
+
+LAWS = {
+    "arithmetic/inverse_distance.py": (added_softening, inverse_of_a_root),
+    "arithmetic/particle_update.py": (drift_or_kick,),
+    "device/heavy_loops.py": (least_iterations_of_a_thread,),
+}
+
+
+def places_of(law, folder):
+    """The files below a folder in which a law is written out."""
+    found = set()
+    for path in folder.rglob("*.py"):
+        if any(law(node) for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))):
+            found.add(path.relative_to(folder).as_posix())
+    return found
+
+
+@pytest.mark.parametrize(("home", "law"), [(home, law) for home, laws in LAWS.items() for law in laws])
+def test_a_law_is_written_in_one_file(home, law):
+    """The softened distance, drift and kick, and the grain of heavy loops: a copy elsewhere would go its own way."""
+    assert places_of(law, ROOT / "mpp_taichi") == {home}
+
+
+@pytest.mark.parametrize(
+    ("law", "copy"),
+    [
+        (added_softening, "inverse = rsqrt(squared + group.softening_squared)"),
+        (inverse_of_a_root, "inverse = 1.0 / ti.sqrt(d.dot(d) + 0.01)"),
+        (drift_or_kick, "@ti.func\ndef f(i):\n    state.position[i] = state.position[i] + h * state.velocity[i]"),
+        (drift_or_kick, "@ti.kernel\ndef f(h: float):\n    v = self.velocity[i][k] + self.acceleration[i][k] * h"),
+        (least_iterations_of_a_thread, "if q % self.grain == 0:\n    chunk = q // self.grain"),
+        (least_iterations_of_a_thread, "SMALLEST_BLOCK = 512"),
+    ],
+)
+def test_a_planted_copy_of_a_law_is_found(law, copy, tmp_path):
+    (tmp_path / "copy.py").write_text(copy + "\n", encoding="utf-8")
+    assert places_of(law, tmp_path) == {"copy.py"}

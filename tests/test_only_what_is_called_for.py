@@ -54,6 +54,29 @@ def test_a_gravity_scene_imports_and_allocates_gravity_only():
     assert "charge" not in fields and "radius" not in fields
 
 
+def test_only_the_quantities_that_a_panel_a_column_or_an_expectation_names_are_imported():
+    code = (
+        "import sys, json; from mpp_taichi import Simulation\n"
+        "from mpp_taichi.recorders.inspection import InspectionRecorder; from mpp_taichi.recorders.inspector import Inspector\n"
+        "from mpp_taichi.recorders.table import TableRecorder, asked_columns\n"
+        "from mpp_taichi.report.expectations import Watcher\n"
+        "scene = {'particles': [{'body': {'mass': 1, 'position': [0, 0, 0]}}], 'forces': [{'uniform_gravity': {}}],\n"
+        "  'integrator': {'leapfrog': {'dt': 0.1}}, 'inspect': [{'y': {'speed': {'of': 0}}}], 'run': {'steps': 2},\n"
+        "  'record': {'table': {'columns': ['total_energy']}},\n"
+        "  'expect': {'mass': {'above': 0}, 'lowest_position': {'of': 0, 'below': 9}}}\n"
+        "with Simulation(scene, backend='cpu') as s:\n"
+        "    watcher, table = Watcher(s.spec.expect, 1), TableRecorder(1, asked_columns(s))\n"
+        "    s.run(recorders=[watcher, table, InspectionRecorder(Inspector(s), 1)])\n"
+        "    watcher.finish(s)\n"
+        "found = [m.split('.')[1:] for m in sys.modules if m.startswith('mpp_taichi.')]\n"
+        "found = [each for each in found if each[0] in ('quantities', 'diagnostics') and len(each) == 2]\n"
+        "print(json.dumps(sorted('/'.join(each) for each in found if each[1][0] != '_')))"
+    )
+    named = ["diagnostics/lowest_position"]
+    named += [f"quantities/{name}" for name in ("mass", "position", "speed", "time", "total_energy")]
+    assert json.loads(run_python(code)) == named
+
+
 def test_a_scene_without_pairs_imports_no_pair_loop():
     code = (
         "import sys; from mpp_taichi import Simulation\n"

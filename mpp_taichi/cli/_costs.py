@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import component
 from mpp_taichi.component import REQUIRED, Declaration, Parameter
+from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import ComponentSpec, Location, SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
 
@@ -101,7 +102,7 @@ def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
             continue
         if _flies(spec) and not declared.flags.get("is_uniform"):
             continue
-        if declared.base == "PairForce" and tree_of(spec) is not None:  # a tree allows no other pair force
+        if is_pair_force(name) and tree_of(spec) is not None:  # a tree allows no other pair force
             continue
         parameters = _slight(declared)
         if parameters is not None:

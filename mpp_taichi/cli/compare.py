@@ -10,10 +10,11 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpp_taichi import __version__, component
+from mpp_taichi import __version__
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, put_json, say
 from mpp_taichi.cli.accuracy import names, span_of_time
+from mpp_taichi.scene.pair_forces import is_pair_force
 
 if TYPE_CHECKING:
     from mpp_taichi.compare.comparison import ComparisonWishes
@@ -48,7 +49,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
     wishes = _wishes(arguments)
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
-    if arguments.ladder and not any(component.declaration("forces", force.name).base == "PairForce" for force in spec.forces):
+    if arguments.ladder and not any(is_pair_force(force.name) for force in spec.forces):
         raise UsageError("--ladder is of sums over pairs, and the scene has no force between all particles")
     from mpp_taichi.accuracy.budget import Budget
     from mpp_taichi.cli._signals import Interruption

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mpp_taichi import component
+from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
@@ -97,7 +98,7 @@ def refusal(spec: SceneSpec) -> str | None:
 def pair_forces(spec: SceneSpec) -> int:
     """The number of forces of a scene that are summed over all pairs."""
     direct = [force.name for force in spec.forces if force.parameters.get("solver", DIRECT) == DIRECT]
-    return sum(component.declaration("forces", name).base == "PairForce" for name in direct)
+    return sum(is_pair_force(name) for name in direct)
 
 
 class NumpyForces:

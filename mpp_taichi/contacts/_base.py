@@ -1,4 +1,4 @@
-"""What every contact solver is given, and what it tells. Host side; no Taichi."""
+"""The abstract contact solver, which is given a ContactSetup and returns ContactReports. Host side; no Taichi."""
 
 from typing import Any
 
@@ -14,18 +14,20 @@ TOUCHING_POWER = 2 / 3
 
 
 class ContactSolver:
-    """What every contact solver offers; it is bound to the spheres of a scene and to their fields.
+    """A contact solver; it is bound to the spheres of a scene and to their fields.
 
-    drifts   moves the spheres along straight ways, and resolves contacts on the way: `drift`
-    flies    moves the spheres itself for any time, without steps: `advance`
-    leads    takes the steps of an adaptive method, its `integrator`, set before `bind`, and cuts them at contacts: `lead`
-    logs     notes every contact, to be taken by `take_log`; set before `bind`, where a solver `can_log`
-    forces   the TotalForce that acts on the spheres, or None; set before `bind`
-    merges   makes one sphere of two that touch
-    order    of the global error in dt; None where the solver does not run at steps whose length is chosen
-    in_turn  why it has to run in one thread, and so on the CPU only; empty where it need not
-    most_elsewhere  spheres that it takes on other backends than the CPU; None: any number
-    memory   of its `work_fields` those that one step hands on to the next, to be saved with the state
+    drifts          whether it moves the spheres along straight lines, and resolves contacts on the way: `drift`
+    flies           whether it moves the spheres itself for any time, without steps: `advance`
+    leads           whether it takes the steps of an adaptive method, and cuts them at contacts: `lead`
+    integrator      the adaptive method of a solver that leads; set before `bind`
+    merges          whether it makes one sphere of two that touch
+    order           of the global error in dt; None where the solver does not run at steps whose length is chosen
+    can_log, logs   whether it can log every contact, and whether it does, for `take_log`; `logs` is set before `bind`
+    forces          the TotalForce that acts on the spheres, or None; set before `bind`
+    in_turn         the reason why it needs a single thread, and so the CPU; empty if it does not
+    most_elsewhere  largest number of spheres on other backends than the CPU; None: any number
+    memory          the `work_fields` that one step hands on to the next, and that are saved with the state
+    setup           the spheres and surfaces that it was bound to, with its own restitution and contact time
     """
 
     drifts = False
@@ -47,33 +49,33 @@ class ContactSolver:
         return {}
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
-        """Take the spheres, and the State whose position and velocity are to be changed; allocate what is needed."""
+        """Take the spheres, and the State whose positions and velocities are to be changed; allocate the fields."""
         raise NotImplementedError
 
     def prepare(self, time: float) -> None:
-        """Positions and velocities were set from outside: forget what was known of them."""
+        """Forget the positions and velocities that the solver knows, because the state was changed from outside."""
 
     def drift(self, state: Any, time: float, h: float) -> None:
         """Move every sphere by h along its velocity from `time` on, contacts resolved in the order of time."""
         raise NotImplementedError
 
     def write_back(self) -> None:
-        """Bring the state up to date: a solver of a `force_free` setup may be behind with it between drifts."""
+        """Bring the state up to date: between drifts of a `force_free` setup a solver need not have written it."""
 
     def advance(self, time: float, span: float) -> None:
         """Go on from `time` to time + span."""
         raise NotImplementedError
 
     def lead(self, time: float, dt: float, looks: int) -> None:
-        """Go on from `time` through so many looks, `dt` apart, and show the state at the last."""
+        """Go on from `time` through `looks` samples, `dt` apart, and write the state of the last sample."""
         raise NotImplementedError
 
     def collect(self) -> ContactReport:
-        """What was counted since the last call."""
+        """Counts since the last call."""
         raise NotImplementedError
 
     def take_log(self) -> np.ndarray | None:
-        """Contacts since this was last asked, records of time, i, j (−1 − w: surface w) and impulse; None without a log."""
+        """Contacts since the last call: records of time, i, j (−1 − w: surface w) and impulse; None without a log."""
         return None
 
     def destroy(self) -> None:
@@ -81,12 +83,12 @@ class ContactSolver:
         raise NotImplementedError
 
     def failure(self, count: int) -> str:
-        """What to say of contacts that were given up on, and what would help."""
+        """The message for contacts that were given up, with a remedy."""
         return f"{count} contacts could not be resolved; try a smaller dt, or a contact_time that makes quick bounces elastic"
 
     @property
     def conserves_energy(self) -> bool:
-        """Whether contacts keep the kinetic energy: nothing is inelastic, and no wall moves."""
+        """Whether contacts keep the kinetic energy: all are elastic, and no wall moves."""
         elastic = bool((self.setup.restitution == 1.0).all())
         return elastic and self.gains_no_energy and all(wall.restitution == 1.0 for wall in self.setup.enclosure.surfaces)
 

@@ -1,21 +1,21 @@
-"""What a contact solver counted. Host side; no Taichi."""
+"""Counts of a contact solver. Host side; no Taichi."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class ContactReport:
-    """What a solver counted since it was last asked; reports add.
+    """Counts of a solver since the last report; reports can be added.
 
     pair_count, wall_count   collisions of two spheres, and of a sphere with a surface
-    elastic_count            of those, bounces that the TC model made elastic
+    elastic_count            number of these collisions that the TC model made elastic
     virial                   Σ Δp · r over collisions of pairs, Δp the momentum given to i, r = x_i − x_j [energy]
     wall_impulse             for each surface Σ |Δp| [momentum]
     dissipated_energy        kinetic energy taken by restitution, or by merging [energy]
     merge_count              spheres that became part of another
     potential_change         of the forces' potential energy when spheres became one [energy]
-    largest_overlap          of two spheres, or a sphere and a surface, that was seen, relative to the smaller radius; not a sum
-    unresolved               contacts that a solver gave up on: must be 0 or the run fails
+    largest_overlap          largest overlap of two spheres, or of a sphere and a surface, over the smaller radius; not a sum
+    unresolved               contacts that were given up; the run fails if there are any
     """
 
     pair_count: int = 0
@@ -30,7 +30,7 @@ class ContactReport:
     unresolved: int = 0
 
     def __add__(self, other: "ContactReport") -> "ContactReport":
-        """Both together."""
+        """The counts of both reports together."""
         impulses = self.wall_impulse or (0.0,) * len(other.wall_impulse)
         others = other.wall_impulse or (0.0,) * len(impulses)
         return ContactReport(

@@ -19,7 +19,7 @@ from mpp_taichi.contacts.events.spheres import FlyingSpheres
 from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 from mpp_taichi.errors import StabilityError
 
-# Events of one launch: a fraction of a second, after which Python may be interrupted.
+# Events of one launch, which take a fraction of a second, so that Python can be interrupted.
 EVENTS_PER_LAUNCH = 200_000
 RUNNING, ARRIVED, FULL, COLLAPSED = range(4)
 
@@ -29,9 +29,9 @@ RUNNING, ARRIVED, FULL, COLLAPSED = range(4)
 class EventDriven(ContactSolver):
     """Spheres fly freely, fall under uniform gravity, and bounce at the exact time of contact, one event after another.
 
-    Exact to round-off, whatever the density and speed; contacts of more than two spheres at once are taken pair by pair, in an
-    order that depends on where they began. Serial. Where infinitely many contacts fall into a finite time (inelastic collapse)
-    it stops with an error unless `contact_time` ends the cascade.
+    Exact to round-off, whatever the density and speed; contacts of more than two spheres at once are resolved pair by pair, in
+    an order that depends on the start. Serial. If infinitely many contacts fall into a finite time (inelastic collapse), the
+    run stops with an error, unless `contact_time` ends the cascade.
     Sources: Lubachevsky, J. Comput. Phys. 94 (1991) 255; Bannerman et al., Comput. Particle Mech. 1 (2014) 191; Luding and
     McNamara, Granular Matter 1 (1998) 113.
     """
@@ -46,10 +46,10 @@ class EventDriven(ContactSolver):
     order = 0
     in_turn = "it takes one event after the other from a queue"
     can_log = True
-    log_capacity = 65_536  # contacts noted on the device before the host takes them
+    log_capacity = 65_536  # contacts that are logged on the device before the host takes them
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
-        """Work on a state's `position` and `velocity`: vector fields of n entries. Raises ValueError for an impossible box."""
+        """Work on the `position` and `velocity` fields of a state. Raises ValueError for a periodic box that is too small."""
         self.setup, self.state = setup.with_bounces(self.restitution, self.contact_time), state
         self.count, self.dimensions = setup.particle_count, setup.dimensions
         self.wide = getattr(state, "wide", ti.f64)
@@ -77,7 +77,7 @@ class EventDriven(ContactSolver):
         self.event_count = 0
 
     def prepare(self, time: float) -> None:
-        """Begin at `time` from what the state holds."""
+        """Begin at `time` from the state."""
         position = self.state.position.to_numpy().astype(float)
         velocity = self.state.velocity.to_numpy().astype(float)
         cell, turns = self.cells.grid.cell_of(position)
@@ -88,10 +88,10 @@ class EventDriven(ContactSolver):
         self.event_time[None] = time
 
     def advance(self, time: float, span: float) -> None:
-        """Deal with all events up to time + span, and put that moment into the state.
+        """Resolve all events up to time + span, and write the state at this time.
 
-        Raises StabilityError at an inelastic collapse, and where spheres are crushed: collisions without end. What comes after
-        does not depend on when the state is looked at.
+        Raises StabilityError at an inelastic collapse, and at endless collisions of spheres that are crushed. The motion does
+        not depend on the times at which the state is written.
         """
         end = time + span
         status, most = RUNNING, self.event_limit * max(1.0, self.count / 1000)
@@ -116,11 +116,11 @@ class EventDriven(ContactSolver):
         self._show(end)
 
     def collect(self) -> ContactReport:
-        """What was counted since this was last asked."""
+        """Counts since the last call."""
         return self.collision.collect()
 
     def take_log(self) -> np.ndarray:
-        """Every contact since this was last asked: records of time, i, j (−1 − w: surface w) and impulse."""
+        """Every contact since the last call: records of time, i, j (−1 − w: surface w) and impulse."""
         return self.log.take()
 
     def destroy(self) -> None:
@@ -150,11 +150,11 @@ class EventDriven(ContactSolver):
 
     @ti.func
     def _next(self, i):
-        """The event of sphere i happens, and those it changes get new ones. Returns whether time still goes on."""
+        """Resolve the event of sphere i, and predict the spheres that it changes; returns whether time still goes on."""
         time, partner = self.queue.time[i], self.queue.partner[i]
         goes_on = True
         other, side = -1, -2
-        # Nothing but a new prediction is due at the start, and where the partner has met another one since.
+        # At the start, and where the event is stale, only a new prediction is due.
         if partner > self.count:
             side = partner - self.count - 1
             self.cells.cross(i, side)

@@ -14,20 +14,20 @@ from mpp_taichi.contacts.shared.bounce import Bounce
 from mpp_taichi.contacts.shared.contact_counts import Tally
 from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 
-MOMENT = 64.0 * TIME_ROUNDING  # of the time: contacts nearer than that are at one time
-MOST_AT_ONCE = 1000  # of those in a row; more are a collapse of what is inelastic, or of what is crushed
+MOMENT = 64.0 * TIME_ROUNDING  # of the time; contacts that are nearer count as contacts at one time
+MOST_AT_ONCE = 1000  # contacts in a row at one time; more are an inelastic collapse, or spheres that are crushed
 
 
 @component
 @ti.data_oriented
 class Located(ContactSolver):
-    """Each step of an adaptive method is searched for its first contact, on the polynomial of its looks, and cut there.
+    """Each step of an adaptive method is searched for its first contact, on the polynomial of its samples, and cut there.
 
-    What touches and approaches then bounces, two things at a time, by number where several do; the method begins anew from
-    there with the length of the step it had, so that a contact costs a step. The error is that of the method, whatever the
-    forces and the speeds: nothing tunnels, no matter how far a step leads. Contacts do not depend on when one looks. Serial,
-    for few bodies: a step looks at all pairs, each contact twice more. For what bounces, not for what lies, rolls or slides:
-    where contacts follow each other ever sooner, give them a `contact_time`, or a run ends at `event_limit`.
+    The spheres that touch and approach then bounce, in the order of their numbers; the method begins anew from there with
+    the same length of step, so that a contact costs a step. The error is that of the method, whatever the forces and the
+    speeds: no sphere tunnels, however long a step is. Contacts do not depend on the times of samples. Serial, for few bodies:
+    each step tests all pairs, and each contact tests them twice more. For spheres that bounce, not for spheres that lie, roll
+    or slide: where contacts follow each other ever sooner, give them a `contact_time`, or a run ends at `event_limit`.
     """
 
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
@@ -41,7 +41,7 @@ class Located(ContactSolver):
     memory = ("due", "last_contact", *StepPaths.BOUNDS)
 
     def work_fields(self, particle_count: int) -> dict[str, tuple[str, int]]:
-        """When the present step comes to a contact, or infinity; when each sphere had its last one; bounds of its path."""
+        """Time of the contact in the present step, or infinity; time of the last contact of each sphere; bounds of its path."""
         bounds = {name: ("scalar", particle_count) for name in StepPaths.BOUNDS}
         return {"due": ("wide", 1), "last_contact": ("wide", particle_count), **bounds}
 
@@ -55,12 +55,12 @@ class Located(ContactSolver):
         self.rebound = Rebound(self.bounce, self.paths, self.tally, state)
 
     def prepare(self, time: float) -> None:
-        """The method begins at `time`: it is in no step yet, and nothing has touched."""
+        """Begin at `time`, in no step, and without any contact before."""
         self.state.due.from_numpy(np.array([np.inf]))
         self.state.last_contact.from_numpy(np.full(self.setup.particle_count, -np.inf))
 
     def lead(self, time: float, dt: float, looks: int) -> None:
-        """Go on through so many looks, and show the state at the last; a contact after that is left for later."""
+        """Go on through `looks` samples, and write the state of the last; a contact after it is left for later."""
         with quick_compilation():
             self._lead(time, dt, looks)
 
@@ -90,7 +90,7 @@ class Located(ContactSolver):
 
     @ti.func
     def _take_step(self):
-        """The next step, and when it comes to a contact."""
+        """Take the next step, and find the time of its first contact."""
         if self.state.clock[1] > 0.0:
             self.integrator.enter_next(self.state, self.forces, 0)
         self.integrator.take_step(self.state, self.forces, 0, "serial")
@@ -103,7 +103,7 @@ class Located(ContactSolver):
 
     @ti.func
     def _touch(self, limit):
-        """What touches when it is due bounces, and the method begins anew; returns how many bounces, 1 at least."""
+        """Let all contacts that are due bounce, and begin the method anew; returns the number of bounces, 1 at least."""
         time = self.state.due[0]
         bounces = self.rebound.bounce_all(time, limit)
         self.integrator.begin_again(self.state, self.forces, 0, time, "serial")
@@ -111,7 +111,7 @@ class Located(ContactSolver):
         return ti.max(bounces, 1)
 
     def collect(self) -> ContactReport:
-        """What was counted since it was last asked."""
+        """Counts since the last call."""
         return self.tally.collect()
 
     def destroy(self) -> None:
@@ -120,7 +120,7 @@ class Located(ContactSolver):
             part.destroy()
 
     def failure(self, count: int) -> str:
-        """Contacts followed each other too quickly, or two spheres stayed next to touching."""
+        """The message for contacts that followed each other too quickly, or spheres that stayed nearly in contact."""
         return (
             f"more than {self.event_limit:,} contacts between two looks, or ever more at one time, "
             "or spheres that roll, slide or lie on each other; try a contact_time, or a smaller dt"

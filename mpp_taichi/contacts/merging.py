@@ -8,17 +8,17 @@ from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts.mergers.drift import MergingDrift
 
-LOG_CAPACITY = 65_536  # events noted on the device before the host takes them
+LOG_CAPACITY = 65_536  # events that are logged on the device before the host takes them
 
 
 @component
 class Merging(ContactSolver):
     """Two spheres that meet become one with the mass, the momentum, the charge and the volume of both (`merger.py`).
 
-    Meetings are found at their exact time on the straight ways of a drift, whatever the speed, and taken in the order of time;
-    what has merged may meet others within the same drift. The heavier one, or of equal ones that of the lower number, goes on
-    at the centre of mass; the other is gone. Off walls spheres bounce with the restitution of the wall. Momentum is kept, not
-    the angular momentum with which the two turned about each other, as spheres do not spin.
+    Meetings are found at their exact time on the straight flights of a drift, whatever the speed, and resolved in the order of
+    time; a merged sphere may meet others within the same drift. The heavier sphere, or of equally heavy ones the sphere with
+    the lower number, goes on at the centre of mass; the other is gone. Off walls spheres bounce with the restitution of the
+    wall. Momentum is kept; the angular momentum of the two about each other is lost, as spheres have no spin.
     """
 
     bounce_limit: int = param(1_000_000, minimum=1, help="bounces off walls in a drift, beyond which it is given up")
@@ -29,21 +29,21 @@ class Merging(ContactSolver):
     can_log = True
 
     def bind(self, setup: ContactSetup, state: Any) -> None:
-        """Allocate for the spheres of `setup`; what they are now stands in the fields of `state`."""
+        """Allocate for the spheres of `setup`, whose masses, radii and motion are fields of `state`."""
         self.setup = setup
         capacity = LOG_CAPACITY if self.logs else 0
         self.ways = MergingDrift(setup, state, self.forces, bounce_limit=self.bounce_limit, log_capacity=capacity)
 
     def drift(self, state: Any, time: float, h: float) -> None:
-        """Move all spheres by h [time] along their velocities; what meets on the way merges."""
+        """Move all spheres by h [time] along their velocities; spheres that meet on the way merge."""
         self.ways.drift(time, h)
 
     def collect(self) -> ContactReport:
-        """What was counted since it was last asked."""
+        """Counts since the last call."""
         return self.ways.collect()
 
     def take_log(self) -> np.ndarray | None:
-        """Mergers and bounces since this was last asked: time, what goes on, what is gone (−1 − w: surface w), momentum."""
+        """Mergers and bounces since the last call: time, sphere that goes on, lost sphere (−1 − w: surface w), momentum."""
         return self.ways.log.take() if self.logs else None
 
     def destroy(self) -> None:
@@ -51,15 +51,15 @@ class Merging(ContactSolver):
         self.ways.destroy()
 
     def failure(self, count: int) -> str:
-        """A sphere bounced too often, or too many met at once."""
+        """The message for a sphere that bounced too often, or for too many spheres that met at one time."""
         return f"{count} drifts with more contacts than there is room for; try a smaller dt"
 
     @property
     def conserves_energy(self) -> bool:
-        """It does not: what spheres had against each other is lost."""
+        """False: a merger takes the kinetic energy of the relative motion."""
         return False
 
     @property
     def gains_no_energy(self) -> bool:
-        """It may: the potential energy of two that attract each other is gone with them."""
+        """False: a merger removes the potential energy of the two spheres, which may be negative."""
         return False

@@ -1,4 +1,4 @@
-"""Overlapping pairs bounce after each step: the MPPhys paper's own method, as a baseline."""
+"""Overlapping pairs bounce after each step: the method of the MPPhys paper, as a baseline."""
 
 from typing import Any
 
@@ -11,14 +11,14 @@ from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 
 @component
 class Pairwise(ContactSolver):
-    """Spheres move through the whole step; those that then overlap get the impulse of Eq. 9 and are pushed apart.
+    """Spheres move through the whole step; pairs that then overlap get the impulse of Eq. 9 and are pushed apart.
 
-    See `overlaps.py` for the equations.
+    See `overlap_bounces.py` for the equations.
 
-    Approximate by construction: times and places of contacts are wrong by up to a step, several contacts in a step come
-    in the order of numbers, and what moves farther than its size tunnels. The report says the largest overlap that was seen.
-    Two slips of the paper's text are corrected: the spheres are pushed apart, not alike, and by inverse mass, so that their
-    centre of mass stays.
+    The method is approximate: times and places of contacts are wrong by up to a step, several contacts in a step come in the
+    order of their numbers, and spheres that move farther than their size in a step tunnel. The report has the largest overlap.
+    Two slips in the text of the paper are corrected: the spheres are pushed in opposite directions, and by inverse mass, so
+    that their centre of mass stays.
     """
 
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
@@ -35,11 +35,11 @@ class Pairwise(ContactSolver):
         self.overlaps = Overlaps(self.setup, state) if on_cpu() else OverlapRounds(self.setup, state)
 
     def drift(self, state: Any, time: float, h: float) -> None:
-        """Move all spheres by h [time] along their velocities; then let overlapping ones bounce."""
+        """Move all spheres by h [time] along their velocities; then let overlapping pairs bounce."""
         self.overlaps.drift(time, h)
 
     def collect(self) -> ContactReport:
-        """What was counted since it was last asked."""
+        """Counts since the last call."""
         return self.overlaps.collect()
 
     def destroy(self) -> None:

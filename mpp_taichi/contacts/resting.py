@@ -12,31 +12,31 @@ from mpp_taichi.contacts.rest.step import LOST, PAIRS, PUSHED, VIRIAL, WALLS, Re
 from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 
-SERIAL_COUNT = 512  # up to here one thread does a drift in one launch; more spheres are worth a launch for each loop
+SERIAL_COUNT = 512  # spheres up to which one thread does a drift in one launch; for more each loop has a launch
 
 
 @component
 class Resting(ContactSolver):
     """Impacts with restitution, and then no approach beyond a contact's gap: velocity-level complementarity, for piles.
 
-    A drift by h first reflects what is hit faster than `resting_speed` within it, all such contacts together,
+    A drift by h first reflects all impacts together: contacts that are hit within it faster than `resting_speed`,
     v' = v + (1 + e) M⁻¹ Nᵀ λ with the λ ≥ 0 that would just end their approach. Then it finds the velocities closest to
-    these, in the metric of the kinetic energy, with 0 ≤ λ ⟂ gap/h + n·(v_i − v_j) ≥ 0 for everything near: what lies stays
-    where it is. Both are projections, which never add kinetic energy. Spheres move by h times these velocities, or those with
-    an impact by the old ones until it and the new ones from then on, again corrected so that at the end of the drift no two
-    spheres overlap by more than `tolerance` of the smaller radius. In one group of impacts with unlike restitutions the least
-    holds for all.
+    these, in the metric of the kinetic energy, with 0 ≤ λ ⟂ gap/h + n·(v_i − v_j) ≥ 0 for all near spheres and surfaces, so
+    that resting spheres stay where they are. Both are projections, which never add kinetic energy. Spheres move by h times
+    these velocities; spheres with an impact move with the old velocity until the impact and with the new one after it, again
+    corrected so that at the end of the drift no two spheres overlap by more than `tolerance` of the smaller radius. In one
+    group of impacts with different restitutions the least restitution holds for all.
 
     First order in h: a shock passes through touching spheres in one projection (for a cradle take `simultaneous`), and the
     height of a bounce varies by about one step's fall. Elastic contacts never rest. Give the integrator steps in which spheres
-    move by less than a radius; a start that overlaps is pushed apart in one drift. With drifts on both sides of a kick
-    (leapfrog), velocities at the end of a step are those after the contacts, 0 for what rests.
+    move by less than a radius; spheres that overlap at the start are pushed apart in one drift. With drifts on both sides of a
+    kick (leapfrog), velocities at the end of a step are those after the contacts, 0 for resting spheres.
 
     With a `compliance` c a contact yields: 0 ≤ λ ⟂ gap/h + n·(v_i − v_j) + (c/h²) λ ≥ 0, an elastic spring of stiffness 1/c
     that pushes and never pulls, by implicit Euler, which damps it; at rest spheres overlap by c times the force between them.
-    Forces in packings without friction are badly conditioned, and those of spheres that yield a little are found in far fewer
-    iterations. Impacts do not yield. A drift without a kick before it would let go what the kick holds down: a compliance goes
-    with symplectic_euler.
+    Forces in packings without friction are badly conditioned, and the forces of spheres that yield a little are found in far
+    fewer iterations. Impacts do not yield. In a drift without a kick before it, no force would hold the springs down, so use
+    symplectic_euler with a compliance.
     Sources: Moreau, in Nonsmooth Mechanics and Applications (1988) 1; Stewart & Trinkle, Int. J. Numer. Methods Eng. 39 (1996)
     2673; with compliance, Lacoursière, Ghosts and Machines (thesis, Umeå 2007).
     """
@@ -78,7 +78,10 @@ class Resting(ContactSolver):
         self._kicked = False
 
     def _tolerance(self, parallel: bool) -> float:
-        """As given; else tight where iterations cost nothing. In f32 a place a hundred radii away is known to 1e-5 of one."""
+        """The tolerance that is given, else a tight one for few spheres; at least 1e-5 in f32.
+
+        In f32 a position a hundred radii away is known to 1e-5 of a radius.
+        """
         chosen = self.tolerance if self.tolerance is not None else 1e-10 if parallel else 1e-12
         return max(chosen, 1e-5) if ti.lang.impl.current_cfg().default_fp == ti.f32 else chosen
 
@@ -101,7 +104,7 @@ class Resting(ContactSolver):
         self.iterations += iterations
 
     def collect(self) -> ContactReport:
-        """What was counted since it was last asked."""
+        """Counts since the last call."""
         sums = self.step.sums.to_numpy().sum(axis=0)
         overlap = float(self.step.overlap.to_numpy().max())
         self.step.sums.fill(0)

@@ -1,4 +1,4 @@
-"""Time-stepped hard spheres; all contacts that touch at one instant are resolved together."""
+"""Time-stepped hard spheres: all contacts that touch at one instant are resolved together."""
 
 from typing import Any
 
@@ -9,12 +9,12 @@ from mpp_taichi.contacts.sweep.sweep import MOST_IN_ONE_THREAD, sweep_in_groups
 
 @component
 class Simultaneous(ContactSolver):
-    """Straight flights from instant to instant of contact within a drift, and what touches then is resolved as a group.
+    """Straight flights from contact to contact within a drift; all spheres that touch at one instant are resolved as a group.
 
     Groups are resolved by generalized reflections (`reflections.py`): independent of numbering, symmetric where the scene
-    is, energy kept where e = 1, and a row of touching balls passes on as many as come in. Two spheres that meet alone are
-    treated as `swept` treats them, at the exact time of contact. Not for piles: a group of more than 512 contacts that approach
-    together is given up, and spheres that rest on each other under gravity are better held by `resting`.
+    is, energy is kept where e = 1, and as many balls leave a row of touching balls as come in. Two spheres that meet alone
+    bounce as with `swept`, at the exact time of contact. Not for piles: a group of more than 512 contacts that approach
+    together is given up, and for spheres that rest on each other under gravity `resting` is better.
     """
 
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
@@ -35,7 +35,7 @@ class Simultaneous(ContactSolver):
         self.sweep = sweep_in_groups(self.setup, state, event_limit=self.event_limit)
 
     def prepare(self, time: float) -> None:
-        """Positions were set from outside: what follows is to be as in a run that begins here, bit for bit."""
+        """Take over the state that was set from outside, with the same bits as in a run that begins here."""
         self.sweep.forget()
 
     def drift(self, state: Any, time: float, h: float) -> None:

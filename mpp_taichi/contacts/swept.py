@@ -36,7 +36,7 @@ class Swept(ContactSolver):
         self.sweep = kind(self.setup, state, event_limit=self.event_limit)
 
     def prepare(self, time: float) -> None:
-        """Positions were set from outside: what follows is to be as in a run that begins here, bit for bit."""
+        """Take over the state that was set from outside, with the same bits as in a run that begins here."""
         self.sweep.forget()
 
     def drift(self, state: Any, time: float, h: float) -> None:

@@ -12,9 +12,15 @@ A heavy loop therefore has `grain` iterations for each piece of work, and only t
 
 import taichi as ti
 
+from mpp_taichi.device.fast_taichi.serial_loops import SerialLoops, on_cpu
 from mpp_taichi.types import Template
 
 CPU_GRAIN = 512  # iterations of a parallel loop that Taichi gives a CPU thread at least
+
+
+def loop_grain() -> int:
+    """Iterations of a heavy loop for each piece of work; a kernel asks while it is compiled."""
+    return CPU_GRAIN if on_cpu() and SerialLoops.depth == 0 else 1
 
 
 @ti.func

@@ -1,6 +1,6 @@
-"""Names of the Vulkan devices here, asked from the loader itself.
+"""Names of the Vulkan devices of this machine, as the Vulkan loader lists them.
 
-A broken driver may crash the interpreter: call it in a child process.
+A broken driver may crash the interpreter, so this is called in a child process only.
 """
 
 import ctypes

@@ -1,4 +1,4 @@
-"""Energy balance: what friction took and driving forces gave along a run, and what the method itself lost."""
+"""Energy balance: the energy that friction dissipated, driving forces supplied and the method itself lost in a run."""
 
 import copy
 from collections.abc import Iterator
@@ -14,29 +14,29 @@ from mpp_taichi.errors import MppError
 
 
 class EnergyBalance:
-    """Kinetic + potential + dissipated energy − work = constant; what is left over is the method's own error.
+    """Kinetic + potential + dissipated energy − work = constant; a residual is the error of the method.
 
-    dissipated_energy   D = ∫ −Σ F·v dt over the forces that depend on velocity: drag, damping of springs; and what restitution
-                        or merging took in contacts [energy]
-    work                W = ∫ Σ F·v dt over the other forces without a potential, and what `parameter_change` booked, and by
-                        how much merging, which changes masses and places, changed the potential energy [energy]
+    dissipated_energy   D = ∫ −Σ F·v dt over the forces that depend on velocity, drag and damping of springs, and the energy
+                        that restitution or merging took in contacts [energy]
+    work                W = ∫ Σ F·v dt over the other forces without a potential, the energy that `parameter_change` booked,
+                        and the change of the potential energy by merging, which changes masses and places [energy]
     residual            E + D − W − E₀, of the order of the method; energy that the method loses is −residual
     turnover            largest kinetic energy, D or |W| so far: the scale of the residual, free of the zero of the potential
 
     The powers are sampled after every step, summed in f64 (where the device has it) and integrated to fourth order, so that the
-    residual of every method up to fourth order is the method's own. In f32 the particles are rounded in every step, and the
-    residual does not fall below some 2⁻²⁴ √steps of the turnover. Of several replicas the first is looked at.
+    residual of a method up to fourth order is an error of the method. In f32 the particles are rounded in every step, and the
+    residual does not fall below some 2⁻²⁴ √steps of the turnover. Of several replicas the first is measured.
     """
 
     def __init__(self, meter: PowerMeter) -> None:
-        """Measure nothing before the first look."""
+        """Bind the meter; the first sample is taken by `look` or `follow`."""
         if any(not force.conserves_energy for force in meter.total_force.pair_forces):
             raise MppError("there is no energy balance with a pair force that has no potential")
         self.meter = meter
         self.restart()
 
     def restart(self) -> None:
-        """Begin again at the next look."""
+        """Begin a new balance at the next sample."""
         self._integral = RunningIntegral()
         self._booked = 0.0
         self._step: int | None = None
@@ -46,22 +46,22 @@ class EnergyBalance:
         self.oscillations = OscillationCounter()
 
     def copied(self) -> dict[str, Any]:
-        """What it knows now, to `go_back` to."""
+        """The present balance, for `go_back`."""
         return {name: copy.deepcopy(value) for name, value in vars(self).items() if name != "meter"}
 
     def go_back(self, earlier: dict[str, Any]) -> None:
-        """Know what was known then; nothing, where nothing was kept."""
+        """Return to a balance that `copied` gave; an empty one begins a new balance."""
         self.restart()
         vars(self).update(copy.deepcopy(earlier))
 
     @property
     def dissipated_energy(self) -> float:
-        """Taken out by forces that depend on velocity, so far."""
+        """Energy that forces which depend on velocity have dissipated so far."""
         return float(self._integral.value[0]) if self._step is not None else 0.0
 
     @property
     def work(self) -> float:
-        """Put in by driving forces and changes of parameters, so far."""
+        """Energy that driving forces and changes of parameters have supplied so far."""
         return float(self._integral.value[1]) + self._booked if self._step is not None else 0.0
 
     @property
@@ -70,13 +70,13 @@ class EnergyBalance:
         return max(self._largest_kinetic, abs(self.dissipated_energy), abs(self.work))
 
     def follow(self, simulation: Any, steps: int, dt: float) -> None:
-        """After a launch: take in what happened in each of its steps."""
+        """After a launch: take the sample of each of its steps."""
         for back, powers in zip(range(steps - 1, -1, -1), self.meter.kept(steps), strict=True):
             self._take(simulation.time - back * dt, powers)
         self._step = simulation.step_count
 
     def look(self, simulation: Any) -> None:
-        """Take a sample now, unless this step has been."""
+        """Take a sample now, unless this step has a sample."""
         if self._step != simulation.step_count:
             powers = self._powers_now(simulation.time)
             if self._step is None:
@@ -95,7 +95,7 @@ class EnergyBalance:
         self.oscillations.add(time, self._kinetic)
 
     def account(self, simulation: Any, total_energy: float) -> dict[str, float]:
-        """The balance now, to be shown beside `total_energy`."""
+        """The present balance, to be shown beside `total_energy`."""
         self.look(simulation)
         dissipated = self.dissipated_energy + simulation.contact_report.dissipated_energy
         work = self.work + simulation.contact_report.potential_change
@@ -108,9 +108,9 @@ class EnergyBalance:
 
     @contextmanager
     def parameter_change(self, simulation: Any) -> Iterator[None]:
-        """A block in which parameters, or the particles, are changed at one time: the energy put in is booked as work.
+        """A block in which parameters or particles change at one time; the change of the energy is booked as work.
 
-        Whoever replaces fields or forces there also gives the `meter` of the new ones.
+        A caller that replaces fields or forces in the block also sets the `meter` of the new fields and forces.
         """
         self.look(simulation)
         before = self._kinetic + simulation.energy_meter.potential_energy(simulation.time)

@@ -12,7 +12,7 @@ from mpp_taichi.forces._total_force import TotalForce
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.state.state import State
 
-BLOCK = 32  # particles that one thread sums up
+BLOCK = 32  # particles whose powers one thread sums
 HISTORY_STEPS = 256  # most steps of a launch whose powers are kept
 HISTORY_ENTRIES = 2**18  # 6 MiB of them
 
@@ -32,7 +32,7 @@ class EnergyMeter:
             terms[i] = self.total_force.potential_energy_of(self.state, 0, i, time)
 
     def potential_energy(self, time: float) -> float:
-        """Sum over all forces that have a potential."""
+        """Potential energy of all forces that have a potential."""
         if not self.total_force.forces:
             return 0.0
         terms = np.empty(self.state.particle_count, np.float32 if self.state.wide == ti.f32 else np.float64)
@@ -43,7 +43,7 @@ class EnergyMeter:
         return total(terms)
 
     def mechanics(self, snapshot: Snapshot, time: float) -> dict[str, Any]:
-        """The conserved quantities of a snapshot of this state, of the masses that its device keeps: forces are of those."""
+        """The conserved quantities of a snapshot of this state, with masses rounded as on the device, where forces use them."""
         kept = replace(snapshot, mass=self.state.as_kept(snapshot.mass))
         return mechanics(kept, self.potential_energy(time))
 
@@ -52,23 +52,23 @@ class EnergyMeter:
 class PowerMeter:
     """Power dissipated, power of the driving forces [energy / time] and kinetic energy of the first replica, step by step.
 
-    `in_kernel`: a serial launch measures after each of its steps itself, one thread over all particles.
+    `in_kernel`: the kernel of a serial launch measures after each step, with one thread for all particles.
     """
 
     def __init__(self, state: State, total_force: TotalForce, *, in_kernel: bool):
-        """Allocate three numbers per block of particles and step of a launch."""
+        """Allocate three numbers for each block of particles and each step of a launch."""
         self.state = state
         self.total_force = total_force
         self.in_kernel = in_kernel
         self.particle_count = state.particle_count
-        self.has_mass = "mass" in state.quantities  # it has not where no force acts
+        self.has_mass = "mass" in state.quantities  # absent where no force acts
         self.block = state.particle_count if in_kernel else BLOCK
         self.block_count = (state.particle_count + self.block - 1) // self.block
         self.longest_launch = max(1, min(HISTORY_STEPS, HISTORY_ENTRIES // self.block_count))
         self.history = ti.Vector.field(3, state.wide, shape=(self.longest_launch, self.block_count))
 
     def looks_at(self, state: State, total_force: TotalForce) -> bool:
-        """Whether these are what is measured."""
+        """Whether this meter measures this state and these forces."""
         return self.state is state and self.total_force is total_force
 
     @ti.func
@@ -91,7 +91,7 @@ class PowerMeter:
             self.store(s, b, time)
 
     def kept(self, steps: int) -> np.ndarray:
-        """The three after each of the `steps` of the last launch, shape (steps, 3)."""
+        """The three numbers after each of the `steps` of the last launch, shape (steps, 3)."""
         blocks = self.history.to_numpy()[:steps].astype(np.float64)
         return np.array([[total(column) for column in step.T] for step in blocks])
 
@@ -101,7 +101,7 @@ def mechanics(snapshot: Snapshot, potential_energy: float) -> dict[str, Any]:
 
     kinetic_energy ½ Σ m v², potential_energy, total_energy; momentum Σ m v, angular_momentum Σ m x × v (about the origin),
     center_of_mass Σ m x / Σ m, each (3,); momentum_scale Σ m |v| and angular_momentum_scale Σ m |x| |v| to measure errors by.
-    Particles whose axes are all fixed are left out of the momenta: they belong to the laboratory.
+    Particles whose axes are all fixed do not enter the momenta: they belong to the laboratory.
     """
     kinetic = total(kinetic_energies(snapshot))
     moving = np.where(snapshot.free.any(axis=1), np.abs(snapshot.mass), 0.0)

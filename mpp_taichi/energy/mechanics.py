@@ -1,4 +1,4 @@
-"""Mechanics of particles on the host: sums over some of them, in float64 and in a fixed order."""
+"""Mechanics of particles on the host: sums over particles, in float64 and in a fixed order."""
 
 import math
 
@@ -24,7 +24,7 @@ def kinetic_energies(snapshot: Snapshot, rows: slice = ALL) -> np.ndarray:
 
 
 def momentum(snapshot: Snapshot, rows: slice = ALL) -> np.ndarray:
-    """Σ m v, (3,). Particles whose axes are all fixed are left out: they belong to the laboratory."""
+    """Σ m v, (3,), without the particles whose axes are all fixed: they belong to the laboratory."""
     return _moving_mass(snapshot, rows) @ snapshot.velocity[rows]
 
 
@@ -38,6 +38,6 @@ def _moving_mass(snapshot: Snapshot, rows: slice) -> np.ndarray:
 
 
 def mean_by_mass(values: np.ndarray, mass: np.ndarray) -> np.ndarray:
-    """Σ m value / Σ m, (3,), as of positions the centre of mass; the plain mean where there is no mass."""
+    """Σ m value / Σ m, (3,), for positions the centre of mass; the plain mean where there is no mass."""
     whole = float(mass.sum())
     return (mass @ values) / whole if whole else values.mean(axis=0)

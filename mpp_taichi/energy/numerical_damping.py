@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 
-LEAST_SAMPLES = 6  # between two maxima, for their times and heights to be known
-STEADY = 0.1  # successive periods of one oscillation, and the ratios of successive heights, differ by less than this part
-FADED = 1e-6  # maxima below this part of the highest are what rounding left
+LEAST_SAMPLES = 6  # between two maxima; with fewer their times and heights are not accurate
+STEADY = 0.1  # largest relative difference of successive periods of one oscillation, and of ratios of successive heights
+FADED = 1e-6  # maxima below this part of the highest maximum are rounding errors
 
 
 class OscillationCounter:
@@ -15,7 +15,7 @@ class OscillationCounter:
     """
 
     def __init__(self) -> None:
-        """Nothing seen."""
+        """Start without a sample."""
         self._start: float | None = None
         self._recent: list[tuple[float, float]] = []
         self._samples = 0  # since the last maximum
@@ -24,7 +24,7 @@ class OscillationCounter:
         self._highest = 0.0
 
     def add(self, time: float, kinetic_energy: float) -> None:
-        """One sample more."""
+        """Take a sample."""
         recent = self._recent
         if recent and time <= recent[-1][0]:
             return
@@ -68,14 +68,14 @@ class OscillationCounter:
         return 2.0 * (self._maxima[-1][0] - self._maxima[0][0]) / (len(self._maxima) - 1)
 
     def count_until(self, time: float) -> float:
-        """Oscillations from the start to `time`, or until they had faded."""
+        """Number of oscillations from the start to `time`, or until they faded."""
         last, period = self._maxima[-1][0], self.period
         end = time if time - last < period else last + 0.25 * period
         return (end - (self._start or 0.0)) / period
 
     @property
     def energy(self) -> float:
-        """Mean height of the maxima: the energy that oscillates."""
+        """Mean height of the maxima, which is the energy of the oscillation."""
         return math.fsum(height for _, height in self._maxima) / len(self._maxima)
 
 
@@ -84,7 +84,7 @@ def _is_steady(values: Sequence[float]) -> bool:
 
 
 def _vertex(left: float, left_rise: float, right: float, right_rise: float) -> tuple[float, float]:
-    """Where, and how much above the middle sample, the parabola through the origin and two neighbours has its maximum."""
+    """Place of the maximum of the parabola through the origin and two neighbours, and its height above the origin."""
     curvature = (right_rise / right - left_rise / left) / (right - left)
     slope = left_rise / left - curvature * left
     return (-0.5 * slope / curvature, -0.25 * slope * slope / curvature) if curvature < 0.0 else (0.0, 0.0)
@@ -93,16 +93,16 @@ def _vertex(left: float, left_rise: float, right: float, right_rise: float) -> t
 def numerical_damping(
     times: Sequence[float], losses: Sequence[float], oscillations: OscillationCounter | None
 ) -> dict[str, float | str | None]:
-    """What a method lost over a run, from the energy `losses` that nothing but the method explains, one for each of `times`.
+    """The energy that a method lost over a run, from its `losses` so far at each of the `times`.
 
-    energy_lost            at the end [energy]; negative where the method gained some
-    per_time               its mean rate [energy / time]
-    oscillations           how many there were
+    energy_lost            at the end [energy]; negative where the method gained energy
+    per_time               mean rate of the loss [energy / time]
+    oscillations           number of oscillations
     per_oscillation        mean loss [energy]
-    share_per_oscillation  that over the mean energy of the oscillation
-    problem                why the last three, or all but the first, are None
+    share_per_oscillation  per_oscillation over the mean energy of the oscillation
+    problem                reason why the last three, or all but the first, are None
 
-    An error that swings back and forth more than it moves on is no damping, and no rate is given for it.
+    An error that swings more than it grows is no damping and has no rate.
     """
     found: dict[str, float | str | None] = dict.fromkeys(
         ("per_time", "oscillations", "per_oscillation", "share_per_oscillation")

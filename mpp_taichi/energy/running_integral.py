@@ -1,25 +1,25 @@
-"""Running integral: ∫ p dt of a quantity sampled as a run goes on, to fourth order whatever the spacing of the samples."""
+"""Running integral: ∫ p dt of a quantity that is sampled during a run, to fourth order for any spacing of the samples."""
 
 import numpy as np
 
 POINTS = 4  # of the interpolating cubic
-CLOSE = 0.25  # a sample nearer to its successor than this part of the interval in hand is left out: weights grow as its inverse
+CLOSE = 0.25  # least distance of two samples, in parts of the newest interval: weights grow with the inverse of a distance
 _GAUSS = 0.5 / np.sqrt(3.0)  # two-point Gauss–Legendre, exact for cubics, at the middle ∓ this part of the interval
 
 
 class RunningIntegral:
     """∫ p dt from the first sample to the last, p a scalar or an array.
 
-    Over the newest interval the cubic through the last four samples is integrated (at equal spacing with the weights of the
-    Adams–Moulton method of fourth order, (1, −5, 19, 9)/24); until there are four, the polynomial through all. The error is
-    O(h⁴) of the spacing h, also where a single interval is shorter. Sums are compensated.
+    The integral over the newest interval is that of the cubic through the last four samples (at equal spacing with the weights
+    of the Adams–Moulton method of fourth order, (1, −5, 19, 9)/24), or with fewer samples of the polynomial through all. The
+    error is O(h⁴) of the spacing h, also where a single interval is shorter. Sums are compensated.
     """
 
     def __init__(self) -> None:
-        """Nothing seen: the integral is 0."""
-        self._past: np.ndarray | float = 0.0  # of the pieces that are finished
-        self._lost: np.ndarray | float = 0.0  # by rounding in `_past`
-        self._opening: np.ndarray | float = 0.0  # of the piece's first intervals, until a cubic is known
+        """Start without a sample; the integral is 0."""
+        self._past: np.ndarray | float = 0.0  # integral of the finished pieces
+        self._lost: np.ndarray | float = 0.0  # rounding error of `_past`
+        self._opening: np.ndarray | float = 0.0  # integral of the first intervals of the piece, until there are four samples
         self.cut()
 
     @property
@@ -28,7 +28,7 @@ class RunningIntegral:
         return np.asarray(self._past + self._lost + self._opening)
 
     def cut(self) -> None:
-        """Where p jumps: end the piece here; the next sample, at the same time, begins another."""
+        """End the piece where p jumps; the next sample, at the same time, begins a new piece."""
         self._add(self._opening)
         self._times: list[float] = []
         self._samples: list[np.ndarray] = []
@@ -37,7 +37,7 @@ class RunningIntegral:
         self._is_opening = True
 
     def add(self, time: float, sample: np.ndarray) -> None:
-        """Go on to `time`, where p = `sample`."""
+        """Continue the integral to `time`, where p = `sample`."""
         times, samples = self._times, self._samples
         if not times:
             self._begin = time
@@ -62,7 +62,7 @@ class RunningIntegral:
         return np.tensordot(weights, samples, axes=1)
 
     def _add(self, piece: np.ndarray | float) -> None:
-        """Neumaier's sum: what `_past + piece` rounds away is kept."""
+        """Neumaier's sum: `_lost` keeps the rounding error of `_past + piece`."""
         total = self._past + piece
         larger = np.abs(self._past) >= np.abs(piece)
         self._lost = self._lost + np.where(larger, (self._past - total) + piece, (piece - total) + self._past)

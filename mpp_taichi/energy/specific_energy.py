@@ -1,4 +1,4 @@
-"""Specific energy: kinetic plus potential energy per mass, of particles that have no mass, in the field of those that have."""
+"""Specific energy: kinetic plus potential energy per mass of massless particles in the field of the massive bodies."""
 
 from dataclasses import dataclass
 
@@ -12,11 +12,11 @@ PAIRS_AT_ONCE = 2**20
 
 @dataclass(frozen=True, eq=False)
 class SpecificEnergies:
-    """Energies per mass [length² / time²], each (2, n): in the frame of the scene, and in that of the attractor.
+    """Energies per mass [length² / time²], each (2, n): in the frame of the scene, and in the frame of the attractor.
 
     The attractor of a particle is the body that pulls it most; in its frame the potential is that of the attractor alone.
 
-    attractor   its index, (n,); −1 where no body has a mass
+    attractor   index of the attractor, (n,); −1 where no body has a mass
     """
 
     kinetic: np.ndarray
@@ -30,10 +30,10 @@ class SpecificEnergies:
 
 
 class SpecificEnergyMeter:
-    """Measures the massless particles that can move. The forces that act on them are gravity and uniform gravity."""
+    """Measures the massless particles that can move. The forces on them are gravity and uniform gravity."""
 
     def __init__(self, spec: SceneSpec, snapshot: Snapshot) -> None:
-        """Find these particles and the bodies that attract them."""
+        """Find the massless particles and the bodies that attract them."""
         self.rows = np.flatnonzero((snapshot.mass == 0.0) & snapshot.free.any(axis=1))
         gravities = [force.parameters for force in spec.forces_with("gravitates")]
         gravity = gravities[-1] if gravities else {"strength": 0.0, "softening": 0.0}
@@ -44,7 +44,7 @@ class SpecificEnergyMeter:
         self.uniform = np.array(fields[-1] if fields else (0.0, 0.0, 0.0), float)
 
     def measure(self, snapshot: Snapshot) -> SpecificEnergies:
-        """The energies of a state."""
+        """Specific energies of a snapshot."""
         position, velocity = snapshot.position[self.rows], snapshot.velocity[self.rows]
         kinetic = np.tile(0.5 * np.einsum("ij,ij->i", velocity, velocity), (2, 1))
         potential = np.tile(-position @ self.uniform, (2, 1))

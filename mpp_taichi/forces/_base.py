@@ -1,7 +1,7 @@
 """The three kinds of force: a formula each, never a loop, an allocation or a launch.
 
-All of them speak of accelerations, so that a massless test particle needs no special case. `needs` names the quantities
-of `State` that the formula reads beside position and velocity.
+All forces give accelerations, so that a massless test particle needs no special case. `needs` names the quantities of `State`
+that the formula reads beside position and velocity.
 """
 
 import taichi as ti
@@ -11,13 +11,13 @@ from mpp_taichi.types import Template
 
 @ti.data_oriented
 class Force:
-    """What every force declares."""
+    """The declarations of every force."""
 
     needs: frozenset = frozenset()
-    conserves_energy = True  # False: the force does work that no potential accounts for
+    conserves_energy = True  # False: the force does work without a potential
     depends_on_velocity = False
-    depends_on_time = False  # by itself, not by the motion alone
-    takes_sine = False  # of an angle, which Taichi has on Vulkan in f32 alone
+    depends_on_time = False  # explicitly, not only through the motion
+    takes_sine = False  # of an angle: on Vulkan Taichi has the sine in f32 only
     # The scene is checked by the literal values that a class gives to these, which are read from its source text.
     gravitates = False  # Newtonian gravity, with the parameters `strength` and `softening`: orbits are made for it
     is_uniform = False  # the same acceleration everywhere and always, the parameter `acceleration`
@@ -25,14 +25,14 @@ class Force:
     acts_on_springs = False  # the force of the springs, which no scene names
     can_use_tree = False  # has the parameters `solver` and `accuracy`, by which a tree sums the force
     proportional_to_mass = False  # the acceleration does not depend on the particle's own mass, which may be 0
-    proportional_to_charge = False  # acts between charged particles alone
+    proportional_to_charge = False  # acts between charged particles only
     singular_at_zero_distance = False  # infinite between particles at one place, unless a `softening` is above 0
-    has_derivatives = False  # along the motion, for methods that sum jerks; said with a literal True of the class itself
+    has_derivatives = False  # in time, for methods that sum jerks; a class says so with a literal True of its own
 
 
 @ti.func
 def is_among(state: Template, i, some: Template, chosen: Template):
-    """Whether a force acts on particle i: on all of them, or where it acts on `some` on the `chosen`, (first, count)."""
+    """Whether a force acts on particle i: on every particle, or where `some` on the particles `chosen`, (first, count)."""
     result = 1
     if ti.static(some):
         own = i
@@ -47,11 +47,11 @@ class ExternalForce(Force):
 
     @ti.func
     def accelerate(self, state: Template, i, velocity, time):
-        """Acceleration of particle i, should it have this velocity, at `time` [length / time²]."""
+        """Acceleration of particle i at this velocity and time [length / time²]."""
 
     @ti.func
     def derivatives(self, state: Template, i, time):
-        """First and second derivative of the acceleration in time, along the motion. Asked for where it `has_derivatives`."""
+        """First and second derivative of the acceleration in time along the motion, where the force `has_derivatives`."""
 
     @ti.func
     def damping_rate(self, state: Template, i, time):
@@ -64,10 +64,10 @@ class ExternalForce(Force):
 
 
 class PairForce(Force):
-    """A central force between any two particles, a_i = r_i Σ_j s_j g(1/ρ_ij) d_ij with d_ij = x_j − x_i.
+    """A central force between each two particles, a_i = r_i Σ_j s_j g(1/ρ_ij) d_ij with d_ij = x_j − x_i.
 
-    ρ² = |d|² + ε². The response r, the source s and the shape g are the three formulas. Every pair force of one softening ε
-    shares the one inverse distance that the loop computes. Newton's third law asks for m_i r_i s_j = m_j r_j s_i.
+    ρ² = |d|² + ε². The response r, the source s and the shape g are the three formulas. All pair forces of one softening ε
+    share the inverse distance that the loop computes. By Newton's third law m_i r_i s_j = m_j r_j s_i.
     """
 
     softening = 0.0
@@ -75,11 +75,11 @@ class PairForce(Force):
 
     @ti.func
     def response(self, state: Template, i):
-        """What the force on particle i is proportional to, divided by its mass."""
+        """The factor r_i of particle i in its acceleration: its charge or mass for this force, divided by its inertial mass."""
 
     @ti.func
     def source(self, state: Template, j):
-        """What particle j contributes."""
+        """The factor s_j with which particle j acts on all other particles."""
 
     @ti.func
     def shape(self, inverse_distance):
@@ -101,7 +101,7 @@ class PairForce(Force):
 class BondForce(Force):
     """A force along the springs of a scene; `h` counts half-springs, one for each end.
 
-    What of it depends on velocity is linear in the velocity of j relative to i: `friction`.
+    The part that depends on velocity, `friction`, is linear in the velocity of j relative to i.
     """
 
     @ti.func
@@ -110,11 +110,11 @@ class BondForce(Force):
 
     @ti.func
     def friction(self, state: Template, i, j, h):
-        """What of `force` depends on velocity. Asked for only where the force does."""
+        """The part of `force` that depends on velocity, where the force does."""
 
     @ti.func
     def shape(self, state: Template, h, inverse_distance):
-        """What of `force` does not depend on velocity is g(u) d with u = 1/|d|: g, where the force `has_derivatives`."""
+        """g(u) of u = 1/|d|: the part of `force` without velocity is g d. Where the force `has_derivatives`."""
 
     @ti.func
     def slope(self, state: Template, h, inverse_distance):
@@ -122,18 +122,18 @@ class BondForce(Force):
 
     @ti.func
     def stiffness(self, state: Template, i, j, h, length):
-        """∂F/∂x of the half-spring from i to j as it is now: (along its direction, across it) [force / length]."""
+        """∂F/∂x of the half-spring from i to j at the present positions: (along it, across it) [force / length]."""
 
     @ti.func
     def step_force(self, state: Template, i, j, h):
-        """Force on particle i that over a step from `piece_start` does the work of the potential to the last digit.
+        """Force on particle i whose work over a step from `piece_start` is the change of the potential, to round-off.
 
         Positions and velocities are those of the middle of the step; damping may only take energy.
         """
 
     @ti.func
     def step_stiffness(self, state: Template, i, j, h, length):
-        """∂F/∂x of that force, by the position in the middle: (along, across), or what is near to it."""
+        """∂F/∂x of `step_force` by the position in the middle of the step, exact or nearly so: (along, across)."""
 
     @ti.func
     def damping_rates(self, state: Template, h):
@@ -145,7 +145,7 @@ class BondForce(Force):
 
     @ti.func
     def dissipation(self, state: Template, i, j, h):
-        """Power that the whole spring takes out, −Σ F·v of the part of `force` without a potential, in `state.wide`.
+        """Power that the whole spring dissipates, −Σ F·v of the part of `force` without a potential, in `state.wide`.
 
-        Asked for only where `conserves_energy` is False.
+        Only where `conserves_energy` is False.
         """

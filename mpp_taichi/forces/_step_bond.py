@@ -1,4 +1,4 @@
-"""Bonds over a whole step, for methods that keep the energy."""
+"""Bonds over a whole step, for methods that conserve the energy."""
 
 from typing import Any
 
@@ -10,10 +10,10 @@ from mpp_taichi.types import Template
 
 @ti.data_oriented
 class StepBond(BondForce):
-    """A bond as it acts over a whole step."""
+    """A bond whose force and stiffness are those over a whole step."""
 
     def __init__(self, bond: Any):
-        """Bind the bond as it acts at a time."""
+        """Bind the bond."""
         self.bond = bond
         self.needs = bond.needs
         self.conserves_energy = bond.conserves_energy
@@ -21,15 +21,15 @@ class StepBond(BondForce):
 
     @ti.func
     def force(self, state: Template, i, j, h):
-        """That of the step."""
+        """The bond's `step_force`."""
         return self.bond.step_force(state, i, j, h)
 
     @ti.func
     def stiffness(self, state: Template, i, j, h, length):
-        """That of the step."""
+        """The bond's `step_stiffness`."""
         return self.bond.step_stiffness(state, i, j, h, length)
 
     @ti.func
     def damping_rates(self, state: Template, h):
-        """Those of the bond."""
+        """The damping rates of the bond."""
         return self.bond.damping_rates(state, h)

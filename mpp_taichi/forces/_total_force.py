@@ -1,4 +1,4 @@
-"""TotalForce: the composed sum of a scene's forces, and the only owner of the loops over particles, pairs and springs."""
+"""TotalForce: the sum of the forces of a scene, and the only owner of the loops over particles and springs."""
 
 from typing import Any
 
@@ -17,13 +17,13 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
-# Half-springs of a particle that are summed side by side: an SSE register in f32, two in f64; twice as many are no faster.
+# Half-springs of a particle in a vector: an SSE register in f32, two in f64; twice as many are no faster.
 ROW_LANE_BITS = 2
 ROW_LANES = 1 << ROW_LANE_BITS
 
 
 def compose(spec: SceneSpec, snapshot: Snapshot) -> tuple[Force, ...]:
-    """Import and build the forces that a scene names, and its springs when it has some."""
+    """Import and build the forces that a scene names, and the force of its springs where it has springs."""
     forces = [component.build("forces", entry.name, entry.parameters) for entry in spec.forces]
     if len(snapshot.springs):
         damped = spec.damping_is_live or (snapshot.springs.damping != 0).any()
@@ -39,16 +39,16 @@ class TotalForce:
     """The sum of the forces of a scene, as accelerations.
 
     `shape` says how the loop over pairs runs: "serial" inside a serial loop, "parallel" at the top of a kernel. All other
-    loops are parallel or serial by where they stand. Only what the scene has is compiled: loops over absent kinds do not
-    exist.
+    loops are parallel at the top of a kernel and serial inside another loop. Loops over kinds of force that the scene lacks
+    are not compiled.
     """
 
     def __init__(
         self, forces: tuple[Force, ...], particle_count: int, dimensions: int, *, merges: bool = False, derivatives: int = 0
     ):
-        """Sort the forces by the loop they need, and by whether they depend on velocity; `merges` is for AllPairs.
+        """Sort the forces by the loop that they need; `merges` says whether bodies may merge.
 
-        With `derivatives` accelerations are summed together with the jerk (1), or the jerk and the snap (2).
+        `derivatives` says what is summed beside the accelerations: the jerk (1), or the jerk and the snap (2).
         """
         self.derivatives = derivatives
         self.forces = forces
@@ -79,11 +79,11 @@ class TotalForce:
         return self.pair_sum.loops(state) if self.has_pairs else 1
 
     def is_symmetric_alone(self, state: Any) -> bool:
-        """Whether a launched sum of symmetric pairs is all there is, and need not be added to anything."""
+        """Whether a launched sum of symmetric pairs is the whole force, so that it may overwrite the accelerations."""
         return self.has_pairs_alone and bool(self.pair_sum.is_symmetric(state))
 
     def destroy(self) -> None:
-        """Give back the memory that sums took."""
+        """Free the memory of the sums."""
         if self.has_pairs:
             self.pair_sum.destroy()
 
@@ -94,31 +94,31 @@ class TotalForce:
 
     @property
     def conserves_energy(self) -> bool:
-        """Whether every force has a potential, so that energy may be asked to stay."""
+        """Whether every force has a potential, so that energy must be conserved."""
         return all(force.conserves_energy for force in self.forces)
 
     @property
     def gains_no_energy(self) -> bool:
-        """Whether every force has a potential or brakes, so that energy may be asked not to grow.
+        """Whether every force has a potential or brakes, so that energy must not grow.
 
-        What has no potential and depends on velocity is taken for a brake; what has none and does not, for a drive.
+        A force without a potential counts as a brake where it depends on velocity, and as a drive where it does not.
         """
         return all(force.conserves_energy or force.depends_on_velocity for force in self.forces)
 
     @property
     def needs(self) -> frozenset:
-        """Union of what the forces need."""
+        """Union of the needs of all forces."""
         return frozenset().union(*(force.needs for force in self.forces))
 
     def tree_potential(self, state: Any) -> np.ndarray:
-        """Shares of the particles of the first replica in the potential energy that a tree sums, `by_tree`."""
+        """Shares of the particles of the first replica in the potential energy, where it is summed `by_tree`."""
         return self.pair_sum.potential_terms(state)
 
     @ti.func
     def local_acceleration(self, state: Template, first, i, time, velocity_dependent: Template):
-        """Acceleration of particle i from external forces and springs, only those that do (or do not) depend on velocity.
+        """Acceleration of particle i from those external forces and springs that do (or do not) depend on velocity.
 
-        `first` is the first particle of this replica; springs count from there.
+        `first` is the first particle of the replica, from which the springs count their particles.
         """
         result = ti.Vector.zero(float, state.dimensions)
         for force in ti.static(self.external):
@@ -128,14 +128,14 @@ class TotalForce:
             if ti.static(bond.depends_on_velocity == velocity_dependent):
                 result += self.row_sum(state, first, i, bond, False) * (1.0 / state.mass[i])
         if ti.static(state.has_fixed_axes):
-            result = ti.select(state.free[i] != 0.0, result, 0.0)  # a product would make NaN of a held particle's F/0
+            result = ti.select(state.free[i] != 0.0, result, 0.0)  # a product would give NaN for F/0 of a fixed particle
         return result
 
     @ti.func
     def acceleration_gained(self, state: Template, slopes: Template, h, first, i, time):
-        """How the acceleration of particle i changes when all velocities change by h times those of the state `slopes`.
+        """Change of the acceleration of particle i when all velocities change by h times those of the state `slopes`.
 
-        Springs are asked for their friction alone, which is linear in velocity: they need neither stiffness nor length.
+        Of springs only the friction changes, which is linear in velocity and needs neither stiffness nor length.
         """
         result = ti.Vector.zero(float, state.dimensions)
         for force in ti.static(self.external):
@@ -152,7 +152,7 @@ class TotalForce:
 
     @ti.func
     def half_spring(self, state: Template, i, j, h, bond: Template, friction: Template):
-        """Its force on particle i, or the friction alone."""
+        """Force of half-spring h on particle i, or its friction alone."""
         result = ti.Vector.zero(float, state.dimensions)
         if ti.static(friction):
             result += bond.friction(state, i, j, h)
@@ -162,9 +162,10 @@ class TotalForce:
 
     @ti.func
     def row_sum(self, state: Template, first, i, bond: Template, friction: Template):
-        """Force on particle i from its half-springs: four at a time, each lane with a sum of its own, then the rest.
+        """Force on particle i from its half-springs: four at a time, with a sum for each lane, then the rest.
 
-        LLVM makes vector instructions of the four, square roots and divisions above all. The order depends on the row alone.
+        LLVM makes vector instructions of the four lanes, above all of square roots and divisions. The order of the sum depends
+        on the row alone.
         """
         begin = state.spring_start[i - first]
         end = state.spring_start[i - first + 1]
@@ -185,7 +186,7 @@ class TotalForce:
 
     @ti.func
     def accumulate(self, state: Template, first, time, shape: Template):
-        """state.acceleration = everything that does not depend on velocity."""
+        """state.acceleration = the sum of all forces that do not depend on velocity."""
         if ti.static(shape == "serial" and self.sets_pairs):
             self.pair_sum.set_serial(state, first)
         else:
@@ -214,7 +215,7 @@ class TotalForce:
 
     @ti.func
     def end_sum(self, state: Template, first):
-        """Take the pair forces off the axes that are held."""
+        """Remove the pair forces along the axes that are fixed."""
         if ti.static(state.has_fixed_axes):
             for i in range(first, first + self.particle_count):
                 for k in ti.static(range(self.dimensions)):
@@ -245,7 +246,7 @@ class TotalForce:
 
     @ti.func
     def half_spring_derivatives(self, state: Template, i, j, h, bond: Template):
-        """Of its force on particle i in time: the first, and the second where it is wanted; none where both ends coincide."""
+        """First and second derivative in time of the force of half-spring h on particle i; 0 where both ends coincide."""
         d = state.position[j] - state.position[i]
         w = state.velocity[j] - state.velocity[i]
         q = ti.Vector.zero(float, state.dimensions)
@@ -262,13 +263,13 @@ class TotalForce:
     def powers_of(self, state: Template, i, time):
         """Shares of particle i in the power dissipated and in the power of the driving forces, [energy / time], in f64.
 
-        Forces without a potential that depend on velocity dissipate, the others drive. A damped spring is split evenly between
-        its ends, so that what both ends share in their motion does not enter.
+        A force without a potential dissipates where it depends on velocity, and drives where it does not. The power of a damped
+        spring is split evenly between its ends, so that the common motion of both ends does not enter.
         """
         dissipated, driving = ti.cast(0.0, state.wide), ti.cast(0.0, state.wide)
         for force in ti.static(self.external):
             if ti.static(not force.conserves_energy):
-                # A particle without mass may be here only if it is held, and then no force works on it.
+                # A particle without mass is fixed here, and no force does work on it.
                 if state.mass[i] > 0.0:
                     acceleration = force.accelerate(state, i, state.velocity[i], time)
                     power = ti.cast(0.0, state.wide)
@@ -288,9 +289,9 @@ class TotalForce:
 
     @ti.func
     def potential_energy_of(self, state: Template, first, i, time):
-        """Share of particle i in the potential energy, in f64: a pair or a spring is split evenly between its ends.
+        """Share of particle i in the potential energy, in f64: that of a pair or a spring is split evenly between its ends.
 
-        What a tree sums is left out: `tree_potential` has it for all particles at once.
+        Without the sum of a tree, which `tree_potential` computes for all particles at once.
         """
         result = ti.cast(0.0, state.wide)
         for force in ti.static(self.external):

@@ -1,4 +1,4 @@
-"""Adaptive methods: steps of their own choice, and a look at any time between."""
+"""Adaptive methods: they choose their steps themselves, and show the state at any time between two steps."""
 
 from typing import Any
 
@@ -12,32 +12,32 @@ from mpp_taichi.types import Template
 
 
 class Adaptive(Integrator):
-    """Takes steps as long as its error control allows, and shows the state at other times by its own polynomial.
+    """A method that takes steps as long as its error control allows, and shows the state at other times by a polynomial.
 
-    `dt` is the time between two looks; the motion does not depend on it. What a step hands on to the next is `memory`: between
-    two looks the true state is there, and `position` and `velocity` hold what is shown. For each replica `clock` has the begin
-    and length of the last step, and the length of the next [time]; `tally` the steps taken, the steps refused, the evaluations
-    of the force, and whether the step fell below what the time can resolve.
+    `dt` is the time between two samples of the state; the motion does not depend on it. The fields of `memory` hold the true
+    state at the start of the last step, and `position` and `velocity` hold the state that is shown. For each replica the field
+    `clock` holds the begin and the length of the last step and the length of the next step [time]. The field `tally` holds the
+    steps taken, the steps refused, the evaluations of the force, and whether the step became too short to change the time.
 
-    The parameter `controlled_by` says how accurate a run is. Kernels read it from `control`, two numbers for each replica, so
-    that one compilation serves all its values.
+    The parameter that `controlled_by` names sets the accuracy of a run. Kernels read it from the field `control`, two numbers
+    for each replica, so that one compilation serves all its values.
     """
 
     launchers = Launchers(serial="adaptive", replicas="adaptive", parallel="", cpu_only=True)  # its loops have no bound
-    path_degree = 0  # of the polynomials that `write_paths` gives; 0: it gives none
+    path_degree = 0  # of the polynomials that `write_paths` writes; 0: it writes none
     CONTROL = 2
     CLOCK = 3
     TALLY = 4
     STEPS, REFUSED, EVALUATIONS, STALLED = range(4)
 
     def scratch_count(self, velocity_dependent: bool) -> int:
-        """What it keeps has names of its own."""
+        """None: its fields are work fields with names."""
         return 0
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
-        """The exact one: no step is too long, as `dt` is not the step. exp of M = [[0, 1], [−ω², −γ]] by its eigenvalues λ, μ:
+        """The exact matrix, since `dt` is not the step: exp of M = [[0, 1], [−ω², −γ]] by the eigenvalues λ and μ of M,
 
-        (e^λ (M − μ) − e^μ (M − λ)) / (λ − μ); where they are equal e^λ (1 + M − λ).
+        (e^λ (M − μ) − e^μ (M − λ)) / (λ − μ); where the eigenvalues are equal e^λ (1 + M − λ).
         """
         matrix = np.array([[0.0, 1.0], [-(frequency**2), -damping]])
         root = np.emath.sqrt(damping**2 / 4 - frequency**2)
@@ -51,16 +51,16 @@ class Adaptive(Integrator):
         return float(getattr(self, self.controlled_by)), 0.0
 
     def set_control(self, state: Any) -> None:
-        """Before a run begins: what `controlled_by` has become."""
+        """Write the accuracy into the state, before a run begins."""
         state.control.from_numpy(np.tile(np.array(self.control()), state.replica_count))
 
     def times(self, state: Any) -> np.ndarray:
-        """End of the last step [time], of each replica."""
+        """Time at which the last step ended, of each replica [time]."""
         clock = state.clock.to_numpy().reshape(-1, self.CLOCK)
         return np.asarray(clock[:, 0] + clock[:, 1], dtype=float)
 
     def lengths(self, state: Any) -> np.ndarray:
-        """Of the last step [time], of each replica."""
+        """Length of the last step of each replica [time]."""
         return np.asarray(state.clock.to_numpy().reshape(-1, self.CLOCK)[:, 1], dtype=float)
 
     def counts(self, state: Any) -> np.ndarray:
@@ -100,16 +100,16 @@ class Adaptive(Integrator):
         return None
 
     def accelerations(self, state: Any) -> np.ndarray:
-        """At the start of the last step, (total_count, dimensions) [length / time²]."""
+        """Accelerations at the start of the last step, (total_count, dimensions) [length / time²]."""
         return np.asarray(state.start_acceleration.to_numpy())
 
     @ti.func
     def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
-        """Take the state as it is at `time`, with nothing known of it."""
+        """Take the state at `time` as the start of the first step."""
 
     @ti.func
     def advance_to(self, state: Template, total_force: Template, first, end: Template, shape: Template):
-        """Take steps until one ends at `end` or later."""
+        """Take steps until a step ends at `end` or later."""
         r = first // total_force.particle_count
         while self.is_short_of(state, r, end):
             if state.clock[self.CLOCK * r + 1] > 0.0:
@@ -122,15 +122,15 @@ class Adaptive(Integrator):
 
     @ti.func
     def take_step(self, state: Template, total_force: Template, first, shape: Template):
-        """One step from its start, with the length of this and the next."""
+        """Take one step from its start, and write its length and the length of the next step into `clock`."""
 
     @ti.func
     def show(self, state: Template, total_force: Template, first, time: Template):
-        """Positions and velocities at a time within the last step."""
+        """Set positions and velocities to those at a time within the last step."""
 
     @ti.func
     def begin_again(self, state: Template, total_force: Template, first, time: Template, shape: Template):
-        """Take the state as it is at a time within the last step, where something has changed it; what was counted stays."""
+        """Begin a new step at a time within the last step, where the state was changed; the counts are kept."""
         r = first // total_force.particle_count
         length = self.length_again(state, r)
         counted = ti.Vector([state.tally[self.TALLY * r + c] for c in ti.static(range(self.TALLY))], ti.i32)
@@ -142,16 +142,16 @@ class Adaptive(Integrator):
 
     @ti.func
     def length_again(self, state: Template, r):
-        """Of the first step after one was cut: that of the last, or of what was to be the next; 0: as for any start."""
+        """Length of the first step after a step was cut: the shorter of the last and the next length; 0: as at any start."""
         return ti.min(state.clock[self.CLOCK * r + 1], state.clock[self.CLOCK * r + 2])
 
     @ti.func
     def write_paths(self, state: Template, total_force: Template, coefficient: Template):
-        """The polynomials of the last step's positions, of one copy: x_i = Σ_m coefficient[m n + i] s^m, s = 0 … 1."""
+        """Write the polynomials of the positions in the last step, x_i = Σ_m coefficient[m n + i] s^m, s = 0 … 1."""
 
     @ti.func
     def start_clock(self, state: Template, r, time):
-        """Of replica r: no step taken, nothing counted."""
+        """Set the clock of replica r to `time`, with no step taken and all counts zero."""
         for c in ti.static(range(self.TALLY)):
             state.tally[self.TALLY * r + c] = 0
         state.clock[self.CLOCK * r] = time
@@ -159,7 +159,10 @@ class Adaptive(Integrator):
 
     @ti.func
     def time_of_change(self, state: Template, fastest, most, widest, dt):
-        """In which the largest acceleration changes the largest speed by as much as it is, or from rest crosses the system."""
+        """Time in which the largest acceleration doubles the largest speed, or carries a particle from rest across the system.
+
+        It is dt where nothing moves and nothing is accelerated.
+        """
         result = ti.cast(dt, state.wide)
         if most > 0.0 and fastest > 0.0:
             result = fastest / most
@@ -169,26 +172,26 @@ class Adaptive(Integrator):
 
     @ti.func
     def is_short_of(self, state: Template, r, end):
-        """Whether replica r has to take another step, and can."""
+        """Whether the last step of replica r ends before `end`, and the replica has not stalled."""
         reached = state.clock[self.CLOCK * r] + state.clock[self.CLOCK * r + 1]
         return reached < end and state.tally[self.TALLY * r + self.STALLED] == 0
 
     @ti.func
     def share_of_step(self, state: Template, r, time):
-        """Where in the last step of replica r a time is, 0 … 1; 0 before the first."""
+        """Position of a time in the last step of replica r, 0 … 1; 0 before the first step."""
         h = state.clock[self.CLOCK * r + 1]
         return ti.cast((time - state.clock[self.CLOCK * r]) / h if h > 0.0 else 0.0, float)
 
     @ti.func
     def evaluate(self, state: Template, total_force: Template, first, time, shape: Template):
-        """Counted: state.acceleration = what does not depend on velocity."""
+        """Set state.acceleration to the sum of the forces that do not depend on velocity, and count the evaluation."""
         state.tally[self.TALLY * (first // total_force.particle_count) + self.EVALUATIONS] += 1
         if ti.static(total_force.has_velocity_independent):
             total_force.accumulate(state, first, ti.cast(time, float), shape)
 
     @ti.func
     def found(self, state: Template, total_force: Template, first, i, time):
-        """Acceleration of a particle where the state now is, after `evaluate`."""
+        """Acceleration of a particle by all forces, after `evaluate`."""
         result = ti.Vector.zero(float, state.dimensions)
         if ti.static(total_force.has_velocity_independent):
             result += state.acceleration[i]
@@ -198,5 +201,5 @@ class Adaptive(Integrator):
 
 
 def rounding() -> float:
-    """Of the precision of the run: the distance of the numbers beside 1."""
+    """Distance between 1 and the next larger number in the precision of the run."""
     return 2.0**-23 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-52

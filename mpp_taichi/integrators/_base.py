@@ -18,21 +18,21 @@ SumForces = Callable[[Any, float], None]
 
 @ti.data_oriented
 class Integrator:
-    """What every integrator declares, and the step of all of them: an opening stage, then force and stage in turn.
+    """What every integrator declares, and the step of all of them: an opening stage, then a sum of forces and a stage in turn.
 
     order            of the global error in dt
     symplectic       keeps the energy of a conservative system bounded for ever
     time_reversible  a step of −dt undoes a step of dt, to round-off
-    nodes            times, as parts of dt, at which a step wants the force
-    derivatives      of the acceleration that a step wants summed with it, in time: 1 the jerk, 2 the snap as well; a class
-                     that wants any says so with a literal `needs_derivatives = True`, which scenes are checked by
-    takes_velocity   keeps its order beside forces that depend on velocity; a class where it is not so says it with a literal
-                     False of its own, which scenes are checked by, and the method is refused beside such forces
-    takes_time       goes beside forces that depend on time by themselves; said and checked in the same way
-    memory           work fields that a step hands on to the next
+    nodes            times, as parts of dt, at which a step needs the sum of the forces
+    derivatives      how many time derivatives of the acceleration are summed with it: 1 the jerk, 2 the snap as well. A class
+                     that needs any declares the literal `needs_derivatives = True`, by which scenes are checked
+    takes_velocity   keeps its order with forces that depend on velocity. A class that does not declares the literal False, by
+                     which scenes are checked, and the method is refused with such forces
+    takes_time       works with forces that depend on time explicitly; declared and checked in the same way
+    memory           work fields that a step leaves for the next step
     can_use_tree     needs accelerations alone, of all particles at once, so that a tree can sum them
-    takes_low_parts  moves particles by `particle_update`, so that it runs in f32c and ds; it says its `step_numbers`
-    controlled_by    of a method that chooses its steps itself the parameter that says how accurate a run is to be; else empty
+    takes_low_parts  moves particles by the functions of `particle_update`, so that it runs in f32c and ds
+    controlled_by    name of the parameter that sets the accuracy of a method that chooses its steps itself; else empty
     stable_for_any_stiffness  no spring is too stiff for any step
     launchers        by which launchers of step/ it is run; read by step/choose.py alone (see _launchers.py)
 
@@ -44,14 +44,17 @@ class Integrator:
     flies                takes no steps: a contact solver that flies moves the particles
     takes_sliders        False: forces cannot be changed while the scene runs, since the method keeps constants made of them
     made_for             flags of forces: the method goes with forces that have one of them, and with no other force
-    made_for_reason      why
+    made_for_reason      why the method goes with no other force
     orbits_central_body  moves all bodies on orbits around one of them, whose index is the parameter `central`; the parameter
                          `corrector` is one of the literal `correctors`
     default_of_kind      the method of a scene that leaves the choice of the method to its `accuracy:`
     reference_method     gives a reference solution to round-off, from which errors of other methods are measured
+    typical_evaluations  sums of forces in a step, roughly: enough to choose a plan by. An implicit step is many sweeps over
+                         the particles, but each sweep has a launch of its own: one sweep is what counts
     proposed_for         purposes ("tree", "friction", "oscillation") for which messages propose the method
 
-    Subclasses may make any of them a property; here they must stay plain attributes, or Taichi would take these instead.
+    A subclass may make any of them a property. Here they must stay plain attributes: from a property of this class Taichi
+    would take the value of this class, and not of the subclass.
     """
 
     order = 0
@@ -78,6 +81,7 @@ class Integrator:
     orbits_central_body = False
     default_of_kind = False
     reference_method = False
+    typical_evaluations = 1
     proposed_for: tuple = ()
 
     @property
@@ -91,26 +95,26 @@ class Integrator:
         return self.evaluations
 
     def scratch_count(self, velocity_dependent: bool) -> int:
-        """Vector fields beyond position, velocity and acceleration."""
-        raise TypeError(f"{type(self).__name__} does not say what it needs")
+        """Number of vector fields that a step needs beside position, velocity and acceleration."""
+        raise TypeError(f"{type(self).__name__} does not declare its fields")
 
     def low_scratch_count(self) -> int:
-        """Vector fields more where positions and velocities have low parts; they come after the others."""
+        """Number of further vector fields where positions and velocities have low parts; they come after the others."""
         return 0
 
     def step_numbers(self, dt: float) -> list[float]:
-        """What velocities and accelerations are multiplied by in a step of dt [time]; with low parts, more digits are kept."""
+        """The factors of velocities and accelerations in a step of dt [time], of which more digits are kept with low parts."""
         return []
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
-        """Fields beyond those, by name: kind and count for each replica (see State)."""
+        """Further fields of the state, by name: kind and count for each replica (see State)."""
         return {}
 
     def arrange(self, state: Any) -> None:
-        """Fill the work fields that a step reads and none writes, after the state was set from outside."""
+        """Give the work fields their first values, after the state was set from outside and before `prepare`."""
 
     def in_vectors(self, state: Any, total_force: Any) -> bool:
-        """Whether a kernel with a whole step in one thread is compiled with explicit vectors."""
+        """Whether a kernel that runs whole steps in one thread is compiled with explicit vectors."""
         return self.launchers.vectors and total_force.pairs_in_tiles and not state.carries_low
 
     def prepare(self, state: Any, total_force: Any, time: float, sum_forces: SumForces) -> None:
@@ -137,14 +141,14 @@ class Integrator:
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
         """Matrix of one step for the oscillator x" = −ω² x − γ x′, in x and dt·v; frequency = ω dt, damping = γ dt.
 
-        A step is stable where no eigenvalue is beyond 1 in modulus. Over one oscillation the energy falls by |λ|² a step.
+        A step is stable where no eigenvalue λ has a modulus above 1. The energy changes by the factor |λ|² in each step.
         Methods of several steps give the matrix of their longer state.
         """
-        raise TypeError(f"{type(self).__name__} does not say how it treats an oscillator")
+        raise TypeError(f"{type(self).__name__} does not declare its amplification")
 
     def loops(self, k: int, total_force: Any) -> int:
-        """How many loops over particles stage k runs."""
-        raise TypeError(f"{type(self).__name__} does not say how many loops it runs")
+        """Number of loops over particles in stage k."""
+        raise TypeError(f"{type(self).__name__} does not declare its loops")
 
     def parallel_loops(self, total_force: Any, loops_of_sum: int | None) -> int | None:
         """Parallel loops of one step, where a sum of forces takes `loops_of_sum`; None where that is not known."""
@@ -155,7 +159,10 @@ class Integrator:
         return (self.evaluations * loops_of_sum if self.wants_sum(total_force) else 0) + stages
 
     def wants_sum(self, total_force: Any) -> bool:
-        """Whether a stage finds the sum of the forces without velocity in state.acceleration; else it sums them itself."""
+        """Whether stages expect the sum of the forces in state.acceleration; otherwise each stage sums the forces itself.
+
+        The sum is that of the forces that do not depend on velocity.
+        """
         return total_force.has_velocity_independent
 
     def joins_steps(self, total_force: Any) -> bool:
@@ -168,18 +175,19 @@ class Integrator:
 
     @ti.func
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
-        """Stage k of the step that began at `time`: 0 opens it, k + 1 follows the force at nodes[k].
+        """Stage k of the step that began at `time`: stage 0 opens the step, stage k + 1 follows the force at nodes[k].
 
-        Works on the particles first … first + particle_count − 1. Never reads what another particle's entry is given here.
+        It works on the particles first … first + particle_count − 1. An iteration never reads an entry of another particle that
+        the same loop writes.
         """
 
     @ti.func
     def stage_and_opening(self, state: Template, total_force: Template, first, time: Template, dt: Template, opens):
-        """The last stage and, where it `opens` the next step, the opening one, to the same bits as one after the other."""
+        """The last stage and, where it `opens` the next step, the next opening stage; the bits are those of separate stages."""
 
     @ti.func
     def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
-        """Stage k ≥ 1, where k is known only when the kernel runs."""
+        """Stage k ≥ 1, where k is not known before the kernel runs."""
         for c in ti.static(range(1, self.evaluations + 1)):
             if k == c:
                 self.stage(state, total_force, first, time, dt, c)
@@ -202,9 +210,9 @@ class Integrator:
         joins: Template,
         opens,
     ):
-        """What comes after the opening stage; where steps are joined it also `opens` the next."""
+        """The rest of a step after its opening stage; where steps are joined, its last stage also `opens` the next step."""
         if ti.static(shape == "serial" and self.evaluations > 1):
-            # The force is by far the most there is to compile, so the kernel holds it once and loops over the stages.
+            # The sum of forces takes by far the longest to compile, so the kernel holds it once, in a loop over the stages.
             for k in range(self.evaluations):
                 node = 0.0
                 for c in ti.static(range(self.evaluations)):

@@ -1,11 +1,11 @@
-"""Kahan's sum: what a sum was rounded by is kept, and taken from the next change."""
+"""Kahan's sum: the rounding error of a sum is kept, and subtracted from the next change."""
 
 import taichi as ti
 
 
 @ti.func
 def compensated_sum(total, rest, change):
-    """(total + change, rest) where `rest` is by how much the sum is too large; at first it is 0.
+    """(total + change, rest), where `rest` is the amount by which the sum is too large; it is 0 at first.
 
     Source: Kahan, Comm. ACM 8 (1965) 40.
     """

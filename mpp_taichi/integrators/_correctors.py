@@ -1,22 +1,22 @@
 """Symplectic correctors of a splitting into a large part and a small one. Host side; no Taichi.
 
 To first order in the small part B, a step D(½) K(1) D(½) of drifts by the large part A and kicks by B is the flow of
-h A + h φ(x) B, φ(x) = (x/2) / sinh(x/2), where x = h [A, ·]; and a change of coordinates e^S takes it to h A + h B if
-S = h (φ(x) − 1)/x B. From kicks between drifts S is made of Z(a, b) = D(a) K(b) D(−2a) K(−b) D(a), which is e^S with
-S = 2 b h sinh(a x) B: several of them whose series agrees with that of (φ − 1)/x up to x^(n−2) make a corrector of order n,
-and what a step is wrong by falls from ε h² to ε h^(n+1) + ε² h².
+h A + h φ(x) B, φ(x) = (x/2) / sinh(x/2), where x = h [A, ·]; and a change of coordinates e^S turns that flow into the flow of
+h A + h B if S = h (φ(x) − 1)/x B. Such a change is built from drifts and kicks as a product of
+Z(a, b) = D(a) K(b) D(−2a) K(−b) D(a), which is e^S with S = 2 b h sinh(a x) B. A product whose series agrees with that of
+(φ − 1)/x up to x^(n−2) is a corrector of order n; it reduces the error of a step from ε h² to ε h^(n+1) + ε² h².
 Sources: Wisdom, Holman & Touma, Fields Inst. Commun. 10 (1996) 217; Wisdom, Astron. J. 131 (2006) 2294.
 """
 
 from fractions import Fraction
 from math import factorial, sqrt
 
-SPACING_SQUARED = Fraction(7, 40)  # of the a, which are multiples of its root: Wisdom's
+SPACING_SQUARED = Fraction(7, 40)  # the a are multiples of its square root, as Wisdom chose them
 ORDERS = (0, 3, 5, 7, 11, 17)
 
 
 def stages(order: int) -> tuple[tuple[float, float], ...]:
-    """(a, b) of each Z, in parts of the step; none for order 0."""
+    """(a, b) of each factor Z, in parts of the step; no factor for order 0."""
     count = max(0, order - 1) // 2
     wanted = error_series(count)
     # In B = b √(spacing²) the conditions Σ 2 b_i a_i^(2k−1) / (2k−1)! are rational.
@@ -29,7 +29,7 @@ def stages(order: int) -> tuple[tuple[float, float], ...]:
 
 
 def error_series(count: int) -> list[Fraction]:
-    """Coefficients of x, x³, … of (φ(x) − 1)/x: φ is one over sinh(x/2) / (x/2)."""
+    """Coefficients of x, x³, … in (φ(x) − 1)/x, where φ is the reciprocal of sinh(x/2) / (x/2)."""
     sinh = [Fraction(1, 4**k * factorial(2 * k + 1)) for k in range(count + 1)]
     phi: list[Fraction] = []
     for k in range(count + 1):
@@ -38,7 +38,7 @@ def error_series(count: int) -> list[Fraction]:
 
 
 def _solved(rows: list[list[Fraction]], wanted: list[Fraction]) -> list[Fraction]:
-    """Gauss–Jordan, exactly."""
+    """Solution of a linear system by Gauss and Jordan's elimination, in exact fractions."""
     table = [[*row, value] for row, value in zip(rows, wanted, strict=True)]
     for k in range(len(table)):
         pivot = next(row for row in table[k:] if row[k] != 0)
@@ -51,7 +51,7 @@ def _solved(rows: list[list[Fraction]], wanted: list[Fraction]) -> list[Fraction
 
 
 def opening(order: int) -> tuple[tuple[float, float], ...]:
-    """(kick, drift) in parts of the step, from the true state to half a step into the first; the first kick is 0."""
+    """(kick, drift) in parts of the step, from the true state to the middle of the first step; the first kick is 0."""
     kicks, drifts = [0.0], [0.0]
     for a, b in stages(order):
         kicks += [b, -b]

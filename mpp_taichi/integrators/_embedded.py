@@ -1,4 +1,4 @@
-"""Embedded Runge–Kutta pairs with a step of their own choice, and looks by their own polynomial."""
+"""Embedded Runge–Kutta pairs that choose their steps, with output between two steps by the polynomial of the pair."""
 
 from dataclasses import replace
 from typing import Any
@@ -13,10 +13,10 @@ from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
 SAFETY = 0.9
-PROPORTIONAL, INTEGRAL = 0.2, 0.85  # exponents of the last error and of this one, in parts of 1/k where the error goes as h^k
-SHORTEST, LONGEST = 0.2, 5.0  # of a step, over the one before
-FIRST_SHARE = 0.1  # of the time in which the speed changes by as much as it is, for a first step at a tolerance of 1
-LEAST_ERROR = 1e-4  # that is believed, in parts of what is tolerated
+PROPORTIONAL, INTEGRAL = 0.2, 0.85  # exponents of the last and the present error, times 1/k for an error of order h^k
+SHORTEST, LONGEST = 0.2, 5.0  # length of a step, relative to the step before
+FIRST_SHARE = 0.1  # of `time_of_change`: the first step at a tolerance of 1
+LEAST_ERROR = 1e-4  # smaller estimates, relative to the tolerance, are not trusted
 
 
 def wide_rows(pair: type[RungeKutta]) -> np.ndarray:
@@ -26,14 +26,15 @@ def wide_rows(pair: type[RungeKutta]) -> np.ndarray:
 
 
 class Embedded(Adaptive):
-    """A pair's step h, controlled by its estimate of the error; see RungeKutta for what a pair declares.
+    """Steps of a pair, whose length h is controlled by the pair's estimate of the error; see RungeKutta for its declarations.
 
-    What is estimated is e, the largest |Δx| / X and |Δv| / V of a particle, X and V the largest distance and velocity from the
-    first particle, or the change in the step where that is more: no matter where the system is and how it moves as a whole.
-    A step is taken where e ≤ tolerance; the next one is h 0.9 (tolerance/e)^(0.85/k) (e_before/tolerance)^(0.2/k), the same
-    for all particles, and a refused one shrinks by 0.9 (tolerance/e)^(1/k). The first slope is the last of the step before,
-    sums over steps are compensated. Looks between two steps are the pair's own polynomial; where that wants more forces, they
-    are evaluated for steps that are looked at.
+    The estimate e is the largest |Δx| / X or |Δv| / V of all particles. X and V are the largest distance and velocity relative
+    to the first particle, or the largest change in the step where that is more, so that the place and the velocity of the whole
+    system do not matter. A step is accepted where e ≤ tolerance; the next step is
+    h 0.9 (tolerance/e)^(0.85/k) (e_before/tolerance)^(0.2/k), the same for all particles. A refused step is repeated with
+    h 0.9 (tolerance/e)^(1/k). The first slope is the last slope of the step before, and sums over steps are compensated.
+    Between two steps the state is that of the pair's polynomial. Further forces that the polynomial needs are evaluated only in
+    steps in which the state is shown.
     Source: Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, 2nd ed. (1993), §II.4; the controller:
     Gustafsson, ACM Trans. Math. Softw. 17 (1991) 533.
     """
@@ -42,15 +43,15 @@ class Embedded(Adaptive):
     error_order = 0  # k
     tolerance: float
     controlled_by = "tolerance"
-    launch = replace(Adaptive.launchers, quickly=True)
+    launchers = replace(Adaptive.launchers, quickly=True)
     VECTORS = ("start_position", "start_velocity", "start_acceleration", "position_rest", "velocity_rest")
     memory = ("clock", "tally", "judged", "slope", *VECTORS)
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
-        """The true state at the start of the step, all slopes, and of each replica the clock and what was judged.
+        """The true state at the start of the step, all slopes, and for each replica the clock and the field `judged`.
 
-        That is the error of the last step, in tolerances, and whether its looks have their slopes. Weights are looked up:
-        written into the kernel they would take half a minute to compile.
+        `judged` holds the error of the last step relative to the tolerance, and whether the step has the slopes of its dense
+        output. Weights are looked up in a field: written into the kernel they would take half a minute to compile.
         """
         n, count = start.particle_count, self._count
         return {
@@ -72,18 +73,19 @@ class Embedded(Adaptive):
 
     @property
     def _count(self) -> int:
-        """Of the slopes."""
+        """Number of all slopes."""
         return len(wide_rows(self.pair))
 
     @property
     def _evaluated(self) -> int:
-        """Slopes of a step, that of its end the last; those beyond are of looks."""
+        """Number of slopes of a step, its end included; the slopes beyond belong to the dense output."""
         return len(self.pair.b) + 1
 
     def _table(self) -> list[list[list[float]]]:
-        """Weights of all slopes in x, times h², and in v, times h: where each slope is taken, and of each estimate.
+        """Rows of the weights of all slopes in x, times h², and in v, times h.
 
-        Then those of θ, θ², …; and a row for what these make of a look.
+        There is a row for the place of each slope, a row for each estimate of the error, a row for each power θ, θ², … of the
+        dense output, and an empty row, into which `show` writes the sum of these powers.
         """
         full = wide_rows(self.pair)
         errors = [np.array([*row, *[0.0] * (len(full) - len(row))]) for row in self.pair.error_weights]
@@ -92,7 +94,7 @@ class Embedded(Adaptive):
         return [[(row @ full).tolist(), row.tolist()] for row in rows]
 
     def control(self) -> tuple[float, float]:
-        """The tolerance as given, but not what round-off alone exceeds; and the share that the first step is."""
+        """The tolerance, but no less than round-off allows; and the length of the first step relative to `time_of_change`."""
         rounding = 2.0**-24 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-53
         tolerance = max(self.tolerance, 16.0 * rounding)
         return tolerance, FIRST_SHARE * tolerance ** (1.0 / self.error_order)
@@ -101,7 +103,7 @@ class Embedded(Adaptive):
 
     @ti.func
     def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
-        """The first step is a small part of the time in which the acceleration would change the speed."""
+        """Take the state as the start; the first step is a small part of the time in which accelerations change speeds."""
         r = first // total_force.particle_count
         self.start_clock(state, r, time)
         self.evaluate(state, total_force, first, time, shape)
@@ -123,7 +125,7 @@ class Embedded(Adaptive):
 
     @ti.func
     def show(self, state: Template, total_force: Template, first, time: Template):
-        """The step's polynomial at a time within it."""
+        """Set the state to the value of the step's polynomial at a time within the step."""
         r = first // total_force.particle_count
         s, h = self.share_of_step(state, r, time), ti.cast(state.clock[self.CLOCK * r + 1], float)
         self._complete(state, total_force, first, h)
@@ -141,7 +143,7 @@ class Embedded(Adaptive):
 
     @ti.func
     def _complete(self, state: Template, total_force: Template, first, h):
-        """Slopes that only looks want, where this step has not got them yet."""
+        """Evaluate the slopes that only the dense output needs, unless this step has them already."""
         r = first // total_force.particle_count
         if ti.static(self._count > self._evaluated):
             if state.judged[2 * r + 1] == 0.0 and h > 0.0:
@@ -151,12 +153,12 @@ class Embedded(Adaptive):
 
     @property
     def path_degree(self) -> int:
-        """That of the polynomial of looks."""
+        """The degree of the dense output."""
         return max(len(row) for row in self.pair.dense_weights)
 
     @ti.func
     def write_paths(self, state: Template, total_force: Template, coefficient: Template):
-        """The polynomial of looks: x₀, h v₀ and h² Σ_k w_mk f_k."""
+        """Write the coefficients of the dense output: x₀, h v₀ and h² Σ_k w_mk f_k."""
         n, powers = ti.static(total_force.particle_count, self._count + len(self.pair.error_weights))
         h = ti.cast(state.clock[1], float)
         self._complete(state, total_force, 0, h)
@@ -171,7 +173,7 @@ class Embedded(Adaptive):
 
     @ti.func
     def take_step(self, state: Template, total_force: Template, first, shape: Template):
-        """From the start state with its slope: try, judge, and leave the length of this step and the next."""
+        """Try steps from the start state until the error of one is small enough; write its length and the next length."""
         r = first // total_force.particle_count
         h = state.clock[self.CLOCK * r + 2]
         grows = ti.cast(LONGEST, state.wide)
@@ -193,7 +195,7 @@ class Embedded(Adaptive):
                 state.clock[self.CLOCK * r + 2] = h * ti.min(grows, ti.max(ti.cast(SHORTEST, state.wide), change))
                 trying = 0
             else:
-                # What is no number fails both ways, and shrinks the most.
+                # An error that is NaN fails both comparisons, and the step shrinks the most.
                 state.tally[self.TALLY * r + self.REFUSED] += 1
                 change = ti.cast(SHORTEST, state.wide)
                 if error < 1e30:
@@ -203,7 +205,7 @@ class Embedded(Adaptive):
 
     @ti.func
     def _take_slopes(self, state: Template, total_force: Template, first, start, stop, h, shape: Template):
-        """Slopes number start … stop − 1 of the step of length h; the force is compiled once, its places for each."""
+        """Take the slopes start … stop − 1 of a step of length h; one copy of the force serves all slopes."""
         r = first // total_force.particle_count
         for k in range(start, stop):
             node = state.node[self._count * r + k]
@@ -220,18 +222,18 @@ class Embedded(Adaptive):
 
     @ti.func
     def _keep(self, state: Template, total_force: Template, first, i, k, slope):
-        """Slope k of a particle."""
+        """Store slope k of particle i."""
         state.slope[first * self._count + k * total_force.particle_count + i - first] = slope
 
     @ti.func
     def _place(self, first, total_force: Template, row):
-        """Where the weights of a row begin."""
+        """Index of the first weight of a row."""
         r = first // total_force.particle_count
         return 2 * ti.static(self._count) * (ti.static(len(self._table())) * r + row)
 
     @ti.func
     def _sums(self, state: Template, total_force: Template, first, i, row):
-        """Weighted sums over the slopes of a particle, for x and for v."""
+        """Weighted sums over the slopes of particle i, for x and for v."""
         x, v = ti.Vector.zero(float, state.dimensions), ti.Vector.zero(float, state.dimensions)
         place = self._place(first, total_force, row)
         for k in range(self._count):
@@ -242,7 +244,7 @@ class Embedded(Adaptive):
 
     @ti.func
     def _error(self, state: Template, total_force: Template, first, h):
-        """The estimate over the tolerance, the state at the end of the step; of two it is E₅² / √(E₅² + 0.01 E₃²)."""
+        """The estimated error over the tolerance, at the end of the step; two estimates give E₅² / √(E₅² + 0.01 E₃²)."""
         r = first // total_force.particle_count
         widest, fastest = ti.cast(0.0, float), ti.cast(0.0, float)
         for i in range(first, first + total_force.particle_count):
@@ -258,7 +260,7 @@ class Embedded(Adaptive):
                 off, slip = h * h * x.norm(), h * v.norm()
                 off = off / widest if off > 0.0 or ti.math.isnan(off) else off
                 slip = slip / fastest if slip > 0.0 or ti.math.isnan(slip) else slip
-                # A comparison with what is no number is false, and it would be lost.
+                # A comparison with NaN is false; written like this, NaN is kept as the error.
                 if not (off <= errors[c]):
                     errors[c] = off
                 if not (slip <= errors[c]):
@@ -270,7 +272,7 @@ class Embedded(Adaptive):
 
     @ti.func
     def enter_next(self, state: Template, total_force: Template, first):
-        """The end of this step is the start of the next; sums are compensated."""
+        """Make the end of the last step the start of the next; the sums are compensated."""
         r = first // total_force.particle_count
         h = ti.cast(state.clock[self.CLOCK * r + 1], float)
         last = ti.static(self._evaluated - 1)

@@ -9,10 +9,10 @@ from mpp_taichi.arithmetic.inverse_distance import softened_square
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
-FEW_PAIRS = 4  # that fit into one block of so many lanes; else blocks are of eight
+FEW_PAIRS = 4  # up to so many pairs lie in one block of four lanes; more pairs lie in blocks of eight
 EXPONENT = -1.5  # of the squared distance
-LARGEST_SHARE = 8  # of a particle's pairs that are added up without a loop
-FEW_ORDERS = 6  # whose coefficients are large enough for the error of a constant to be seen
+LARGEST_SHARE = 8  # pairs of a particle that are summed without a loop
+FEW_ORDERS = 6  # orders whose coefficients are so large that the rounding of a constant factor would show
 
 
 @ti.data_oriented
@@ -24,14 +24,15 @@ class GravitySeries:
         Q_n = Σ_k D_k·D_(n−k),  n Q_0 S_n = Σ_(k<n) (−3/2 (n − k) − k) Q_(n−k) S_k,  A_n = Σ_j G m_j Σ_k S_k D_(n−k),
         X_(n+2) = u² A_n / ((n + 1)(n + 2))
 
-    A pair is computed once and acts on both. Pairs lie in blocks of lanes: all of a pair's D and S of one order for every
-    lane of a block, then the next quantity; then the next block, the next order. A sum over k so walks through whole
-    vectors, which is why the kernel wants `explicit_vectors`. Lanes left over repeat the first pair and pull at nothing.
+    A pair is computed once and acts on both particles. Pairs lie in blocks of lanes, one pair in each lane. In memory the lanes
+    of one quantity (D, Q or S) of a block are next to each other; then come the next quantity, the next block and the next
+    order. A sum over k therefore reads whole vectors, for which the kernel is compiled with `explicit_vectors`. Unused lanes
+    repeat the first pair and act on no particle.
     Sources: Moore, Interval Analysis (1966) ch. 11; Jorba & Zou, Exp. Math. 14 (2005) 99.
     """
 
     def __init__(self, total_force: Any, start: Snapshot, order: int) -> None:
-        """Up to this order."""
+        """Lay out the blocks for the pairs of `start`, and coefficients up to `order`."""
         self.total_force = total_force
         self.count, self.dimensions = start.particle_count, total_force.dimensions
         self.rows = order + 1  # of coefficients
@@ -45,13 +46,13 @@ class GravitySeries:
         self.quantities = self.dimensions + 2  # D, Q (of order 0: 1/Q) and S
         self.group = self.count if self.blocks == 1 else 1  # of particles whose series are summed side by side
         self.row_size = self.blocks * self.quantities
-        # Known when kernels are compiled where all fit into one block; else looked up, and these stand for nothing.
+        # Where all pairs fit into one block they are known when kernels are compiled; otherwise they are looked up in a field.
         self.pairs = list(itertools.combinations(range(self.count), 2)) if self.blocks == 1 else []
         self.pairs += [(0, 1)] * (self.lanes - len(self.pairs))
         self.softening_squared = float(total_force.pair_forces[0].softening) ** 2 if pairs else 0.0
 
     def work_fields(self) -> dict[str, tuple[str, int]]:
-        """Coefficients; of each pair the places of its ends in a row, what pulls at them, and its series."""
+        """The coefficients, and for each pair the indices of its particles, its force on them, and its series."""
         return {
             "coefficient": ("vector", self.rows * self.count),
             "pair_end": ("index", 2 * self.slots),
@@ -63,17 +64,17 @@ class GravitySeries:
 
     @staticmethod
     def component(state: Any, c: int) -> Any:
-        """Of the coefficients: one axis, as numbers. Where vectors are explicit, Taichi stores no part of a whole one."""
+        """One axis of the coefficients, as a field of numbers: with explicit vectors Taichi cannot store part of a vector."""
         return state.coefficient.get_scalar_field(c)
 
     def slot_of(self, i: int, j: int) -> int:
-        """Where the pair of particle i and its j-th other is."""
+        """Slot of the pair of particle i and the j-th other particle."""
         other = j if j < i else j + 1
         return self.pairs.index((min(i, other), max(i, other)))
 
     @ti.func
     def begin(self, state: Template, first):
-        """Number the pairs."""
+        """Write the table of pairs: the particles of each slot, and the slots of each particle."""
         if ti.static(self.pair_count > 0):
             r = first // self.count
             slot = 0
@@ -89,13 +90,13 @@ class GravitySeries:
 
     @ti.func
     def _set_end(self, state: Template, r, slot, i, j):
-        """Pair `slot` is d = x_j − x_i."""
+        """Make `slot` the pair with d = x_j − x_i."""
         state.pair_end[2 * (r * self.slots + slot)] = i
         state.pair_end[2 * (r * self.slots + slot) + 1] = j
 
     @ti.func
     def _set_own(self, state: Template, first, slot, i, j, place, sign):
-        """Pair `slot` is the one of particle i at this place, and j pulls at it."""
+        """Make `slot` the pair of particle i at this place of its list, with the strength by which particle j attracts i."""
         own = (first + i) * self.shares * self.share + place
         block, lane = slot // self.lanes, slot % self.lanes
         state.own_pair[own] = (first // self.count * self.blocks + block) * self.dimensions * self.lanes + lane
@@ -104,7 +105,7 @@ class GravitySeries:
 
     @ti.func
     def extend(self, state: Template, first, unit, time):
-        """Coefficients from 2 on, from 0 and 1."""
+        """Compute the coefficients from 2 on, from the coefficients 0 and 1."""
         r = first // self.count
         for n in range(self.rows - 2):
             if ti.static(self.blocks == 1):
@@ -130,7 +131,7 @@ class GravitySeries:
 
     @ti.func
     def _extend_few(self, state: Template, first, r, n, unit, time):
-        """The same where all pairs fit into one vector: nothing is looked up."""
+        """`extend` by one order where all pairs fit into one vector: no pair is looked up."""
         pull = self._pull(state, r, n, 0)
         for i in ti.static(range(self.count)):
             a = self._external(state, first + i, n, time)
@@ -141,7 +142,7 @@ class GravitySeries:
 
     @ti.func
     def _external(self, state: Template, i, n, time):
-        """Acceleration by what is not a pair, which has no other order than 0."""
+        """Acceleration by external forces, which are constant and contribute to order 0 alone."""
         a = [0.0 for c in ti.static(range(self.dimensions))]
         if n == 0:
             for force in ti.static(self.total_force.external):
@@ -152,7 +153,7 @@ class GravitySeries:
 
     @ti.func
     def _place(self, state: Template, first, r, i, n, unit, a):
-        """Coefficient n + 2 of particle i."""
+        """Store coefficient n + 2 of particle i."""
         row = (r * self.rows + n + 2) * self.count + i - first
         for c in ti.static(range(self.dimensions)):
             x = self._divided(a[c] * (unit * unit), n, (n + 1) * (n + 2))
@@ -162,7 +163,10 @@ class GravitySeries:
 
     @ti.func
     def _divided(self, x, n, divisor):
-        """A product is faster, but its factor is rounded the same way in each step, which would show in the energy."""
+        """x / divisor. A product with 1/divisor is faster, but the rounding of the factor is the same in every step.
+
+        In the low orders, whose coefficients are large, that would show as a drift of the energy.
+        """
         result = x
         if n < FEW_ORDERS:
             result = x / divisor
@@ -172,7 +176,7 @@ class GravitySeries:
 
     @ti.func
     def _pull(self, state: Template, r, n, block):
-        """Order n of a block's pairs: their series, and what they add to the accelerations."""
+        """Order n of the pairs of a block: extend their series, and return their part of the accelerations."""
         lanes, axes = ti.static(self.lanes, self.dimensions)
         origin = (r * (self.rows - 2) * self.blocks + block) * self.quantities
         now = origin + n * self.row_size
@@ -220,7 +224,7 @@ class GravitySeries:
 
     @ti.func
     def largest(self, state: Template, first, n):
-        """Of |D_n|²/Q_0 over the pairs; infinite where one is no number."""
+        """The largest |D_n|²/Q_0 of all pairs; infinite where a value is NaN."""
         r = first // self.count
         result = 0.0
         if ti.static(self.pair_count > 0):

@@ -36,14 +36,16 @@ class Hermite(Integrator):
         sixth order    v₁ = v₀ + h/2 (a₀ + a₁) + h²/10 (j₀ − j₁) + h³/120 (s₀ + s₁),
                        x₁ = x₀ + h/2 (v₀ + v₁) + h²/10 (a₀ − a₁) + h³/120 (j₀ + j₁)
 
-    The first a₁, j₁, s₁ are those where Taylor's series leads to: up to the jerk, or up to the crackle that the polynomial
-    of the step before ends with. What was evaluated last serves the next step, which costs as many evaluations as there are
-    `corrections`. The snap wants the acceleration at its own place: it is computed with the one that was known before the
-    sweep, predicted or of the evaluation before. With many corrections the scheme is implicit and symmetric in time; two
-    bring it near, and the energy error of a regular motion hardly drifts.
+    The first a₁, j₁, s₁ are evaluated where Taylor's series predicts the particles. The series ends with the jerk, or in sixth
+    order with the crackle of the polynomial of the step before. The last evaluation of a step serves the next step, so that a
+    step costs as many evaluations as there are `corrections`. The snap of a particle depends on its own acceleration: the snap
+    is computed with the acceleration that was known before the sum, either predicted or of the evaluation before. With many
+    corrections the scheme is implicit and symmetric in time; two corrections come near to that, and the energy error of a
+    regular motion hardly drifts.
     """
 
     takes_velocity = False
+    typical_evaluations = 6
 
     @property
     def nodes(self) -> tuple:
@@ -52,20 +54,20 @@ class Hermite(Integrator):
 
     @property
     def found(self) -> tuple[str, ...]:
-        """Fields of the derivatives of the velocity that are summed, acceleration first."""
+        """Names of the fields that are summed: acceleration, jerk, snap."""
         return ("acceleration", "jerk", "snap")[: self.derivatives + 1]
 
     @property
     def memory(self) -> tuple[str, ...]:
-        """What was evaluated last, which is not quite what belongs to the state, and the crackle."""
+        """The last evaluation, which lies at the positions before the last correction, and the crackle."""
         return (*self.found, "crackle") if self.derivatives > 1 else self.found
 
     def scratch_count(self, velocity_dependent: bool) -> int:
-        """What it keeps has names of its own."""
+        """None: its fields are work fields with names."""
         return 0
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
-        """Derivatives found, and all that the step began with."""
+        """Derivatives that are summed, and the state and derivatives at the start of the step."""
         names = ["start_position", "start_velocity", *(f"start_{name}" for name in self.found), *self.found[1:]]
         if self.derivatives > 1:
             names += ["crackle", "estimate"]
@@ -83,17 +85,17 @@ class Hermite(Integrator):
             sum_forces(total_force, time)
 
     def wants_sum(self, total_force: Any) -> bool:
-        """Always."""
+        """Always, as every stage needs the derivatives."""
         return True
 
     def loops(self, k: int, total_force: Any) -> int:
-        """Every stage is one."""
+        """Every stage is one loop."""
         return 1
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
-        """Of the longer state x, dt v, dt² a, dt³ j and in sixth order dt⁴ s, dt⁵ c, the last four as they were found last.
+        """Matrix of the longer state x, dt v, dt² a, dt³ j and in sixth order dt⁴ s, dt⁵ c, the derivatives as last evaluated.
 
-        ValueError with damping, which it cannot have.
+        ValueError with damping, which the method does not take.
         """
         if damping != 0.0:
             raise ValueError(f"{type(self).__name__} takes no forces that depend on velocity")
@@ -124,12 +126,12 @@ class Hermite(Integrator):
 
     @ti.func
     def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
-        """All corrections are the same."""
+        """A correction; all corrections are the same."""
         self.correct(state, total_force, first, dt)
 
     @ti.func
     def predict(self, state: Template, total_force: Template, first, h: Template):
-        """Taylor's series, the smallest terms added first."""
+        """Predict the end of the step by Taylor's series, the smallest terms added first."""
         for i in range(first, first + total_force.particle_count):
             x, v, a, j = state.position[i], state.velocity[i], state.acceleration[i], state.jerk[i]
             state.start_position[i] = x
@@ -148,7 +150,7 @@ class Hermite(Integrator):
 
     @ti.func
     def correct(self, state: Template, total_force: Template, first, h: Template):
-        """Put the end of the step where the polynomial through what was found leads to."""
+        """Set the end of the step to the end of the polynomial through the derivatives at both ends."""
         for i in range(first, first + total_force.particle_count):
             v0, a0, j0 = state.start_velocity[i], state.start_acceleration[i], state.start_jerk[i]
             a1, j1 = state.acceleration[i], state.jerk[i]

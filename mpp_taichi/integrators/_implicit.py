@@ -1,4 +1,4 @@
-"""Implicit methods: one equation for the end, or a middle, of the step, solved by Newton's method."""
+"""Implicit methods: one equation for the end or the middle of the step, solved by Newton's method."""
 
 from typing import Any
 
@@ -18,27 +18,27 @@ from mpp_taichi.solvers.ordering import bandwidth, narrow_order
 from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.types import Template
 
-# Half-bandwidth, in particles, up to which factors in one thread beat conjugate gradients on a CPU: they cost some
-# 27 (w + 1)² ns a particle, and an iteration 40, of which stiff networks need fifty and more.
+# Half-bandwidth w, in particles, up to which a banded factorization in one thread is faster than conjugate gradients on a CPU:
+# it costs some 27 (w + 1)² ns a particle; an iteration costs 40 ns, and stiff networks need fifty iterations and more.
 WIDEST_BAND = 8
-MOST_PIECES = 1024  # of a step that cannot be done in one
-GUARD_ROOM = {ti.f32: 1e-5, ti.f64: 1e-12}  # of the energy: its own rounding
+MOST_PIECES = 1024  # into which a step is cut at most
+GUARD_ROOM = {ti.f32: 1e-5, ti.f64: 1e-12}  # relative rounding error of the energy
 
 
 @ti.data_oriented
 class Implicit(Integrator):
-    """A step that asks for the displacement P of its stage,
+    """A step that solves an equation for the displacement P of its stage,
 
         x = x* + P,  v = v* + (g/b) P,  P = b a(x, v, t + node·dt),  b = beta·dt², g = gamma·dt.
 
-    A method says beta, gamma and node, sets the bases x*, v* from the start of the step (`begin`) and the end of the step from
-    P (`finish`). Positions are kept as a start and a shift from there, so that a step rounds them once. All
-    of them are stable for springs of any stiffness; what they make of oscillations that a step cannot resolve is their
-    difference: see `amplification`.
+    A method declares beta, gamma and node. It sets the bases x*, v* from the start of the step (`begin`), and the end of the
+    step from P (`finish`). Positions are kept as a start and a shift from the start, so that a step rounds them once. All of
+    these methods are stable for springs of any stiffness. They differ in their treatment of oscillations that a step cannot
+    resolve: see `amplification`.
 
-    A step whose equations Newton's method does not solve is done again in two pieces, in four, and so on; and so is one of a
-    method that never gains energy (`never_gains_energy`) if it does: that happens where springs are pushed through themselves.
-    Cut steps are counted. What MOST_PIECES do not solve ends the run.
+    A step whose equations Newton's method does not solve is repeated in two pieces, in four, and so on. A step that gains
+    energy, of a method that never should (`never_gains_energy`), is repeated in the same way: it gains energy where a spring is
+    pushed through zero length. Cut steps are counted. A step that MOST_PIECES pieces do not solve ends the run.
     """
 
     launchers = Launchers(parallel="parallel_implicit", quickly=True)
@@ -47,27 +47,27 @@ class Implicit(Integrator):
     beta = 1.0
     gamma = 1.0
     node = 1.0
-    never_gains_energy = False  # where forces only conserve or dissipate, and the way from start to end is convex
-    has_soft_forces = False  # forces left to kicks
-    extra_vectors: tuple = ()  # fields of its own
+    never_gains_energy = False  # where forces only conserve or dissipate, and the potential is convex between start and end
+    has_soft_forces = False  # whether some forces act in kicks, outside the equation
+    extra_vectors: tuple = ()  # names of vector fields of the method's own
     solver = "auto"
     tolerance: Any = None
     _collected = SolverReport()  # the last report
 
     def scratch_count(self, velocity_dependent: bool) -> int:
-        """None: its fields are work fields."""
+        """None: all fields are work fields."""
         return 0
 
     def loops(self, k: int, total_force: Any) -> int:
-        """Unknown beforehand: it iterates."""
+        """Not known beforehand; 0 stands for that."""
         return 0
 
     def implicit_part(self, total_force: Any) -> Any:
-        """The forces of the equation that is solved: all of them."""
+        """The forces of the equation: all forces, unless a method leaves some to kicks."""
         return total_force
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
-        """Choose the linear solver; say which fields it all needs."""
+        """Choose the linear solver, and list the fields of the method, of Newton's method and of the linear solver."""
         part = self.implicit_part(total_force)
         matrix = NewtonMatrix(part, total_force.dimensions, 2 * len(start.springs))
         self.newton = Newton(matrix, self._linear_solver(matrix, start, on_cpu), self.tolerance)
@@ -90,15 +90,15 @@ class Implicit(Integrator):
 
     @property
     def evaluations_per_step(self) -> int | None:
-        """As many as the equations of the step need."""
+        """Not known beforehand: as many as the equations of the step need."""
         return None
 
     def starting_force(self, total_force: Any) -> Any:
-        """The forces whose accelerations `start` is given."""
+        """The forces whose accelerations `start` keeps."""
         return total_force
 
     def arrange(self, state: Any) -> None:
-        """Give the state's work fields what they begin with: no earlier step, and no trouble."""
+        """Give the work fields their first values: there is no earlier step, and no replica stands still."""
         state.extras = tuple(getattr(state, name) for name in self.extra_vectors)
         state.starts = tuple(getattr(state, f"start_{name}") for name in self.extra_vectors)
         if isinstance(self.newton.linear, Banded):
@@ -135,11 +135,11 @@ class Implicit(Integrator):
 
     @ti.func
     def start(self, state: Template, total_force: Template, first, i, time):
-        """Set what the first step wants to find, from the accelerations of `starting_force`."""
+        """Keep the acceleration that the first step begins with, from the sum of `starting_force`."""
 
     @ti.func
     def coefficients(self, state: Template, first, dt):
-        """(b, g)."""
+        """(b, g), in a kernel."""
         return self.beta * dt * dt, self.gamma * dt
 
     @ti.func
@@ -152,13 +152,13 @@ class Implicit(Integrator):
 
     @ti.func
     def kick(self, state: Template, i, dt):
-        """After the step, with the accelerations of the soft forces known."""
+        """Kick particle i after the step by the soft forces, whose accelerations are known then."""
 
     # One thread ------------------------------------------------------------------------------------------------------------
 
     @ti.func
     def step(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
-        """Advance from `time` to `time + dt`, if need be in pieces; a replica that cannot be advanced stands still."""
+        """Advance from `time` to `time + dt`, in pieces where necessary; a replica whose step is not solved stands still."""
         replica = first // total_force.particle_count
         if state.unsolved[replica] == 0:
             end = first + total_force.particle_count
@@ -188,9 +188,10 @@ class Implicit(Integrator):
 
     @ti.func
     def attempt(self, state: Template, total_force: Template, first, time, dt, last_chance):
-        """One step or piece of it; 1 when its equations were solved, and it gained no energy where none can come from.
+        """One step or a piece of it; 1 if its equations were solved, and it gained no energy where no force can give any.
 
-        The last chance may gain some: that of pieces in which a spring is pushed through itself goes to 0 with their length.
+        The smallest pieces (`last_chance`) may gain energy. Where a spring is pushed through zero length, the gain goes to 0
+        with the length of the pieces.
         """
         end = first + total_force.particle_count
         b, g = self.coefficients(state, first, dt)
@@ -216,7 +217,7 @@ class Implicit(Integrator):
 
     @ti.func
     def guarded_energy(self, state: Template, total_force: Template, first, time):
-        """Total energy where it is watched, else 0."""
+        """Total energy where energy gains are checked, else 0."""
         result = ti.cast(0.0, state.wide)
         if ti.static(self.guards_energy):
             for i in range(first, first + total_force.particle_count):
@@ -227,7 +228,7 @@ class Implicit(Integrator):
 
     @ti.func
     def remember(self, state: Template, i):
-        """Keep the start of the step."""
+        """Keep the particle's state at the start of the step."""
         state.start_position[i] = state.position[i]
         state.start_velocity[i] = state.velocity[i]
         for k in ti.static(range(len(self.extra_vectors))):
@@ -235,7 +236,7 @@ class Implicit(Integrator):
 
     @ti.func
     def go_back(self, state: Template, i):
-        """To the start of the step."""
+        """Set the particle back to the start of the step."""
         state.position[i] = state.start_position[i]
         state.velocity[i] = state.start_velocity[i]
         for k in ti.static(range(len(self.extra_vectors))):
@@ -243,7 +244,7 @@ class Implicit(Integrator):
 
     @ti.func
     def energy_of(self, state: Template, total_force: Template, first, i, time):
-        """Kinetic and potential energy of particle i, bonds shared by their ends."""
+        """Kinetic and potential energy of particle i; each end of a bond has half of its energy."""
         speed_squared = dot(state, state.velocity[i], state.velocity[i])
         kinetic = 0.5 * ti.cast(self.newton.matrix.weight(state, i), state.wide) * speed_squared
         return kinetic + total_force.potential_energy_of(state, first, i, time)
@@ -251,7 +252,7 @@ class Implicit(Integrator):
     # All particles at once -------------------------------------------------------------------------------------------------
 
     def launch_step(self, state: Any, total_force: Any, launch_force: Any, time: float, dt: float) -> None:
-        """The same as `step`."""
+        """`step` for the parallel plan: the host leads, and each sweep over the particles is a launch."""
         if state.unsolved[0]:
             return
         self._remember(state)
@@ -273,7 +274,7 @@ class Implicit(Integrator):
             state.unsolved[0] = 1
 
     def _launch_attempt(self, state: Any, total_force: Any, launch_force: Any, time: float, dt: float, last: bool) -> bool:
-        """The same as `attempt`."""
+        """`attempt` for the parallel plan."""
         b, g = self.host_coefficients(state, dt)
         before = self._measured_energy(state, total_force, time)
         self._begin(state, dt, b)

@@ -1,4 +1,4 @@
-"""Kepler's problem over a time: one step of a body about a fixed mass, on any conic."""
+"""Kepler's problem: the motion of a body about a fixed mass over a given time, on any conic."""
 
 import math
 
@@ -9,15 +9,15 @@ TERMS = 7
 LARGEST_ARGUMENT = 1.0 / 3.0
 SERIES_2 = tuple((-1.0) ** k / math.factorial(2 * k + 2) for k in range(TERMS))
 SERIES_3 = tuple((-1.0) ** k / math.factorial(2 * k + 3) for k in range(TERMS))
-SMALL = 0.1  # change of the distance over a step, in parts of it, up to which the step begins with a series
-CLOSE = 1e-6  # a correction so small, in parts of the anomaly, that the one after it is round-off
-QUICK = 12  # iterations of third order; a bracket is halved from there on
-MOST = 1200  # of both; halving alone takes the 1074 that separate the largest number from the smallest at most
+SMALL = 0.1  # relative change of the distance over a step up to which the first guess of the anomaly is a series
+CLOSE = 1e-6  # a correction so small, relative to the anomaly, that the next correction is round-off
+QUICK = 12  # iterations of third order; later iterations halve the bracket
+MOST = 1200  # iterations of both kinds; halving alone takes at most 1074, from the largest number to the smallest
 
 
 @ti.func
 def stumpff(z):
-    """c₂ and c₃ of z, c_n = Σ_k (−z)^k / (n + 2k)!: by series where z is small, from a quarter of it elsewhere.
+    """c₂ and c₃ of z, c_n = Σ_k (−z)^k / (n + 2k)!: by a series where z is small, else from the values at z/4.
 
     c₂(4z) = c₁² / 2 and c₃(4z) = (c₂ + c₀ c₃) / 4 with c₀ = 1 − z c₂, c₁ = 1 − z c₃. Source: Stumpff, Himmelsmechanik I (1959);
     Mikkola & Innanen, Celest. Mech. Dyn. Astron. 74 (1999) 59.
@@ -45,8 +45,9 @@ def kepler_changes(x, v, mu, duration):
 
     With r the distance, β = 2μ/r − v², η = x·v, ζ = μ − β r and G_n = X^n c_n(β X²) the time to the anomaly X is
         t = r X + η G₂ + ζ G₃,  t′ = r + η G₁ + ζ G₂ = r(X),  t″ = η G₀ + ζ G₁,
-    the same for ellipse, parabola and hyperbola. It grows with X, so that Halley's iteration can be kept in a bracket, which
-    is halved where that leaves it or takes too long. Whole periods are left out. Returned with whether X was found.
+    the same for ellipse, parabola and hyperbola. The time grows with X, so that Halley's iteration can be kept in a bracket.
+    The bracket is halved where an iterate lies outside of it, and after QUICK iterations. Whole periods are left out. The third
+    value returned says whether X was found.
     Source: Stiefel & Scheifele, Linear and Regular Celestial Mechanics (1971) §11; Rein & Tamayo, Mon. Not. R. Astron. Soc. 452
     (2015) 376; Wisdom & Hernandez, Mon. Not. R. Astron. Soc. 453 (2015) 3015.
     """
@@ -57,7 +58,7 @@ def kepler_changes(x, v, mu, duration):
     if beta > 0.0 and beta * beta * beta * t * t > math.pi**2 * mu * mu:
         period = 2.0 * math.pi * mu / (beta * ti.sqrt(beta))
         t -= period * ti.floor(t / period + 0.5)
-    # Back in time is forward with the velocity turned round.
+    # A motion backwards in time is a motion forwards with the opposite velocity.
     sense = ti.select(t < 0.0, ti.cast(-1.0, float), ti.cast(1.0, float))
     t *= sense
     eta = sense * x.dot(v)
@@ -100,7 +101,7 @@ def kepler_changes(x, v, mu, duration):
             if miss < 0.0:
                 low = anomaly
             else:
-                high = anomaly  # what has overflown is too far
+                high = anomaly  # a miss that has overflowed is positive, too
             following = anomaly + change
             if ti.math.isinf(high) == 1:
                 following = ti.min(ti.max(following, 1.5 * anomaly), 8.0 * anomaly)

@@ -8,9 +8,10 @@ DIGITS = 40
 
 
 def radau_nodes(count: int) -> tuple[float, ...]:
-    """Nodes of Gauss–Radau quadrature on 0 … 1 with 0 as the first: correctly rounded, `count` of them beside 0.
+    """The `count` nodes, beside the node 0, of Gauss–Radau quadrature on 0 … 1, correctly rounded.
 
-    Zeros other than 0 of P_count+1(1 − 2 s) − P_count(1 − 2 s), Legendre's P_n(1 − 2 s) = Σ_k (−1)^k C(n, k) C(n + k, k) s^k.
+    They are the zeros other than 0 of P_count+1(1 − 2 s) − P_count(1 − 2 s), with Legendre's polynomials
+    P_n(1 − 2 s) = Σ_k (−1)^k C(n, k) C(n + k, k) s^k.
     They integrate polynomials of degree 2 count exactly. Source: Abramowitz & Stegun, 25.4.31; Everhart, Int. Astron. Union
     Colloq. 83 (1985) 185.
     """
@@ -23,7 +24,7 @@ def radau_nodes(count: int) -> tuple[float, ...]:
 
 
 def _zeros(coefficients: list[Fraction]) -> list[Decimal]:
-    """Zeros in 0 … 1, all simple and real, of a polynomial; by bisection between changes of its sign."""
+    """Zeros of a polynomial in 0 … 1, all simple and real, by bisection between changes of its sign."""
     degree = len(coefficients) - 1
 
     def value(s: Fraction) -> Fraction:
@@ -52,7 +53,7 @@ def _zeros(coefficients: list[Fraction]) -> list[Decimal]:
 
 
 def powers_of_differences(nodes: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
-    """Row j: coefficients of s², s³, … over s in s (s − h_1) … (s − h_j): those of s^1 … s^(j+1)."""
+    """Row j: the coefficients of s^1 … s^(j+1) in the product s (s − h_1) … (s − h_j)."""
     rows = [[Fraction(1)]]
     for node in nodes[:-1]:
         before = rows[-1]
@@ -62,11 +63,11 @@ def powers_of_differences(nodes: tuple[float, ...]) -> tuple[tuple[float, ...], 
 
 
 def differences_of_powers(nodes: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
-    """Row k: coefficients of the products s (s − h_1) … (s − h_j), j ≤ k, in s^(k+1)."""
+    """Row k: s^(k+1) as a sum of the products s (s − h_1) … (s − h_j), j ≤ k; the coefficients of the sum."""
     rows = [[Fraction(1)]]
     for _ in nodes[:-1]:
         before = rows[-1]
-        # s · s(s − h_1)…(s − h_j) = the next product + h_(j+1) times this one.
+        # s · s(s − h_1)…(s − h_j) = the next product + h_(j+1) times this product.
         following = [Fraction(0)] * (len(before) + 1)
         for j, a in enumerate(before):
             following[j + 1] += a

@@ -20,9 +20,9 @@ CLASSICAL = (((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 
 
 
 def taylor(order: int) -> tuple[tuple, tuple]:
-    """(a, b) whose step is the Taylor polynomial of exp(h f) where f is linear; of second order where it is not.
+    """(a, b) of a method whose step is the Taylor polynomial of exp(h f) for linear f; of second order for other f.
 
-    Each slope is taken at v + h/(p − k) × the slope before, k = 0, …, p − 2, and the last one alone makes the step.
+    Each slope is taken at v + h/(p − k) × the slope before, k = 0, …, p − 2, and the last slope alone makes the step.
     """
     rows = [(0.0,) * k + (1.0 / (order - k),) for k in range(order - 1)]
     return ((), *rows), (0.0,) * (order - 1) + (1.0,)
@@ -31,8 +31,9 @@ def taylor(order: int) -> tuple[tuple, tuple]:
 def nystroem_rows(a: tuple, b: tuple) -> list[tuple[float, list[float], list[float]]]:
     """Rows (c, weights, weights̄) of every stage, and last of the end of the step, in Nyström's form.
 
-    x' = v, v' = f turns into stages that store only the slopes f: with the full tableau A and c = A·1, stage s stands at
-    v₀ + h Σ A_sk f_k and x₀ + c_s h v₀ + h² Σ (A·A)_sk f_k; the end at b and b·A. Algebraically the same method.
+    For x' = v, v' = f the stages store only the slopes f: with the full tableau A and c = A·1, stage s is at
+    v₀ + h Σ A_sk f_k and x₀ + c_s h v₀ + h² Σ (A·A)_sk f_k; the end of the step has b and b·A in place of the rows of A and
+    A·A. Algebraically the method is the same.
     """
     stages = len(b)
     full = [list(row) + [0.0] * (stages - len(row)) for row in a]
@@ -44,19 +45,20 @@ def nystroem_rows(a: tuple, b: tuple) -> list[tuple[float, list[float], list[flo
 class RungeKutta(Integrator):
     """Explicit Runge–Kutta step for x' = v, v' = f(x, v, t), given by the tableau rows `a` and weights `b`.
 
-    Velocity-dependent forces keep the order. Not symplectic: energy drifts. Scratch: start positions, start velocities, one
-    slope per stage.
+    Velocity-dependent forces keep the order. The method is not symplectic: energy drifts. Scratch fields hold the start
+    positions, the start velocities and one slope per stage.
 
-    A method may declare what a control of the step and a look between two steps want; a step of fixed length does without:
+    A method may declare what the control of the step and the output between two steps need. Steps of fixed length need none
+    of it:
 
-    error_weights   rows e whose h Σ e_k k_k are estimates of the error of a step; slopes k of the stages, then that of the
-                    end of the step, which is the first of the next
-    dense_stages    rows a of further slopes, over all before them, for the dense output
+    error_weights   rows e whose h Σ e_k k_k estimate the error of a step, k_k the slopes of the stages, then the slope at the
+                    end of the step, which is the first slope of the next step
+    dense_stages    rows a of further slopes, over all slopes before them, for the dense output
     dense_weights   one row (p₁, p₂, …) for each of these slopes: x(t + θh) = x + h Σ_k (p₁ θ + p₂ θ² + …)_k k_k
-    dense_order     of that polynomial: its error is of the order h^(dense_order + 1)
+    dense_order     order of this polynomial: its error is of the order h^(dense_order + 1)
 
-    The slopes are those of (x, v). Sums over them are brought into stored slopes f as in `nystroem_rows`: the part of x is
-    h Σ e_k v₀ + h² Σ (e·A)_k f_k.
+    The slopes k are those of (x, v). Sums over them are written with the stored slopes f as in `nystroem_rows`: the part of x
+    is h Σ e_k v₀ + h² Σ (e·A)_k f_k.
     """
 
     a: tuple = ()
@@ -68,10 +70,11 @@ class RungeKutta(Integrator):
     can_use_tree = True
     takes_low_parts = True
     launchers = Launchers(vectors=True)
+    typical_evaluations = 2
 
     @property
     def nodes(self) -> tuple:
-        """Where the slopes are taken."""
+        """Times of the slopes, as parts of dt."""
         return tuple(node for node, _weights, _bars in nystroem_rows(self.a, self.b)[:-1])
 
     def scratch_count(self, velocity_dependent: bool) -> int:
@@ -79,7 +82,7 @@ class RungeKutta(Integrator):
         return 2 + len(self.b)
 
     def low_scratch_count(self) -> int:
-        """Low parts of the start."""
+        """Low parts of the start positions and start velocities."""
         return 2
 
     def step_numbers(self, dt: float) -> list[float]:
@@ -91,7 +94,7 @@ class RungeKutta(Integrator):
         ]
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
-        """The method's stability function, of the oscillator's matrix."""
+        """The method's stability function, applied to the oscillator's matrix."""
         oscillator = np.array([[0.0, 1.0], [-(frequency**2), -damping]])
         slopes: list[np.ndarray] = []
         for row in (*self.a, self.b):
@@ -100,12 +103,12 @@ class RungeKutta(Integrator):
         return stage
 
     def loops(self, k: int, total_force: Any) -> int:
-        """Remember the start; or take a slope, then move."""
+        """One loop keeps the start; every other stage has a loop for the slope and a loop for the move."""
         return 1 if k == 0 else 2
 
     @ti.func
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
-        """Remember the start; then take slope k − 1 and move the state itself to where the next force is wanted."""
+        """Stage 0 keeps the start; stage k takes slope k − 1 and moves the state to the place of the next slope."""
         rows, slopes = ti.static(nystroem_rows(self.a, self.b), len(self.b))
         if ti.static(k == 0):
             for i in range(first, first + total_force.particle_count):
@@ -122,7 +125,7 @@ class RungeKutta(Integrator):
 
     @ti.func
     def slope(self, state: Template, total_force: Template, first, i, time):
-        """Acceleration of particle i where the state is; that without velocity has been summed."""
+        """Acceleration of particle i by all forces; the forces that do not depend on velocity have been summed already."""
         result = ti.Vector.zero(float, state.dimensions)
         if ti.static(total_force.has_velocity_independent):
             result = result + vector_at(state.acceleration, i)
@@ -132,7 +135,7 @@ class RungeKutta(Integrator):
 
     @ti.func
     def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
-        """A stage looked up while running: forces that depend on velocity are compiled once, only the sums for each stage."""
+        """A stage that is looked up while the kernel runs: the friction is compiled once, and only the sums for each stage."""
         rows = ti.static(nystroem_rows(self.a, self.b))
         node = 0.0
         for c in ti.static(range(1, len(self.b) + 1)):
@@ -149,7 +152,7 @@ class RungeKutta(Integrator):
 
     @ti.func
     def move(self, state: Template, total_force: Template, first, dt: Template, s: Template, row: Template):
-        """Set the state to stage s, or the end of the step, that the row describes."""
+        """Set the state to stage s, or to the end of the step, as its row says."""
         if ti.static(state.carries_low):
             self.move_both_parts(state, total_force, first, s, row)
         else:
@@ -157,7 +160,7 @@ class RungeKutta(Integrator):
 
     @ti.func
     def move_both_parts(self, state: Template, total_force: Template, first, s: Template, row: Template):
-        """With low parts: x = x₀ + c h v₀ + Σ (h² (A·A)_k) f_k, each term added by itself, and so v."""
+        """`move` with low parts: x = x₀ + c h v₀ + Σ (h² (A·A)_k) f_k, each term added by itself; likewise v."""
         _node, weights, bars = ti.static(row)
         slopes = ti.static(len(self.b))
         entry = ti.static(s * (1 + 2 * slopes))
@@ -173,7 +176,7 @@ class RungeKutta(Integrator):
 
     @ti.func
     def move_rounded(self, state: Template, total_force: Template, first, dt: Template, row: Template):
-        """Without low parts."""
+        """`move` without low parts."""
         node, weights, bars = ti.static(row)
         for i in range(first, first + total_force.particle_count):
             velocity_change = ti.Vector.zero(float, state.dimensions)

@@ -21,13 +21,13 @@ KICK_METHODS = {
     6: _runge_kutta.taylor(6),
     8: _runge_kutta.taylor(8),
 }
-MOST_SLOPES = 16  # of all damped kicks of a step, in one kernel
+MOST_SLOPES = 16  # slopes of all damped kicks of a step in one kernel
 
 
 def of_leapfrogs(*weights: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """(drifts, kicks) of drift–kick–drift leapfrogs of w₁, …, w_m and back to w₁, drifts between them joined.
+    """(drifts, kicks) of drift–kick–drift leapfrogs of lengths w₁, …, w_m, …, w₁; adjacent drifts are joined.
 
-    The middle one is 1 − 2 (w₁ + … + w_{m−1}), so that a step is a step to the last digit; `weights` are the others.
+    `weights` are w₁ … w_{m−1}. The middle length is w_m = 1 − 2 (w₁ + … + w_{m−1}), so that the lengths add up to 1 exactly.
     """
     middle = 1.0 - 2.0 * math.fsum(weights)
     kicks = (*weights, middle, *reversed(weights))
@@ -42,10 +42,10 @@ class Splitting(Integrator):
     ends with a kick, and the last force serves the first kick of the next step. Every splitting is symplectic for conservative
     forces; palindromic tables are time-reversible.
 
-    Forces that depend on velocity are integrated inside each kick, positions frozen, by a Runge–Kutta method of the order of
-    the splitting, so that the order is kept; from order 6 on that holds for friction linear in velocity (see `taylor`).
-    Runge–Kutta–Nyström tables owe their order to [B,[B,[B,A]]] = 0 of kicks B and drifts A, which is so where a kick is by a
-    force of places and times alone: such tables say `takes_velocity = False`, and the other forces are refused beside them.
+    Forces that depend on velocity are integrated inside each kick, at frozen positions, by a Runge–Kutta method of the order of
+    the splitting, so that the order is kept; from order 6 on it is kept for friction linear in velocity (see `taylor`).
+    Runge–Kutta–Nyström tables have their order because [B,[B,[B,A]]] = 0 for kicks B and drifts A, which holds for forces of
+    positions and time alone. Such tables declare `takes_velocity = False`, and other forces are refused with them.
     """
 
     drifts: tuple = ()
@@ -74,12 +74,12 @@ class Splitting(Integrator):
 
     @property
     def nodes(self) -> tuple:
-        """Where the drifts have led to."""
+        """Sums of the drifts before each kick."""
         return tuple(node for node, _kick, _drift in self.entries[1:])
 
     @property
     def kick_method(self) -> tuple:
-        """(way, end) of a damped kick: each velocity on its way is v + way × h × the slope before; `end` weighs all slopes."""
+        """(way, end) of a damped kick: slope s + 1 is taken at v + way[s] h × slope s; `end` are the weights of the slopes."""
         a, b = KICK_METHODS[self.order]
         return tuple(row[-1] for row in a[1:]), b
 
@@ -89,7 +89,7 @@ class Splitting(Integrator):
             sum_forces(total_force, time)
 
     def scratch_count(self, velocity_dependent: bool) -> int:
-        """Slopes of the kick's own method; the last is used where it is found."""
+        """One field for each slope of the kick's method but the last slope, which is used at once."""
         return max(1, len(self.kick_method[1]) - 1) if velocity_dependent else 0
 
     def step_numbers(self, dt: float) -> list[float]:
@@ -109,15 +109,15 @@ class Splitting(Integrator):
         return step
 
     def wants_sum(self, total_force: Any) -> bool:
-        """Only of pairs: a kick sums all other forces itself, and no field carries them from loop to loop."""
+        """Only with forces between pairs: a kick sums all other forces itself, without a field between two loops."""
         return total_force.has_pairs
 
     def sums(self, k: int, total_force: Any) -> bool:
-        """Whether stage k sums the forces; the opening kick has those that the step before ended with."""
+        """Whether stage k sums the forces itself; the opening kick uses the force that the step before ended with."""
         return k > 0 and not self.wants_sum(total_force)
 
     def joins_steps(self, total_force: Any) -> bool:
-        """The last drift of a step and the first of the next are one loop, where a step begins and ends with one."""
+        """Where a step begins and ends with a drift: the last drift and the first drift of the next step are one loop."""
         if self.begins_with_kick or self.looks_stages_up(total_force):
             return False
         if total_force.has_pairs and total_force.depends_on_velocity:
@@ -125,11 +125,11 @@ class Splitting(Integrator):
         return self.drifts[0] != 0.0 and self.drifts[-1] != 0.0
 
     def looks_stages_up(self, total_force: Any) -> bool:
-        """Where there are many slopes of damped kicks: each of them holds all forces, and takes half a second to compile."""
+        """Where damped kicks have many slopes: each slope holds all forces, and takes half a second to compile."""
         return bool(total_force.depends_on_velocity) and self.evaluations * len(self.kick_method[1]) > MOST_SLOPES
 
     def loops(self, k: int, total_force: Any) -> int:
-        """One for kick and drift, or for each slope of a damped kick; one more to drift after the others were looked at."""
+        """One for kick and drift, or for each slope of a damped kick; one more for a drift that has to wait for all kicks."""
         _node, kick, drift = self.entries[k]
         if kick == 0.0:
             return 1 if drift != 0.0 else 0
@@ -140,7 +140,7 @@ class Splitting(Integrator):
 
     @ti.func
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
-        """A kick and the drift after it; a coefficient of zero costs nothing."""
+        """A kick and the drift after it; a coefficient of zero compiles to nothing."""
         node, kick, drift = ti.static(self.entries[k])
         sums = ti.static(self.sums(k, total_force))
         if ti.static(kick != 0.0):
@@ -152,9 +152,9 @@ class Splitting(Integrator):
     def kick_stage(
         self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template, shape: Template
     ):
-        """Stage k with its force and without its drift, for those who move the particles themselves.
+        """Stage k with its force and without its drift, for contact solvers, which move the particles themselves.
 
-        `shape` is that of the loop over pairs; "launched" where their force has been summed already.
+        `shape` is the shape of the loop over pairs; "launched" where the forces between pairs have been summed already.
         """
         node, kick, _drift = ti.static(self.entries[k])
         if ti.static(k > 0 and shape != "launched" and self.wants_sum(total_force)):
@@ -164,7 +164,7 @@ class Splitting(Integrator):
 
     @ti.func
     def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
-        """A stage with coefficients looked up while running: one copy of the code serves all stages."""
+        """A stage whose coefficients are looked up while the kernel runs, so that all stages share one copy of the code."""
         node, kick, drift = 0.0, 0.0, 0.0
         for c in ti.static(range(1, self.evaluations + 1)):
             if k == c:
@@ -174,7 +174,7 @@ class Splitting(Integrator):
 
     @ti.func
     def stage_and_opening(self, state: Template, total_force: Template, first, time: Template, dt: Template, opens):
-        """The last stage, and in the loop of its drift the one that opens the next step."""
+        """The last stage, and in the loop of its drift the opening drift of the next step."""
         node, kick, drift = ti.static(self.entries[-1])
         last = ti.static(len(self.entries) - 1)
         if ti.static(not self.wants_sum(total_force)):
@@ -199,7 +199,7 @@ class Splitting(Integrator):
         sums: Template,
         drifts: Template,
     ):
-        """v += kick time × a, then x += drift time × v, those of stage k; a is summed here, or found in state.acceleration."""
+        """v += kick time × a, then x += drift time × v, of stage k; a is summed here, or was summed into state.acceleration."""
         if ti.static(total_force.depends_on_velocity):
             self.damped_kick(state, total_force, first, time, k, kick_time, sums)
         elif ti.static(sums):
@@ -213,21 +213,21 @@ class Splitting(Integrator):
                 kick_particle(state, i, kick_time, 2 * k, state.acceleration[i])
                 if ti.static(drifts):
                     drift_particle(state, i, drift_time, 2 * k + 1)
-        # Positions that others look at during the kick move in a loop of their own.
+        # The kicks of other particles read the positions, so the drift is a loop of its own.
         if ti.static(drifts and (sums or total_force.depends_on_velocity)):
             self.drift(state, total_force, first, k, drift_time)
 
     @ti.func
     def drift(self, state: Template, total_force: Template, first, k, drift_time: Template):
-        """x += drift time × v, that of stage k."""
+        """x += drift time × v, the drift of stage k."""
         for i in range(first, first + total_force.particle_count):
             drift_particle(state, i, drift_time, 2 * k + 1)
 
     @ti.func
     def damped_kick(self, state: Template, total_force: Template, first, time: Template, stage, h: Template, sums: Template):
-        """Solve v' = a + f(v) over h at fixed positions, a loop for each slope; a does not depend on velocity.
+        """Solve v' = a + f(v) over h at fixed positions, with one loop for each slope; a does not depend on velocity.
 
-        The forces are summed once, for the first slope; the others differ from it by the friction of what v has gained.
+        The forces are summed once, for the first slope. The other slopes differ from it by the friction of the velocity gained.
         """
         way, end = ti.static(self.kick_method)
         for s in ti.static(range(len(end))):
@@ -258,7 +258,7 @@ class Splitting(Integrator):
                                 velocity += h * end[k] * state.scratch[k][i]
                         state.velocity[i] = velocity + h * end[s] * slope
                 else:
-                    state.scratch[s][i] = slope  # its velocity stays, for others to see
+                    state.scratch[s][i] = slope  # the velocity stays: the slopes of other particles read it
         if ti.static(len(end) == 1):
             for i in range(first, first + total_force.particle_count):
                 kick_particle(state, i, h, 2 * stage, state.scratch[0][i])

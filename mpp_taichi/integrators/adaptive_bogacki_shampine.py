@@ -10,7 +10,7 @@ from mpp_taichi.integrators.bogacki_shampine import BogackiShampine
 @component
 @ti.data_oriented
 class AdaptiveBogackiShampine(Embedded):
-    """The third-order method goes on, the second-order one inside it says how wrong it may be: the plainest control of a step.
+    """Steps of the third-order method, controlled by the second-order method inside it: the plainest control of a step.
 
     Three forces a step; looks are cubics through both ends. Takes every force; energy drifts with the tolerance.
     Source: Bogacki & Shampine, Appl. Math. Lett. 2 (1989) 321.

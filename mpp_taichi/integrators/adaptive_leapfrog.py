@@ -1,9 +1,10 @@
-"""Leapfrog with a step that follows the motion and can be run backwards."""
+"""Leapfrog whose step follows the motion, and that can be run backwards."""
 
 from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted, kicked
 from mpp_taichi.component import component, param
 from mpp_taichi.integrators._adaptive import Adaptive
 from mpp_taichi.snapshot import Snapshot
@@ -16,11 +17,11 @@ class AdaptiveLeapfrog(Adaptive):
     """Kick–drift–kick of length h = η/ρ, its density ρ carried along: ρ_n+½ = ρ_n−½ + η G_n, G = (3/2) U̇/U.
 
     So ρ follows |U|^(3/2), U the potential energy of gravity: for two bodies h goes with r^(3/2), the local period. At
-    the start ρ₀² = Σ m |a|² / |U|. G is known from what a step has anyway, U̇ = −Σ m a·v and U = E − K with E that of the
-    start, so the step costs no evaluation of its own; and it is odd in v, so that a run backwards takes the same steps, and
-    the energy error of an orbit stays bounded as with a fixed step. Between two steps frames are cubics through both. Second
-    order. Newtonian gravity only: its potential has one sign. One close pair of light bodies among heavy
-    ones does not show in U, and gets no step of its own.
+    the start ρ₀² = Σ m |a|² / |U|. G follows from quantities that a step has anyway, U̇ = −Σ m a·v and U = E − K with the energy
+    E of the start, so the control costs no evaluation. G is odd in v, so that a run backwards takes the same steps, and the
+    energy error of an orbit stays bounded as with a fixed step. Between two steps the state is on cubics through both ends.
+    Second order. For Newtonian gravity only, whose potential has one sign. A close pair of light bodies among heavy bodies
+    hardly changes U, and does not shorten the step.
     Source: Hairer & Söderlind, SIAM J. Sci. Comput. 26 (2005) 1838.
     """
 
@@ -72,7 +73,7 @@ class AdaptiveLeapfrog(Adaptive):
 
     @ti.func
     def advance_to(self, state: Template, total_force: Template, first, end: Template, shape: Template):
-        """Take steps until one ends at `end` or later."""
+        """Take steps until a step ends at `end` or later."""
         r = first // total_force.particle_count
         eta = state.control[self.CONTROL * r]
         while self.is_short_of(state, r, end):
@@ -89,10 +90,10 @@ class AdaptiveLeapfrog(Adaptive):
 
     @ti.func
     def show(self, state: Template, total_force: Template, first, time: Template):
-        """Cubics through both ends of the last step: of positions with velocities, of velocities with accelerations.
+        """Set the state on cubics through both ends of the last step: positions with velocities, velocities with accelerations.
 
-        The two differ by the order of the method: a leapfrog's velocities are not quite the slopes of its positions, and the
-        slope of one interpolant would bend between two steps by more than the run's own error.
+        There are two cubics, as the velocities of a leapfrog differ from the slopes of its positions by an error of second
+        order: the slope of the cubic of positions would deviate between two steps by more than the error of the run.
         """
         r = first // total_force.particle_count
         s, h = self.share_of_step(state, r, time), ti.cast(state.clock[self.CLOCK * r + 1], float)
@@ -104,7 +105,7 @@ class AdaptiveLeapfrog(Adaptive):
 
     @ti.func
     def _cubic(self, start, end, slope, end_slope, s):
-        """Hermite's, at s of 0 … 1."""
+        """Hermite's cubic at s, 0 … 1."""
         way = end - start
         return start + s * (slope + s * ((3.0 * way - 2.0 * slope - end_slope) + s * (slope + end_slope - 2.0 * way)))
 
@@ -114,17 +115,17 @@ class AdaptiveLeapfrog(Adaptive):
             state.start_position[i] = state.end_position[i]
             state.start_velocity[i] = state.end_velocity[i]
             state.start_acceleration[i] = state.end_acceleration[i]
-            state.velocity[i] = state.end_velocity[i] + 0.5 * h * state.end_acceleration[i]
-            state.position[i] = state.end_position[i] + h * state.velocity[i]
+            state.velocity[i] = kicked(state.end_velocity[i], state.end_acceleration[i], 0.5 * h)
+            state.position[i] = drifted(state.end_position[i], state.velocity[i], h)
         self.evaluate(state, total_force, first, begin + h, shape)
         for i in range(first, first + total_force.particle_count):
             state.end_position[i] = state.position[i]
             state.end_acceleration[i] = state.acceleration[i]
-            state.end_velocity[i] = state.velocity[i] + 0.5 * h * state.acceleration[i]
+            state.end_velocity[i] = kicked(state.velocity[i], state.acceleration[i], 0.5 * h)
 
     @ti.func
     def _growth(self, state: Template, total_force: Template, first):
-        """G at the end of the last step."""
+        """The growth G of the density at the end of the last step."""
         r = first // total_force.particle_count
         kinetic, power = ti.cast(0.0, state.wide), ti.cast(0.0, state.wide)
         for i in range(first, first + total_force.particle_count):

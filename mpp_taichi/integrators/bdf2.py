@@ -14,8 +14,9 @@ from mpp_taichi.types import Template
 class Bdf2(Implicit):
     """Two-step formula y₁ = (4 y − y₋₁)/3 + (2h/3) y₁′ for x and v: second order, and it damps what a step cannot resolve.
 
-    A slow oscillation loses about π(ωh)³ of its energy per turn; a fast one is gone at once. The first step, and one of another
-    length, is one of implicit Euler. Source: Curtiss & Hirschfelder, PNAS 38 (1952) 235; Hairer & Wanner, §V.1.
+    A slow oscillation loses about π(ωh)³ of its energy per period; a fast oscillation vanishes in a few steps. The first step,
+    and the first step of another length, are steps of implicit Euler.
+    Source: Curtiss & Hirschfelder, PNAS 38 (1952) 235; Hairer & Wanner, §V.1.
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")
@@ -31,20 +32,20 @@ class Bdf2(Implicit):
 
     @ti.func
     def coefficients(self, state: Template, first, dt):
-        """Those of implicit Euler as long as there is no earlier state at this distance."""
+        """(b, g); those of implicit Euler where the step before had another length, or there was none."""
         part = ti.cast(1.0, float)
         if state.history_dt[first // self.newton.particle_count] == dt:
             part = 2.0 / 3.0
         return part * part * dt * dt, part * dt
 
     def host_coefficients(self, state: Any, dt: float) -> tuple[float, float]:
-        """The same, on the host."""
+        """`coefficients`, on the host."""
         part = 2.0 / 3.0 if state.history_dt[0] == state.rounded(dt) else 1.0
         return part * part * dt * dt, part * dt
 
     @ti.func
     def begin(self, state: Template, i, dt, b):
-        """What the two earlier states say: y₁ = y + (y − y₋₁)/3 + …; then the newer velocity becomes the earlier."""
+        """Set the bases from the two earlier states, y₁ = y + (y − y₋₁)/3 + …; keep the velocity as the earlier velocity."""
         v = state.velocity[i]
         if b < dt * dt:
             state.base_velocity[i] = v + (v - state.earlier_velocity[i]) / 3.0
@@ -56,7 +57,7 @@ class Bdf2(Implicit):
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
-        """The stage is the end; the way there is kept as it was before it was rounded into the position."""
+        """The stage is the end of the step; its displacement is kept unrounded for the next step."""
         state.earlier_shift[i] = state.base_shift[i] + state.shift[i]
         state.position[i] = state.piece_start[i] + state.earlier_shift[i]
         state.velocity[i] = state.base_velocity[i] + (g / b) * state.shift[i]

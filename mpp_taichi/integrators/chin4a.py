@@ -19,16 +19,16 @@ GRADIENT = 1 / 24
 class Chin4a(Integrator):
     """Kick ⅙, drift ½, kick ⅔ by a + (h²/24) ∇a·a, drift ½, kick ⅙: fourth order, all steps forward, three forces per step.
 
-    The gradient wants no derivatives: a(x + (h²/24) a(x)), every particle displaced, is that kick up to h⁴, and a kick whatever
-    its force is undone by its opposite: time-reversible, and symplectic up to fifth order in the step, so that energy
-    errors of regular motion stay bounded. Forces that depend on velocity are refused: kicks must commute.
+    The gradient needs no derivatives: a(x + (h²/24) a(x)), with every particle displaced, equals the gradient kick up to h⁴.
+    Every kick is undone by the opposite kick, so that the method is time-reversible; it is symplectic up to fifth order in the
+    step, and energy errors of regular motion stay bounded. Forces that depend on velocity are refused: kicks must commute.
     Source: Chin, Phys. Lett. A 226 (1997) 344, 4A; the displacement: Wisdom, Holman & Touma, Fields Inst. Commun. 10 (1996)
     217, Omelyan, Phys. Rev. E 74 (2006) 036703.
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 4
-    symplectic = True  # nearly: see above
+    symplectic = True  # up to fifth order in the step: see above
     time_reversible = True
     takes_velocity = False
     takes_low_parts = True
@@ -40,19 +40,19 @@ class Chin4a(Integrator):
         sum_forces(total_force, time)
 
     def scratch_count(self, velocity_dependent: bool) -> int:
-        """Positions before they are displaced."""
+        """One: the positions before they are displaced."""
         return 1
 
     def low_scratch_count(self) -> int:
-        """Their low parts."""
+        """One: the low parts of these positions."""
         return 1
 
     def step_numbers(self, dt: float) -> list[float]:
-        """Outer kick, drift, displacement, inner kick."""
+        """Factors of the outer kick, the drift, the displacement and the inner kick."""
         return [dt / 6, dt / 2, GRADIENT * dt * dt, dt * 2 / 3]
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
-        """Product of the kicks and drifts; ValueError with damping, which it cannot have."""
+        """Product of the kicks and drifts; ValueError with damping, which the method does not take."""
         if damping != 0.0:
             raise ValueError("chin4a takes no forces that depend on velocity")
         w = frequency**2
@@ -62,12 +62,12 @@ class Chin4a(Integrator):
         return outer @ drift @ middle @ drift @ outer
 
     def loops(self, k: int, total_force: Any) -> int:
-        """Every stage is one."""
+        """Every stage is one loop."""
         return 1
 
     @ti.func
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
-        """Opening kick and drift; displacement; kick by the displaced force and drift from where it was; closing kick."""
+        """Opening kick and drift; displacement; kick by the displaced force, back and drift; closing kick."""
         for i in range(first, first + total_force.particle_count):
             acceleration = ti.Vector.zero(float, state.dimensions)
             if ti.static(total_force.has_velocity_independent):

@@ -17,9 +17,9 @@ from mpp_taichi.types import Template
 class EnergyMomentum(Implicit):
     """v₁ = v + h a, x₁ = x + h (v + v₁)/2, springs averaged so that energy and momenta are kept: second order, time-reversible.
 
-    Of springs of any stiffness in any state, and of uniform fields, the energy is kept to the solver's tolerance at every step,
-    and so are linear and angular momentum; damping only takes energy. Where the midpoint rule may heat up springs that a step
-    does not resolve, this cannot. Forces between all pairs act as in the midpoint rule: their energy is kept to second order.
+    With springs of any stiffness and uniform fields, every step keeps the energy and the linear and angular momentum to the
+    tolerance of the solver; damping only takes energy. The midpoint rule may heat up springs that a step does not resolve; this
+    method cannot. Forces between all pairs act as in the midpoint rule: their energy is kept to second order.
     Source: Simo & Tarnow, Z. angew. Math. Phys. 43 (1992) 757; Gonzalez, J. Nonlinear Sci. 6 (1996) 449.
     """
 
@@ -27,14 +27,14 @@ class EnergyMomentum(Implicit):
     solver: str = param("auto", choices=("auto", "conjugate_gradients", "direct"), help="of Newton's linear systems")
     tolerance: float = param(None, optional=True, above=0.0, maximum=0.01, help="of the step's way; absent: by precision")
     order = 2
-    symplectic = True  # it is not, but keeps the energy all the better
+    symplectic = True  # it is not symplectic, but it keeps the energy even better
     time_reversible = True
     beta = 0.25
     gamma = 0.5
     node = 0.5
 
     def implicit_part(self, total_force: Any) -> Any:
-        """All forces, the bonds averaged."""
+        """All forces, with the bonds averaged over the step."""
         forces = tuple(StepBond(force) if isinstance(force, BondForce) else force for force in total_force.forces)
         return TotalForce(forces, total_force.particle_count, total_force.dimensions)
 
@@ -44,12 +44,12 @@ class EnergyMomentum(Implicit):
 
     @ti.func
     def begin(self, state: Template, i, dt, b):
-        """Half of the free flight."""
+        """Set the bases to the middle of a free flight."""
         state.base_velocity[i] = state.velocity[i]
         state.base_shift[i] = 0.5 * dt * state.velocity[i]
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
-        """From the middle as far again."""
+        """Set the end of the step: from the middle as far again."""
         state.position[i] = state.piece_start[i] + 2.0 * (state.base_shift[i] + state.shift[i])
         state.velocity[i] = state.base_velocity[i] + 2.0 * (g / b) * state.shift[i]

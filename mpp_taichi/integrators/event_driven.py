@@ -8,8 +8,8 @@ from mpp_taichi.integrators._base import Integrator
 class EventDriven(Integrator):
     """Free flight, straight or under uniform gravity, from one collision to the next: exact, without a time step.
 
-    Goes with `solver: event_driven` of the contacts, which does the work. What counts as a step is the time between two looks;
-    the motion does not depend on it.
+    It goes with `solver: event_driven` of the contacts, which moves the particles. A step is the time between two outputs; the
+    motion does not depend on it.
     """
 
     dt: float = param(None, optional=True, above=0.0, unit="time", help="time between looks; absent: run.duration / 1000")

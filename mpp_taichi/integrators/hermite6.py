@@ -6,7 +6,7 @@ from mpp_taichi.integrators._hermite import Hermite
 
 @component
 class Hermite6(Hermite):
-    """Sixth order with the jerk and snap of every force, predicted and corrected, one evaluation of them a correction.
+    """Sixth order with the jerk and snap of every force, predicted and corrected, with one evaluation per correction.
 
     Not symplectic; with two corrections or more nearly symmetric in time, so that the energy of a regular motion hardly
     drifts. Forces that depend on velocity, and those without derivatives, are refused.

@@ -1,4 +1,4 @@
-"""Gauss–Radau of order 15 with a step of its own choice: to round-off, close encounters as well."""
+"""Gauss–Radau of order 15, which chooses its steps: accurate to round-off, in close encounters as well."""
 
 from math import comb
 from typing import Any
@@ -17,9 +17,9 @@ POWERS = powers_of_differences(NODES)
 DIFFERENCES = differences_of_powers(NODES)
 TERMS = 7
 ITERATIONS = 12  # of a step's equations at most; round-off ends them before
-FIRST_SHARE = 0.01  # of the time in which the speed changes by as much as it is, for the first step
-AGAIN_SHARE = 0.7  # of what was to be the next step, when something has changed: one a little too long would not be done again
-LARGEST_CHANGE = 4.0  # of the length of a step from one to the next; one that had to be shorter than 1 / this is done again
+FIRST_SHARE = 0.01  # of `time_of_change`: the first step
+AGAIN_SHARE = 0.7  # of the next length, after the state was changed: a step that is slightly too long would not be repeated
+LARGEST_CHANGE = 4.0  # of the length from a step to the next; a step that is too long by more than this factor is repeated
 
 
 @component
@@ -30,10 +30,10 @@ class Ias15(Adaptive):
         a(s) = a₀ + Σ b_k s^(k+1),  x(s) = x₀ + s h v₀ + (s h)² (a₀/2 + Σ b_k s^(k+1) / ((k+2)(k+3))),  s = 0 … 1
 
     The next step is h τ (5040 ε)^(1/7), where τ is the time, in steps, in which the acceleration changes at the step's end:
-    τ² = min (|a| |a″| + |a′|²) / (|a′| |a‴| + |a″|²) over the particles, which is not zero where an acceleration alone is.
-    Sums of positions and velocities are compensated, so that the error of the energy grows like round-off, with the root of
-    the number of steps. In f32 steps are longer: shorter ones would only see round-off. Between the ends of steps the
-    polynomial is as good as they are.
+    τ² = min (|a| |a″| + |a′|²) / (|a′| |a‴| + |a″|²) over the particles, which is not zero where only an acceleration is zero.
+    Sums of positions and velocities are compensated, so that the error of the energy grows like round-off, with the square root
+    of the number of steps. In f32 steps are longer: the derivatives of shorter steps would be round-off. Between the ends of
+    steps the polynomial is as accurate as at the ends.
     Sources: Everhart, IAU Colloq. 83 (1985) 185; Rein & Spiegel, Mon. Not. R. Astron. Soc. 446 (2015) 1424; criterion:
     Aarseth, Gravitational N-Body Simulations (2003) eq. 2.13, scaled as by Pham, Rein & Spiegel, Open J. Astrophys. 7 (2024).
     """
@@ -54,7 +54,7 @@ class Ias15(Adaptive):
     )  # fmt: skip
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
-        """Coefficients b, their predictions e and differences g, the true state with what rounding left over, and the clock."""
+        """Coefficients b, their predictions e and differences g, the true state with its rounding errors, and the clock."""
         vectors = [name for name in self.memory if name not in ("clock", "tally")] + [f"g{k}" for k in range(TERMS)]
         fields = {name: ("vector", start.particle_count) for name in vectors}
         return {
@@ -66,9 +66,9 @@ class Ias15(Adaptive):
         }
 
     def control(self) -> tuple[float, float]:
-        """(5040 ε)^(1/7), and how far from its solution a step may be.
+        """(5040 ε)^(1/7), and the tolerance of the iteration.
 
-        ε is as given, but no shorter steps than those whose derivatives stand out from round-off: 0.73 of τ in f32.
+        ε is bounded from below, so that the derivatives of a step stand out from round-off: in f32 steps are 0.73 τ or longer.
         """
         epsilon = max(self.epsilon, 200.0 * rounding())
         return (5040.0 * epsilon) ** (1.0 / 7.0), max(epsilon, 1e4 * rounding())
@@ -77,7 +77,7 @@ class Ias15(Adaptive):
 
     @ti.func
     def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
-        """The first step is a small part of the time in which the acceleration would change the speed; it soon grows."""
+        """Take the state as the start; the first step is a small part of the time in which accelerations change speeds."""
         r = first // total_force.particle_count
         self.start_clock(state, r, time)
         self.evaluate(state, total_force, first, time, shape)
@@ -99,19 +99,19 @@ class Ias15(Adaptive):
 
     @ti.func
     def show(self, state: Template, total_force: Template, first, time: Template):
-        """The step's polynomial at a time within it."""
+        """Set the state to the value of the step's polynomial at a time within the step."""
         r = first // total_force.particle_count
         h = ti.cast(state.clock[self.CLOCK * r + 1], float)
         self._place(state, total_force, first, self.share_of_step(state, r, time), h, True)
 
     @ti.func
     def length_again(self, state: Template, r):
-        """That of the last step, but a little less than its end asks for."""
+        """The length of the last step, but less than the next length that its end asked for."""
         return ti.min(state.clock[self.CLOCK * r + 1], AGAIN_SHARE * state.clock[self.CLOCK * r + 2])
 
     @ti.func
     def write_paths(self, state: Template, total_force: Template, coefficient: Template):
-        """The step's polynomial: x₀, h v₀, h² a₀/2 and h² b_k / ((k+2)(k+3))."""
+        """Write the coefficients of the step's polynomial: x₀, h v₀, h² a₀/2 and h² b_k / ((k+2)(k+3))."""
         n = ti.static(total_force.particle_count)
         h = ti.cast(state.clock[1], float)
         for i in range(n):
@@ -124,7 +124,7 @@ class Ias15(Adaptive):
 
     @ti.func
     def take_step(self, state: Template, total_force: Template, first, shape: Template):
-        """From the start state, with `b` as predicted: iterate, judge, and leave the length of this step and the next."""
+        """From the start state and the predicted `b`, iterate until a step is accepted; write its length and the next."""
         r = first // total_force.particle_count
         begin = state.clock[self.CLOCK * r]
         h = state.clock[self.CLOCK * r + 2]
@@ -139,7 +139,7 @@ class Ias15(Adaptive):
             self._differences(state, total_force, first)
             error = self._iterate(state, total_force, first, begin, ti.cast(h, float), shape)
             share = self._longest_share(state, total_force, first)
-            if not error <= state.control[self.CONTROL * r + 1]:  # what is no number fails, too
+            if not error <= state.control[self.CONTROL * r + 1]:  # NaN fails, too
                 share = ti.min(share, ti.static(0.5 / LARGEST_CHANGE))
             following = ti.min(h * share, h * LARGEST_CHANGE)
             if begin + 1e-3 * following == begin:
@@ -164,7 +164,7 @@ class Ias15(Adaptive):
 
     @ti.func
     def _differences(self, state: Template, total_force: Template, first):
-        """g from b: g_j = Σ_k≥j d_kj b_k."""
+        """Compute g from b: g_j = Σ_k≥j d_kj b_k."""
         for i in range(first, first + total_force.particle_count):
             for j in ti.static(range(TERMS)):
                 g = ti.Vector.zero(float, state.dimensions)
@@ -174,7 +174,7 @@ class Ias15(Adaptive):
 
     @ti.func
     def _iterate(self, state: Template, total_force: Template, first, begin, h, shape: Template):
-        """Until the last coefficient no longer changes, against the largest acceleration, or no longer changes less.
+        """Iterate until the change of the last coefficient, relative to the largest acceleration, is zero or stops falling.
 
         Returns its last change.
         """
@@ -210,14 +210,14 @@ class Ias15(Adaptive):
 
     @ti.func
     def _raise(self, state: Template, place, value):
-        """A maximum has no order, so it may be taken by many threads; what is no number is kept as well."""
+        """Raise a maximum of the field `measure`; NaN becomes infinity. A maximum does not depend on the order of threads."""
         wide = ti.cast(value, state.wide)
         if wide > state.measure[place] or ti.math.isnan(wide):
             ti.atomic_max(state.measure[place], ti.select(ti.math.isnan(wide), ti.cast(ti.math.inf, state.wide), wide))
 
     @ti.func
     def _correct(self, state: Template, i, a, n):
-        """Make the polynomial go through acceleration a at node n; returns by how much its last coefficient changed."""
+        """Make the polynomial pass through the acceleration a at node n; returns the change of its last coefficient."""
         result = 0.0
         quotient = a - state.start_acceleration[i]
         for m in ti.static(range(TERMS)):
@@ -235,7 +235,7 @@ class Ias15(Adaptive):
 
     @ti.func
     def _place(self, state: Template, total_force: Template, first, s, h, with_velocity: Template):
-        """Put the particles where the polynomial has them at s; the smallest terms are added first."""
+        """Set the particles to the value of the polynomial at s; the smallest terms are added first."""
         way = s * h
         for i in range(first, first + total_force.particle_count):
             x = ti.Vector.zero(float, state.dimensions)
@@ -257,7 +257,7 @@ class Ias15(Adaptive):
 
     @ti.func
     def _longest_share(self, state: Template, total_force: Template, first):
-        """How much longer than this step the next may be; 0 where something is no number."""
+        """Length of the next step relative to this step, at most; 0 where a value is NaN."""
         r = first // total_force.particle_count
         state.measure[2 * r] = -ti.cast(ti.math.inf, state.wide)
         for i in range(first, first + total_force.particle_count):
@@ -282,7 +282,7 @@ class Ias15(Adaptive):
 
     @ti.func
     def _rescale(self, state: Template, total_force: Template, first, share):
-        """The polynomial of a step that is shorter, from the same start; what is no number is forgotten."""
+        """Rescale the polynomial to a shorter step from the same start; coefficients that are NaN become 0."""
         for i in range(first, first + total_force.particle_count):
             power = share
             for k in ti.static(range(TERMS)):
@@ -294,7 +294,10 @@ class Ias15(Adaptive):
 
     @ti.func
     def enter_next(self, state: Template, total_force: Template, first):
-        """The end of this step is the start of the next, whose polynomial goes on as this one does, and errs as it did."""
+        """Make the end of the last step the start of the next, and predict the polynomial of the next step.
+
+        The prediction continues the last polynomial, and adds the error that the last prediction had.
+        """
         r = first // total_force.particle_count
         h = ti.cast(state.clock[self.CLOCK * r + 1], float)
         share = ti.cast(state.clock[self.CLOCK * r + 2] / state.clock[self.CLOCK * r + 1], float)
@@ -315,7 +318,7 @@ class Ias15(Adaptive):
 
     @ti.func
     def _add_compensated(self, state: Template, i, h):
-        """The step's own change of x and v."""
+        """Add the changes of x and v in a step of length h to the start of the step."""
         x = ti.Vector.zero(float, state.dimensions)
         v = ti.Vector.zero(float, state.dimensions)
         for back in ti.static(range(TERMS)):

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import kicked
 from mpp_taichi.component import component, param
 from mpp_taichi.forces._base import BondForce
 from mpp_taichi.forces._total_force import TotalForce
@@ -16,8 +17,9 @@ from mpp_taichi.types import Template
 class ImexMidpoint(Implicit):
     """Half a kick by the soft forces, an implicit midpoint step with springs and friction alone, half a kick: second order.
 
-    Symplectic and time-reversible; any stiffness is stable. Soft are the forces between all pairs and the external ones: they
-    are evaluated once a step, where fully implicit methods want them in every iteration. The step must resolve the soft forces.
+    Symplectic and time-reversible; any stiffness is stable. The soft forces are those between all pairs and the external
+    forces: they are evaluated once a step, where fully implicit methods evaluate them in every iteration. The step must resolve
+    the soft forces.
     Source: Zhang & Skeel, Appl. Numer. Math. 25 (1997) 297; Stern & Grinspun, Multiscale Model. Simul. 7 (2009) 1779.
     """
 
@@ -34,7 +36,7 @@ class ImexMidpoint(Implicit):
     extra_vectors = ("soft_acceleration",)
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
-        """That of the implicit midpoint rule: the oscillator is a spring."""
+        """The amplification of the implicit midpoint rule, since the oscillator is a spring."""
         return trapezoid(frequency, damping)
 
     def implicit_part(self, total_force: Any) -> Any:
@@ -46,17 +48,17 @@ class ImexMidpoint(Implicit):
         return TotalForce(stiff, total_force.particle_count, total_force.dimensions)
 
     def starting_force(self, total_force: Any) -> Any:
-        """The soft ones."""
+        """The soft forces."""
         return self.soft
 
     @ti.func
     def start(self, state: Template, total_force: Template, first, i, time):
-        """The first half kick is by these."""
+        """Keep the soft accelerations for the first half kick."""
         state.soft_acceleration[i] = state.acceleration[i]
 
     @ti.func
     def begin(self, state: Template, i, dt, b):
-        """Half a kick, then half of the free flight."""
+        """Half a kick, then set the bases to the middle of a free flight."""
         velocity = state.velocity[i]
         if ti.static(self.has_soft_forces):
             velocity += 0.5 * dt * state.soft_acceleration[i]
@@ -65,12 +67,12 @@ class ImexMidpoint(Implicit):
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
-        """From the middle as far again."""
+        """Set the end of the step: from the middle as far again."""
         state.position[i] = state.piece_start[i] + 2.0 * (state.base_shift[i] + state.shift[i])
         state.velocity[i] = state.base_velocity[i] + 2.0 * (g / b) * state.shift[i]
 
     @ti.func
     def kick(self, state: Template, i, dt):
-        """The second half, by forces that the next step begins with."""
-        state.velocity[i] = state.velocity[i] + 0.5 * dt * state.acceleration[i]
+        """The second half kick, by the soft forces with which the next step begins."""
+        state.velocity[i] = kicked(state.velocity[i], state.acceleration[i], 0.5 * dt)
         state.soft_acceleration[i] = state.acceleration[i]

@@ -27,12 +27,12 @@ class ImplicitEuler(Implicit):
 
     @ti.func
     def begin(self, state: Template, i, dt, b):
-        """Where it would fly freely."""
+        """Set the bases to the end of a free flight."""
         state.base_velocity[i] = state.velocity[i]
         state.base_shift[i] = dt * state.velocity[i]
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
-        """The stage is the end."""
+        """The stage is the end of the step."""
         state.position[i] = state.piece_start[i] + (state.base_shift[i] + state.shift[i])
         state.velocity[i] = state.base_velocity[i] + (g / b) * state.shift[i]

@@ -33,12 +33,12 @@ class ImplicitMidpoint(Implicit):
 
     @ti.func
     def begin(self, state: Template, i, dt, b):
-        """Half of the free flight."""
+        """Set the bases to the middle of a free flight."""
         state.base_velocity[i] = state.velocity[i]
         state.base_shift[i] = 0.5 * dt * state.velocity[i]
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
-        """From the middle as far again."""
+        """Set the end of the step: from the middle as far again."""
         state.position[i] = state.piece_start[i] + 2.0 * (state.base_shift[i] + state.shift[i])
         state.velocity[i] = state.base_velocity[i] + 2.0 * (g / b) * state.shift[i]

@@ -19,10 +19,10 @@ from mpp_taichi.types import Template
 
 TABLES = {2: Leapfrog, 4: Pefrl, 6: KahanLi6}
 """Methods that begin and end with a drift and read the same backwards, by their order."""
-BITS = 53  # of the largest coordinate at the start, as in a number of f64; of 63, the rest is room to fly apart
-SLOWEST = 1 / 128  # of the largest coordinate per dt: the speed that a scene is at least taken to have, one at rest as well
+BITS = 53  # of the largest coordinate at the start, as in f64; the other ten bits of an integer leave room to fly apart
+SLOWEST = 1 / 128  # of the largest coordinate per dt: the least speed for which the lattice of velocities is made
 LIMIT = 2.0**62
-"""Where the lattice ends, in spacings."""
+"""End of the lattice, in spacings."""
 LEFT, NOT_A_NUMBER = 1, 2
 
 
@@ -34,8 +34,8 @@ class Janus(Integrator):
     dt → −dt comes back to the bits it began with, through any chaos. Rounding is a one-to-one map of the lattice onto
     itself, so the energy error is that of the table: `leapfrog`, `pefrl` or `kahan_li6`.
     The start is put on the lattice. Δx is 2⁻⁵³ X, X the largest |coordinate| of the start, and Δv = 2⁻⁵³ V, V the largest
-    |velocity|, but at least X / (128 dt), both taken up to a power of two: a particle may go some 500 times as far and as
-    fast before it leaves the lattice, which ends the run. A `lattice` of one's own changes both spacings alike.
+    |velocity|, but at least X / (128 dt), both rounded up to a power of two: a particle may go some 500 times as far and as
+    fast before it leaves the lattice, which ends the run. The parameter `lattice` changes both spacings by the same factor.
     Integers of 64 bits, on the CPU. Forces that depend on velocity or on time are refused.
     Source: Levesque & Verlet, J. Stat. Phys. 72 (1993) 519; Rein & Tamayo, MNRAS 473 (2018) 3351, arXiv:1704.07715.
     """
@@ -63,21 +63,21 @@ class Janus(Integrator):
 
     @property
     def nodes(self) -> tuple:
-        """Those of the table."""
+        """The nodes of the table."""
         return self.table.nodes
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
-        """That of the table; ValueError with damping, which it cannot have."""
+        """The amplification of the table; ValueError with damping, which the method does not take."""
         if damping != 0.0:
             raise ValueError("janus takes no forces that depend on velocity")
         return self.table.amplification(frequency)
 
     def scratch_count(self, velocity_dependent: bool) -> int:
-        """What it keeps has names of its own."""
+        """None: its fields are work fields with names."""
         return 0
 
     def loops(self, k: int, total_force: Any) -> int:
-        """Every stage is one."""
+        """Every stage is one loop."""
         return 1
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
@@ -110,7 +110,7 @@ class Janus(Integrator):
             numbers = np.rint(values.astype(np.float64) / spacing)
             if not np.abs(numbers).max() < LIMIT:
                 raise SceneError(
-                    f"integrator.janus: its lattice ends at a {name} of {LIMIT * spacing:.6g}, one is "
+                    f"integrator.janus: its lattice ends at a {name} of {LIMIT * spacing:.6g}, and the scene has a {name} of "
                     f"{np.abs(numbers).max() * spacing:.6g}; give it a larger `lattice` than {self.spacings[0]:.6g}"
                 )
             getattr(state, f"lattice_{name}").from_numpy(numbers.astype(np.int64))
@@ -136,7 +136,7 @@ class Janus(Integrator):
 
     @ti.func
     def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
-        """A stage with coefficients looked up while running: one copy of the code serves all stages."""
+        """A stage whose coefficients are looked up while the kernel runs, so that all stages share one copy of the code."""
         kick, drift = 0.0, 0.0
         for c in ti.static(range(1, self.evaluations + 1)):
             if k == c:
@@ -145,7 +145,10 @@ class Janus(Integrator):
 
     @ti.func
     def kick_and_drift(self, state: Template, total_force: Template, first, kick_time, drift_time, kicks: Template):
-        """Both on the lattice, and the state as they leave it; what no step has summed may be no number, even times zero."""
+        """Kick and drift on the lattice, and set position and velocity from it.
+
+        Without `kicks` the acceleration is not read: no sum has set it, it may be NaN, and NaN times zero is NaN.
+        """
         r = first // total_force.particle_count
         position_spacing, velocity_spacing = state.spacing[2 * r], state.spacing[2 * r + 1]
         kick = ti.cast(kick_time, state.wide) / velocity_spacing
@@ -162,11 +165,11 @@ class Janus(Integrator):
                     state.position[i][axis] = ti.cast(ti.cast(place, state.wide) * position_spacing, float)
             if state.left[i] != 0:
                 for axis in ti.static(range(state.dimensions)):
-                    state.position[i][axis] = ti.math.nan  # what every run is looked over for
+                    state.position[i][axis] = ti.math.nan  # every run is checked for NaN
 
     @ti.func
     def moved(self, state: Template, i, number, change):
-        """An integer moved by the nearest one to `change`; it stays, and that is noted, where that is not on the lattice."""
+        """`number` plus the integer nearest to `change`; where the sum is beyond the lattice, `number`, and `left` is set."""
         change = ti.round(change)
         result = number
         if ti.abs(ti.cast(number, state.wide) + change) < LIMIT:
@@ -177,7 +180,7 @@ class Janus(Integrator):
 
     @ti.func
     def is_free(self, state: Template, i, axis: Template):
-        """Whether particle i may move along an axis; where it is held it keeps its very place, on the lattice or not."""
+        """Whether particle i may move along an axis; a held particle keeps its place exactly, on the lattice or not."""
         result = True
         if ti.static(state.has_fixed_axes):
             result = state.free[i][axis] != 0.0
@@ -185,5 +188,5 @@ class Janus(Integrator):
 
 
 def _power_of_two(number: float) -> float:
-    """The next one that is not less."""
+    """The smallest power of two that is not less than a number."""
     return float(2.0 ** math.ceil(math.log2(number)))

@@ -20,7 +20,7 @@ class Newmark(Implicit):
     solver: str = param("auto", choices=("auto", "conjugate_gradients", "direct"), help="of Newton's linear systems")
     tolerance: float = param(None, optional=True, above=0.0, maximum=0.01, help="of the step's way; absent: by precision")
     order = 2
-    symplectic = True  # conjugate to a symplectic method, which does as well
+    symplectic = True  # it is conjugate to a symplectic method, which keeps the energy as well
     time_reversible = True
     keeps_force = True
     beta = 0.25
@@ -33,7 +33,7 @@ class Newmark(Implicit):
 
     @ti.func
     def start(self, state: Template, total_force: Template, first, i, time):
-        """The acceleration that the first step begins with."""
+        """Keep the acceleration that the first step begins with."""
         acceleration = state.acceleration[i]
         if ti.static(total_force.depends_on_velocity):
             acceleration += total_force.local_acceleration(state, first, i, time, True)
@@ -41,14 +41,14 @@ class Newmark(Implicit):
 
     @ti.func
     def begin(self, state: Template, i, dt, b):
-        """The part of the start."""
+        """Set the bases from the start of the step and its acceleration."""
         kept = state.kept_acceleration[i]
         state.base_velocity[i] = state.velocity[i] + 0.5 * dt * kept
         state.base_shift[i] = dt * state.velocity[i] + b * kept
 
     @ti.func
     def finish(self, state: Template, i, dt, b, g):
-        """The part of the end; its acceleration is P/b."""
+        """Set the end of the step; the acceleration there is P/b."""
         state.position[i] = state.piece_start[i] + (state.base_shift[i] + state.shift[i])
         state.velocity[i] = state.base_velocity[i] + (g / b) * state.shift[i]
         state.kept_acceleration[i] = state.shift[i] / b

@@ -13,9 +13,9 @@ from mpp_taichi.integrators._gravity_series import GravitySeries
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
-MARGIN = 0.01  # of the tolerance, for the last terms of a step: its error is then the tolerance in an orbit of some 50 steps
-LONGEST = 4.0  # step, in units of the one before: where nothing bends a path, nothing else would end it
-FIRST_SHARE = 0.125  # of the time in which a pair moves or falls as far as it is apart, for the first unit of time
+MARGIN = 0.01  # of the tolerance: bound of the last terms of a step. The error of an orbit of some 50 steps is the tolerance
+LONGEST = 4.0  # step, relative to the step before: on a straight path no other bound exists
+FIRST_SHARE = 0.125  # of the time in which a pair moves or falls by its distance: the first unit of time
 
 
 @component
@@ -24,11 +24,11 @@ class Taylor(Adaptive):
     """The power series of all positions to an order p by recurrence, steps h as long as its last two terms are small.
 
     h = min over n = p − 1, p and all pairs of (0.01 ε |d_0| / |d_n|)^(1/n), d_n the coefficients of a pair's separation, |d_0|
-    softened: what the series leaves out is a part of the separation, wherever the origin is. No step is done twice, and
-    between the ends of steps the series is as good as they are. Sums of positions and velocities are compensated, so that
-    the error of the energy grows like round-off, with the root of the number of steps. Coefficients are in a unit of time
-    near the step, a power of two, so that they stay in the range of numbers. The fastest method for few bodies under gravity,
-    from about seven digits on; the work for a step goes with the pairs and p². `newtonian_gravity` and `uniform_gravity` only.
+    softened: the error is relative to the separation, wherever the origin is. No step is repeated, and between the ends of
+    steps the series is as accurate as at the ends. Sums of positions and velocities are compensated, so that the error of the
+    energy grows like round-off, with the square root of the number of steps. Coefficients are in a unit of time near the step,
+    a power of two, so that they stay in the range of numbers. The fastest method for few bodies under gravity, from about seven
+    digits on; the work of a step grows with the pairs and p². For `newtonian_gravity` and `uniform_gravity` only.
     Sources: Moore, Interval Analysis (1966); Jorba & Zou, Exp. Math. 14 (2005) 99; for n bodies
     Biscani & Izzo, Mon. Not. R. Astron. Soc. 504 (2021) 2614.
     """
@@ -46,11 +46,11 @@ class Taylor(Adaptive):
     memory = ("clock", "tally", "coefficient", "position_rest", "velocity_rest")
 
     def in_vectors(self, state: Any, total_force: Any) -> bool:
-        """Of any number of pairs."""
+        """With any number of pairs."""
         return bool(total_force.has_pairs)
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
-        """The series, what rounding left over of the state, and the clock, whose last entry is the unit of time."""
+        """The series, the rounding errors of the state, and the clock, whose last entry is the unit of time."""
         self.series = GravitySeries(total_force, start, self.order)
         return {
             "clock": ("wide", self.CLOCK),
@@ -62,12 +62,12 @@ class Taylor(Adaptive):
         }
 
     def control(self) -> tuple[float, float]:
-        """How large the last terms may be: ε as given, but no less than rounding, for it would only shorten the steps."""
+        """The bound of the last terms, from ε or from rounding, whichever is larger: a smaller ε only shortens the steps."""
         return MARGIN * max(self.tolerance, rounding()), 0.0
 
     @ti.func
     def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
-        """Positions and velocities as the coefficients 0 and 1, in a first unit of time."""
+        """Take positions and velocities as the coefficients 0 and 1, in a first unit of time."""
         r = first // total_force.particle_count
         self.start_clock(state, r, time)
         self.series.begin(state, first)
@@ -89,12 +89,12 @@ class Taylor(Adaptive):
 
     @ti.func
     def _row(self, first, i):
-        """Where coefficient 0 of particle i is."""
+        """Index of coefficient 0 of particle i."""
         return first // self.series.count * self.series.rows * self.series.count + i - first
 
     @ti.func
     def _first_time(self, state: Template, total_force: Template, first):
-        """A part of the time that the fastest pair takes to move, or to fall, as far as it is apart."""
+        """A part of the time in which the fastest pair moves, or falls, by its distance."""
         rate = ti.cast(0.0, state.wide)  # squared
         for i in range(first, first + total_force.particle_count):
             for j in range(i + 1, first + total_force.particle_count):
@@ -109,7 +109,7 @@ class Taylor(Adaptive):
 
     @ti.func
     def take_step(self, state: Template, total_force: Template, first, shape: Template):
-        """The series from where the state is, and how far it holds. Each order of the acceleration counts as an evaluation."""
+        """Extend the series from the state, and set the length of the step. Each order of the acceleration is an evaluation."""
         r = first // total_force.particle_count
         begin, unit = state.clock[self.CLOCK * r], state.clock[self.CLOCK * r + 2]
         allowed = state.control[self.CONTROL * r]
@@ -130,7 +130,7 @@ class Taylor(Adaptive):
 
     @ti.func
     def enter_next(self, state: Template, total_force: Template, first):
-        """The end of this step, in compensated sums, starts the next, whose unit of time is near this step."""
+        """Make the end of the last step, in compensated sums, the start of the next, with a unit of time near the last step."""
         r = first // total_force.particle_count
         h, unit = state.clock[self.CLOCK * r + 1], state.clock[self.CLOCK * r + 2]
         share, old = ti.cast(h / unit, float), ti.cast(unit, float)
@@ -155,7 +155,7 @@ class Taylor(Adaptive):
 
     @ti.func
     def _change(self, state: Template, first, begin, share):
-        """Of the positions of a group, and of its velocities times the unit of time; the smallest terms are added first."""
+        """Changes of the positions of a group, and of its velocities times the unit of time; the smallest terms come first."""
         way = [[0.0 for c in ti.static(range(state.dimensions))] for m in ti.static(range(self.series.group))]
         push = [[0.0 for c in ti.static(range(state.dimensions))] for m in ti.static(range(self.series.group))]
         factor = ti.cast(self.order, float)
@@ -173,7 +173,7 @@ class Taylor(Adaptive):
 
     @ti.func
     def show(self, state: Template, total_force: Template, first, time: Template):
-        """The step's series at a time within it."""
+        """Set the state to the value of the step's series at a time within the step."""
         r = first // total_force.particle_count
         per_unit = ti.cast(1.0 / state.clock[self.CLOCK * r + 2], float)
         h = ti.cast(state.clock[self.CLOCK * r + 1], float)
@@ -189,12 +189,12 @@ class Taylor(Adaptive):
 
     @property
     def path_degree(self) -> int:
-        """That of the series."""
+        """The order of the series."""
         return self.order
 
     @ti.func
     def write_paths(self, state: Template, total_force: Template, coefficient: Template):
-        """The step's series, in parts of the step."""
+        """Write the step's series, in parts of the step."""
         n = ti.static(total_force.particle_count)
         share = ti.cast(state.clock[1] / state.clock[2], float)
         for i in range(n):
@@ -207,11 +207,11 @@ class Taylor(Adaptive):
 
     @ti.func
     def length_again(self, state: Template, r):
-        """The series says how long a step is."""
+        """0: the series determines the length of a step."""
         return ti.cast(0.0, state.wide)
 
     def accelerations(self, state: Any) -> np.ndarray:
-        """Twice the coefficients 2, over the unit of time squared."""
+        """Twice the coefficients of order 2, over the unit of time squared."""
         rows = state.coefficient.to_numpy().reshape(state.replica_count, self.series.rows, self.series.count, -1)
         units = state.clock.to_numpy().reshape(-1, self.CLOCK)[:, 2]
         return np.concatenate(2.0 * rows[:, 2] / units[:, None, None] ** 2)

@@ -1,4 +1,4 @@
-"""Wisdom and Holman's mapping for planets: Kepler's orbits exactly, what planets do to each other by kicks."""
+"""Wisdom and Holman's mapping for planets: Kepler's orbits exactly, the forces between planets by kicks."""
 
 from typing import Any
 
@@ -22,14 +22,14 @@ BEGINS, STEPS, LOOKS = range(3)  # what a launch does, in turn
 @component
 @ti.data_oriented
 class WisdomHolman(Integrator):
-    """Drift–kick–drift in Jacobi's coordinates: drifts are orbits about all mass farther in, kicks what is left of gravity.
+    """Drift–kick–drift in Jacobi's coordinates: drifts are orbits about all mass farther in, kicks the rest of gravity.
 
-    Body k, counted from the central one outwards by the energies of their orbits, has the coordinate r_k from the centre of
-    mass of the bodies before it. H = Σ (p²/2m_k′ − G M_k m_k′/r_k) + R, M_k the mass of bodies 0 … k; the sum is Kepler's
-    problem for each, and R is of the order ε of the planets' masses over the central one's. So the error is of the order
-    ε dt²; that of two bodies is round-off. A corrector of order n changes coordinates once at the start and back at looks: no
-    step costs more, and the error is ε dt^(n+1) + ε² dt². Looks change no bit of the motion; a step of another length
-    begins anew. Twenty steps to the shortest period are few, at pericentre as if it were a circle; planets must not meet.
+    Bodies are counted from the central body outwards, by the energies of their orbits. Body k has the coordinate r_k from the
+    centre of mass of the bodies before it. H = Σ (p²/2m_k′ − G M_k m_k′/r_k) + R, M_k the mass of the bodies 0 … k; the sum is
+    Kepler's problem for each body, and R is smaller by the ratio ε of the planets' masses to the central mass. So the error is
+    of the order ε dt²; for two bodies it is round-off. A corrector of order n changes coordinates once at the start, and back
+    for each output: no step costs more, and the error is ε dt^(n+1) + ε² dt². Output changes no bit of the motion; a change of
+    dt begins anew. Take more than twenty steps per shortest period, at pericentre that of a circle; planets must not meet.
     Sources: Wisdom & Holman, Astron. J. 102 (1991) 1528; Rein & Tamayo, Mon. Not. R. Astron. Soc. 452 (2015) 376.
     """
 
@@ -54,11 +54,11 @@ class WisdomHolman(Integrator):
     memory = ("order_inside_out", "step_and_count", "unsolved_orbits", "center_of_mass", *VECTORS)
 
     def scratch_count(self, velocity_dependent: bool) -> int:
-        """What it keeps has names of its own."""
+        """None: its fields are work fields with names."""
         return 0
 
     def work_fields(self, total_force: Any, start: Snapshot, *, plan: str, on_cpu: bool) -> dict[str, tuple[str, int]]:
-        """The state in Jacobi's coordinates with what rounding left over, a copy for looks, masses in order from the centre."""
+        """The state in Jacobi's coordinates with rounding errors, a copy of it for output, and the masses in order."""
         n = start.particle_count
         self._strength = total_force.pair_forces[0].strength
         vectors = [*self.VECTORS, *(f"kept_{name}" for name in self.VECTORS), "place"]
@@ -75,7 +75,7 @@ class WisdomHolman(Integrator):
         }
 
     def arrange(self, state: Any) -> None:
-        """The next step begins anew."""
+        """Let the next step begin anew from positions and velocities."""
         state.step_and_count.fill(0)
 
     def trouble(self, state: Any, bad: int) -> Trouble | None:
@@ -92,10 +92,11 @@ class WisdomHolman(Integrator):
 
     @ti.func
     def launch(self, state: Template, total_force: Template, first, dt, steps, beyond):
-        """Take steps from wherever the replica's own state is, and show it, a part `beyond` of a step later.
+        """Take steps from the replica's own state, and show the positions and velocities a part `beyond` of a step later.
 
-        That part is along the orbits alone, ε a dt² / 2 beside the motion. One loop plays the corrector at the start, the
-        steps, and on a copy the way back to what is shown: it holds drift and kick, the most there is to compile, once.
+        The motion of that part is along the orbits alone, with an error of ε a dt² / 2. One loop runs the corrector at the
+        start, the steps, and on a copy of the state the way back to positions and velocities: so the kernel holds drift and
+        kick, which take longest to compile, once.
         """
         r = first // total_force.particle_count
         begins = state.step_and_count[2 * r] != ti.cast(dt, state.wide)
@@ -129,7 +130,7 @@ class WisdomHolman(Integrator):
 
     @ti.func
     def _looked_up(self, part, j):
-        """Kick and drift number j of the opening or the closing sequence."""
+        """Kick and drift number j of the opening or the closing sequence of the corrector."""
         kick, drift = ti.cast(0.0, float), ti.cast(0.0, float)
         opening, closing = ti.static(_correctors.opening(self.corrector)), ti.static(_correctors.closing(self.corrector))
         for c in ti.static(range(len(opening))):
@@ -140,7 +141,7 @@ class WisdomHolman(Integrator):
 
     @ti.func
     def _copy(self, state: Template, total_force: Template, first, keeps: Template):
-        """Keep the own state, or put it back."""
+        """Copy the own state, or restore it from the copy."""
         for i in range(first, first + total_force.particle_count):
             for own, kept in ti.static(self._fields_and_copies(state)):
                 if ti.static(keeps):
@@ -158,7 +159,7 @@ class WisdomHolman(Integrator):
 
     @ti.func
     def _order(self, state: Template, total_force: Template, first):
-        """Bodies by the energies of their orbits about the central one, which is the first; an insertion sort."""
+        """Sort the bodies by the energies of their orbits about the central body, which comes first; an insertion sort."""
         n = ti.static(total_force.particle_count)
         center = first + ti.static(self._given_center())
         if ti.static(self._given_center() < 0):
@@ -180,7 +181,7 @@ class WisdomHolman(Integrator):
 
     @ti.func
     def _take_over(self, state: Template, total_force: Template, first):
-        """Positions and velocities into Jacobi's coordinates: r_k = x_k − C_(k−1), C_k = C_(k−1) + (m_k / M_k) r_k."""
+        """Transform the state to Jacobi's coordinates: r_k = x_k − C_(k−1), C_k = C_(k−1) + (m_k / M_k) r_k."""
         r = first // total_force.particle_count
         zero = ti.Vector.zero(float, state.dimensions)
         place, speed, total = zero, zero, ti.cast(0.0, float)
@@ -199,7 +200,7 @@ class WisdomHolman(Integrator):
 
     @ti.func
     def _show(self, state: Template, total_force: Template, first, beyond):
-        """Back from Jacobi's coordinates; the centre of mass has gone its way."""
+        """Transform back from Jacobi's coordinates; the centre of mass moves uniformly."""
         r = first // total_force.particle_count
         n = ti.static(total_force.particle_count)
         speed = state.center_of_mass[2 * r + 1]
@@ -222,7 +223,7 @@ class WisdomHolman(Integrator):
 
     @ti.func
     def _drift(self, state: Template, total_force: Template, first, duration):
-        """Every body along its orbit about all mass farther in; sums are compensated."""
+        """Move every body along its orbit about all mass farther in; the sums are compensated."""
         for k in range(first + 1, first + total_force.particle_count):
             x, v = state.jacobi_position[k], state.jacobi_velocity[k]
             way, push, solved = kepler_changes(x, v, state.inner_attraction[k], duration)
@@ -235,7 +236,7 @@ class WisdomHolman(Integrator):
 
     @ti.func
     def _kick(self, state: Template, total_force: Template, first, duration):
-        """By the gravity of all pairs but that of the two innermost bodies, less Kepler's own pull on the others."""
+        """Kick by the gravity of all pairs but the two innermost bodies, less Kepler's attraction, which the drifts contain."""
         n = ti.static(total_force.particle_count)
         place = ti.Vector.zero(float, state.dimensions)
         for back in range(n - 1):
@@ -262,7 +263,7 @@ class WisdomHolman(Integrator):
 
     @ti.func
     def _pull(self, state: Template, total_force: Template, first):
-        """Accelerations by all pairs but the first, where the bodies are placed."""
+        """Accelerations by all pairs but the innermost, at the places of the bodies."""
         for i in range(first + 2, first + total_force.particle_count):
             pulled = ti.Vector.zero(float, state.dimensions)
             for j in range(first, i):
@@ -274,7 +275,7 @@ class WisdomHolman(Integrator):
 
     @ti.func
     def _pull_unrolled(self, state: Template, total_force: Template, first):
-        """The same to the same bits in registers, for few bodies: a third faster."""
+        """`_pull` for few bodies, in registers: the same bits, a third faster."""
         n, dimensions = ti.static(total_force.particle_count, state.dimensions)
         place, acceleration = ti.Matrix.zero(float, n, dimensions), ti.Matrix.zero(float, n, dimensions)
         for k in ti.static(range(n)):

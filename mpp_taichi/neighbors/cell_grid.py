@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.device.fast_taichi.serial_loops import loop_grain
-from mpp_taichi.device.heavy_loops import heavy_index
+from mpp_taichi.device.heavy_loops import heavy_index, loop_grain
 from mpp_taichi.neighbors._levels import BINS, BINS_PER_OCTAVE
 from mpp_taichi.neighbors._sphere_grid import CHUNKS, SphereGrid
 from mpp_taichi.state.field_group import FieldGroup

@@ -3,8 +3,7 @@
 import taichi as ti
 
 from mpp_taichi.device.fast_taichi.prefetch import prefetch
-from mpp_taichi.device.fast_taichi.serial_loops import loop_grain
-from mpp_taichi.device.heavy_loops import heavy_index
+from mpp_taichi.device.heavy_loops import heavy_index, loop_grain
 from mpp_taichi.neighbors._sphere_grid import CHUNKS
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.plain_rows import is_plain, visit_rows

@@ -1,4 +1,4 @@
-"""An axis: what part of it a value lies at, ticks at round numbers, and limits that grow so seldom that the eye can follow."""
+"""An axis: the place of a value on it, ticks at round numbers, and limits that grow so seldom that the eye can follow."""
 
 import math
 from dataclasses import dataclass
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 ROOM = 0.02  # of the span, beyond the outermost values, so that no curve runs along the edge
-STEPS = 8.0  # of an axis, to one of which its ends are rounded
-FLAT = 1e-3  # of its value, the least span of an axis: what varies less is constant to the eye
+STEPS = 8.0  # parts of an axis; its ends are rounded to such a part
+FLAT = 1e-3  # of its values, the least span of an axis: values that vary less are constant to the eye
 LONGEST_LABEL = 1e5
 SHORTEST_LABEL = 1e-3
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -15,7 +15,7 @@ _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 @dataclass(frozen=True)
 class Tick:
-    """A mark of an axis: where, 0…1, and what is written at it."""
+    """A tick of an axis: its place, 0…1, and its label."""
 
     share: float
     label: str
@@ -30,11 +30,11 @@ class Axis:
     logarithmic: bool = False
 
     def share(self, values: np.ndarray) -> np.ndarray:
-        """Where on the axis values lie, 0…1 between the limits; not a number where a logarithm does not exist."""
+        """The places of values on the axis, 0…1 between the limits; NaN for a value without a logarithm."""
         return (self._of(values) - self.low) / (self.high - self.low)
 
     def value(self, share: float) -> float:
-        """What lies at a part of the axis."""
+        """The value at a place of the axis."""
         value = self.low + share * (self.high - self.low)
         return 10.0**value if self.logarithmic else value
 
@@ -56,13 +56,13 @@ class Axis:
         return Axis(0.0, math.ceil(largest / step) * step)
 
     def grown(self, values: np.ndarray) -> "Axis":
-        """This axis, longer where these values want more room; `values` are all there are, so that both ends have some."""
+        """This axis, made longer where these values need more room; `values` must be all values, so that both ends get room."""
         wanted = Axis.of(values, logarithmic=self.logarithmic)
         return Axis(min(self.low, wanted.low), max(self.high, wanted.high), self.logarithmic)
 
     @staticmethod
     def of(values: np.ndarray, *, logarithmic: bool = False) -> "Axis":
-        """The axis that fits these values, ends round."""
+        """The axis that fits these values, with round ends."""
         axis = Axis(0.0, 1.0, logarithmic)
         low, high = axis._extent(values) or (0.0, 1.0)
         if logarithmic:
@@ -74,7 +74,7 @@ class Axis:
         return Axis(math.floor((low - room) / step) * step, math.ceil((high + room) / step) * step)
 
     def ticks(self, most: int) -> tuple[list[Tick], str]:
-        """Marks, at most so many, and the power of ten that is taken out of their labels, `×10⁻³` or nothing."""
+        """At most `most` ticks, and the power of ten that is taken out of their labels, `×10⁻³` or nothing."""
         if self.logarithmic:
             low, high = math.ceil(self.low - 1e-9), math.floor(self.high + 1e-9)
             every = max(1, -(-(high - low) // max(most - 1, 1)))
@@ -106,7 +106,7 @@ class Axis:
 
 
 def round_step(rough: float) -> float:
-    """The least of 1, 2, 5 × 10ⁿ that is not below."""
+    """The least of the numbers 1, 2, 5 × 10ⁿ that is not below `rough`."""
     if not (rough > 0.0 and math.isfinite(rough)):
         return 1.0
     decade = 10.0 ** math.floor(math.log10(rough))

@@ -1,32 +1,32 @@
-"""What a panel shows, as plain arrays that grow with the run; it knows nothing of a simulation nor of how it is drawn."""
+"""The content of a panel: plain arrays that grow with the run, apart from the simulation and from the drawing."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
-MOST_KEPT = 100_000  # samples; beyond, every second one is let go
+MOST_KEPT = 100_000  # samples; with more, every second sample is dropped
 FIRST_CAPACITY = 1024
 
 
 class Samples:
-    """Rows of numbers, one for each look. `generation` changes when rows that were there have changed or gone."""
+    """Rows of numbers, one row for each sample of the run. `generation` changes when earlier rows are changed or removed."""
 
     def __init__(self) -> None:
-        """Without columns yet."""
+        """There are no columns yet."""
         self.generation = self.count = 0
         self._rows = np.zeros((0, 0))
 
     def open(self, columns: int) -> None:
-        """Make room for so many columns."""
+        """Make room for a number of columns."""
         self._rows = np.zeros((columns, FIRST_CAPACITY))
 
     def clear(self) -> None:
-        """Forget every row."""
+        """Remove every row."""
         self.count = 0
         self.generation += 1
 
     def cut_after(self, column: int, value: float) -> None:
-        """Forget the rows in which a column, that has grown so far, is larger."""
+        """Remove the rows whose number in a column, which increases from row to row, is larger than `value`."""
         self.count = int(np.searchsorted(self._rows[column, : self.count], value, side="right"))
         self.generation += 1
 
@@ -49,10 +49,10 @@ class Samples:
 
 @dataclass(eq=False)
 class Curves:
-    """Curves over a common x; `names` are those of the first, the last `theories` of them are what theory says.
+    """Curves over a common x. `names` are the names of the first curves; the last `theories` curves are drawn by theory.
 
-    span         limits of x that are known beforehand
-    equal        a length is as long along both axes
+    span         limits of x, where they are known before the run
+    equal        whether both axes have the same scale
     """
 
     title: str
@@ -75,19 +75,19 @@ class Curves:
 
     @property
     def count(self) -> int:
-        """All curves."""
+        """The number of curves."""
         return len(self.y_columns)
 
     def y(self, number: int) -> np.ndarray:
-        """Values of one curve, (count,); not a number where it has a gap."""
+        """Values of one curve, (count,); NaN where the curve has a gap."""
         return self.samples.column(self.y_columns[number])
 
 
 @dataclass(eq=False)
 class Histogram:
-    """Probability densities over bins, and the curve of theory where there is one.
+    """Probability densities over bins, and a curve by theory where there is one.
 
-    edges (bins + 1,), density (bins,); curve and theory (n,) each, empty without one
+    edges (bins + 1,), density (bins,); curve and theory (n,) each, empty without a theory
     """
 
     title: str
@@ -102,11 +102,11 @@ class Histogram:
     generation: int = 0
 
     def clear(self) -> None:
-        """Nothing was counted yet."""
+        """Remove the bins."""
         self.show(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0))
 
     def show(self, edges: np.ndarray, density: np.ndarray, curve: np.ndarray, theory: np.ndarray) -> None:
-        """Take what was counted."""
+        """Replace the bins and the curve."""
         self.edges, self.density, self.curve, self.theory = edges, density, curve, theory
         self.generation += 1
 

@@ -1,4 +1,4 @@
-"""What a panel says of the place that the mouse points at."""
+"""The values of a panel at the place of the mouse."""
 
 from dataclasses import dataclass
 
@@ -12,19 +12,19 @@ from mpp_taichi.plots.painters import PicturePainter, text_width
 from mpp_taichi.plots.panel import DISC, Panel
 from mpp_taichi.plots.theme import Rgb
 
-DIGITS = 5  # of a number that is read off
+DIGITS = 5  # of a number in the reading
 
 
 @dataclass(frozen=True)
 class CursorReading:
-    """Lines to show, the first for x, and the points that they are of, in pixels of the panel."""
+    """Lines to show, the first for x, and the points on the curves that they belong to, in pixels of the panel."""
 
     lines: tuple[tuple[str, Rgb], ...]
     points: tuple[tuple[float, float, Rgb], ...]
 
 
 def read(panel: Panel, x: float, y: float) -> CursorReading | None:
-    """The values at a place, in pixels of the panel; None outside its field, and where nothing was recorded."""
+    """The values at a place, in pixels of the panel; None outside its field, and where there are no samples."""
     left, top, right, bottom = panel.frame.field
     if not (left <= x <= right and top <= y <= bottom):
         return None
@@ -95,7 +95,7 @@ def _of_curves(panel: Panel, plot: Curves, x: float, y: float) -> CursorReading 
 
 
 def _nearest(panel: Panel, plot: Curves, x: float, y: float) -> int:
-    """The sample whose point on any curve is nearest."""
+    """The number of the sample that has the nearest point on any curve."""
     shares = panel.axes[0].share(plot.x)
     distances = [
         np.linalg.norm(panel.frame.points(shares, panel.axes[1].share(plot.y(number))) - (x, y), axis=1)

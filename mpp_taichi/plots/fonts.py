@@ -9,7 +9,7 @@ from PIL import ImageFont
 
 @lru_cache(maxsize=8)
 def font_of(height: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    """Go Regular, which comes with Taichi and holds Latin, Greek and Cyrillic; Pillow's own holds little beyond ASCII."""
+    """Go Regular, which comes with Taichi and holds Latin, Greek and Cyrillic; Pillow's own font holds little beyond ASCII."""
     taichi = importlib.util.find_spec("taichi")
     if taichi is not None and taichi.origin is not None:
         font = Path(taichi.origin).parent / "assets" / "Go-Regular.ttf"

@@ -1,4 +1,4 @@
-"""The frame of a panel: where its field is, and what is drawn around the curves."""
+"""The frame of a panel: the place of its field, and the axes, title and legend around the curves."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from mpp_taichi.plots.painters import Painter, text_width
 from mpp_taichi.plots.theme import Rgb, Theme
 
 LEAST_FIELD = 24  # pixels
-LONGEST_LABEL = 0.35  # of the field's width, in the row of the axis' numbers
+LONGEST_LABEL = 0.35  # of the field's width, for a label in the same row as the numbers of the axis
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class PanelFrame:
     size: int
     field: tuple[int, int, int, int]
     legend: tuple[tuple[float, float, Entry], ...]  # x, y, entry
-    label_below: bool  # the label of x in a row of its own, as it is too long for that of the numbers
+    label_below: bool  # whether the label of x has a row of its own, as it is too long for the row of the numbers
 
     @staticmethod
     def of(plot: Plot, width: int, height: int, size: int, theme: Theme) -> "PanelFrame":
@@ -55,7 +55,7 @@ class PanelFrame:
         return np.stack([left + x * (right - left), bottom - y * (bottom - top)], axis=1)
 
     def draw(self, painter: Painter, plot: Plot, x_axis: Axis, y_axis: Axis, theme: Theme) -> None:
-        """Everything but the curves."""
+        """Draw everything but the curves."""
         left, top, right, bottom = self.field
         size = self.size
         painter.rectangle((0, 0, self.width, self.height), theme.background)
@@ -88,7 +88,7 @@ class PanelFrame:
 
 
 def entries_of(plot: Plot, theme: Theme) -> list[Entry]:
-    """What the legend says."""
+    """The entries of the legend."""
     if isinstance(plot, Histogram):
         law = [Entry("theory", theme.theory)] if plot.has_theory else []
         return [Entry("probability density", theme.curve(0)), *law]
@@ -102,7 +102,7 @@ def color_of(plot: Curves, number: int, theme: Theme) -> Rgb:
 
 
 def fitting_axes(plot: Plot) -> tuple[Axis, Axis]:
-    """Axes on which all there is so far fits."""
+    """Axes that fit all samples so far."""
     if isinstance(plot, Histogram):
         ends = plot.edges if len(plot.edges) else np.array([0.0, 1.0])
         return Axis(float(ends[0]), float(ends[-1])), Axis.above_zero(np.concatenate([plot.density, plot.theory]))
@@ -112,7 +112,7 @@ def fitting_axes(plot: Plot) -> tuple[Axis, Axis]:
 
 
 def equalised(x: Axis, y: Axis, frame: PanelFrame) -> tuple[Axis, Axis]:
-    """The axes widened so that a length is as long along both."""
+    """The axes, widened so that both have the same scale."""
     left, top, right, bottom = frame.field
     per_x, per_y = (x.high - x.low) / (right - left), (y.high - y.low) / (bottom - top)
     scale = max(per_x, per_y)

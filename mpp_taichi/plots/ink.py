@@ -7,8 +7,8 @@ from PIL import Image, ImageDraw
 
 from mpp_taichi.plots.theme import Rgb
 
-FINER = 3  # pixels of a mask along one of the picture: edges of curves are smoothed by so much
-LONG = 5000  # points, beyond which the joints of a line are not rounded
+FINER = 3  # pixels of a mask along a pixel of the picture, which smooths the edges of curves
+LONG = 5000  # points of a line; the joints of a longer line are not rounded
 
 
 @dataclass(eq=False)
@@ -25,7 +25,7 @@ class Ink:
         self._pen = ImageDraw.Draw(self._mask)
 
     def draw(self, points: np.ndarray) -> list[tuple[int, int, int, int]]:
-        """Join points (n, 2), pixels of the field; the boxes that have changed. What is not finite leaves a gap."""
+        """Draw a line through points (n, 2), pixels of the field; points that are not finite are gaps. The changed boxes."""
         finite = np.isfinite(points).all(axis=1)
         wide = max(1, round(FINER * self.width))
         limit = 4.0 * max(self.size)
@@ -48,7 +48,7 @@ class Ink:
         return int(left), int(top), int(right), int(bottom)
 
     def cover(self, box: tuple[int, int, int, int]) -> Image.Image:
-        """How much of each pixel inside a box is covered, 0…255."""
+        """The coverage of each pixel inside a box, 0…255."""
         left, top, right, bottom = box
         return self._mask.reduce(FINER, (FINER * left, FINER * top, FINER * right, FINER * bottom))
 

@@ -14,13 +14,13 @@ from mpp_taichi.plots.theme import Rgb
 
 RAISED = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789−"))
 LOWERED = dict(zip("₀₁₂₃₄₅₆₇₈₉", "0123456789"))
-SMALL = 0.72  # height of raised and lowered characters, which the font lacks, as a part of the others
+SMALL = 0.72  # height of raised and lowered characters over the height of the others; the font has none of its own
 RAISE, LOWER = -0.24, 0.18  # of the height
 _PLACES = {"l": "start", "m": "middle", "r": "end"}
 
 
 class Painter(Protocol):
-    """What a panel is drawn with. Anchors of text: `l`, `m` or `r`; y is the middle of the line."""
+    """Draws the parts of a panel. Anchors of text: `l`, `m` or `r`; y is the middle of the line."""
 
     def line(self, ends: Sequence[float], color: Rgb, width: float) -> None:
         """A straight line: x, y, x, y."""
@@ -33,7 +33,7 @@ class Painter(Protocol):
 
 
 class PicturePainter:
-    """Draws into a picture of Pillow's."""
+    """Draws into a picture of Pillow."""
 
     def __init__(self, picture: Image.Image) -> None:
         """Keep the pen."""
@@ -96,7 +96,7 @@ class SvgPainter:
 
 
 def text_width(text: str, size: int) -> float:
-    """Pixels that a line of text takes."""
+    """The width of a line of text in pixels."""
     return sum(font_of(height).getlength(piece) for piece, height, _ in _pieces(text, size))
 
 
@@ -112,7 +112,7 @@ def _cached_pieces(text: str, size: int) -> tuple[tuple[str, int, float], ...]:
 
 
 def _pieces(text: str, size: int) -> Iterator[tuple[str, int, float]]:
-    """Runs of characters that stand on one level, with their height and how much lower they stand."""
+    """Runs of characters on one level, with their height and their distance below the line."""
     yield from _cached_pieces(text, size)
 
 

@@ -1,4 +1,4 @@
-"""A panel in pictures: curves grow by what is new, and only that is drawn."""
+"""A panel in pictures: where the axes stay, only the new part of each curve is drawn."""
 
 import numpy as np
 from PIL import Image
@@ -10,10 +10,10 @@ from mpp_taichi.plots.ink import FINER, Ink, put_disc
 from mpp_taichi.plots.painters import PicturePainter
 from mpp_taichi.plots.theme import Rgb, Theme
 
-CURVE_WIDTH, BAND_WIDTH, DISC = 2.0, 6.0, 4.0  # pixels, where letters are 15 high; theory is a band that a curve lies on
-BAR = 0.8  # of the curve's colour in a bar, the rest is background
-TALLEST = 1.5  # times what its histogram needs, before an axis is made shorter
-LATER = 1.6  # a span of time that is not known beforehand grows by this factor
+CURVE_WIDTH, BAND_WIDTH, DISC = 2.0, 6.0, 4.0  # pixels, where letters are 15 high; theory is a band below a curve
+BAR = 0.8  # share of the curve's colour in a bar; the rest is background
+TALLEST = 1.5  # times the height that the histogram needs: a taller axis is made shorter
+LATER = 1.6  # factor by which the time axis grows where the end of the run is not known
 
 
 class Panel:
@@ -25,7 +25,7 @@ class Panel:
         self.frame = PanelFrame.of(plot, width, height, size, theme)
         self.axes: tuple[Axis, Axis] = (Axis(0.0, 1.0), Axis(0.0, 1.0))
         logarithmic = isinstance(plot, Curves) and plot.logarithmic
-        self._wanted = (Axis(0.0, 1.0), Axis(0.0, 1.0, logarithmic))  # before lengths were made equal
+        self._wanted = (Axis(0.0, 1.0), Axis(0.0, 1.0, logarithmic))  # before both get the same scale
         self._canvas = Image.new("RGB", (width, height), theme.background)
         self._grid = self._canvas
         self._inks: list[Ink] = []
@@ -34,7 +34,7 @@ class Panel:
         self._theory = np.zeros(0)
 
     def picture(self) -> Image.Image:
-        """The panel as it is now; not to be drawn into."""
+        """The panel now; the caller must not draw into it."""
         if isinstance(self.plot, Histogram):
             return self._histogram(self.plot)
         return self._curves(self.plot)
@@ -56,12 +56,12 @@ class Panel:
         return self._marked(plot)
 
     def _begin(self, plot: Curves) -> None:
-        """Everything anew."""
+        """Choose the axes and begin to draw again."""
         self._wanted, self._fitted = fitting_axes(plot), self._spread(plot)
         self._blank(plot)
 
     def _blank(self, plot: Curves) -> None:
-        """An empty field, with the axes that are wanted now."""
+        """An empty field with the present axes."""
         self.axes = equalised(*self._wanted, self.frame) if plot.equal else self._wanted
         self._grid = Image.new("RGB", (self.frame.width, self.frame.height))
         self.frame.draw(PicturePainter(self._grid), plot, *self.axes, self.theme)
@@ -90,7 +90,7 @@ class Panel:
         return self.axes[0].covers(x) and self.axes[1].covers(y)
 
     def _grow(self, plot: Curves) -> None:
-        """Axes that have room for what left the old ones."""
+        """Axes with room for the values outside the old axes."""
         x_axis, y_axis = self._wanted
         if plot.span is None:
             x_axis = x_axis.grown(plot.x)
@@ -114,7 +114,7 @@ class Panel:
         self._drawn = plot.samples.count
 
     def _compose(self, box: tuple[int, int, int, int]) -> None:
-        """Put the part of the field inside the box together again, from the grid and all inks."""
+        """Compose the part of the field inside the box again, from the grid and all inks."""
         left, top = self.frame.field[:2]
         place = (left + box[0], top + box[1], left + box[2], top + box[3])
         part = self._grid.crop(place)
@@ -123,7 +123,7 @@ class Panel:
         self._canvas.paste(part, place)
 
     def _marked(self, plot: Curves) -> Image.Image:
-        """With a disc at the last point of every curve."""
+        """The picture with a disc at the last point of every curve."""
         picture = self._canvas.copy()
         if plot.samples.count == 0:
             return picture

@@ -11,9 +11,9 @@ from mpp_taichi.plots.cursor import read, with_reading
 from mpp_taichi.plots.panel import Panel
 from mpp_taichi.plots.theme import DARK, Rgb, Theme
 
-LETTERS_PER_PICTURE = 48  # the height of letters is this part of the picture's, 15 pixels of 720
+LETTERS_PER_PICTURE = 48  # heights of a letter in the height of the picture: 15 pixels of 720
 LEAST_LETTERS = 10
-WIDEST = 0.55  # height over width of a panel: one that is flatter shares its row with another
+WIDEST = 0.55  # height over width of a panel: a flatter panel shares its row with another
 
 
 class Sheet:
@@ -28,7 +28,7 @@ class Sheet:
         *,
         columns: int | None = None,
     ) -> None:
-        """Lay them out; without `columns`, in as many as read best."""
+        """Lay out the panels; without `columns`, in the number of columns that gives them the best shape."""
         self.size, self.theme = size, theme
         self.panels: list[Panel] = []
         self.corners: list[tuple[int, int]] = []
@@ -43,7 +43,7 @@ class Sheet:
         self._picture = Image.new("RGB", size, theme.background)
 
     def grounds(self) -> list[tuple[tuple[int, int, int, int], Rgb]]:
-        """Rectangles that all else is drawn on, from the lowest up: left, top, right, bottom, and their colours."""
+        """Rectangles below the curves, the lowest first: left, top, right, bottom, and their colours."""
         found = [((0, 0, *self.size), self.theme.background)]
         for panel, (x, y) in zip(self.panels, self.corners):
             left, top, right, bottom = panel.frame.field
@@ -60,7 +60,7 @@ class Sheet:
 
 
 def arranged(count: int, size: tuple[int, int]) -> tuple[int, int]:
-    """Rows and columns for so many panels, each as near as can be to the shape that reads best."""
+    """Rows and columns for a number of panels, so that each is as near as possible to the best shape."""
     width, height = size
 
     def strangeness(rows: int) -> float:
@@ -74,5 +74,5 @@ def arranged(count: int, size: tuple[int, int]) -> tuple[int, int]:
 
 
 def letters_for(rows: int) -> int:
-    """Height of letters for a picture of so many rows of pixels."""
+    """Height of letters for a picture with a number of rows of pixels."""
     return max(LEAST_LETTERS, round(rows / LETTERS_PER_PICTURE))

@@ -1,4 +1,4 @@
-"""Plots as an SVG file: every panel with all of its points, to be enlarged at will."""
+"""Plots as an SVG file: every panel with all of its points, sharp at any size."""
 
 from collections.abc import Sequence
 

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 
 Rgb = tuple[int, int, int]
-# Okabe & Ito, "Color Universal Design" (2008): told apart by the colour-blind. Black is for theory; blue is too dark on black.
+# Okabe & Ito, "Color Universal Design" (2008), which the colour-blind can tell apart. Theory is black or white.
 SKY, ORANGE, GREEN, VERMILION = (86, 180, 233), (230, 159, 0), (0, 158, 115), (213, 94, 0)
 PURPLE, YELLOW, BLUE = (204, 121, 167), (240, 228, 66), (0, 114, 178)
 
 
 @dataclass(frozen=True)
 class Theme:
-    """Colours of what is in a panel; `curves` are taken in turn."""
+    """Colours of the parts of a panel; `curves` are taken in turn."""
 
     background: Rgb
     field: Rgb

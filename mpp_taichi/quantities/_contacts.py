@@ -1,4 +1,4 @@
-"""What quantities of contacts share."""
+"""The check that quantities and diagnostics of contacts share."""
 
 from mpp_taichi.quantities._base import NoResultError
 from mpp_taichi.scene.spec import SceneSpec

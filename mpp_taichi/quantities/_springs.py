@@ -1,4 +1,4 @@
-"""What quantities of springs share."""
+"""The springs that a quantity of springs is about, and their lengths."""
 
 import numpy as np
 
@@ -7,10 +7,10 @@ from mpp_taichi.quantities._base import NoResultError, RunSample, Setting
 
 
 def chosen_springs(between: Pair | None, setting: Setting) -> np.ndarray:
-    """Indices of the spring between two particles, or of all.
+    """Indices of the spring between two particles, or of all springs.
 
     Raises:
-        NoResultError: there is none.
+        NoResultError: there is no such spring.
     """
     ends = setting.start.springs.between
     if between is None:
@@ -30,7 +30,7 @@ def lengths(sample: RunSample, springs: np.ndarray) -> np.ndarray:
 
 
 def label_of(noun: str, between: Pair | None, setting: Setting) -> str:
-    """`length of spring pivot–upper`, or that of the mean."""
+    """`length of spring pivot–upper`, or `mean length of springs`."""
     if between is None:
         return f"mean {noun} of springs"
     return f"{noun} of spring {setting.name_of(between[0])}–{setting.name_of(between[1])}"

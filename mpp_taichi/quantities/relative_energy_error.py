@@ -1,4 +1,4 @@
-"""How well the energy is kept."""
+"""The error of the total energy."""
 
 from mpp_taichi.component import component
 from mpp_taichi.energy.energy_error import EnergyError
@@ -16,11 +16,11 @@ class RelativeEnergyError(Quantity):
     remembers = True
 
     def begin(self, setting: Setting) -> None:
-        """Nothing was seen yet."""
+        """Begin without a sample."""
         self.restart()
 
     def restart(self) -> None:
-        """Begin with another start."""
+        """Forget the energy at the start."""
         self._error = EnergyError()
 
     def label(self, setting: Setting) -> str:

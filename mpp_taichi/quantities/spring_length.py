@@ -19,7 +19,7 @@ class SpringLength(OfEach):
         self._springs = chosen_springs(self.between, setting)
 
     def label(self, setting: Setting) -> str:
-        """Between what."""
+        """`length of spring pivot–upper`."""
         return label_of("length", self.between, setting)
 
     def measure(self, sample: RunSample) -> float:

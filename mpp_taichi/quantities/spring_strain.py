@@ -18,7 +18,7 @@ class SpringStrain(OfEach):
         self._springs = chosen_springs(self.between, setting)
 
     def label(self, setting: Setting) -> str:
-        """Between what."""
+        """`strain of spring pivot–upper`."""
         return label_of("strain", self.between, setting)
 
     def measure(self, sample: RunSample) -> float:

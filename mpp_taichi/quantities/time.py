@@ -1,4 +1,4 @@
-"""Time, which panels plot against where they say nothing else."""
+"""Time, the default along x of a panel."""
 
 from mpp_taichi.component import component
 from mpp_taichi.quantities._base import Quantity, RunSample, Setting

@@ -1,9 +1,10 @@
 """Columns of numbers along a run as bytes that compress well: a grid for each entry, differences in time, planes of bytes.
 
-x[k, i] ≈ origin[i] + step[i] · code[k, i] with code = 0 … 2^b − 2 and 2^b − 1 for what is not a number; b = 8 · byte_count and
+x[k, i] ≈ origin[i] + step[i] · code[k, i] with code = 0 … 2^b − 2, and 2^b − 1 for NaN; b = 8 · byte_count and
 step[i] = (max x − min x) / (2^b − 2) over the frames k, so that no number is off by more than step/2 and the rounding of
-float64. Codes are differenced `order` times along k, modulo 2^b, as often as makes them smallest: of a smooth motion little is
-left. Signs go into the lowest bit, and the lowest bytes of all come first, then the next, which are long runs of zeros.
+float64. Codes are differenced `order` times along k, modulo 2^b, as often as makes the differences smallest, which of a smooth
+motion are small. Signs go into the lowest bit. The lowest bytes of all differences come first, then the next bytes, which are
+long runs of zeros.
 """
 
 from collections.abc import Sequence
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MOST_DIFFERENCES = 3  # each doubles what the rounding to the grid leaves, from then on it is more than the motion
+MOST_DIFFERENCES = 3  # each doubles the rounding to the grid, which after more differences exceeds the motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +27,7 @@ class EncodedColumn:
     planes: bytes
 
     def description(self) -> dict[str, object]:
-        """What a reader has to know beside the bytes."""
+        """The numbers that a reader needs beside the bytes."""
         return {"name": self.name, "entries": len(self.origin), "bytes": self.byte_count, "order": self.order}
 
     def packed(self) -> bytes:
@@ -68,7 +69,7 @@ def _last_code(byte_count: int) -> int:
 
 
 def _range(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest number of each entry; 0 for one that never is a number."""
+    """Smallest and largest number of each entry; 0 for an entry that is always NaN."""
     seen = np.isfinite(values)
     some = seen.any(axis=0)
     low = np.where(some, np.where(seen, values, np.inf).min(axis=0), 0.0)
@@ -76,7 +77,7 @@ def _range(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _smallest(code: np.ndarray, bits: int) -> tuple[int, np.ndarray]:
-    """How often to difference, and the differences, in −2^(b−1) … 2^(b−1) − 1; by the bits that they would take."""
+    """The number of differencings that takes the fewest bits, and the differences, in −2^(b−1) … 2^(b−1) − 1."""
     best_cost, best_order, best = np.inf, 0, code
     for order in range(MOST_DIFFERENCES + 1):
         if order:

@@ -1,4 +1,4 @@
-"""Extended XYZ: particle count, a comment that says what follows, and a line to a particle; what ASE and OVITO read.
+"""Extended XYZ, a format that ASE and OVITO read: particle count, a comment that names the columns, a line for each particle.
 
 Source: the layout as ASE documents it, ase.io.extxyz.
 """
@@ -12,7 +12,7 @@ from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.walls._base import Enclosure
 
 SPECIES = "X"
-"""Readers take the first column for a chemical element. Particles are none, and X is what ASE calls an unknown one."""
+"""Readers take the first column for a chemical element; in ASE, X is an unknown element."""
 COLUMNS = "species:S:1:pos:R:3:velo:R:3:mass:R:1:radius:R:1:charge:R:1"
 UNNAMED = "-"
 
@@ -21,7 +21,7 @@ def frame_lines(snapshot: Snapshot, enclosure: Enclosure) -> Iterator[str]:
     """The lines of one frame, all digits of every number; particles that have merged into others are left out.
 
     A box that repeats is `Lattice`, edges along x, y, z with 0 where it does not repeat, and its lower corner `Origin`.
-    Names stand in a last column, if there are any: blanks as underscores, `-` for none.
+    Names, if there are any, are the last column: blanks as underscores, `-` for a particle without a name.
     """
     present, named = snapshot.present, any(snapshot.name)
     yield str(int(present.sum()))

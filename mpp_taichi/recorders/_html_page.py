@@ -23,9 +23,9 @@ from mpp_taichi.views.wall_outline import outline_of
 
 TEMPLATE_FOLDER = Path(__file__).with_name("page")
 SCRIPTS = ("data.js", "camera.js", "shaders.js", "drawing.js", "plot.js", "inspector.js", "player.js")
-POSITION_BYTES = (2, 3)  # for each coordinate of a frame: the fewest that keep within LARGEST_SHIFT
-LARGEST_SHIFT = 0.25  # pixels of the first view by which a particle may be drawn beside its place
-MOST_TRAIL_SEGMENTS = 200_000  # that a browser still draws thirty times a second
+POSITION_BYTES = (2, 3)  # for each coordinate of a frame: the fewest bytes that keep the error within LARGEST_SHIFT
+LARGEST_SHIFT = 0.25  # pixels of the first view between a particle and its true place
+MOST_TRAIL_SEGMENTS = 200_000  # a browser draws this number thirty times a second
 COMPRESSION_LEVEL = 6
 SERIES = (
     ("relative_energy_error", "relative energy error", ""),
@@ -33,15 +33,15 @@ SERIES = (
     ("kinetic_energy", "kinetic energy", "energy"),
     ("potential_energy", "potential energy", "energy"),
 )
-"""Columns of the table of samples that can be plotted: key, what it is called, and what else shares its axes."""
+"""Columns of the table of samples that can be plotted: key, name, and the group of columns that share axes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
     """A recorded run: its frames, the names of its particles, and its samples of energies.
 
-    `speeds` has one array for each frame, or none; `size` is the picture, in pixels, that the first view is meant for; `legend`
-    says in words what colours mean.
+    `speeds` has one array for each frame, or none; `size` is the size in pixels of the picture of the first view; `legend`
+    explains the colours in words.
     """
 
     spec: SceneSpec
@@ -55,7 +55,7 @@ class Recording:
 
 
 def page(recording: Recording) -> str:
-    """The page, well formed and whole: it loads nothing."""
+    """The whole page, which loads no other file."""
     spec, frames = recording.spec, recording.frames
     camera = Camera(spec.view.camera, frames[0], aspect=recording.size[0] / recording.size[1], dimensions=spec.dimensions)
     positions, shift = _position_columns(frames, camera, recording.size)
@@ -99,7 +99,7 @@ def _template(name: str) -> str:
 
 
 def _position_columns(frames: Sequence[Frame], camera: Camera, size: tuple[int, int]) -> tuple[list[EncodedColumn], float]:
-    """The coordinates, and by how many pixels of the first view rounding them may shift a particle."""
+    """The coordinates, and the largest shift of a particle by their rounding, in pixels of the first view."""
 
     def axis(number: int) -> np.ndarray:
         return np.stack([frame.position[:, number] for frame in frames])
@@ -113,10 +113,10 @@ def _position_columns(frames: Sequence[Frame], camera: Camera, size: tuple[int, 
 
 
 def _largest_shift(position: np.ndarray, reach: np.ndarray, camera: Camera, size: tuple[int, int]) -> float:
-    """How far a particle seen by the camera moves in the picture [pixels] where its place is off by up to `reach` [length].
+    """The largest shift of a visible particle in the picture [pixels] where its position has an error up to `reach` [length].
 
     On the screen it is at f (x, y)/z; a change δ of (x, y, z) moves it by f |δ| √(1 + (x² + y²)/z²)/z at most, the largest
-    singular value of the derivative, where z is taken |δ| nearer to allow for the way in between.
+    singular value of the derivative, where z is reduced by |δ|, so that the bound holds along the whole shift.
     """
     width, height = size
     right, up, depth = camera.view(position).T
@@ -145,7 +145,7 @@ def _other_columns(frames: Sequence[Frame], speeds: Sequence[np.ndarray]) -> lis
 
 
 def _spring_key(frames: Sequence[Frame]) -> Callable[[int], int]:
-    """A number for the springs of a frame, the same for neighbours that have the same: a timeline may change them."""
+    """A number for the springs of a frame, equal for successive frames with the same springs: a timeline may change them."""
     keys, number = [0], 0
     for before, after in zip(frames, frames[1:], strict=False):
         number += not np.array_equal(before.between, after.between)
@@ -182,7 +182,7 @@ def _view(spec: SceneSpec, trails: int) -> dict[str, Any]:
 
 
 def _series(rows: Sequence[dict[str, Any]]) -> dict[str, Any] | None:
-    """Energies at the times of their own samples; the error only where nothing changes the energy by right."""
+    """Energies at the times of the samples; their error only where every force conserves the energy."""
     if len(rows) < 2:
         return None
     keys = [entry for entry in SERIES if entry[0] != "relative_energy_error" or all(row["conserves_energy"] for row in rows)]
@@ -195,7 +195,7 @@ def _finite(value: float) -> float | None:
 
 
 def _notes(recording: Recording, positions: Sequence[EncodedColumn], shift: float, trails: int) -> list[str]:
-    """What a reader should know about the numbers of the page."""
+    """Notes for the reader about the numbers of the page."""
     spec, frames = recording.spec, recording.frames
     width, height = recording.size
     reach = float(np.linalg.norm([column.step / 2.0 for column in positions], axis=0).max(initial=0.0))

@@ -1,4 +1,4 @@
-"""One writer for each output: a lock file beside it that names the process."""
+"""A lock file beside each output, which names the process that writes it, so that an output has one writer."""
 
 import os
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 from mpp_taichi.errors import OutputError
 
 _held: set[Path] = set()
-"""Locks of this process. A lock that names this process and is not here is left over from one that had the same number."""
+"""Locks of this process. Another lock that names it is left over from an earlier process with the same number."""
 
 
 class OutputLock:

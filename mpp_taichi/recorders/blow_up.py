@@ -1,4 +1,4 @@
-"""Blow-up: a run that gains energy from nowhere is stopped, and led back to where that began."""
+"""Blow-up: a run that gains energy without a source is stopped, and taken back to the step at which the gain began."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -17,25 +17,25 @@ if TYPE_CHECKING:
     from mpp_taichi.simulation.saved_state import Mark
     from mpp_taichi.simulation.simulation import Simulation
 
-ALARM = 1000.0  # times the energy that the run has had to turn over, gained from nowhere: it is not coming back
-ONSET = 0.1  # the same share as that from which a conserved energy is called inaccurate
+ALARM = 1000.0  # times the energy that the run could turn over, gained without a source: the energy will not return
+ONSET = 0.1  # share of a gain, equal to the relative error above which a conserved energy is called inaccurate
 STRAIN_SHARE = 1e-3  # of Σ ½ D L², all springs, and spheres that yield, strained by 1: no alarm below a mean strain of 3 %
 ROUNDING = 64.0  # machine epsilons of the energies, by which their difference may be rounded
 LOOKS = 250
-LONGEST = 1000.0  # extents of the system at the start: a longer spring is a blow-up whatever drives it
+LONGEST = 1000.0  # extents of the system at the start: a longer spring is a blow-up under any drive
 
 
 class BlowUpWatch:
-    """Reads the table as it grows, and keeps the last state whose energy is sound.
+    """Reads the table as it grows, and keeps the last state with a sound energy.
 
-    Where forces conserve or brake, E(t) ≤ E(0): whatever E gains was made by the method. It is measured by what the run had to
-    turn over, K₀ + max (U₀ − U), the kinetic energy it began with and the potential energy it has released; springs at rest
-    that nothing moves, and spheres that lie and yield, have neither, so a share of their energy at strain 1 is added. Beyond
-    `ALARM` the run is taken back to the last sound sample and bisected to the first step that gains more than `ONSET`. Where a
-    drive may add energy, only the length of the springs and finite numbers are watched. Costs a copy of the state for each
-    sample. Massless particles have no part in this energy, and a watch of their own.
+    Where forces conserve or brake, E(t) ≤ E(0): the method is the cause of any gain of E. The gain is compared with the energy
+    that the run could turn over, K₀ + max (U₀ − U), the kinetic energy at the start and the potential energy released. Springs
+    at rest that nothing moves, and spheres that lie and yield, have neither, so a share of their energy at strain 1 is added.
+    Beyond `ALARM` the run is taken back to the last sound sample and bisected to the first step that gains more than `ONSET`.
+    Where a drive may add energy, only the length of the springs and finite numbers are watched. The watch costs a copy of
+    the state for each sample. Massless particles have no part in this energy, and a watch of their own.
 
-    Stands after its table in the list of recorders.
+    It must come after its table in the list of recorders.
     """
 
     def __init__(self, table: TableRecorder) -> None:
@@ -80,7 +80,7 @@ class BlowUpWatch:
             self._sound = simulation.mark()
 
     def explain(self, error: StabilityError, simulation: "Simulation") -> StabilityError:
-        """What to say of a run that a number not finite has stopped: where it began, if that was a blow-up; else the error."""
+        """The error for a run that a number not finite has stopped: where a blow-up began, or the given error."""
         if self._start is None or self._sound is None or error.step is None or not simulation.phase.gains_no_energy:
             return error
         row = _look(simulation)
@@ -127,10 +127,10 @@ class BlowUpWatch:
         return not self._is_alarming(simulation, row)
 
     def _trace(self, simulation: "Simulation", row: dict[str, Any]) -> StabilityError:
-        """Go back to the last sound step; the error that says where and how the run left it.
+        """Go back to the last sound step; the error says at which step, and how, the run left it.
 
         An oscillation that a step hardly resolves swings in its energy, so that sound and unsound steps may alternate at first.
-        The run is therefore followed once more, in `LOOKS` strides, to the last sound one before the alarm, and bisected there.
+        The run is therefore followed again, in `LOOKS` strides, to the last sound sample before the alarm, and bisected there.
         """
         assert self._sound is not None and self._start is not None
         stored = [self._sound]
@@ -173,7 +173,7 @@ def _look(simulation: "Simulation") -> dict[str, Any]:
 
 
 def _elastic_of_contacts(simulation: "Simulation", snapshot: Snapshot) -> float:
-    """Σ ½ (2 r)²/c where contacts yield: what they give back is no gain from nowhere."""
+    """Σ ½ (2 r)²/c where contacts yield: the energy that they give back is no gain without a source."""
     compliance = getattr(simulation.contacts, "compliance", 0.0)
     return float(0.5 * np.sum((2.0 * snapshot.radius) ** 2)) / compliance if compliance > 0.0 else 0.0
 
@@ -189,7 +189,7 @@ def _longest_spring(simulation: "Simulation") -> float:
 
 
 def _describe(simulation: "Simulation", start: dict[str, Any], row: dict[str, Any], worst: Snapshot) -> StabilityError:
-    """The error for a run whose last sound state the simulation stands at; `row` and `worst` are where it was past doubt."""
+    """The error for a run; the simulation stands at its last sound state, `row` and `worst` are of its alarm."""
     if simulation.phase.gains_no_energy:
         first, last = _told_apart(start["total_energy"], row["total_energy"])
         why = f"the energy, which no force adds to, rises from {first} to {last}"
@@ -206,7 +206,7 @@ def _describe(simulation: "Simulation", start: dict[str, Any], row: dict[str, An
 
 
 def _told_apart(first: float, last: float) -> tuple[str, str]:
-    """Two numbers with six and three digits, or both with as many as it takes to tell them apart."""
+    """Two numbers with six and three digits, or both with the number of digits in which they differ."""
     texts = f"{first:.6g}", f"{last:.3g}"
     digits = 6
     while digits < 17 and (float(texts[1]) - float(texts[0])) * (last - first) <= 0.0 and first != last:
@@ -216,7 +216,7 @@ def _told_apart(first: float, last: float) -> tuple[str, str]:
 
 
 def _worst(simulation: "Simulation", state: Snapshot) -> tuple[int, str]:
-    """The particle, and the words for it or its spring, that holds most of the energy."""
+    """The particle with most of the energy, or an end of the spring with most of it; and the words for it."""
     springs = state.springs
     with np.errstate(over="ignore", invalid="ignore"):
         kinetic = np.nan_to_num(state.mass * np.sum(state.velocity**2, axis=1), nan=np.inf)

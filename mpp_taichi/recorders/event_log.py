@@ -19,7 +19,7 @@ HEADER = ("time", "i", "j", "surface", "impulse")
 
 
 class EventLogRecorder:
-    """Collects collisions as they come, in batches, and keeps them in memory: 24 bytes each.
+    """Collects the collisions of the contact solver in batches, and keeps them in memory: 24 bytes each.
 
     time      of the collision [time]
     i, j      the two particles; j is −1 − w for a bounce off surface w
@@ -27,7 +27,7 @@ class EventLogRecorder:
     """
 
     def __init__(self, surfaces: Sequence[str] = (), every: int = 1) -> None:
-        """`surfaces` are what the walls are called; solvers are asked every `every` steps."""
+        """`surfaces` are the names of the walls; the collisions are taken from the solver every `every` steps."""
         self.surfaces, self.every = tuple(surfaces), max(1, every)
         self.restart()
 
@@ -45,18 +45,18 @@ class EventLogRecorder:
             self._batches.append(batch)
 
     def steps_until_due(self, simulation: "Simulation") -> int:
-        """Until the solver is asked next."""
+        """Until the next batch."""
         return self._due_step - simulation.step_count
 
     def record(self, simulation: "Simulation") -> None:
-        """Take what the contact solver has noted."""
+        """Take the collisions that the contact solver has logged."""
         records = simulation.contacts.take_log() if simulation.contacts is not None else None
         if records is not None:
             self.append(*(records[name] for name in FIELDS))
         self._due_step = simulation.step_count + self.every
 
     def finish(self, simulation: "Simulation") -> None:
-        """Take the rest."""
+        """Take the last batch."""
         self.record(simulation)
 
     def __len__(self) -> int:
@@ -86,7 +86,7 @@ class EventLogRecorder:
                     np.savez(raw, **found)
 
     def _write(self, writer: Any) -> None:
-        """One line a collision: j for two spheres, the surface's name for a bounce off it, the other stays empty."""
+        """One line a collision: j for two spheres, the surface's name for a bounce off it; the other cell stays empty."""
         writer.writerow(HEADER)
         for batch in self._batches:
             for time, i, j, impulse in zip(*(part.tolist() for part in batch), strict=True):

@@ -19,7 +19,7 @@ from mpp_taichi.views.camera import HORIZON
 from mpp_taichi.views.legend import legend_lines
 
 FORMATS = (".html", ".htm")
-SELDOM_NEW = ("radius", "color", "between", "spring_color", "outline")  # kept once for all frames where they are alike
+SELDOM_NEW = ("radius", "color", "between", "spring_color", "outline")  # equal arrays of many frames are kept once
 MOST_ENTRIES = 20_000_000  # particles times frames: 160 MB in a browser, and as much in the file
 
 
@@ -58,7 +58,7 @@ class HtmlRecorder:
         self.abandon()
 
     def begin(self, spec: SceneSpec, names: Sequence[str], rows: Sequence[dict[str, Any]], frame_count: int) -> None:
-        """What the page tells of: the scene, its particles' names, and the samples of energies, a list that grows with the run.
+        """Take the contents of the page: the scene, its particles' names, and the samples of energies, a list that grows.
 
         Raises:
             CapacityError: so many particles in so many frames are more than a page can hold.
@@ -73,7 +73,7 @@ class HtmlRecorder:
         self._appearance = Appearance(spec.view, spec.dimensions)
 
     def add(self, frame: Frame) -> None:
-        """Keep one frame as it is drawn; what is lost, farther than any picture reaches, counts as not there."""
+        """Keep one frame as it is drawn; a particle farther away than any picture reaches is left out."""
         if self._appearance is not None:
             frame = self._appearance.dress(frame)
         with np.errstate(invalid="ignore"):
@@ -86,7 +86,7 @@ class HtmlRecorder:
         self._frames.append(replace(frame, position=place, velocity=None, **same))
 
     def close(self) -> None:
-        """Write the page and give it its name; once.
+        """Write the page under its name, if that was not done before.
 
         Raises:
             OutputError: it cannot be written.
@@ -103,6 +103,6 @@ class HtmlRecorder:
             self.abandon()
 
     def abandon(self) -> None:
-        """Let go of the name; harmless after `close`."""
+        """Release the name; harmless after `close`."""
         self._closed = True
         self._lock.release()

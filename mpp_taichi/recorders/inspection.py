@@ -1,4 +1,4 @@
-"""Inspection: the quantities of a scene's panels along a run, and the files they are written to."""
+"""Inspection: samples along a run of the quantities of a scene's panels, and the files they are written to."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -26,49 +26,49 @@ LETTERS = 20  # pixels
 
 
 class Rhythm(Protocol):
-    """Something at whose looks the inspector looks as well: a film."""
+    """A recorder at whose samples the inspector takes a sample as well: a film."""
 
     def steps_until_due(self, simulation: "Simulation") -> int:
-        """How many steps may pass before the next look."""
+        """The number of steps before the next sample."""
 
 
 class InspectionRecorder:
-    """Lets an inspector look every `every` steps, and whenever a film draws a frame."""
+    """Lets an inspector take a sample every `every` steps, and whenever a film draws a frame."""
 
     def __init__(self, inspector: Inspector, every: int) -> None:
-        """Nothing was seen yet."""
+        """There are no samples yet."""
         self.inspector, self.every = inspector, max(1, every)
         self.film: Rhythm | None = None
         self._due: int | None = None
 
     @staticmethod
     def every_for(steps: int | None, table: int) -> int:
-        """Steps between looks that make `SAMPLES_PER_RUN` of them; as rare as those of the `table` where a look is dear."""
+        """Steps between samples for `SAMPLES_PER_RUN` in a run; as many as the `table` has where a sample is expensive."""
         return table if steps is None or table > max(1, steps // 200) else max(1, steps // SAMPLES_PER_RUN)
 
     def restart(self) -> None:
-        """Forget every look."""
+        """Forget every sample."""
         self._due = None
         self.inspector.restart()
 
     def go_back(self, simulation: "Simulation") -> None:
-        """Forget the looks after the step to which a simulation has gone back."""
+        """Forget the samples after the step to which a simulation has gone back."""
         self._due = None if self._due is None else min(self._due, simulation.step_count + self.every)
         self.inspector.go_back(simulation)
 
     def steps_until_due(self, simulation: "Simulation") -> int:
-        """Until the next look, its own or the film's."""
+        """Until the next sample, its own or the film's."""
         own = 0 if self._due is None else self._due - simulation.step_count
         return own if self.film is None else min(own, self.film.steps_until_due(simulation))
 
     def record(self, simulation: "Simulation") -> None:
-        """Look."""
+        """Take a sample."""
         self.inspector.look(simulation)
         if self._due is None or self._due <= simulation.step_count:
             self._due = simulation.step_count + self.every
 
     def finish(self, simulation: "Simulation") -> None:
-        """Look at the end."""
+        """Take a sample at the end."""
         self.record(simulation)
 
     def save(self, path: Path) -> None:
@@ -76,7 +76,7 @@ class InspectionRecorder:
         save_panels(path, self.inspector.plots, self.columns())
 
     def columns(self) -> dict[str, np.ndarray]:
-        """Every sampled quantity, (sample_count,) each; then of each histogram, as it is now, its bins and its theory there."""
+        """Every sampled quantity, (sample_count,) each; then the present bins of each histogram, and its theory there."""
         samples = self.inspector.samples
         found = {name: samples.column(number) for number, name in enumerate(self.inspector.names)}
         histograms = [plot for plot in self.inspector.plots if isinstance(plot, Histogram) and len(plot.edges)]
@@ -110,7 +110,7 @@ def save_panels(path: Path, plots: Sequence[Plot], columns: Mapping[str, np.ndar
 
 
 def _lines(columns: Mapping[str, np.ndarray]) -> list[list[str]]:
-    """Header and rows, numbers in their shortest exact spelling; shorter columns end in empty places."""
+    """Header and rows, numbers in their shortest exact spelling; a shorter column ends in empty cells."""
     rows = max((len(values) for values in columns.values()), default=0)
     texts = [[repr(float(value)) for value in values] for values in columns.values()]
     return [list(columns), *([text[row] if row < len(text) else "" for text in texts] for row in range(rows))]

@@ -1,4 +1,4 @@
-"""Massless particles under the blow-up watch: the energy of the whole does not contain theirs."""
+"""Massless particles under the blow-up watch: the total energy does not contain their energies."""
 
 from typing import TYPE_CHECKING
 
@@ -17,19 +17,19 @@ ALARM_NOW = 0.5  # times its present kinetic energy: near a pericentre a method'
 ONSET = 0.1  # of the mean kinetic energy: a change below it is sound
 CONFIRMED = 0.5  # of a gain: smaller steps that give it to within this share confirm it
 ROUNDING = 64.0  # machine epsilons of the energies, by which their difference may be rounded
-MOST_SAMPLES = 8  # for which the last sound state is kept: what changes more slowly is no blow-up
+MOST_SAMPLES = 8  # for which the last sound state is kept: an energy that changes more slowly is no blow-up
 LOOKS = 250  # strides in which a suspicious stretch is followed again
-FINER = 4  # times as many steps, from each repetition of the stretch to the next
+FINER = 4  # factor of the number of steps from each repetition of the stretch to the next
 MOST_STEPS = 50_000  # of such a repetition
 
 
 class MasslessWatch:
-    """Judges the specific energy of each massless particle, and repeats with smaller steps what seems to be a blow-up.
+    """Judges the specific energy of each massless particle, and repeats a suspicious stretch of the run with smaller steps.
 
     Moving bodies give energy to particles and take it, so a gain alone proves nothing. A gain is suspicious if it is larger
     than the mean kinetic energy of the particle and than half of its present one, both in the frame of the scene and in that of
-    its attractor. The stretch of the run in which it came is then repeated with smaller steps: a gain that they confirm is one
-    of physics, and the particle is judged by its new energy from then on. Costs a copy of the state for each sample, and
+    its attractor. The stretch of the run in which it came is then repeated with smaller steps: a gain that they confirm is
+    physical, and the particle is judged by its new energy from then on. Costs a copy of the state for each sample, and
     nothing in a scene without massless particles.
     """
 
@@ -73,7 +73,7 @@ class MasslessWatch:
         self._sound: Mark = simulation.mark()
 
     def _accept(self, simulation: "Simulation", now: SpecificEnergies) -> None:
-        """Take this state for sound; particles whose energy has changed are judged by the new one."""
+        """Take this state as sound; particles whose energy has changed are judged by the new energy."""
         changed, old = self._has_changed(now), self._reference
         self._reference = SpecificEnergies(
             np.where(changed, now.kinetic, old.kinetic),
@@ -98,7 +98,7 @@ class MasslessWatch:
         return self._exceeds(np.abs(now.energy - self._reference.energy), now, ONSET * self._mean_kinetic(now))
 
     def _exceeds(self, change: np.ndarray, now: SpecificEnergies, limit: np.ndarray) -> np.ndarray:
-        """Whether a change is above the limit and rounding in both frames, (n,); those of two attractors have no difference."""
+        """Whether a change exceeds limit and rounding in both frames, (n,); two attractors are not compared."""
         sizes = now.kinetic + np.abs(now.potential) + self._reference.kinetic + np.abs(self._reference.potential)
         above = change > limit + ROUNDING * self._epsilon * sizes
         above[1] |= now.attractor != self._reference.attractor
@@ -132,7 +132,7 @@ class MasslessWatch:
         raise self._error(simulation, int(suspects[worst]), f"{told}, {cure}")
 
     def _narrow(self, simulation: "Simulation", suspects: np.ndarray, steps: int) -> tuple["Mark", int, SpecificEnergies]:
-        """The last sound state before the gain, the steps from there to it, and the energies after it; stays there."""
+        """The last sound state before the gain, the steps from there to it, and the energies after it; the run stays there."""
         simulation.return_to(self._sound)
         before, count, stride = self._sound, 0, -(-steps // LOOKS)
         now = self._reference
@@ -148,7 +148,7 @@ class MasslessWatch:
         return before, count, now
 
     def _go_back(self, simulation: "Simulation", before: "Mark", steps: int, suspect: int) -> None:
-        """To the last step after which the energy of the particle is sound."""
+        """Go to the last step after which the energy of the particle is sound."""
         stored = [before]
 
         def advance(count: int) -> bool:

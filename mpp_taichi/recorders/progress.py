@@ -1,4 +1,4 @@
-"""Progress: a bar on a terminal, a line now and then in a log, nothing where neither is wanted."""
+"""Progress: a bar on a terminal, or a line from time to time in a log."""
 
 import sys
 import time as clock
@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
 
-BAR_SECONDS = 0.1  # at most ten looks a second
+BAR_SECONDS = 0.1  # at most ten updates a second
 LINE_SECONDS = 30.0
 LINE_PERCENT = 10
 
 
 class ProgressRecorder:
-    """Reads step count and time, never the device, so that looking costs nothing. A context manager.
+    """Shows step count and time, and reads nothing from the device, so that it costs nothing. A context manager.
 
     On a terminal: a bar with per cent, steps per second, simulated time, time left and the last known energy error. Otherwise
     one plain line for every tenth of the run, or half a minute.
     """
 
     def __init__(self, total_steps: int | None, energy_error: Callable[[], float | None], *, bar: bool) -> None:
-        """`total_steps` is None for a run without an end; `energy_error` gives the last sampled one."""
+        """`total_steps` is None for a run without an end; `energy_error` gives the error of the last sample."""
         self.total_steps = total_steps
         self.energy_error = energy_error
         self._looked = self._began = clock.perf_counter()
@@ -43,11 +43,11 @@ class ProgressRecorder:
             self._bar.stop()
 
     def steps_until_due(self, simulation: "Simulation") -> int:
-        """By the clock, not by steps: now, or far away."""
+        """0 when the clock says that the bar is due, else a number that is never reached."""
         return 0 if clock.perf_counter() - self._looked >= BAR_SECONDS else 2**31
 
     def record(self, simulation: "Simulation") -> None:
-        """Move the bar, or say a line when it is time."""
+        """Move the bar, or print a line when it is time."""
         self._looked = clock.perf_counter()
         if self._bar is not None:
             self._bar.update(self._task, completed=simulation.step_count, state=self._state(simulation))

@@ -13,7 +13,7 @@ FORMATS = (".png",)
 class StillRecorder:
     """Keeps the latest frame and writes it at the end; a context manager, like `VideoRecorder`.
 
-    All frames of the film are drawn, as trails and panels want them. On an exception the latest frame is written all the same.
+    All frames of the film are drawn, as trails and panels need them. On an exception the latest frame is written all the same.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -32,11 +32,11 @@ class StillRecorder:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        """Write what was seen last."""
+        """Write the latest frame."""
         self.close()
 
     def write(self, picture: np.ndarray) -> None:
-        """See one frame: uint8, shape (height, width, 3)."""
+        """Keep a frame: uint8, shape (height, width, 3)."""
         self._picture = picture
         self.frame_count += 1
 
@@ -48,7 +48,7 @@ class StillRecorder:
         """
         try:
             if self._picture is not None:
-                from mpp_taichi.views.picture import save_picture  # not for those who only ask for the formats
+                from mpp_taichi.views.picture import save_picture  # not imported for the formats alone
 
                 save_picture(self._picture, self.path)
                 self._picture = None

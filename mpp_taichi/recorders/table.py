@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpp_taichi.atomic_file import whole_file
-from mpp_taichi.energy.energy_error import ZERO_ENERGY, EnergyError, ratio
+from mpp_taichi.energy.energy_error import EnergyError, ratio, scale_of
 from mpp_taichi.errors import OutputError
 from mpp_taichi.quantities._base import Setting
 from mpp_taichi.recorders._measured_columns import MeasuredColumns
@@ -180,8 +180,7 @@ class TableRecorder:
 
     def _balance_errors(self) -> list[float]:
         turnover, largest = max(row["energy_turnover"] for row in self.rows), self._energy_error.largest
-        scale = turnover if turnover > ZERO_ENERGY * largest else largest
-        return [_ratio(row["energy_balance_residual"], scale) for row in self.rows]
+        return [_ratio(row["energy_balance_residual"], scale_of(turnover, largest)) for row in self.rows]
 
     def _derived(self) -> dict[str, list[float]]:
         """The columns that are computed from others: the errors, and the energy balance where it is kept."""
@@ -227,5 +226,5 @@ class TableRecorder:
 
 
 def _ratio(change: Any, scale: float) -> float:
-    """|change| / scale; nothing over nothing is nothing."""
+    """The length of a change, of a number or a vector, over a scale; 0 where both are 0."""
     return ratio(math.hypot(*np.atleast_1d(change)), scale)

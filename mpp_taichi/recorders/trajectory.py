@@ -19,21 +19,21 @@ if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
 
 FORMATS = (".npz", ".xyz", ".extxyz")
-BYTES_PER_PARTICLE = 48  # of a frame: position and velocity in f64; text takes more
+BYTES_PER_PARTICLE = 48  # of a frame: position and velocity in f64; a text file takes more
 
 
 class TrajectoryRecorder:
     """Writes the particles every `every` steps, at the start and at the end; memory does not grow with the run.
 
     `.npz` holds time and step (frame_count,), position and velocity (frame_count, particle_count, 3) in f64, and mass, radius,
-    charge, name as in a `Snapshot`; of a box that repeats, its period and origin (frame_count, 3). The frames wait in raw files
-    beside it until `close` packs them. `.xyz` and `.extxyz` are text, one block a frame. Where spheres merge, `.npz` has mass,
-    radius and charge of every frame, 0 for what is gone, and merged_into as it is at the end; the text has those that are
-    there. The file appears under its name only when it is whole. A context manager.
+    charge, name as in a `Snapshot`; of a box that repeats, its period and origin (frame_count, 3). The frames are kept in raw
+    files beside it until `close` packs them. `.xyz` and `.extxyz` are text, one block a frame. Where spheres merge, `.npz` has
+    mass, radius and charge of every frame, 0 for a sphere that has merged, and merged_into as it is at the end; the text
+    leaves merged spheres out. The file appears under its name only when it is whole. A context manager.
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Take the file.
+        """Lock and open the file.
 
         Raises:
             OutputError: the suffix is none of `FORMATS`, or the file cannot be written.
@@ -58,7 +58,7 @@ class TrajectoryRecorder:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Keep what was written, whatever happened."""
+        """Keep the frames written so far, also after an exception."""
         self.close()
 
     def steps_until_due(self, simulation: "Simulation") -> int:
@@ -80,16 +80,16 @@ class TrajectoryRecorder:
         self.frame_count += 1
 
     def finish(self, simulation: "Simulation") -> None:
-        """Write the last frame, unless that was just done."""
+        """Write the last frame, unless there is a frame of this step."""
         if self._last_step != simulation.step_count:
             self.record(simulation)
 
     def restart(self) -> None:
-        """The next frame is due at once; those written stay."""
+        """The next frame is due at once; earlier frames stay."""
         self._last_step = -1
 
     def close(self) -> None:
-        """Give the file its name; nothing is left when not one frame was written. Harmless when called twice."""
+        """Give the file its name, or remove it where it has no frame. Harmless when called twice."""
         if self._writer is None:
             return
         writer, self._writer = self._writer, None
@@ -174,7 +174,7 @@ class _ArrayWriter:
 
 
 class _TextWriter:
-    """Extended XYZ, a frame after the other."""
+    """Extended XYZ, one frame after the other."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -1,4 +1,4 @@
-"""TrajectoryFile: what `TrajectoryRecorder` wrote as `.npz`, read back a frame at a time."""
+"""TrajectoryFile: reads a `.npz` file of `TrajectoryRecorder`, one frame at a time."""
 
 import contextlib
 import struct
@@ -16,8 +16,8 @@ from mpp_taichi.generators._base import DEFAULT_COLOR
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.walls._base import Enclosure
 
-MOST_BYTES = 1 << 31  # of a frame, or of an array that is of the whole run
-# What zipfile, zlib and NumPy raise on a damaged archive; NumPy reads an array's header with Python's tokenizer.
+MOST_BYTES = 1 << 31  # of a frame, or of an array that has no frames
+# The exceptions of zipfile, zlib and NumPy on a damaged archive; NumPy reads an array's header with Python's tokenizer.
 _DAMAGED: tuple[type[Exception], ...] = (
     *(OSError, EOFError, ValueError, KeyError, TypeError, RuntimeError, SyntaxError, tokenize.TokenError),
     *(zipfile.BadZipFile, zlib.error, struct.error),
@@ -28,7 +28,7 @@ _MERGED = "merged_into"
 
 
 def is_trajectory(path: Path) -> bool:
-    """Whether it is an archive with arrays of a trajectory; a state has `meta`, a trajectory has not."""
+    """Whether the file is an archive with the arrays of a trajectory; the archive of a state has `meta` besides."""
     try:
         with zipfile.ZipFile(path) as archive:
             found = set(archive.namelist())
@@ -45,10 +45,10 @@ class TrajectoryFile:
     """
 
     def __init__(self, path: Path) -> None:
-        """Read what is of the whole run.
+        """Read the arrays that have no frames.
 
         Raises:
-            OutputError: it cannot be read, or what it holds does not fit together.
+            OutputError: the file cannot be read, or its arrays do not fit together.
         """
         self.path = path
         with self._archive() as archive:
@@ -101,7 +101,7 @@ class TrajectoryFile:
     def _snapshot(self, frame: int, arrays: dict[str, Any]) -> Snapshot:
         count = len(arrays["mass"])
         merged = self._merged_into
-        if merged is not None:  # recorded as it is at the end: until then a sphere has its radius
+        if merged is not None:  # recorded at the end of the run: a sphere that has not merged yet has its radius
             merged = np.where((merged >= 0) & (arrays["radius"] == 0.0), merged, -1)
         return Snapshot(
             **arrays,
@@ -134,7 +134,7 @@ def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
 
 
 def _shape(archive: zipfile.ZipFile, key: str) -> tuple[int, ...]:
-    """Of an array of float64, whose bytes are all there; KeyError without it."""
+    """The shape of an array of float64; ValueError where bytes are missing, KeyError where there is no such array."""
     with archive.open(f"{key}.npy") as stream:
         shape, by_columns, kind = _header(stream)
         held = archive.getinfo(f"{key}.npy").file_size - stream.tell()
@@ -147,7 +147,7 @@ def _shape(archive: zipfile.ZipFile, key: str) -> tuple[int, ...]:
 
 
 def _whole(archive: zipfile.ZipFile, key: str, kinds: str) -> np.ndarray:
-    """An array of one of these kinds, no pickles."""
+    """The whole of an array of one of these kinds; pickles are refused."""
     if archive.getinfo(f"{key}.npy").file_size > MOST_BYTES:
         raise ValueError(f"{key} takes more than {MOST_BYTES:,} bytes")
     with archive.open(f"{key}.npy") as stream:
@@ -163,7 +163,7 @@ def _whole(archive: zipfile.ZipFile, key: str, kinds: str) -> np.ndarray:
 
 
 def _opened(archive: zipfile.ZipFile, key: str, stack: contextlib.ExitStack) -> IO[bytes]:
-    """At the first frame of an array."""
+    """A stream at the first frame of an array."""
     stream = stack.enter_context(archive.open(f"{key}.npy"))
     _header(stream)
     return stream

@@ -27,10 +27,10 @@ from mpp_taichi.recorders._lock import OutputLock
 logger = logging.getLogger(__name__)
 
 FORMATS = (".mp4", ".gif", ".webp")
-QUEUED_FRAMES = 4  # enough to ride out a slow frame, little enough to hold in memory
-MESSAGE_LINES = 6  # of FFmpeg's last words, shown when it fails
-STALL_SECONDS = 60.0  # FFmpeg took no frame, or wrote nothing, for so long: it hangs
-FAREWELL_SECONDS = 5.0  # to end by itself
+QUEUED_FRAMES = 4  # enough for a slow frame, few enough to hold in memory
+MESSAGE_LINES = 6  # last lines of FFmpeg's messages, shown when it fails
+STALL_SECONDS = 60.0  # FFmpeg hangs when it takes no frame, or writes nothing, for this time
+FAREWELL_SECONDS = 5.0  # for FFmpeg to end by itself
 POLL_SECONDS = 0.2
 ADVICE = "a sequence of pictures needs no encoder: --frames FOLDER"
 
@@ -64,7 +64,7 @@ def check_encoder(suffix: str = ".mp4") -> str:
 
 
 def _ask(executable: str, question: str) -> str:
-    """What an FFmpeg answers to an option; OutputError where it does not start."""
+    """The answer of an FFmpeg to an option; OutputError where it does not start."""
     try:
         done = subprocess.run(
             [executable, question, "-hide_banner"],
@@ -88,7 +88,7 @@ def _why_none_is_bundled() -> str:
 def _bundled() -> str | None:
     """The FFmpeg of the package imageio-ffmpeg; where the package has none for this system, it names another."""
     try:
-        import imageio_ffmpeg  # only looked for when a film is made
+        import imageio_ffmpeg  # imported only when a film is made
     except ImportError:
         return None
     try:
@@ -143,7 +143,7 @@ class VideoRecorder:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        """Finish the film; after an exception leave what there is, and let that exception be the one that is seen."""
+        """Finish the film; after an exception keep the frames written so far, and let the exception pass."""
         if kind is None:
             self.close()
         else:
@@ -251,7 +251,7 @@ class VideoRecorder:
             raise OutputError(f"{self.path}: cannot finish the video; it is kept as {self._part}: " + " | ".join(message))
 
     def _failure(self) -> OutputError:
-        self._end(FAREWELL_SECONDS)  # the pipe broke; the last words may still be on their way
+        self._end(FAREWELL_SECONDS)  # the pipe broke; the last messages may not have arrived yet
         self._listener.join()
         message = " | ".join(self._lines) or f"it ended with code {self._process.returncode} and said nothing"
         return OutputError(f"{self.path}: the video encoder failed after {self.frame_count} frames: {message}; {ADVICE}")
@@ -275,14 +275,14 @@ class VideoRecorder:
             self._failed.set()
 
     def _listen(self) -> None:
-        """The listener thread: what the encoder says, or it would stop when the pipe is full."""
+        """The listener thread: reads the messages of the encoder, which would stop if the pipe were full."""
         assert self._process.stderr is not None
         with self._process.stderr as pipe:
             for line in pipe:
                 self._lines.append(line.decode("utf-8", "replace").strip())
 
 
-# Outside the terminal's process group: a Ctrl-C is for the simulation, which then ends the film in good order.
+# Outside the terminal's process group: a Ctrl-C then stops the simulation, which closes the film.
 OWN_GROUP: dict[str, Any] = {"start_new_session": True}
 if sys.platform == "win32":
     OWN_GROUP = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
@@ -290,9 +290,9 @@ if sys.platform == "win32":
 QUIET = ["-hide_banner", "-loglevel", "error", "-nostdin", "-y"]
 PART_SUFFIX = {".mp4": ".mp4", ".gif": ".mkv", ".webp": ".webp"}  # a GIF needs its palette first, hence a lossless copy
 CODECS = {".mp4": "libx264", ".gif": "libx264rgb", ".webp": "libwebp_anim"}
-# H.264 in 4:2:0, which every browser and player shows, has even sizes only; padding keeps every pixel where a rescale blurs.
+# H.264 in 4:2:0, which every browser and player shows, has even sizes only; padding keeps every pixel, scaling would blur.
 EVEN = "pad=ceil(iw/2)*2:ceil(ih/2)*2"
-# Said and done in BT.709: players guess the matrix of an untagged film from its size, and colours shift.
+# Converted to BT.709 and tagged with it: players guess the matrix of an untagged film from its size, and colours shift.
 COLOR_TAGS = ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-color_range", "tv"]
 ENCODING = {
     ".mp4": [

@@ -1,4 +1,4 @@
-"""Watchdog: says when a run that ought to keep its energy has lost it; one that blows up is the matter of `blow_up`."""
+"""Watchdog: warns when a run does not keep the energy that its forces conserve; `blow_up` handles runs that blow up."""
 
 import logging
 from typing import TYPE_CHECKING
@@ -11,13 +11,13 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 ENERGY_LIMIT = 0.1
-"""Relative energy error above which a run of conservative forces is called inaccurate: orbits are then other orbits."""
+"""Relative energy error above which a run of conservative forces is inaccurate: particles are then on other orbits."""
 
 
 class EnergyWatchdog:
-    """Reads the table as it grows; the time of the first sample above `ENERGY_LIMIT` is kept as `broken_at` and warned about.
+    """Reads the table as it grows; warns of the first sample above `ENERGY_LIMIT`, and keeps its time as `broken_at`.
 
-    Stands after its table in the list of recorders. The limit holds while all forces present conserve energy.
+    It must come after its table in the list of recorders. The limit holds while all forces present conserve energy.
     """
 
     def __init__(self, table: TableRecorder) -> None:
@@ -45,5 +45,5 @@ class EnergyWatchdog:
                 )
 
     def restart(self) -> None:
-        """Watch the table from its start again; what was broken stays broken."""
+        """Watch the table from its start again; `broken_at` stays."""
         self._seen = 0

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from mpp_taichi import component
 from mpp_taichi.errors import CapacityError
 from mpp_taichi.scene import timeline
 from mpp_taichi.scene.layout import build, layout_of
+from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import VISITS_OF_A_TREE, tree_of
 
@@ -40,7 +40,7 @@ def estimate(spec: SceneSpec) -> Estimate:
     layout = layout_of(spec)
     particles = layout.total
     springs = sum(build("networks", entry).spring_count(layout.lattice) for entry in spec.springs)
-    has_pairs = any(component.declaration("forces", entry.name).base == "PairForce" for entry in spec.forces)
+    has_pairs = any(is_pair_force(entry.name) for entry in spec.forces)
     by_tree = tree_of(spec) is not None
     pairs = particles * (particles - 1) if has_pairs else 0
     return Estimate(

@@ -11,27 +11,27 @@ from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.fields import Number, Text
 from mpp_taichi.scene.spec import Expectation
 
-# Numbers that every run measures in any case, without a diagnostic or quantity of that name.
+# Quantities that every run measures, so that no diagnostic of their name is needed.
 SUMMARY_QUANTITIES = {
-    "relative_energy_error_max": "largest change of the total energy, relative to that at the start; friction and drives count",
-    "total_energy_initial": "kinetic and potential energy at the start [energy]: a force of a wrong strength has another",
-    "conserved_energy_error_max": "the same, of those phases of a timeline in which every force has a potential",
+    "relative_energy_error_max": "largest change of the total energy over the energy at the start; friction and drives count",
+    "total_energy_initial": "kinetic and potential energy at the start [energy]; a wrong strength of a force changes it",
+    "conserved_energy_error_max": "the same change in the phases of a timeline in which every force has a potential",
     "momentum_error_max": "largest change of the total momentum, relative to Σ of the sizes of m v",
     "angular_momentum_error_max": "largest change of the total angular momentum, relative to Σ of the sizes of r × m v",
     "center_of_mass_error_max": "largest distance of the centre of mass from uniform motion, relative to the system's size",
     "energy_balance_error_max": "largest change of energy + dissipated − work, relative to the energy turned over",
-    "dissipated_energy": "energy that drag, the damping of springs and contacts took out",
-    "work": "work of driving forces, and what merging changed of the potential energy",
+    "dissipated_energy": "energy dissipated by drag, the damping of springs, and contacts",
+    "work": "work of driving forces, and the change of the potential energy by merging",
     "steps": "steps done",
     "time": "time reached",
 }
 BALANCE_QUANTITIES = frozenset({"energy_balance_error_max", "dissipated_energy", "work"})
-"""The numbers among them for which an energy balance is kept."""
+"""The quantities among them for which an energy balance is kept."""
 BOUNDS = ("below", "above", "near", "within")
 REDUCTIONS = ("end", "largest", "smallest", "mean")
 REDUCTION_DEFAULTS: Mapping[str, Any] = {"when": "end", "at": None, "after": None, "until": None}
 _TIME = Number(minimum=0.0)
-_REDUCTION_FIELDS: Mapping[str, Any] = {
+REDUCTION_FIELDS: Mapping[str, Any] = {
     "when": (
         Annotated[Any, Text(REDUCTIONS)],
         Describe("end", description="which value along the run: at its end, the largest, the smallest, or the mean over time"),
@@ -75,7 +75,7 @@ def reduction_keys(quantity: str) -> dict[str, Any]:
 
 def reduction_fields(quantity: str) -> dict[str, Any]:
     """The fields of these keys for a pydantic model."""
-    return {key: _REDUCTION_FIELDS[key] for key in reduction_keys(quantity)}
+    return {key: REDUCTION_FIELDS[key] for key in reduction_keys(quantity)}
 
 
 def build(validated: Any, node: Node | None, faults: Faults) -> tuple[Expectation, ...]:

@@ -2,6 +2,7 @@
 
 from mpp_taichi import component
 from mpp_taichi.scene.faults import Faults
+from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 
 VISITS_OF_A_TREE = 3000
@@ -31,7 +32,7 @@ def check_tree(spec: SceneSpec, faults: Faults) -> None:
         instead = ", ".join(component.proposed("integrators", "tree"))
         rule = f"sums accelerations for steps of equal length, not for {method}, allowed: {instead}, among others"
         faults.add(tree.location, key, f"tree {rule}")
-    others = [f.name for f in spec.forces if f is not tree and component.declaration("forces", f.name).base == "PairForce"]
+    others = [f.name for f in spec.forces if f is not tree and is_pair_force(f.name)]
     if others:
         faults.add(tree.location, key, f"tree sums gravity alone, not beside {', '.join(others)}, allowed: direct")
     if spec.contacts is not None and spec.contacts.solver.flag("contacts", "merges"):

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from mpp_taichi import component
-from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
+from mpp_taichi.scene.expectations import REDUCTION_FIELDS, SUMMARY_QUANTITIES
 from mpp_taichi.scene.schema import scene_schema
 from mpp_taichi.scene.view_spec import VIEW_SPECS
 
@@ -17,8 +17,8 @@ KIND_TITLES = {
     "contacts": "Contact solvers: `solver:` of `contacts: {hard_spheres: …}`",
     "walls": "Walls: entries of `walls:`",
     "integrators": "Integrators: `integrator:`",
-    "quantities": "Quantities to plot: `x`, `y` and `histogram` of `inspect:`",
-    "diagnostics": "Measured quantities: keys of `expect:`",
+    "quantities": "Quantities: for `inspect:`, `record.table` and `expect:`",
+    "diagnostics": "Diagnostics of a whole run: further keys of `expect:`",
 }
 SPECS = {
     "spring_types.NAME": "SpringTypeSpec",
@@ -26,6 +26,7 @@ SPECS = {
     "timeline": "EventSpec",
     **{key: described.__name__ for key, described in VIEW_SPECS.items()},
     "record": "RecordSpec",
+    "record.table": "TableColumns",
     "modes": "ModesSpec",
     "inspect": "Panel",
     "sliders": "Slider",
@@ -70,6 +71,8 @@ def _specs() -> Iterator[str]:
 def _components() -> Iterator[str]:
     for kind in component.KINDS:
         yield f"\n## {KIND_TITLES[kind]}"
+        if kind == "quantities":
+            yield from _reductions()
         for name in component.names(kind):
             declared = component.declaration(kind, name)
             if declared.base == "BondForce":  # springs act by themselves
@@ -91,6 +94,13 @@ def _row(parameter: component.Parameter) -> str:
     limits += ["a slider may move it"] if parameter.slider else []
     meaning = "; ".join(part for part in (parameter.help, ", ".join(limits)) if part)
     return f"| `{parameter.name}` | {parameter.type} | {default} | {parameter.unit} | {meaning} |"
+
+
+def _reductions() -> Iterator[str]:
+    yield "\nAs a key of `expect:` a quantity has, beside its own parameters and the bounds, the keys\n"
+    yield "| key | default | meaning |\n|---|---|---|"
+    for name, (_, described) in REDUCTION_FIELDS.items():
+        yield f"| `{name}` | {_shown(described.default)} | {described.description} |"
 
 
 def _summary_quantities() -> Iterator[str]:

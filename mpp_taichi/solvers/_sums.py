@@ -1,10 +1,10 @@
-"""Sums over particles in one order, so that the bits do not depend on the threads."""
+"""Sums over particles in a fixed order, so that the bits do not depend on the threads."""
 
 import taichi as ti
 
 from mpp_taichi.types import Template
 
-CHUNK = 256  # terms that one thread adds
+CHUNK = 256  # terms that one thread adds up
 
 
 def sum_fields(particle_count: int) -> dict[str, tuple[str, int]]:
@@ -15,7 +15,7 @@ def sum_fields(particle_count: int) -> dict[str, tuple[str, int]]:
 
 @ti.func
 def zero_pair(state: Template):
-    """Where a pair of sums begins."""
+    """Two sums of zero."""
     return ti.Vector([ti.cast(0.0, state.wide), ti.cast(0.0, state.wide)])
 
 
@@ -30,7 +30,7 @@ def dot(state: Template, a, b):
 
 @ti.func
 def reduce_terms(state: Template):
-    """Two sums at once over `state.terms`: chunks, then the sum of the chunks. For the top of a kernel."""
+    """Two sums at once over `state.terms`: over chunks, then over the chunks. For the top of a kernel."""
     for c in range((state.particle_count + CHUNK - 1) // CHUNK):
         total = zero_pair(state)
         for i in range(c * CHUNK, ti.min((c + 1) * CHUNK, state.particle_count)):
@@ -44,6 +44,6 @@ def reduce_terms(state: Template):
 
 
 def read_total(state) -> tuple[float, float]:
-    """The two sums, on the host; waits for the device."""
+    """The two sums, on the host, which waits for the device."""
     total = state.term_total[0]
     return float(total[0]), float(total[1])

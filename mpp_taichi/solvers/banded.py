@@ -13,8 +13,8 @@ from mpp_taichi.types import Template
 class Banded:
     """Solve A δ = r by A = L D Lᵀ without pivoting, in one thread; O(n w²) for n unknowns of half-bandwidth w.
 
-    The particles are taken in an order that keeps springs short (see ordering.py): a chain has w = 2·dimensions − 1 whatever
-    its length. A pivot that is not positive means that A is not positive definite: it is said, and Newton projects.
+    The particles are in an order in which springs are short (ordering.py): a chain has w = 2·dimensions − 1 at any length. A
+    pivot that is not positive means that A is not positive definite; the solver says so, and Newton uses a projected matrix.
     Source: Golub & Van Loan, Matrix Computations, §4.3.
     """
 
@@ -76,7 +76,7 @@ class Banded:
         base = self.replica(first) * self.row_count * self.stride
         indefinite = 0
         for r in range(self.row_count):
-            # `own + c` and `base + …` are where entries (r, c) are kept.
+            # Entry (r, c) is at `own + c`.
             own = base + r * self.stride + self.width - r
             lowest = ti.max(0, r - self.width)
             pivot = state.band[own + r]
@@ -136,7 +136,7 @@ class Banded:
         return 1, slope, indefinite
 
     def solve_parallel(self, state, time: float, g: float) -> tuple[int, float, bool]:
-        """The same, still in one thread."""
+        """Solve for all particles in a launch of one thread; returns what `solve_serial` returns."""
         indefinite = bool(self._solve(state, time, g))
         return 1, float(state.term_total[0][0]), indefinite
 

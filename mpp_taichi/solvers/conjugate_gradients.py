@@ -6,13 +6,15 @@ from mpp_taichi.solvers._sums import dot, read_total, reduce_terms, zero_pair
 from mpp_taichi.solvers.newton_matrix import NewtonMatrix
 from mpp_taichi.types import Template
 
-FORCING = 1e-4  # the residual falls by this factor before Newton looks again
-ROUND_OFF_ROOM = 10  # iterations allowed per unknown: exact arithmetic would need one
+FORCING = 1e-4  # factor by which the residual falls before the next iteration of Newton
+ROUND_OFF_ROOM = 10  # iterations allowed per unknown; exact arithmetic needs one
 
 
 @ti.data_oriented
 class ConjugateGradients:
-    """Solve A δ = r for symmetric positive definite A. Meets a direction of negative curvature: says so, and Newton projects.
+    """Solve A δ = r for symmetric positive definite A.
+
+    Where it finds a direction of negative curvature, the solver says so, and Newton uses a projected matrix.
 
     Source: Hestenes & Stiefel, J. Res. Natl. Bur. Stand. 49 (1952) 409; the stopping rule is that of an inexact Newton method,
     Dembo, Eisenstat & Steihaug, SIAM J. Numer. Anal. 19 (1982) 400.
@@ -28,7 +30,7 @@ class ConjugateGradients:
         count = self.matrix.total_force.particle_count
         return {name: ("vector", count) for name in ("preconditioned", "direction", "product")}
 
-    # One particle's part of each sweep; what is returned is summed over the particles ------------------------------------
+    # The part of one particle in each sweep; the results are summed over the particles ------------------------------------
 
     @ti.func
     def begin(self, state: Template, i):
@@ -66,7 +68,7 @@ class ConjugateGradients:
 
     @ti.func
     def solve_serial(self, state: Template, first, time, g):
-        """Solve; returns (iterations, δ·r at the start, 1 when the matrix was seen not to be positive definite)."""
+        """Solve; returns (iterations, δ·r at the start, 1 when the matrix turned out not to be positive definite)."""
         end = first + self.matrix.total_force.particle_count
         now = zero_pair(state)
         for i in range(first, end):
@@ -102,7 +104,7 @@ class ConjugateGradients:
     # All particles at once -------------------------------------------------------------------------------------------------
 
     def solve_parallel(self, state, time: float, g: float) -> tuple[int, float, bool]:
-        """The same, a launch for each sweep."""
+        """Solve with a launch for each sweep; returns what `solve_serial` returns."""
         self._begin(state)
         squared = read_total(state)[0]
         goal, slope, iterations = squared * FORCING**2, 0.0, 0

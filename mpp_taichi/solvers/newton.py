@@ -12,10 +12,10 @@ from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.types import Template
 
 MOST_ITERATIONS = 40
-OVERSHOOT = 0.9  # the slope along an update may turn round, but not to more than this part of what it was
-SMALLEST_FACTOR = 1e-3  # of an update, when it is halved again and again
-AT_ROUND_OFF = 1e4  # updates that no longer shrink, and are within a hundred tolerances, are the rounding of the forces
-# Relative to the way a step goes; well below what any method of second order leaves, and above rounding.
+OVERSHOOT = 0.9  # the slope along an update may change its sign, but not exceed this part of its former size
+SMALLEST_FACTOR = 1e-3  # of an update that is halved again and again
+AT_ROUND_OFF = 1e4  # squared: updates within a hundred tolerances that shrink no more are rounding errors of the forces
+# Relative to the length of a step; far below the error of any method of second order, and above rounding errors.
 TOLERANCE = {ti.f32: 1e-6, ti.f64: 1e-12}
 UNIT_ROUND_OFF = {ti.f32: 2.0**-24, ti.f64: 2.0**-53}
 COUNTERS = ("newton_count", "newton_most", "linear_count", "solved_steps", "cut_steps", "gaining_pieces")
@@ -26,25 +26,25 @@ RUNNING, SOLVED, GAVE_UP = 0, 1, 2
 class Newton:
     """Solve P = b a(x* + P, v* + (g/b) P) for the displacement P of every particle.
 
-    The last update must be, in the Euclidean norm over all particles, below tolerance times the way of the step, or what the
-    observed rate of convergence promises for the next one must be; rounding of the positions is allowed for. An update that
-    leads too far (the residual along it has turned round) is halved. A step that is not solved is reported, never passed over.
+    In the Euclidean norm over all particles, the last update, or the next one as the observed rate of convergence predicts it,
+    must be below the tolerance times the displacement of the step; rounding errors of the positions are allowed for. An update
+    that is too long (the residual along the update has changed its sign) is halved. A step that is not solved is reported.
     Source: Hairer & Wanner, Solving ODEs II, §IV.8 (the rate); Crisfield, Non-linear Finite Element Analysis, §9.2 (halving).
     """
 
     def __init__(self, matrix: NewtonMatrix, linear: Any, tolerance: float | None):
-        """Bind what solves the linear systems; without a tolerance it is that of the run's precision."""
+        """Bind the solver of the linear systems; the default tolerance is that of the precision of the run."""
         precision = ti.lang.impl.current_cfg().default_fp
         self.matrix = matrix
         self.linear = linear
         self.total_force = matrix.total_force
         self.particle_count = matrix.total_force.particle_count
-        self.launched = SolverReport()  # of the steps that the host led
+        self.launched = SolverReport()  # of steps whose iteration ran on the host
         self.tolerance_squared = (TOLERANCE[precision] if tolerance is None else tolerance) ** 2
         self.floor_squared = (4.0 * matrix.dimensions * UNIT_ROUND_OFF[precision]) ** 2
 
     def fields(self) -> dict[str, tuple[str, int]]:
-        """Kind and count, for each replica, of the fields it needs, those of matrix and linear solver among them."""
+        """Kind and count, for each replica, of the fields of this solver, of its matrix and of its linear solver."""
         vectors = ("piece_start", "base_shift", "base_velocity", "shift", "update", "right_side", "residual")
         return {
             **{name: ("vector", self.particle_count) for name in vectors},
@@ -53,17 +53,17 @@ class Newton:
             **self.linear.fields(),
         }
 
-    # One particle's part; what is returned is summed over the particles --------------------------------------------------
+    # The part of one particle; the results are summed over the particles --------------------------------------------------
 
     @ti.func
     def displace(self, state: Template, i, ratio):
-        """Put the particle at the trial; ratio = g/b."""
+        """Move the particle to the trial position; ratio = g/b."""
         state.position[i] = state.piece_start[i] + (state.base_shift[i] + state.shift[i])
         state.velocity[i] = state.base_velocity[i] + ratio * state.shift[i]
 
     @ti.func
     def measure(self, state: Template, first, i, time, b):
-        """Right side W (b a − P) at the trial; returns its product with the last update."""
+        """Right side W (b a − P) at the trial position; returns its product with the last update."""
         acceleration = state.acceleration[i]
         if ti.static(self.total_force.depends_on_velocity):
             acceleration += self.total_force.local_acceleration(state, first, i, time, True)
@@ -75,12 +75,12 @@ class Newton:
 
     @ti.func
     def apply(self, state: Template, i, factor, dt):
-        """P += factor·δ; returns |factor·δ|² and what it may be."""
+        """P += factor·δ; returns |factor·δ|² and the allowed size of |factor·δ|²."""
         change = factor * state.update[i]
         state.shift[i] += change
         way = dt * state.base_velocity[i]
         moved = dot(state, state.shift[i], state.shift[i]) + dot(state, way, way)
-        # Rounded positions put noise into the forces, and they into P: all of it along stiff springs, next to none along soft.
+        # Rounding errors of positions reach P through the forces: fully along stiff springs, hardly along soft springs.
         noisy = ti.Vector.zero(float, state.dimensions)
         for k in ti.static(range(state.dimensions)):
             noisy[k] = (1.0 - self.matrix.weight(state, i) * state.inverse_block[i][k, k]) * state.piece_start[i][k]
@@ -93,7 +93,7 @@ class Newton:
 
     @ti.func
     def solve_serial(self, state: Template, first, time, dt, b, g):
-        """Find P, and count what it took; 1 when it was found."""
+        """Find P, and count the iterations; returns 1 when P was found."""
         end = first + self.particle_count
         replica = first // self.particle_count
         status = RUNNING
@@ -136,7 +136,7 @@ class Newton:
 
     @ti.func
     def judge(self, iterations, indefinite, sizes, last):
-        """Whether the iteration has come to its end; the text of `judgement`, on the device."""
+        """State of the iteration; the text of `judgement`, on the device."""
         status = RUNNING
         if indefinite == 1:
             status = GAVE_UP
@@ -155,7 +155,7 @@ class Newton:
     # All particles at once -------------------------------------------------------------------------------------------------
 
     def solve_parallel(self, state: Any, launch_force: Any, time: float, dt: float, b: float, g: float) -> bool:
-        """The same, a launch for each sweep; `launch_force(total_force, time)` sets the accelerations."""
+        """Solve with a launch for each sweep; `launch_force(total_force, time)` sets the accelerations."""
         status, iterations, linear_iterations, factor, slope_before, last = RUNNING, 0, 0, 1.0, 0.0, 0.0
         self._clear(state)
         while status == RUNNING:
@@ -185,7 +185,7 @@ class Newton:
         return status == SOLVED
 
     def collect(self, state: Any) -> SolverReport:
-        """What was counted since the last time, on the device and beside it."""
+        """The counts since the last call, from the device and from the host."""
         fields = [getattr(state, name) for name in (*COUNTERS, "unsolved")]
         found = bulk_copy.read(fields, np.int32)
         bulk_copy.write(fields[:-1], [np.zeros_like(count) for count in found[:-1]])
@@ -234,7 +234,7 @@ class Newton:
 
 
 def judgement(iterations: int, indefinite: bool, sizes: tuple[float, float], last: float) -> int:
-    """Whether the iteration has come to its end: |δ|² and what it may be, and |δ|² of the iteration before."""
+    """RUNNING, SOLVED or GAVE_UP, from |δ|² and its allowed size, and from |δ|² of the iteration before."""
     size, allowed = sizes
     if indefinite:
         return GAVE_UP

@@ -7,15 +7,15 @@ from mpp_taichi.types import Template
 
 @ti.data_oriented
 class NewtonMatrix:
-    """A = W − b ∂F/∂x − g ∂F/∂v for displacements of the particles, W their masses; never assembled.
+    """A = W − b ∂F/∂x − g ∂F/∂v for displacements of the particles, W the masses; never assembled.
 
     A step asks for P = b a(x* + P, v* + (g/b) P), a displacement (see integrators/_implicit.py). Its residual, times the mass,
-    is W (b a − P) and the derivative of that is −A. In A are the springs and the drag; the forces between all pairs are not:
-    they are soft, and leaving them out costs a few more iterations but no accuracy.
+    is W (b a − P), whose derivative is −A. A contains the springs and the drag, but not the forces between all pairs: these are
+    soft, and without them the iteration takes a few steps more but has the same accuracy.
 
     A central spring has the block S = β n nᵀ + α (1 − n nᵀ), so a half-spring keeps n, α and β: the product with a vector is a
     gather over the half-springs of a particle. Where springs are compressed α may be negative and A indefinite; `projected`
-    puts 0 for what is negative, which makes A positive definite and changes nothing but the way to the solution.
+    replaces negative α and β by 0, which makes A positive definite and changes only the iterations, not the solution.
     """
 
     def __init__(self, total_force, dimensions: int, half_spring_count: int):
@@ -26,7 +26,7 @@ class NewtonMatrix:
         self.has_bonds = len(total_force.bonds) > 0
 
     def fields(self) -> dict[str, tuple[str, int]]:
-        """Kind and count, for each replica, of the fields it needs."""
+        """Kind and count, for each replica, of the fields of the matrix."""
         found = {"inverse_block": ("matrix", self.total_force.particle_count)}
         if self.has_bonds:
             found["bond_direction"] = ("vector", self.half_spring_count)
@@ -44,7 +44,7 @@ class NewtonMatrix:
 
     @ti.func
     def offset(self, first):
-        """Where the half-springs of this replica are kept."""
+        """Index of the first half-spring of a replica."""
         return first // self.total_force.particle_count * self.half_spring_count
 
     @ti.func
@@ -89,7 +89,7 @@ class NewtonMatrix:
 
     @ti.func
     def diagonal(self, state: Template, i, time, g):
-        """The part of the diagonal that no spring makes."""
+        """The part of the diagonal without springs."""
         weight = self.weight(state, i)
         result = weight
         for force in ti.static(self.total_force.external):

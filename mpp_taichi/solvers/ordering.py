@@ -1,10 +1,10 @@
-"""An order of the particles in which springs join near ones: the narrower the band, the cheaper its factors."""
+"""An order of the particles in which springs join near particles: the narrower the band, the cheaper its factors."""
 
 import numpy as np
 
 
 def narrow_order(particle_count: int, between: np.ndarray) -> np.ndarray:
-    """Place of each particle, shape (particle_count,): reverse Cuthill–McKee, from an end of each connected part.
+    """Place of each particle in the order, (particle_count,): reverse Cuthill–McKee, from an end of each connected part.
 
     Source: Cuthill & McKee, Proc. 24th Nat. Conf. ACM (1969) 157; George & Liu's pseudo-peripheral start.
     """
@@ -29,7 +29,7 @@ def narrow_order(particle_count: int, between: np.ndarray) -> np.ndarray:
 
 
 def _levels(seed: int, start: np.ndarray, neighbors: np.ndarray, degree: np.ndarray) -> list[int]:
-    """Everything connected with the seed, by distance and then by the number of neighbours."""
+    """All particles connected with the seed, by distance and then by the number of neighbours."""
     found, known, at = [seed], {seed}, 0
     while at < len(found):
         i = found[at]

@@ -1,4 +1,4 @@
-"""What the solver of implicit steps did; iterations and failures are told, never passed over."""
+"""The counts of the solver of implicit steps: iterations and failures, all of which are reported."""
 
 from dataclasses import dataclass
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 class SolverReport:
     """Counts over all steps and replicas.
 
-    steps, newton_iterations, linear_iterations   solved steps, and what they took together
-    most_newton_iterations                        in one step, or piece of it
-    cut_steps                                     that were done in pieces, because in one they were not solved
-    gaining_pieces                                the smallest ones, that gained energy all the same
-    unsolved                                      replicas that stand still because a step of theirs was not solved
-    fewest_steps                                  solved by the replica that solved fewest, since the last report
+    steps, newton_iterations, linear_iterations   solved steps, and their iterations altogether
+    most_newton_iterations                        most iterations of one step, or piece of a step
+    cut_steps                                     steps that were cut into pieces, because the whole step was not solved
+    gaining_pieces                                smallest pieces, which gained energy nevertheless
+    unsolved                                      replicas that stand still because one of their steps was not solved
+    fewest_steps                                  steps since the last report of the replica with the fewest
     """
 
     steps: int = 0
@@ -25,7 +25,7 @@ class SolverReport:
     fewest_steps: int = 0
 
     def add(self, other: "SolverReport") -> None:
-        """Count another report in."""
+        """Add the counts of another report."""
         self.steps += other.steps
         self.newton_iterations += other.newton_iterations
         self.linear_iterations += other.linear_iterations

@@ -1,9 +1,9 @@
 """Live parameters: numbers of a force that kernels load from a field, so that they may change while compiled kernels run.
 
-What a scene fixes is a constant of its kernels, and costs nothing. A parameter that `sliders:` names is to change without a
-compiler. A force with such parameters is therefore an instance of a class made on the spot, whose property of that name gives
-a load from a field to a kernel that is being compiled, and the number to everybody else. The formula in the force's file is the
-same text for both.
+A parameter that the scene fixes is a constant of its kernels, and costs nothing. A parameter that `sliders:` names must change
+without a compilation. A force with such parameters is therefore an instance of a class made at run time, with a property for
+each of them: in a kernel that is being compiled the property is a load from a field, elsewhere it is the number. The formula
+in the file of the force is the same text for both.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,17 +16,17 @@ from mpp_taichi.device import bulk_copy
 from mpp_taichi.scene.spec import ComponentSpec
 from mpp_taichi.state.field_group import FieldGroup
 
-COMPONENTS = 3  # of a vector
+COMPONENTS = 3  # entries of a parameter in the field, enough for a vector
 
 
 class LiveParameters:
-    """The live parameters of the forces of a scene, one field for all of them; `forces` are the forces that load it.
+    """The live parameters of the forces of a scene, in one field; `forces` are the forces that load their parameters from it.
 
-    Numbers are kept in the run's precision, as constants of kernels are.
+    Numbers have the precision of the run, like constants of kernels.
     """
 
     def __init__(self, entries: Sequence[ComponentSpec], forces: Sequence[Any]) -> None:
-        """Allocate; `entries` are those that the first of the `forces` were built from, one for each."""
+        """Allocate; the first forces were built from the `entries`, one for each."""
         self._places: dict[tuple[str, str], int] = {}
         count = 0
         for entry in entries:
@@ -45,7 +45,7 @@ class LiveParameters:
         self.write(entries)
 
     def write(self, entries: Sequence[ComponentSpec]) -> None:
-        """Let the forces have the values of these entries from the next launch on."""
+        """Set the values of these entries, which the forces use from the next launch on."""
         for entry in entries:
             for name in entry.live:
                 value, place = entry.parameters[name], self._places[entry.name, name]
@@ -61,7 +61,7 @@ class LiveParameters:
             self._memory.destroy()
 
     def _loading(self, entry: ComponentSpec, force: Any) -> Any:
-        """The force, with properties in place of its live parameters."""
+        """The force with a property in place of each live parameter."""
         if not entry.live:
             return force
         loads = {name: self._property(self._places[entry.name, name], entry.parameters[name]) for name in entry.live}

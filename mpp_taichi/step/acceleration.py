@@ -1,4 +1,4 @@
-"""Accelerations of all particles at one moment, by the forces of a simulation, for those who look on."""
+"""Acceleration meter: the accelerations of all particles by the forces of a simulation, for recorders and views."""
 
 import numpy as np
 import taichi as ti
@@ -9,12 +9,12 @@ from mpp_taichi.state.state import State
 from mpp_taichi.step.force_sum import ForceSum
 
 WRITTEN = ("position", "velocity", "position_low", "velocity_low", "acceleration", "jerk", "snap")
-"""Fields that a look sets or a sum of forces writes."""
+"""Fields that are written by a measurement, and restored after it."""
 
 
 @ti.data_oriented
 class AccelerationMeter:
-    """What the forces of a step make of a state, dv/dt = F / m, friction included; the state keeps every bit."""
+    """Accelerations dv/dt = F / m of a snapshot by the forces of a step, friction included; the state keeps every bit."""
 
     def __init__(self, state: State, total_force: TotalForce, force_sum: ForceSum) -> None:
         """Bind the parts of a step; nothing is compiled before the first measurement."""
@@ -24,9 +24,9 @@ class AccelerationMeter:
         self._written = [getattr(self.state, name) for name in names if name in self.state.quantities]
 
     def measure(self, snapshot: Snapshot) -> np.ndarray:
-        """Accelerations [length / time²] of the first replica where a snapshot has it, (particle_count, 3), in float64.
+        """Accelerations [length / time²] of the particles of a snapshot, (particle_count, 3), in float64.
 
-        They are those of the smooth forces: 0 along an axis that is held, and without what contacts and walls do.
+        They are those of the smooth forces: 0 along an axis that is held, and without contacts and walls.
         """
         result = np.zeros((self.particle_count, 3))
         if not self.total_force.forces:

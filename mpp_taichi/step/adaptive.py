@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from mpp_taichi.device.heavy_loops import heavy_index
 from mpp_taichi.step.launcher import Launcher
 
 
@@ -33,8 +34,9 @@ class Adaptive(Launcher):
                 self.integrator.begin(self.state, self.total_force, 0, time, dt, "serial")
         else:
             for q in range(self.state.replica_count * self.grain):
-                if q % self.grain == 0:
-                    first = q // self.grain * self.state.particle_count
+                replica = heavy_index(q, self.grain)
+                if replica >= 0:
+                    first = replica * self.state.particle_count
                     self.integrator.begin(self.state, self.total_force, first, time, dt, "serial")
 
     @ti.kernel
@@ -46,7 +48,8 @@ class Adaptive(Launcher):
                 self.integrator.show(self.state, self.total_force, 0, end)
         else:
             for q in range(self.state.replica_count * self.grain):
-                if q % self.grain == 0:
-                    first = q // self.grain * self.state.particle_count
+                replica = heavy_index(q, self.grain)
+                if replica >= 0:
+                    first = replica * self.state.particle_count
                     self.integrator.advance_to(self.state, self.total_force, first, end, "serial")
                     self.integrator.show(self.state, self.total_force, first, end)

@@ -12,6 +12,7 @@ from mpp_taichi.device.backends import Device
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
 from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 from mpp_taichi.device.fast_taichi.serial_loops import FEW, SerialLoops
+from mpp_taichi.device.heavy_loops import CPU_GRAIN
 from mpp_taichi.errors import BackendError, UnsupportedError
 from mpp_taichi.forces._total_force import TotalForce
 from mpp_taichi.integrators._base import Integrator
@@ -20,9 +21,6 @@ from mpp_taichi.step import plans
 from mpp_taichi.step.finite_check import FiniteCheck
 from mpp_taichi.step.force_sum import ForceSum, LaunchedForceSum, ParallelForceSum, SerialForceSum
 from mpp_taichi.step.launcher import Launcher, Mode, StepParts
-
-# A parallel CPU loop of up to this many iterations runs on one thread, so few heavy iterations are spread out this far.
-CPU_GRAIN = 512
 
 
 def settle_plan(

@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager
 import taichi as ti
 
 from mpp_taichi.device.fast_taichi.serial_loops import SerialLoops
+from mpp_taichi.device.heavy_loops import heavy_index
 from mpp_taichi.forces._total_force import TotalForce
 from mpp_taichi.state.state import State
 from mpp_taichi.types import Template
@@ -44,8 +45,9 @@ class SerialForceSum(ForceSum):
     @ti.kernel
     def _accumulate(self, total_force: Template, time: float):
         for q in range(self.state.replica_count * self.grain):
-            if q % self.grain == 0:
-                first = q // self.grain * self.state.particle_count
+            replica = heavy_index(q, self.grain)
+            if replica >= 0:
+                first = replica * self.state.particle_count
                 total_force.accumulate(self.state, first, time, "serial")
 
 

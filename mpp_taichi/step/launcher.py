@@ -77,7 +77,9 @@ class Launcher(ABC):
     def __init__(self, parts: StepParts) -> None:
         """Bind the parts; nothing is compiled before the first launch."""
         self.parts = parts
-        self.state, self.total_force, self.integrator = parts.state, parts.total_force, parts.integrator
+        self.state: Any = parts.state  # its work fields have the names that a method gives them
+        self.total_force = parts.total_force
+        self.integrator: Any = parts.integrator  # each kind of step asks for methods of its own family
         self.contacts: Any = parts.contacts
         self.force_sum, self.compiled, self.loops = parts.force_sum, parts.compiled, parts.loops
         self.grain, self.shape = parts.grain, parts.shape
@@ -135,8 +137,8 @@ class Launcher(ABC):
 
     def loop_iterations_per_step(self) -> int:
         """Loop iterations of one thread in one step of a serial or replica kernel, an upper bound."""
-        n = self.state.particle_count
-        springs = self.state.spring_neighbor.shape[0] if "spring_neighbor" in self.state.quantities else 0
+        n, state = self.state.particle_count, self.state
+        springs = state.spring_neighbor.shape[0] if "spring_neighbor" in state.quantities else 0
         per_evaluation = (n * n if self.total_force.has_pairs else 0) + springs + 8 * n
         return 1 + max(1, self.integrator.evaluations) * per_evaluation
 

@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from mpp_taichi.device.heavy_loops import heavy_index
 from mpp_taichi.step.launcher import Launcher
 
 
@@ -23,6 +24,7 @@ class OwnState(Launcher):
     @ti.kernel
     def _launch(self, dt: float, steps: ti.i32, beyond: float):
         for q in range(self.state.replica_count * self.grain):
-            if q % self.grain == 0:
-                first = q // self.grain * self.state.particle_count
+            replica = heavy_index(q, self.grain)
+            if replica >= 0:
+                first = replica * self.state.particle_count
                 self.integrator.launch(self.state, self.total_force, first, dt, steps, beyond)

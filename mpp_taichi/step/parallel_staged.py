@@ -4,6 +4,7 @@ import taichi as ti
 
 from mpp_taichi.device.fast_taichi.serial_loops import SerialLoops
 from mpp_taichi.step.launcher import Launcher
+from mpp_taichi.types import Template
 
 
 @ti.data_oriented
@@ -47,7 +48,7 @@ class ParallelStaged(Launcher):
         return self.integrator.parallel_loops(self.total_force, loops)
 
     @ti.kernel
-    def _stage(self, time: float, dt: float, k: ti.template()):
+    def _stage(self, time: float, dt: float, k: Template):
         self.integrator.stage(self.state, self.total_force, 0, time, dt, k)
 
     @ti.kernel

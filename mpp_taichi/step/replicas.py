@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from mpp_taichi.device.heavy_loops import heavy_index
 from mpp_taichi.step.launcher import Launcher
 
 
@@ -17,7 +18,8 @@ class Replicas(Launcher):
     @ti.kernel
     def _advance(self, time: float, dt: float, begin: ti.i32, end: ti.i32):
         for q in range(self.state.replica_count * self.grain):
-            if q % self.grain == 0:
-                first = q // self.grain * self.state.particle_count
+            replica = heavy_index(q, self.grain)
+            if replica >= 0:
+                first = replica * self.state.particle_count
                 for s in range(begin, end):
                     self.integrator.step(self.state, self.total_force, first, time + s * dt, dt, "serial")

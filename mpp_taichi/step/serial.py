@@ -5,6 +5,7 @@ from typing import Any
 import taichi as ti
 
 from mpp_taichi.step.launcher import Launcher, measure_between
+from mpp_taichi.types import Template
 
 
 @ti.data_oriented
@@ -31,7 +32,7 @@ class Serial(Launcher):
             self.integrator.step(self.state, self.total_force, 0, time + s * dt, dt, "serial")
 
     @ti.kernel
-    def _advance_metered(self, time: float, dt: float, begin: ti.i32, end: ti.i32, meter: ti.template()):
+    def _advance_metered(self, time: float, dt: float, begin: ti.i32, end: ti.i32, meter: Template):
         ti.loop_config(serialize=True)
         for s in range(begin, end):
             self.integrator.step(self.state, self.total_force, 0, time + s * dt, dt, "serial")

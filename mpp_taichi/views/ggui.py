@@ -14,6 +14,7 @@ from functools import lru_cache
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.device.taichi_environment import without_user_variables
 from mpp_taichi.errors import BackendError
 from mpp_taichi.scene.spec import ViewSpec
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, View
@@ -54,6 +55,7 @@ def probe(*, shown: bool) -> str:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
+            env=without_user_variables(os.environ),
             cwd=tempfile.gettempdir(),  # GGUI leaves a file where it runs
             timeout=PROBE_SECONDS,
             check=False,

@@ -35,7 +35,7 @@ def end(integrator, plan):
         tasks = [(task / "comm").read_text().strip() for task in Path("/proc/self/task").glob("*")]
         return simulation.run(steps=4).snapshot().position.tolist(), "mpp_taichi" in tasks
 
-ends = [end(*which) for which in (("leapfrog", "serial"), ("leapfrog", "parallel"), ("implicit_midpoint", "parallel"))]
+ends = [end(*which) for which in (("leapfrog", "serial"), ("implicit_midpoint", "parallel"))]
 print(json.dumps({{
     "ends": [position for position, _ in ends],
     "replaced": {{
@@ -128,5 +128,6 @@ def test_reports_name_what_is_off_and_say_nothing_else(command, monkeypatch, cap
         found = json.loads(capsys.readouterr().out)
         assert ("fast_taichi_off" in found) == bool(line)
         assert main(command) == 0
-        lines = [words for words in capsys.readouterr().out.splitlines() if words.strip().startswith("off")]
+        said = "".join(capsys.readouterr())
+        lines = [words for words in said.splitlines() if words.strip().startswith("off")]
         assert [" ".join(words.split()) for words in lines] == ([f"off {line} of fast_taichi (the reason)"] if line else [])

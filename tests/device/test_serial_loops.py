@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from mpp_taichi.device import backends
-from mpp_taichi.device.fast_taichi.serial_loops import SerialLoops, loop_grain
+from mpp_taichi.device.fast_taichi.serial_loops import SerialLoops
+from mpp_taichi.device.heavy_loops import loop_grain
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.step import choose
 

@@ -10,6 +10,8 @@ from reference import accelerations
 from mpp_taichi import Simulation, component
 from mpp_taichi.device import backends
 from mpp_taichi.errors import PrecisionError
+from mpp_taichi.forces._base import PairForce
+from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.snapshot import Springs
 from scenes import kepler
 
@@ -19,6 +21,12 @@ STEP = 1e-5  # of the central difference: its error ~ STEP² U''' and the round-
 
 def family(name):
     return component.declaration("forces", name).base
+
+
+def test_every_force_between_pairs_is_known_as_such_without_taichi():
+    """Plans and estimates read the class of a force from its file; a family that they do not know would count as O(N)."""
+    for name in FORCES:
+        assert is_pair_force(name) == issubclass(component.load("forces", name), PairForce), name
 
 
 @pytest.fixture(autouse=True)

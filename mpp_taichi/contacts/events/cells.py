@@ -1,4 +1,4 @@
-"""Cells of an event-driven run: who may meet whom before one of them leaves its cell."""
+"""Cells of an event-driven run: which spheres may meet before one of them leaves its cell."""
 
 from typing import Any
 
@@ -11,18 +11,18 @@ from mpp_taichi.contacts.events.spheres import FlyingSpheres
 from mpp_taichi.device.fast_taichi.prefetch import prefetch
 from mpp_taichi.walls._roots import first_contact
 
-# In place of an image's bits: the nearest one.
+# In place of the bits of an image: the nearest image.
 NEAREST = -1
 
 
 @ti.data_oriented
 class EventCells:
-    """Which cell of a grid each sphere is in, and when it leaves it."""
+    """The cell of a grid that each sphere is in, and the time at which the sphere leaves it."""
 
     def __init__(self, grid: Grid, spheres: FlyingSpheres, lines: Lines, builder: Any) -> None:
         """Place the fields; `write` fills them."""
         self.grid, self.spheres, self.count, self.dimensions = grid, spheres, spheres.count, spheres.dimensions
-        # A third axis of one cell in two dimensions; and along an axis whose cells all touch nobody needs to leave one.
+        # In two dimensions the third axis has one cell. Along an axis whose cells all touch, no crossing needs an event.
         self.cells = (*grid.cells, 1)[:3]
         self.periodic = (*(p > 0 for p in grid.period), False)[:3]
         self.crossed = tuple(p or m > 3 for p, m in zip(self.periodic, self.cells))
@@ -34,9 +34,9 @@ class EventCells:
         self.next, self.cell = lines.field(ti.i32), lines.field(ti.i32)
         self.turns = lines.field(ti.i32, self.dimensions, seldom=True)
         self.near, self.image = ti.field(ti.i32), ti.field(ti.i32)
-        # In a periodic box of one or two cells the same sphere is met from several sides.
+        # In a periodic box of one or two cells the same sphere is a neighbour on several sides.
         most = 27 if any(p and m < 3 for p, m in zip(self.periodic, self.cells)) else 1
-        # One entry more, for the end of a list that is written before it is known to be one.
+        # One entry more, as `follow` writes an entry before it is known whether the list of the cell goes on.
         builder.dense(ti.i, most * self.count + 1).place(self.near, self.image)
 
     def write(self, cell: np.ndarray, turns: np.ndarray) -> None:
@@ -52,14 +52,14 @@ class EventCells:
         for c in self.head:
             self.head[c] = -1
         for k in range(self.small_count, self.count):
-            self.next[k] = -1  # big ones are in no list
+            self.next[k] = -1  # big spheres are in no list
         ti.loop_config(serialize=True)
         for k in range(self.small_count):
             self._enter(self.small_count - 1 - k)
 
     @ti.func
     def steps(self, number):
-        """Where the cell of a number is, along each axis."""
+        """Place of a cell along each axis, from its number."""
         result = ti.Vector([0, 0, 0])
         for k in ti.static(range(self.dimensions - 1, 0, -1)):
             result[k] = number % self.cells[k]
@@ -69,7 +69,7 @@ class EventCells:
 
     @ti.func
     def number(self, steps):
-        """Of the cell at these steps along the axes."""
+        """Number of the cell at these places along the axes."""
         result = steps[0]
         for k in ti.static(range(1, self.dimensions)):
             result = result * self.cells[k] + steps[k]
@@ -77,10 +77,10 @@ class EventCells:
 
     @ti.func
     def gather(self, i, side):
-        """List in `near` whom sphere i may meet, in `image` on which side of a periodic box; returns how many.
+        """Begin the list `near` of the spheres that i may meet, with their `image` in a periodic box; returns its length.
 
-        After a crossing only the cells that are new are looked through. Big spheres are in no cell: they may meet all, and
-        all them.
+        It holds the first sphere of each cell; `follow` adds the others. After a crossing of `side` only the cells that are
+        new neighbours are listed. Big spheres are in no cell: they may meet all spheres, and are in every list.
         """
         count = 0
         if i < self.small_count:
@@ -92,7 +92,7 @@ class EventCells:
 
     @ti.func
     def follow(self, i, m, count):
-        """List who comes after the m-th of those for sphere i in the list of their cell; returns how many there are now."""
+        """Add the sphere that follows the m-th of `near` in the list of its cell; returns the new length of `near`."""
         after = self.next[self.near[m]] if i < self.small_count else -1
         prefetch(self.next, ti.max(after, 0))
         self.near[count], self.image[count] = after, self.image[m]
@@ -125,7 +125,7 @@ class EventCells:
 
     @ti.func
     def seen(self, separation, image):
-        """A separation as an image of the periodic box has it: a period up for 1, down for 2 in the two bits of each axis."""
+        """The separation of an image: two bits for each axis say whether it is a period higher (1) or lower (2)."""
         result = separation
         if image == NEAREST:
             result = self.nearest_image(separation)
@@ -167,7 +167,7 @@ class EventCells:
 
     @ti.func
     def cross(self, i, side):
-        """Move sphere i into the next cell; along a periodic axis its position follows the torus."""
+        """Move sphere i into the next cell; along a periodic axis its position stays in the box."""
         if i < self.small_count:
             self._leave(i)
         steps = self.steps(self.cell[i])
@@ -190,7 +190,7 @@ class EventCells:
 
     @ti.func
     def shown_position(self, i, time):
-        """Where it has got to, with the turns around a periodic box."""
+        """Position of sphere i at `time`, with its turns around a periodic box."""
         result = self.spheres.position_at(i, time)
         for k in ti.static(range(self.dimensions)):
             if ti.static(self.periodic[k]):
@@ -199,7 +199,7 @@ class EventCells:
 
     @ti.func
     def nearest_image(self, separation):
-        """A separation, or that to the image in the periodic box that is nearest."""
+        """The separation to the nearest image in a periodic box."""
         result = separation
         for k in ti.static(range(self.dimensions)):
             if ti.static(self.periodic[k]):

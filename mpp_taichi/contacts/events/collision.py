@@ -1,4 +1,4 @@
-"""Collisions of an event-driven run: what a contact does to the velocities, and what is counted."""
+"""Collisions of an event-driven run: the change of velocities at a contact, and the counts."""
 
 from typing import Any
 
@@ -12,8 +12,8 @@ from mpp_taichi.contacts.shared.bounce import impulse_along
 from mpp_taichi.contacts.shared.restitution import restitution_after
 from mpp_taichi.walls._geometry import gap, normal, surface_velocity
 
-# Contacts in a row of one sphere that all fall on the same float of the time: more of those that take energy is an
-# inelastic collapse; elastic ones are bounded by the number of touching spheres.
+# Contacts in a row of one sphere at the same floating-point time. More inelastic contacts than this are an inelastic
+# collapse; the number of elastic contacts is bounded by the number of touching spheres.
 STALLED_INELASTIC = 16
 STALLED_ELASTIC = 1000
 
@@ -23,7 +23,7 @@ class Collision:
     """Impulses along the normal, and sums over them."""
 
     def __init__(self, setup: ContactSetup, spheres: FlyingSpheres, cells: EventCells, builder: Any) -> None:
-        """Of these spheres; sums start at 0."""
+        """Place the fields, for the spheres of a setup in their cells; sums begin at 0."""
         self.spheres, self.cells = spheres, cells
         self.surfaces = setup.enclosure.surfaces
         self.contact_time = float(setup.contact_time)
@@ -42,16 +42,16 @@ class Collision:
         builder.dense(ti.ij, np.asarray(setup.restitution).shape).place(self.table)
 
     def write(self) -> None:
-        """Fill the tables."""
+        """Fill the table of restitutions."""
         real = np.float32 if self.table.dtype == ti.f32 else np.float64
         self.table.from_numpy(np.array(self.restitution, dtype=real))
 
     def contacts(self) -> int:
-        """How many there were since `collect`."""
+        """Number of contacts since the last `collect`."""
         return int(self.pair_count[None]) + int(self.wall_count[None])
 
     def collect(self) -> ContactReport:
-        """What was counted since this was last asked."""
+        """Counts since the last call."""
         report = ContactReport(
             pair_count=self.pair_count[None],
             wall_count=self.wall_count[None],
@@ -71,10 +71,7 @@ class Collision:
 
     @ti.func
     def pair(self, i, j, time):
-        """Two spheres bounce: Δp = −(1 + e) u / Σ_k n_k² (w_ik + w_jk) along n, where u is the speed along n.
-
-        Returns whether time still goes on.
-        """
+        """Let two spheres bounce at `time`, with the impulse of `impulse_along`; returns whether time still goes on."""
         last = ti.max(self._last_contact(i), self._last_contact(j))
         self._begin(i, time)
         self._begin(j, time)
@@ -104,7 +101,7 @@ class Collision:
 
     @ti.func
     def wall(self, i, w, time):
-        """A sphere bounces off surface w. Returns whether time still goes on."""
+        """Let sphere i bounce off surface w at `time`; returns whether time still goes on."""
         last = self._last_contact(i)
         self._begin(i, time)
         x, now = self.spheres.position[i], ti.cast(time, float)
@@ -137,7 +134,7 @@ class Collision:
 
     @ti.func
     def _last_contact(self, i):
-        """When it was: contacts alone set a sphere's clock."""
+        """Time of the last contact of sphere i, which is its clock; −infinity if it has had none."""
         result = ti.cast(-ti.math.inf, self.spheres.wide)
         if self.spheres.contacts[i] != 0:
             result = self.spheres.clock[i]
@@ -145,7 +142,7 @@ class Collision:
 
     @ti.func
     def _begin(self, i, time):
-        """Bring sphere i to the time of a contact; `stalled` counts contacts between which no time went by."""
+        """Bring sphere i to the time of a contact; `stalled` counts contacts in a row at one time."""
         if time > self._last_contact(i):
             self.spheres.stalled[i] = 0
         else:
@@ -161,7 +158,7 @@ class Collision:
 
     @ti.func
     def _note_contact(self, i, partner, e):
-        """Remember it; False if sphere i has had too many contacts without the time going on."""
+        """Note a contact of sphere i; returns False if it has had too many contacts in a row at one time."""
         self.spheres.last_partner[i] = partner
         self.spheres.contacts[i] += 1
         limit = STALLED_INELASTIC if e < 1 else ti.static(STALLED_ELASTIC + 2 * self.spheres.count)

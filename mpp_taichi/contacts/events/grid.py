@@ -6,20 +6,20 @@ import numpy as np
 
 from mpp_taichi.contacts._base import ContactSetup
 
-# Of a cell's edge, beyond the largest diameter: more than round-off, so that touching spheres are in touching cells.
+# Excess of the edge of a cell over the largest diameter: more than round-off, so that touching spheres are in touching cells.
 MARGIN = 1e-3
-# Sizes that are tried as the largest one for cells.
+# Number of diameters that are tried as the largest diameter of a sphere in a cell.
 CUTS = 32
-# Cells for each sphere, at most.
+# Largest number of cells for each sphere.
 CELLS = 2
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A grid on a torus: cell c of an axis with m cells holds all that is between c and c + 1 edges, modulo m edges.
+    """A grid on a torus: cell c of an axis with m cells holds the positions between c and c + 1 edges, modulo m edges.
 
-    It has no end, so spheres may fly as far as they like; along a periodic axis the torus is the box. `big` are spheres too
-    few and too large for the cells.
+    A torus has no end, so that spheres may fly to any distance; along a periodic axis it is the box. The few spheres that are
+    too large for the cells are listed in `big`.
     """
 
     low: tuple[float, ...]
@@ -54,7 +54,7 @@ class Grid:
         return cls(tuple(low.tolist()), tuple(edges.tolist()), tuple(cells.tolist()), tuple(period.tolist()), big)
 
     def cell_of(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Cells of positions (n, dimensions), and how many turns around the torus they are away."""
+        """Cells of positions (n, dimensions), and the number of turns around the torus to these positions."""
         steps = np.floor((position - np.array(self.low)) / np.array(self.edge)).astype(np.int64)
         turns = np.floor_divide(steps, np.array(self.cells))
         return (steps - turns * np.array(self.cells)).astype(np.int32), turns.astype(np.int32)
@@ -73,7 +73,7 @@ class Grid:
 
 
 def _largest_in_cells(diameter: np.ndarray, extent: np.ndarray, period: np.ndarray) -> float:
-    """The diameter up to which spheres go into cells: what leaves the fewest spheres to look at, in cells or big ones."""
+    """The largest diameter of spheres in cells: the one for which the fewest spheres are tested, in cells and big ones."""
     sizes = np.unique(diameter)
     best, fewest = sizes[-1], np.inf
     for cut in np.unique(sizes[np.linspace(0, len(sizes) - 1, CUTS).astype(int)]):
@@ -82,7 +82,7 @@ def _largest_in_cells(diameter: np.ndarray, extent: np.ndarray, period: np.ndarr
             np.minimum(1.0, 3 * cut / np.where(extent > 0, extent, np.inf), where=extent > 0, out=np.ones(len(extent)))
         )
         seen = (len(diameter) - big) * filled + big
-        # The nearest image of a big one must stay the nearest as far as that matters, until one of the two has left its cell.
+        # The nearest image of a big sphere must stay the nearest until it or its partner has left its cell.
         edge = max(cut * (1 + MARGIN), _edge_for_count(extent, CELLS * len(diameter)))
         clear = all(p == 0 or p / 2 - 4 * edge > sizes[-1] for p in period)
         if seen < fewest and (big == 0 or clear):
@@ -91,7 +91,7 @@ def _largest_in_cells(diameter: np.ndarray, extent: np.ndarray, period: np.ndarr
 
 
 def _edge_for_count(extent: np.ndarray, count: float) -> float:
-    """Edge of cubes of which about `count` fill a box, whatever axes are thinner than the cubes."""
+    """Edge of cubes of which about `count` fill a box; axes that are thinner than a cube do not count."""
     sizes = np.sort(extent[extent > 0])[::-1]
     edge = 0.0
     for used in range(1, len(sizes) + 1):

@@ -1,4 +1,4 @@
-"""Memory of an event-driven run: what is kept of a sphere lies in as few lines of the cache as it fits into."""
+"""Memory of an event-driven run: the fields of a sphere lie in as few lines of the cache as possible."""
 
 from typing import Any
 
@@ -15,13 +15,13 @@ class Lines:
     """
 
     def __init__(self, count: int) -> None:
-        """Of so many spheres."""
+        """Begin without any field, for `count` spheres."""
         self.count = count
         self._often: list[tuple[int, int, Any]] = []
         self._seldom: list[tuple[int, int, Any]] = []
 
     def field(self, kind: Any, components: int = 0, *, seldom: bool = False) -> Any:
-        """A scalar or vector for each sphere. What is asked for first shares the first line; `seldom` goes last."""
+        """Make a scalar or vector for each sphere. The fields made first share the first line; `seldom` ones come last."""
         result = ti.Vector.field(components, kind) if components else ti.field(kind)
         real = ti.lang.impl.current_cfg().default_fp if kind is float else kind
         size = 8 if real == ti.f64 else 4
@@ -29,7 +29,7 @@ class Lines:
         return result
 
     def place(self) -> Any:
-        """Give each field room in the first line that has some. Returns their tree."""
+        """Place each field in the first line that has room; returns the tree of the fields."""
         lines: list[list[tuple[int, int, Any]]] = []
         for entry in (*self._often, *self._seldom):
             line = next((line for line in lines if _used(line) + entry[1] <= LINE), None)
@@ -39,7 +39,7 @@ class Lines:
             line.append(entry)
         builder = ti.FieldsBuilder()
         for line in lines:
-            # The largest first, so that none needs a gap to be aligned.
+            # The largest entries first, so that no entry needs a gap to be aligned.
             fields = [field for _, _, field in sorted(line, key=lambda entry: -entry[0])]
             room = (LINE - _used(line)) // 4
             if room and (line is not lines[-1] or _used(line) > LINE // 2):

@@ -10,10 +10,10 @@ RECORD = np.dtype([("time", "f8"), ("i", "i4"), ("j", "i4"), ("impulse", "f8")])
 
 @ti.data_oriented
 class ContactLog:
-    """Time, spheres and momentum of each contact; j is −1 − w for surface w. Full, it must be emptied first."""
+    """Time, spheres and momentum of each contact; j is −1 − w for surface w. A full log must be emptied before it is used."""
 
     def __init__(self, capacity: int, builder: Any, wide: Any) -> None:
-        """Room for so many contacts; 0: none are logged."""
+        """Place the fields, with room for `capacity` contacts; 0: no contact is logged."""
         self.capacity = capacity
         self.time, self.impulse = ti.field(wide), ti.field(float)
         self.i, self.j = ti.field(ti.i32), ti.field(ti.i32)
@@ -25,7 +25,7 @@ class ContactLog:
 
     @ti.func
     def note(self, time, i, j, impulse):
-        """Write down one contact."""
+        """Log one contact."""
         if ti.static(self.capacity > 0):
             k = self.size[None]
             self.time[k], self.i[k], self.j[k], self.impulse[k] = time, i, j, impulse
@@ -33,14 +33,14 @@ class ContactLog:
 
     @ti.func
     def is_full(self):
-        """Whether the next contact has no room."""
+        """Whether there is no room for the next contact."""
         result = False
         if ti.static(self.capacity > 0):
             result = self.size[None] >= self.capacity
         return result
 
     def empty(self) -> None:
-        """Bring what is on the device to the host."""
+        """Move the contacts on the device to the host."""
         if self.capacity and self.size[None]:
             records = np.empty(self.size[None], RECORD)
             for name in ("time", "i", "j", "impulse"):
@@ -49,7 +49,7 @@ class ContactLog:
             self.size[None] = 0
 
     def take(self) -> np.ndarray:
-        """All contacts since this was last asked, in order of time: records of time, i, j, impulse."""
+        """All contacts since the last call, in order of time: records of time, i, j, impulse."""
         self.empty()
         result = np.concatenate([*self._taken, np.empty(0, RECORD)])
         self._taken = []

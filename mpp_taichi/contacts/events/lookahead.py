@@ -1,4 +1,4 @@
-"""Looking ahead in an event-driven run: what the next events need is fetched while others happen."""
+"""Looking ahead in an event-driven run: the memory of the next events is fetched while earlier events happen."""
 
 import numpy as np
 import taichi as ti
@@ -9,42 +9,42 @@ from mpp_taichi.contacts.events.queue import EventQueue
 from mpp_taichi.contacts.events.spheres import FlyingSpheres
 from mpp_taichi.device.fast_taichi.prefetch import prefetch
 
-TOGETHER = 4  # buckets of the queue that are looked at at a time
-MOST = 64  # spheres that are taken note of in so many
-# Fewer spheres than these stay in the caches of one core.
+TOGETHER = 4  # buckets of the queue that are looked at together
+MOST = 64  # spheres that are kept of these buckets
+# The memory of fewer spheres stays in the caches of one core.
 FEWEST = 16384
 
 
 @ti.data_oriented
 class LookAhead:
-    """Has the lines fetched that the events of the next buckets will need.
+    """Fetches the lines of memory that the events of the next buckets will need.
 
-    An event's reads wait for each other: from the queue to the sphere, to its cell, to its neighbours. Here they are made some
-    buckets after each other, each when what it needs has come. What is fetched may change until the event comes, or be none
-    of the event's at all: results do not depend on it. The buckets' lists are walked, the rest is done without branches: a
-    wrong guess of the processor costs as much as a dozen fetches.
+    The reads of an event wait for each other: from the queue to the sphere, to its cell, to its neighbours. Here each kind of
+    read is made some buckets after the one that it depends on. The spheres and cells may change before the event happens, or
+    the guess of them may be wrong: results do not depend on a fetch. Only the lists of the buckets are walked with branches,
+    since a mispredicted branch costs as much as a dozen fetches.
     """
 
     def __init__(self, spheres: FlyingSpheres, cells: EventCells, queue: EventQueue, builder: ti.FieldsBuilder) -> None:
-        """For the events of a queue; nothing is done for few spheres, or cells."""
+        """Place the fields, for the events of a queue; few spheres or cells are not fetched."""
         self.spheres, self.cells, self.queue = spheres, cells, queue
-        # From a cell to the next one along each axis, and to the middles of the rows of three cells that it is among.
+        # From the number of a cell to the next cell along each axis, and to the middles of the rows of three cells around it.
         m, d = cells.cells, spheres.dimensions
         self.strides = (m[1] * m[2], m[2], 1)[:d]
         self.rows = tuple(a * m[1] for a in (-1, 0, 1))
         if d == 3:
             self.rows = tuple((a + b) * m[2] for a in self.rows for b in (-1, 0, 1))
-        # Who is less than this from either end has no cell there; whether the box is periodic matters little.
+        # A cell nearer than `margin` to the first or last number is replaced; its neighbours across a periodic side are few.
         self.margin, self.cell_count = self.rows[-1] + 1, int(np.prod(m))
         self.is_worthwhile = spheres.count >= FEWEST and self.cell_count > 2 * self.margin
         self.fetches = Fetches(spheres, cells, builder, is_worthwhile=self.is_worthwhile)
         self.last, self.noted = ti.field(ti.i32), ti.field(ti.i32)
         builder.place(self.last, self.noted)
-        # Who has an event in the buckets looked at last; and the cells around which he and his partner will look for others.
+        # Spheres with an event in the buckets looked at last, and the cells around which they and their partners will look.
         self.sphere, self.around = ti.field(ti.i32), ti.field(ti.i32)
         builder.dense(ti.i, MOST).place(self.sphere)
         builder.dense(ti.i, 2 * MOST).place(self.around)
-        # What a crossing adds to a cell, by its side + 1; 0: no crossing.
+        # What a crossing adds to the number of a cell, by its side + 1; at 0: no crossing.
         self.shift = ti.field(ti.i32)
         builder.dense(ti.i, 1 + 2 * d).place(self.shift)
 
@@ -56,7 +56,7 @@ class LookAhead:
 
     @ti.func
     def look(self):
-        """To be called once the earliest event is known."""
+        """Fetch for the next buckets; to be called once the earliest event is known."""
         if ti.static(self.is_worthwhile):
             bucket = self.queue.bucket[None]
             if bucket >= self.last[None] + TOGETHER or bucket < self.last[None]:
@@ -88,7 +88,7 @@ class LookAhead:
 
     @ti.func
     def _fetch_partners(self, begin):
-        """And heads of lists of cells; who has an event in the buckets is kept for `_fetch_neighbours`."""
+        """Fetch the partners and the heads of the lists of cells; keep the spheres for `_fetch_neighbours`."""
         count = 0
         for step in range(TOGETHER):
             note = self._first(begin + step)
@@ -105,13 +105,13 @@ class LookAhead:
 
     @ti.func
     def _fetch_neighbours(self):
-        """Have those fetched that are around those kept, and around their partners."""
+        """Put the rows around the kept spheres and their partners into the ring of fetches."""
         count = 0
         for k in range(self.noted[None]):
             i = self.sphere[k]
             j = self._partner(i)
             self.around[count], self.around[count + 1] = self._cell(i), self.cells.cell[ti.max(j, 0)]
-            # A partner who has the same event is kept himself.
+            # A partner that has the same event is kept itself.
             count += 1 + ti.cast((j >= 0) & (self.queue.partner[ti.max(j, 0)] != i), ti.i32)
         place = self.fetches.end()
         for k in range(count):
@@ -121,7 +121,7 @@ class LookAhead:
                 place += 1
         self.fetches.put_until(place)
 
-    # What is of a sphere, and around it ------------------------------------------------------------------------------------
+    # A sphere, and the cells around it -------------------------------------------------------------------------------------
 
     @ti.func
     def _fetch(self, i):
@@ -130,13 +130,13 @@ class LookAhead:
 
     @ti.func
     def _partner(self, i):
-        """Whom sphere i will meet, or less than 0."""
+        """The sphere that sphere i will meet, or less than 0."""
         j = self.queue.partner[i]
         return j if j < self.spheres.count else -1
 
     @ti.func
     def _cell(self, i):
-        """Around which cell sphere i looks for partners at its event: its own, or the next one if it crosses into that."""
+        """The cell around which sphere i looks for partners at its event: its own, or the cell that it crosses into."""
         return self.cells.cell[i] + self.shift[ti.max(self.queue.partner[i] - self.spheres.count, 0)]
 
     @ti.func

@@ -1,4 +1,4 @@
-"""What comes next for one sphere of an event-driven run: a contact, or the side of its cell."""
+"""Prediction of the next event of a sphere in an event-driven run: a contact, or the crossing of a side of its cell."""
 
 import taichi as ti
 
@@ -9,7 +9,7 @@ from mpp_taichi.walls._base import Surface
 from mpp_taichi.walls._geometry import time_of_contact, time_of_contact_falling
 from mpp_taichi.walls._roots import first_contact_curved, first_contact_falling
 
-# By how much more than round-off, even of f32, the squared distance of a grazing pair is taken to be less.
+# Relative tolerance of the squared distance in the first test of a pair; more than round-off, even in f32.
 SLACK = 1e-5
 
 
@@ -18,20 +18,20 @@ class Prediction:
     """Finds the earliest event of a sphere. Partners are numbered: sphere j: j; surface w: −1 − w; side s: count + 1 + s."""
 
     def __init__(self, look_ahead: LookAhead, surfaces: tuple[Surface, ...], lines: Lines) -> None:
-        """Of spheres that are looked ahead for, in their cells, between these surfaces."""
+        """Place the fields, for the spheres, cells and queue of `look_ahead`, between these surfaces."""
         self.spheres, self.cells, self.queue = look_ahead.spheres, look_ahead.cells, look_ahead.queue
         self.look_ahead, self.surfaces = look_ahead, surfaces
         self.count = self.spheres.count
-        # The contact that is next once the side of the cell is crossed.
+        # The next contact of a sphere that crosses a side of its cell before.
         self.contact_time = lines.field(self.spheres.wide)
         self.contact_partner, self.contact_stamp = lines.field(ti.i32), lines.field(ti.i32)
 
     @ti.func
     def predict(self, i, time, crossed):
-        """Look for the next event of sphere i after `time`, and put it into the queue; `crossed`: the side it crossed, or −2.
+        """Find the next event of sphere i after `time`, and put it into the queue; `crossed`: the side it crossed, or −2.
 
-        A contact found before still stands after a crossing, if its partner has had no other one; then only the cells that
-        are new are looked through.
+        After a crossing the contact that was found before is still valid if its partner has had no other contact; then only
+        the cells that are new neighbours are searched.
         """
         x, v = self.spheres.position_at(i, time), self.spheres.velocity_at(i, time)
         a = self.spheres.acceleration(i)
@@ -83,7 +83,7 @@ class Prediction:
         reach = self.spheres.radius(i) + self.spheres.radius(j)
         result = ti.math.inf
         if ti.static(self.spheres.falls_together):
-            # Most pairs part or pass; one branch for both, and a guess that errs on the side of contact, spare the exact test.
+            # Most pairs separate or pass. One branch excludes both, by a test that never excludes a contact.
             away, fast, near = q.dot(u), u.norm_sqr(), q.norm_sqr()
             if (away < 0) & (away * away >= fast * (near * ti.static(1 - SLACK) - reach * reach)):
                 result = first_contact_curved(q, u, reach, False, horizon)
@@ -92,7 +92,7 @@ class Prediction:
         if ti.static(self.spheres.has_held):
             if self.spheres.is_held(i) and self.spheres.is_held(j):
                 result = ti.math.inf
-        # After a bounce two spheres in straight flight part, whatever round-off says, until a third changes that.
+        # After a bounce two spheres in straight flight separate, whatever round-off says, until one has another contact.
         if ti.static(self.spheres.falls_together):
             if result == 0 and self.spheres.last_partner[i] == j and self.spheres.last_partner[j] == i:
                 result = ti.math.inf

@@ -1,4 +1,4 @@
-"""The queue of an event-driven run: one event per sphere, the earliest first, O(1) per event."""
+"""The queue of an event-driven run: one event for each sphere, the earliest first, in O(1) for each event."""
 
 from typing import Any
 
@@ -7,11 +7,11 @@ import taichi as ti
 from mpp_taichi.contacts.events.lines import Lines
 from mpp_taichi.contacts.events.spheres import FlyingSpheres
 
-# Events that a bucket is made to hold: with few, lists are short; with many, the heads of all lists stay in the cache.
+# Mean number of events in a bucket: with few, lists are short; with many, the heads of all lists stay in the cache.
 PER_BUCKET = 4
-# Events of a window that are dealt with before the width of its buckets is chosen again, in spheres.
+# Events for each sphere that a window may have before the width of its buckets is chosen again.
 MOST_EVENTS = 8
-# Factor by which a window at most becomes longer or shorter than the one before.
+# Largest factor by which a window becomes longer or shorter than the window before.
 LARGEST_CHANGE = 16.0
 
 
@@ -19,17 +19,17 @@ LARGEST_CHANGE = 16.0
 class EventQueue:
     """A bounded increasing queue: a window of time is cut into one bucket for PER_BUCKET spheres.
 
-    A bucket is a linked list of notes, of spheres whose events were to fall into it; only that of the present is a heap, of a
-    few events. What lies behind the window waits until the window moves on, and is then sorted in; the width of a bucket
-    follows the rate of events. An event is named by its sphere, so a new one replaces the old in O(1): the old note stays
-    where it is, for to take it away one would touch its neighbours in the list, which lie anywhere in memory; it is dropped
-    when its bucket comes. Equal times come in the order of the scene's spheres, wherever these are: both spheres of a
-    contact have it as an event.
+    A bucket is a linked list of notes of the spheres whose events fall into it; only the present bucket is a heap, of a few
+    events. Events behind the window wait until the window moves on, and are then sorted in; the width of a bucket follows the
+    rate of events. An event is named by its sphere, so that a new event replaces the old one in O(1): the old note stays where
+    it is and is dropped when its bucket comes, since its removal would touch its neighbours in the list, which may be anywhere
+    in memory. Events at one time come in the order of the spheres in the scene, whatever their order in memory: both spheres
+    of a contact have it as their event.
 
-    time      of the next event of each sphere; infinity: none
-    partner   with whom: see `event_driven`
-    stamp     how many contacts the partner had had when this was predicted; if more by now, it no longer holds
-    place     where that event is: in the heap, in a bucket, or nowhere
+    time      (n,) time of the next event of a sphere; infinity: none
+    partner   (n,) its partner, numbered as in `Prediction`
+    stamp     (n,) number of contacts that the partner had had when the event was predicted; with more by now it is stale
+    place     (n,) place of the event: in the heap, in a bucket, or nowhere
 
     Source: Paul, J. Comput. Phys. 221 (2007) 615 (physics/0606226).
     """
@@ -44,8 +44,8 @@ class EventQueue:
         builder.dense(ti.i, self.bucket_count).place(self.first)
         self.heap = ti.field(ti.i32)
         builder.dense(ti.i, self.count).place(self.heap)
-        # Notes: of whom, and the next one in the bucket. `unused` are in a list too, from `fresh` on they are in none.
-        # A window begins with one for each sphere, and each change makes one; `earliest` counts them once for two.
+        # Notes: their sphere, and the next note of the bucket. Notes from `unused` on are a list of free ones; those
+        # from `fresh` on are in no list yet. A window begins with a note for each sphere, and a change makes one at most.
         self.sphere, self.next = ti.field(ti.i32), ti.field(ti.i32)
         self.most = MOST_EVENTS * max(self.count, 8)
         builder.dense(ti.i, self.count + self.most + 4).place(self.sphere, self.next)
@@ -57,7 +57,7 @@ class EventQueue:
         builder.place(self.start, self.width)
 
     def clear(self, time: float, partner: int) -> None:
-        """The same event for every sphere, now."""
+        """Give every sphere the same event, at `time`."""
         self.time.fill(time)
         self.partner.fill(partner)
         self.place.fill(ABSENT)
@@ -67,7 +67,7 @@ class EventQueue:
 
     @ti.func
     def earliest(self):
-        """The sphere whose event is next, or −1 if there is none; it stays in the queue."""
+        """The sphere with the next event, or −1 if there is none; the event stays in the queue."""
         attempts = 2
         if self.taken[None] > self.most:
             self.bucket[None] = self.bucket_count
@@ -87,7 +87,7 @@ class EventQueue:
         self.taken[None] += 1
         place = self.place[i]
         self.time[i], self.partner[i], self.stamp[i] = time, partner, stamp
-        # In the heap one sphere is to be settled at most: i itself, or the last one where i was.
+        # At most one sphere has to find its place in the heap: i itself, or the last sphere of the heap where i was.
         b = self._bucket_of(time)
         mover, hole = i, place
         if b <= self.bucket[None]:
@@ -106,7 +106,7 @@ class EventQueue:
 
     @ti.func
     def _sort_anew(self):
-        """Begin a window at the earliest event, with PER_BUCKET events to a bucket if the rate stays as it was."""
+        """Begin a window at the earliest event, with PER_BUCKET events in a bucket if the rate of events stays the same."""
         begin = ti.cast(ti.math.inf, self.wide)
         last = ti.cast(-ti.math.inf, self.wide)
         total = 0
@@ -125,7 +125,7 @@ class EventQueue:
             else:
                 width = (begin - self.start[None]) * PER_BUCKET / ti.max(self.taken[None], 1)
                 width = ti.math.clamp(width, self.width[None] / LARGEST_CHANGE, self.width[None] * LARGEST_CHANGE)
-            # A bucket shorter than the time's own spacing would tell nothing apart.
+            # A bucket must not be shorter than the spacing of floating-point times.
             self.width[None] = ti.max(width, self._smallest_width(begin)) if last > begin else ti.cast(0, self.wide)
             self.start[None] = begin
         self.bucket[None] = -1
@@ -137,7 +137,7 @@ class EventQueue:
 
     @ti.func
     def _typical_wait(self, begin):
-        """Mean of the waits no longer than the mean, and so on while a few spheres with very long ones made up most of it."""
+        """Mean of the waits; while a few very long waits make up most of it, the mean of those no longer than it."""
         longest, mean = ti.cast(ti.math.inf, self.wide), ti.cast(0, self.wide)
         looking = True
         while looking:
@@ -154,12 +154,12 @@ class EventQueue:
 
     @ti.func
     def _smallest_width(self, time):
-        """A few steps of the float that a time is."""
+        """A few spacings of floating-point times around `time`."""
         return ti.max(ti.abs(time) * ti.static(4e-7 if self.wide == ti.f32 else 1e-15), 1e-30)
 
     @ti.func
     def _fill_heap(self):
-        """Go on to the next bucket that holds an event."""
+        """Go on to the next bucket that holds an event, and make it the heap."""
         while self.heap_size[None] == 0 and self.bucket[None] < self.bucket_count - 1:
             self.bucket[None] += 1
             bucket = self.bucket[None]
@@ -176,7 +176,7 @@ class EventQueue:
 
     @ti.func
     def _bucket_of(self, time):
-        """The bucket of a time, or their number if it is behind the window."""
+        """The bucket of a time, or the number of buckets if the time is behind the window."""
         result = self.bucket_count
         if time <= self.start[None]:
             result = 0
@@ -188,12 +188,12 @@ class EventQueue:
 
     @ti.func
     def is_in(self, i, bucket):
-        """Whether the event of sphere i is in this bucket: a note of it there may be out of date."""
+        """Whether the event of sphere i is in this bucket, where a note of the sphere may be stale."""
         return self.place[i] == FIRST_BUCKET - bucket
 
     @ti.func
     def _note(self, i, bucket):
-        """Note sphere i in a bucket, if that is not behind the window and has no note of it."""
+        """Note sphere i in a bucket, unless the bucket is behind the window or has a valid note of the sphere."""
         if bucket >= self.bucket_count:
             self.place[i] = ABSENT
         elif not self.is_in(i, bucket):
@@ -209,9 +209,9 @@ class EventQueue:
 
     @ti.func
     def _settle(self, i, place):
-        """Put i where the heap has a hole, up or down from there."""
+        """Put sphere i into a hole of the heap, or up or down from there."""
         hole, rises = place, True
-        # `and` would look at both of its sides, also where the heap has no such place.
+        # Two conditions, as `and` would evaluate both sides, also where the heap has no such place.
         while hole > 0 and rises:
             parent = (hole - 1) // 2
             rises = self._before(i, self.heap[parent])
@@ -246,7 +246,7 @@ class EventQueue:
 
     @ti.func
     def _names(self, i):
-        """The scene's numbers of those whom the event of sphere i is about, the lower one first."""
+        """Numbers in the scene of the two spheres of the event of sphere i, the lower number first."""
         j = self.partner[i]
         own = self.spheres.order[i]
         other = own
@@ -255,6 +255,6 @@ class EventQueue:
         return ti.Vector([ti.min(own, other), ti.max(own, other)])
 
 
-# Where a sphere's event is, if it is not at a place in the heap: nowhere, or in bucket FIRST_BUCKET − b.
+# Place of an event that is not in the heap: nowhere, or FIRST_BUCKET − b for bucket b.
 ABSENT = -1
 FIRST_BUCKET = -2

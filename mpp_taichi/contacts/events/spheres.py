@@ -1,10 +1,11 @@
-"""The spheres of an event-driven run, each known at its own time."""
+"""The spheres of an event-driven run, each at its own time."""
 
 from typing import Any
 
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.events.lines import Lines
 from mpp_taichi.device import bulk_copy
@@ -12,11 +13,11 @@ from mpp_taichi.device import bulk_copy
 
 @ti.data_oriented
 class FlyingSpheres:
-    """Where each sphere was at its own clock; between contacts it is in free flight.
+    """Position and velocity of each sphere at its own clock; between contacts it is in free flight.
 
-    What a prediction reads of a neighbour lies in one line of the cache. Spheres are numbered anew, `order` says by whom
-    in the scene, so that neighbours in space are neighbours in memory. Times have `wide` floats: they grow while flights
-    stay short.
+    The fields of a neighbour that a prediction reads lie in one line of the cache. Spheres are numbered anew, so that
+    neighbours in space are neighbours in memory; `order` holds their numbers in the scene. Times are `wide` floats, as they
+    grow while flights stay short.
     """
 
     def __init__(self, setup: ContactSetup, order: np.ndarray, lines: Lines, wide: Any) -> None:
@@ -26,7 +27,7 @@ class FlyingSpheres:
         inverse_mass = np.asarray(setup.inverse_mass)[:, : self.dimensions]
         self.gravity = tuple(float(g) for g in setup.gravity[: self.dimensions])
         self.has_held = bool((inverse_mass == 0).any())
-        # Gravity does nothing along an axis that all are held along; one that only some are held along lets them part.
+        # Gravity has no effect along an axis on which all spheres are held; if only some are, spheres do not fall together.
         self.gravity = tuple(g if (inverse_mass[:, k] > 0).any() else 0.0 for k, g in enumerate(self.gravity))
         self.has_gravity = any(self.gravity)
         self.falls_together = not any(g != 0 and (inverse_mass[:, k] == 0).any() for k, g in enumerate(self.gravity))
@@ -64,7 +65,7 @@ class FlyingSpheres:
 
     @ti.func
     def radius(self, i):
-        """Of sphere i; a constant of the kernel if all are alike."""
+        """Radius of sphere i; a constant of the kernel if all are equal."""
         result = 0.0
         if ti.static(self.has_common_radius):
             result = self.common_radius
@@ -74,7 +75,7 @@ class FlyingSpheres:
 
     @ti.func
     def inverse_mass(self, i):
-        """Of sphere i, for each axis; a constant of the kernel if all are alike."""
+        """Inverse mass of sphere i along each axis; a constant of the kernel if all are equal."""
         result = ti.Vector.zero(float, self.dimensions)
         if ti.static(self.has_common_mass):
             result = ti.Vector([w for w in ti.static(self.common_mass)], float)
@@ -84,7 +85,7 @@ class FlyingSpheres:
 
     @ti.func
     def acceleration(self, i):
-        """Of free flight: gravity along the axes that are not held."""
+        """Acceleration of free flight: gravity along the axes on which sphere i is not held."""
         result = ti.Vector([g for g in ti.static(self.gravity)], float)
         if ti.static(not self.falls_together):
             for k in ti.static(range(self.dimensions)):
@@ -94,16 +95,16 @@ class FlyingSpheres:
 
     @ti.func
     def position_at(self, i, time):
-        """Where sphere i is, if nothing is in its way since its clock."""
+        """Position of sphere i at `time`, if it has had no contact since its clock."""
         s = ti.cast(time - self.clock[i], float)
-        result = self.position[i] + self.velocity[i] * s
+        result = drifted(self.position[i], self.velocity[i], s)
         if ti.static(self.has_gravity):
             result += self.acceleration(i) * (s * s / 2)
         return result
 
     @ti.func
     def velocity_at(self, i, time):
-        """Its velocity then."""
+        """Velocity of sphere i at `time`, if it has had no contact since its clock."""
         result = self.velocity[i]
         if ti.static(self.has_gravity):
             result += self.acceleration(i) * ti.cast(time - self.clock[i], float)
@@ -111,5 +112,5 @@ class FlyingSpheres:
 
     @ti.func
     def is_held(self, i):
-        """Whether nothing can push it."""
+        """Whether sphere i is held along every axis."""
         return self.inverse_mass(i).max() == 0

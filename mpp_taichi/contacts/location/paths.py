@@ -1,4 +1,4 @@
-"""The paths of spheres within a step of an adaptive method, and how long two things on such paths cannot touch."""
+"""The paths of spheres within a step of an adaptive method, and for how long no contact is possible on them."""
 
 from typing import Any
 
@@ -8,17 +8,17 @@ import taichi as ti
 from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 
-ROUNDINGS = 8.0  # of a coordinate, that a place on a path may be wrong by
+ROUNDINGS = 8.0  # of a coordinate, by which a position on a path may be wrong
 TIME_ROUNDING = 2.0**-52
 
 
 @ti.data_oriented
 class StepPaths:
-    """The polynomials of a step, x_i(s) = Σ_m c_m s^m, s = 0 … 1 the share of it, and bounds of what they do over all of it.
+    """The polynomials of a step, x_i(s) = Σ_m c_m s^m, s = 0 … 1 the share of the step, and bounds over the whole step.
 
     coefficient        c_m of sphere i at m · count + i [length]
     state.way          Σ m |c_m| ≥ |x′| [length]
-    state.start_blur   what rounding of its start, and of times, makes of a place [length]
+    state.start_blur   error of a position by the rounding of its start and of times [length]
     """
 
     BOUNDS = ("way", "start_blur")
@@ -41,7 +41,7 @@ class StepPaths:
 
     @ti.func
     def take(self, state: Template, total_force: Template, integrator: Template):
-        """The step that the integrator is in."""
+        """Take the paths of the present step of the integrator."""
         integrator.write_paths(state, total_force, self.coefficient)
         begin, h = state.clock[0], state.clock[1]
         lag = ti.cast(TIME_ROUNDING * ti.max(ti.abs(begin), ti.abs(begin + h)) / h, float)
@@ -54,7 +54,7 @@ class StepPaths:
 
     @ti.func
     def place(self, i, s):
-        """Where sphere i is [length], and its velocity in lengths per step."""
+        """Position of sphere i at the share s [length], and its derivative with s [length]."""
         x = self.coefficient[self.degree * self.count + i]
         v = ti.Vector.zero(float, self.dimensions)
         for back in range(self.degree):
@@ -72,7 +72,7 @@ class StepPaths:
 
     @ti.func
     def bend_between(self, i, j):
-        """The same of the path of j as i sees it: what moves both alike is not in it."""
+        """The same for the path of j relative to i, without the motion that both have in common."""
         result = 0.0
         for m in range(2, self.degree + 1):
             result += m * (m - 1) * (self.coefficient[m * self.count + j] - self.coefficient[m * self.count + i]).norm()
@@ -80,7 +80,7 @@ class StepPaths:
 
     @ti.func
     def bend_along(self, i, n):
-        """The same of n·x."""
+        """The same for n·x."""
         result = 0.0
         for m in range(2, self.degree + 1):
             result += m * (m - 1) * ti.abs(self.coefficient[m * self.count + i].dot(n))
@@ -88,12 +88,12 @@ class StepPaths:
 
     @ti.func
     def blur(self, i, s):
-        """What rounding of places and of the time makes of the place of sphere i [length]."""
+        """Error of the position of sphere i at the share s, by the rounding of positions and of the time [length]."""
         return self.state.start_blur[i] + self.rounding * self.state.way[i] * s
 
     @ti.func
     def wall_blur(self, surface: Template, i, s, time):
-        """The same of its distance from a surface, which may move."""
+        """The same for the distance of sphere i from a surface, which may move."""
         point = ti.Vector([surface.point[c] for c in ti.static(range(self.dimensions))], float)
         speed = _geometry.surface_velocity(surface, point).norm()
         extent = point.norm() + surface.radius + speed * ti.abs(time)
@@ -101,18 +101,18 @@ class StepPaths:
 
     @ti.func
     def last_wait(self, gap, rate, bend):
-        """The share in which what is left of a gap closes at a rate < 0, by the bound of `least_wait`."""
+        """The share in which the rest of a gap closes at a rate < 0, by the bound of `least_wait`."""
         rest = ti.max(gap, 0.0)
         return 2.0 * rest / (ti.sqrt(rate * rate + 2.0 * bend * rest) - rate)
 
     @ti.func
     def least_wait(self, gap, rate, bend, blur, slowest, s):
-        """A share of the step for which two things certainly do not come to touch, at s: the gap is `gap` > 0, or touches.
+        """A share of the step, from s on, within which a gap certainly does not close.
 
-        With gap″ ≥ −bend, gap(s + w) ≥ gap + rate w − bend w²/2, which is 0 at w = (rate + √(rate² + 2 bend gap)) / bend. So a
-        search that waits so long again and again never goes beyond a contact, and comes to it as Newton's method does.
-        Things that touch and open, or approach by less than can be told, are back after 2 rate / bend, or approach after
-        rate / bend if they overlap.
+        With gap″ ≥ −bend, gap(s + w) ≥ gap + rate w − bend w²/2, which is 0 at w = (rate + √(rate² + 2 bend gap)) / bend. A
+        search that waits so long again and again never goes beyond a contact, and converges to it as Newton's method does. A
+        gap that is closed within its blur, and opens or closes by less than `slowest`, is closed again after 2 rate / bend at
+        the earliest; if it is an overlap, it closes further after rate / bend at the earliest.
         """
         result = ti.math.inf
         if gap > blur:

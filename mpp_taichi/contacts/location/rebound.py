@@ -1,4 +1,4 @@
-"""What happens at the moment of a contact: every two things that touch and approach bounce, until none do."""
+"""Bounces at the moment of a contact: every touching pair that approaches bounces, until no pair does."""
 
 from typing import Any
 
@@ -11,12 +11,12 @@ from mpp_taichi.contacts.shared.restitution import restitution_at
 from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 
-TWICE = 2.0  # the blur of a search: what it takes for touching is seen to touch here, where it is computed otherwise
+TWICE = 2.0  # blurs up to which a gap counts as closed: here it is computed in another way than in the search
 
 
 @ti.data_oriented
 class Rebound:
-    """Bounces at one time, by number, with the impulses of `Bounce`; state.last_contact remembers when, for the TC model."""
+    """Bounces at one time, by number, with the impulses of `Bounce`; state.last_contact is kept for the TC model."""
 
     def __init__(self, bounce: Bounce, paths: StepPaths, tally: Tally, state: Any) -> None:
         """Bind the parts."""
@@ -26,7 +26,10 @@ class Rebound:
 
     @ti.func
     def bounce_all(self, time, limit):
-        """What touches at `time`, the state being that of then; returns the number of bounces, `limit` and some at most."""
+        """Let all touching pairs of the state, which is at `time`, bounce until none approaches, or `limit` is exceeded.
+
+        Returns the number of bounces.
+        """
         s = ti.cast((time - self.state.clock[0]) / self.state.clock[1], float)
         bounces, going = 0, True
         while going:

@@ -10,17 +10,17 @@ from mpp_taichi.contacts.shared.contact_counts import Tally
 from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 
-MOST_WAITS = 100_000  # of one pair in one step; a graze takes some tens
+MOST_WAITS = 100_000  # of one pair in one step; a grazing contact takes some tens
 
 
 @ti.data_oriented
 class StepSearch:
     """Conservative advancement of every pair, and of every sphere and wall, along the polynomials of a step.
 
-    A wait is as long as no contact is possible by bounds that hold over the whole step (`StepPaths.least_wait`); then one looks
-    again. Two spheres cannot bend towards each other by more than their accelerations differ, as the turning of the line
-    between them only opens the gap. In a curved wall it closes it, so there the squared distance is followed. A contact is
-    a gap that has closed, but for rounding, and that goes on closing.
+    During a wait no contact is possible, by bounds that hold over the whole step (`StepPaths.least_wait`); after it the gap is
+    computed again. The gap of two spheres cannot bend towards contact by more than their accelerations differ, as the turning
+    of the line between them only opens the gap. Inside a curved wall this turning closes the gap, so that there the squared
+    distance is followed. A contact is a gap that has closed, but for rounding, and goes on closing.
     Source: Mirtich, Impulse-based Dynamic Simulation of Rigid Body Systems, PhD thesis, UC Berkeley (1996).
     """
 
@@ -32,7 +32,7 @@ class StepSearch:
 
     @ti.func
     def first_contact(self):
-        """The share of the step at which the first two things touch; infinity if none do."""
+        """The share of the step at which the first contact happens; infinity if there is none."""
         first = ti.math.inf
         for i in range(self.count):
             for j in range(i + 1, self.count):
@@ -103,7 +103,7 @@ class StepSearch:
             blur = self.paths.wall_blur(self.surfaces[k], i, s, now)
             touches, least = gap <= blur, slowest
             if ti.static(is_bowl):
-                # gap (2 inner − gap) is less of the squared distance than its largest, and bends smoothly on the axis as well.
+                # gap (2 inner − gap) = inner² − (squared distance from the axis), which is smooth on the axis as well.
                 rate *= 2.0 * (inner - gap)
                 gap *= 2.0 * inner - gap
                 blur, least = inner * blur, 2.0 * inner * slowest
@@ -118,7 +118,7 @@ class StepSearch:
 
     @ti.func
     def _goes_on(self, s, waits, horizon):
-        """Whether to look again at s; a search that does not end is given up, and what is no number is none."""
+        """Whether the search goes on at s; a search with too many waits is given up, and an s that is NaN ends it."""
         result = s <= horizon
         if result and waits >= MOST_WAITS:
             self.tally.give_up(0, 1)

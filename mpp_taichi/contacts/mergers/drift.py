@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts.mergers.merge_events import Agenda
 from mpp_taichi.contacts.mergers.merger import Merger
@@ -15,23 +16,23 @@ from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.walls import _geometry
 
 ALL_PAIRS_UP_TO = 800  # spheres; on two cores both ways take as long at some 900
-EVENTS_PER_SPHERE, SPARE_EVENTS = 8, 64  # that the list has room for; with more a drift is cut into pieces
-ROOM = 1.001  # around the way of a sphere, for rounding
+EVENTS_PER_SPHERE, SPARE_EVENTS = 8, 64  # entries for which the agenda has room; a drift with more is cut into pieces
+ROOM = 1.001  # reach over the way of a sphere, for rounding
 TRIES = 64  # halvings of a piece with too many events
-SLOWEST = 4.0  # roundings of the velocities from which an approach to a wall is computed
+SLOWEST = 4.0  # roundings of the velocities; a slower approach to a wall is round-off
 
 
 @ti.data_oriented
 class MergingDrift:
-    """Straight ways, and on the agenda what comes: meetings (time, i, j), i < j, and walls (time, i, −1 − surface).
+    """Straight flights, and an agenda of their contacts: meetings (time, i, j), i < j, and walls (time, i, −1 − surface).
 
-    The earliest entry happens; entries of the spheres it has changed are taken off, and what the outcome is going to meet is
-    entered. At the time t of the drift a sphere is at state.position + state.velocity · t, changed or not, so that nothing
-    else has to move before the end.
+    The earliest entry is resolved. Then the entries of the spheres that it has changed are removed, and the next contacts of
+    the outcome are entered. At the time t of the drift a sphere is at state.position + state.velocity · t, whether it has
+    changed or not, so that no other sphere has to be moved before the end.
 
-    Who meets whom is looked for among all pairs, or on the cell grid with |x_j − x_i| ≤ r_i + r_j + (|v_i − v| + |v_j − v|) h,
-    v the mean velocity: none is missed, and the agenda is the same. Where it has no more room, a piece of the drift
-    ends at the last event, and another begins.
+    Meetings are looked for among all pairs, or on the cell grid with |x_j − x_i| ≤ r_i + r_j + (|v_i − v| + |v_j − v|) h,
+    v the mean velocity: no meeting is missed, and the agenda is the same. If it has no more room, a piece of the drift
+    ends at the last event, and another piece begins.
     """
 
     def __init__(
@@ -54,7 +55,10 @@ class MergingDrift:
         self.grid = None if self.all_pairs else CellGrid(n, setup.dimensions)
         self.slowest = SLOWEST * float(np.finfo(np.float32 if state.position.dtype == ti.f32 else np.float64).eps)
         self.reach = ti.field(float)
-        self.there, self.left = ti.field(ti.i32), ti.field(ti.i32)  # who has not merged yet, and how many
+        self.there, self.left = (
+            ti.field(ti.i32),
+            ti.field(ti.i32),
+        )  # the spheres that have not merged into another, and their number
         builder = ti.FieldsBuilder()
         self.agenda = Agenda(EVENTS_PER_SPHERE * n + SPARE_EVENTS, builder)
         for field in (self.reach, self.there):
@@ -69,15 +73,15 @@ class MergingDrift:
                 part.destroy()
 
     def collect(self) -> ContactReport:
-        """What was counted since it was last asked."""
+        """Counts since the last call."""
         report = self.tally.collect()
         change = float(self.merger.potential_change[None])
         self.merger.potential_change[None] = 0.0
         return replace(report, merge_count=report.pair_count, potential_change=change)
 
     def drift(self, time: float, h: float) -> None:
-        """Move all spheres by h along their velocities; what meets on the way merges."""
-        h = self.state.rounded(h)  # what kernels make of it, so that its pieces add up to it
+        """Move all spheres by h along their velocities; spheres that meet on the way merge."""
+        h = self.state.rounded(h)  # as kernels round it, so that the lengths of the pieces add up to it
         with quick_compilation():
             if self.all_pairs:
                 done = self._drift_serial(time, h)
@@ -89,7 +93,7 @@ class MergingDrift:
 
     @ti.kernel
     def _drift_serial(self, time: float, h: float) -> float:
-        """Search among all pairs, play and move in one launch; returns how far that went, 0 where there was no room."""
+        """Search all pairs, play and move in one launch; returns the time that was played, 0 if the agenda had no room."""
         done = 0.0
         ti.loop_config(serialize=True)
         for _ in range(1):
@@ -101,7 +105,7 @@ class MergingDrift:
         return done
 
     def _drift_piece(self, time: float, rest: float) -> float:
-        """A piece of a drift; returns how long it was."""
+        """Do a piece of a drift; returns its length."""
         h = rest
         for _ in range(TRIES):
             self._prepare_search(h)
@@ -114,12 +118,12 @@ class MergingDrift:
                 break
             h /= 2.0
         else:
-            self.tally.unresolved[0] += 1  # which ends the run; the drift itself has to end, too
+            self.tally.unresolved[0] += 1  # this ends the run, but the drift has to end too
             self.agenda.count[None] = 0
             h = rest
         return float(self._play_and_move(time, h))
 
-    # Looking -----------------------------------------------------------------------------------------------------------
+    # Looking for contacts ----------------------------------------------------------------------------------------------
 
     @ti.kernel
     def _prepare_search(self, h: float):
@@ -129,7 +133,10 @@ class MergingDrift:
 
     @ti.func
     def _begin_search(self, h):
-        """Radius of each sphere, and its way beside the common motion. What is gone gets the least: it costs little."""
+        """Set the reach of each sphere: its radius, and its way relative to the mean motion.
+
+        A sphere that has merged into another gets the least reach, for which the grid costs least.
+        """
         left = 0
         common = ti.Vector.zero(float, self.merger.dimensions)
         for i in range(self.particle_count):
@@ -196,7 +203,7 @@ class MergingDrift:
                 for s in ti.static(range(len(self.surfaces))):
                     t = _geometry.time_of_contact(self.surfaces[s], x, v, radius, time + now, h - now)
                     if t == 0.0:
-                        # An approach that a touching sphere cannot be told to make is none: it lies on the wall.
+                        # An approach of a touching sphere that is round-off counts as none: the sphere lies on the wall.
                         w = _geometry.surface_velocity(self.surfaces[s], x)
                         n = _geometry.normal(self.surfaces[s], x, time + now)
                         if -n.dot(v - w) <= self.slowest * (v.norm() + w.norm()):
@@ -204,7 +211,7 @@ class MergingDrift:
                     if now + t <= h:
                         self.agenda.add(now + t, i, -1 - s)
 
-    # Happening -----------------------------------------------------------------------------------------------------------
+    # Resolving contacts --------------------------------------------------------------------------------------------------
 
     @ti.kernel
     def _play_and_move(self, time: float, h: float) -> float:
@@ -213,17 +220,17 @@ class MergingDrift:
         for _ in range(1):
             done = self._play(time, h)
         for i in range(self.particle_count):
-            self.state.position[i] = self.state.position[i] + self.state.velocity[i] * done
+            self.state.position[i] = drifted(self.state.position[i], self.state.velocity[i], done)
         return done
 
     @ti.func
     def _move(self, h):
         for i in range(self.particle_count):
-            self.state.position[i] = self.state.position[i] + self.state.velocity[i] * h
+            self.state.position[i] = drifted(self.state.position[i], self.state.velocity[i], h)
 
     @ti.func
     def _play(self, time, h):
-        """Everything on the list and what follows from it; returns h, or the time of the last event where room ran out."""
+        """Resolve all entries and the contacts that follow; returns h, or the time of the last event if room ran out."""
         now, bounces = 0.0, 0
         running = True
         while running:
@@ -252,7 +259,7 @@ class MergingDrift:
 
     @ti.func
     def _look_ahead(self, i, time, now, h):
-        """List what sphere i meets from `now` on."""
+        """List the contacts of sphere i from `now` on."""
         for j in range(self.particle_count):
             if j != i and self.merger.is_there(j):
                 first, second = ti.min(i, j), ti.max(i, j)
@@ -263,7 +270,7 @@ class MergingDrift:
 
     @ti.func
     def _bounce(self, i, surface, time, t):
-        """Sphere i leaves a surface: the impulse J = −(1 + e) u·n / Σ_k n_k² w_k along the normal n, w its inverse masses."""
+        """Let sphere i bounce off a surface, with its inverse masses w = free / mass along the axes."""
         for s in ti.static(range(len(self.surfaces))):
             if s == surface:
                 x, v = self.merger.place(i, t), self.state.velocity[i]

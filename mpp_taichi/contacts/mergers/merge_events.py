@@ -1,4 +1,4 @@
-"""Agenda: what is going to happen to which spheres, and when; a list, of which the earliest is looked for."""
+"""The agenda of a drift with mergers: a list of contacts that are to come, searched for the earliest one."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import taichi as ti
 
 @ti.data_oriented
 class Agenda:
-    """Entries (time, i, j) with j < 0 for what i does alone. Few at a time, so that a list is faster than a heap."""
+    """Entries (time, i, j), with j < 0 for a surface. There are few at a time, so that a list is faster than a heap."""
 
     def __init__(self, capacity: int, builder: Any) -> None:
         """Room for so many entries, in the fields of a builder."""
@@ -20,7 +20,7 @@ class Agenda:
 
     @ti.func
     def clear(self):
-        """Nothing is going to happen."""
+        """Remove all entries."""
         self.count[None] = 0
 
     @ti.func
@@ -30,7 +30,7 @@ class Agenda:
 
     @ti.func
     def add(self, time, i, j):
-        """Enter one; in any order, also from several threads, as the earliest is looked for and ties go by number."""
+        """Add an entry. Several threads may add in any order: the result depends on times and numbers only."""
         k = ti.atomic_add(self.count[None], 1)
         if k < self.capacity:
             self.time[k] = time
@@ -39,7 +39,7 @@ class Agenda:
 
     @ti.func
     def earliest(self):
-        """Entry that comes first, of those at one time that of the lowest i, then j; −1 where there is none."""
+        """The entry that comes first; of entries at one time the one with the lowest i, then j; −1 if there is none."""
         best = -1
         for k in range(ti.min(self.count[None], self.capacity)):
             comes_first = best < 0
@@ -53,7 +53,7 @@ class Agenda:
 
     @ti.func
     def take_off(self, i, j):
-        """Remove every entry of sphere i, and of j if that is one."""
+        """Remove every entry of sphere i, and of j if j is a sphere."""
         kept = 0
         for k in range(ti.min(self.count[None], self.capacity)):
             one, two = self.i[k], self.j[k]

@@ -1,17 +1,18 @@
-"""What becomes of two spheres that meet: one, with the mass, the momentum, the charge and the volume of both."""
+"""The merger of two spheres that meet into one, with the mass, the momentum, the charge and the volume of both."""
 
 from typing import Any
 
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.events.log import ContactLog
 from mpp_taichi.contacts.shared.contact_counts import Tally
 from mpp_taichi.start.overlaps import ALLOWED
 from mpp_taichi.walls._roots import first_contact_curved
 
-ROUNDINGS = 8  # of a coordinate, that a distance may be wrong by
+ROUNDINGS = 8  # of a coordinate, by which a distance may be wrong
 
 
 @ti.data_oriented
@@ -20,12 +21,12 @@ class Merger:
 
         M = m_i + m_j,  M V = m_i v_i + m_j v_j,  M X = m_i x_i + m_j x_j,  R^d = r_i^d + r_j^d
 
-    with d dimensions. s is the heavier one, of equal ones that of the lower number. Along an axis on which either is held the
-    outcome is held where that one was. The kinetic energy ½ m_i m_j / M (v_i − v_j)² is lost; it is that of one sphere alone
-    along an axis on which the other is held. The two turned about their centre with m_i m_j / M (x_i − x_j) × (v_i − v_j), an
-    angular momentum that spheres without a spin cannot keep.
+    with d dimensions. s is the heavier sphere; of equally heavy spheres it is the one with the lower number. Along an axis on
+    which one of the two is held, the outcome is held at its place. The kinetic energy ½ m_i m_j / M (v_i − v_j)² is lost; along
+    an axis on which one sphere is held, the lost energy is that of the other sphere. The angular momentum
+    m_i m_j / M (x_i − x_j) × (v_i − v_j) of the two about their centre is lost, because spheres have no spin here.
 
-    Within a drift, sphere i is at state.position[i] + state.velocity[i] · t at the time t of the drift, be it old or new.
+    At the time t of a drift sphere i is at state.position[i] + state.velocity[i] · t, also if it is the outcome of a merger.
     """
 
     def __init__(self, setup: ContactSetup, state: Any, forces: Any, *, log_capacity: int) -> None:
@@ -49,20 +50,20 @@ class Merger:
 
     @ti.func
     def is_there(self, i):
-        """Whether sphere i is one, and not part of another."""
+        """Whether sphere i is still there, and has not merged into another."""
         return self.state.merged_into[i] < 0
 
     @ti.func
     def place(self, i, t):
-        """Where sphere i is at the time t of the drift."""
-        return self.state.position[i] + self.state.velocity[i] * t
+        """Position of sphere i at the time t of the drift."""
+        return drifted(self.state.position[i], self.state.velocity[i], t)
 
     @ti.func
     def time_of_meeting(self, i, j, now, h):
-        """First time from `now` to h at which i and j touch; at once where they overlap by more than rounding; else infinity.
+        """First time from `now` to h at which i and j touch, or infinity; `now` if they overlap by more than rounding.
 
-        Spheres that overlap by no more than `ALLOWED` of the smaller radius, or than their places are rounded by, and recede
-        have only touched. Two that are held along every axis do not meet.
+        Spheres that recede, and overlap by at most `ALLOWED` of the smaller radius or by the rounding of their positions, have
+        only touched. Two spheres that are held along every axis do not meet.
         """
         u = self.state.velocity[j] - self.state.velocity[i]
         separation = (self.state.position[j] - self.state.position[i]) + u * now
@@ -80,13 +81,13 @@ class Merger:
 
     @ti.func
     def merge(self, i, j, time, t):
-        """I and j, which meet at the time t of a drift that began at `time`, become one. Returns which of them that is."""
+        """Merge i and j, which meet at the time t of a drift that began at `time`; returns the one that goes on."""
         s, g = i, j
         m_i, m_j = self.state.mass[i], self.state.mass[j]
         if m_j > m_i or (m_j == m_i and j < i):
             s, g = j, i
         m_s, m_g = self.state.mass[s], self.state.mass[g]
-        # From here on both are where they are now; the drift's description of s is put back at the end.
+        # From here on the state holds their positions at t; at the end s gets back the position that its flight starts from.
         x_s, x_g = self.place(s, t), self.place(g, t)
         v_s, v_g = self.state.velocity[s], self.state.velocity[g]
         self.state.position[s] = x_s
@@ -149,7 +150,7 @@ class Merger:
 
     @ti.func
     def _potential(self, i, other, time, t):
-        """Of sphere i, which is at state.position[i], outside and with all spheres but `other`, at the time t of the drift."""
+        """Potential energy of sphere i, at state.position[i], in external forces and with all spheres but `other`, at t."""
         result = ti.cast(0.0, self.wide)
         if ti.static(self.has_potential):
             for force in ti.static(self.forces.external):
@@ -162,7 +163,7 @@ class Merger:
 
     @ti.func
     def _mutual(self, i, j):
-        """Of spheres i and j with each other."""
+        """Potential energy of spheres i and j with each other."""
         result = ti.cast(0.0, self.wide)
         if ti.static(self.has_potential and self.forces.has_pairs):
             result += self._between(i, self.state.position[i], j, self.state.position[j])

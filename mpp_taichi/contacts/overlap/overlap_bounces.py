@@ -1,9 +1,10 @@
-"""What happens to two spheres that overlap, and to a sphere that reaches through a surface."""
+"""Bounces of two spheres that overlap, and of a sphere that reaches through a surface."""
 
 from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.shared.bounce import Bounce
 from mpp_taichi.contacts.shared.contact_counts import Tally
@@ -45,7 +46,7 @@ class OverlapBounces:
     def move(self, h: float):
         """Move all spheres by h along their velocities."""
         for i in range(self.particle_count):
-            self.state.position[i] = self.state.position[i] + self.state.velocity[i] * h
+            self.state.position[i] = drifted(self.state.position[i], self.state.velocity[i], h)
 
     @ti.func
     def do_overlap(self, i, j):
@@ -63,7 +64,7 @@ class OverlapBounces:
         overlap = reach - distance
         if overlap > 0.0:
             self.tally.see_overlap(i, overlap / ti.min(self.bounce.radius[i], self.bounce.radius[j]))
-            n = ti.Vector.unit(self.bounce.dimensions, 0, float)  # centres at one place have no direction: take x
+            n = ti.Vector.unit(self.bounce.dimensions, 0, float)  # the x axis, where the centres coincide and have no direction
             if distance > 0.0:
                 n = separation / distance
             w_i, w_j = self.bounce.inverse_mass[i], self.bounce.inverse_mass[j]
@@ -85,7 +86,7 @@ class OverlapBounces:
     @ti.func
     def bounce_off_walls(self, chunk, i, time):
         """Let sphere i bounce off each surface that it reaches through at `time`, and put it back."""
-        # Most spheres touch no wall: one look at all of them, without a branch for each.
+        # Most spheres touch no wall: the least gap of all walls is computed without a branch for each wall.
         place, radius = self.state.position[i], self.bounce.radius[i]
         least = ti.cast(0.0, float)
         for s in ti.static(range(len(self.bounce.surfaces))):

@@ -7,19 +7,19 @@ import taichi as ti
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts.overlap.overlap_bounces import OverlapBounces
 from mpp_taichi.contacts.shared.contact_counts import CHUNKS
-from mpp_taichi.device.fast_taichi.serial_loops import loop_grain
+from mpp_taichi.device.heavy_loops import heavy_index, loop_grain
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.plain_rows import is_plain, visit_rows
 from mpp_taichi.types import Template
 
 ALL_PAIRS_UP_TO = 500  # spheres; more are faster on the cell grid, see tools/benchmarks/benchmark_contacts.py
-PAIRS_PER_SPHERE = 8  # for which there is room: a contact graph of spheres has fewer than 7.5 edges for each
-FEW = 64  # spheres for each pair: where there are more, pairs are few
+PAIRS_PER_SPHERE = 8  # room for pairs: a contact graph of spheres has fewer than 7.5 edges for each sphere
+FEW = 64  # spheres for each pair; if there are more, pairs count as few and are sorted as such
 
 
 @ti.data_oriented
 class Overlaps:
-    """Overlapping pairs on the CPU, found on the cell grid or among all pairs, listed by number and worked off in one thread.
+    """Overlapping pairs on the CPU: found on the cell grid or among all pairs, listed by number, and resolved by one thread.
 
     The result does not depend on how the pairs are found.
     """
@@ -50,16 +50,16 @@ class Overlaps:
                 part.destroy()
 
     def collect(self) -> ContactReport:
-        """What was counted since it was last asked."""
+        """Counts since the last call."""
         return self.tally.collect()
 
     def drift(self, time: float, h: float) -> None:
-        """Move all spheres by h along their velocities, then let those that overlap bounce."""
+        """Move all spheres by h along their velocities, then let overlapping pairs bounce."""
         self.bounces.move(h)
         self.correct(time + h)
 
     def correct(self, time: float) -> None:
-        """Let those bounce that overlap at `time`."""
+        """Let the spheres bounce that overlap at `time`."""
         if self.all_pairs:
             self._correct_serial(time)
         else:
@@ -76,7 +76,7 @@ class Overlaps:
 
     @ti.func
     def correct_serial(self, time):
-        """The same inside a serialized loop of another kernel, where `all_pairs` is true."""
+        """Let all overlapping spheres bounce, found among all pairs; inside a serialized loop."""
         count = 0
         for i in range(self.particle_count):
             self.row[i] = count
@@ -133,7 +133,7 @@ class Overlaps:
 
     @ti.func
     def _sort_few(self, count):
-        """Shell's sort with gaps 1, 4, 13, 40, …, which does not look at the spheres that touch nothing."""
+        """Shell's sort with gaps 1, 4, 13, 40, …, which does not read the spheres without a pair."""
         gap = 1
         while gap < count // 3:
             gap = 3 * gap + 1
@@ -152,7 +152,7 @@ class Overlaps:
 
     @ti.func
     def _sort_many(self, count):
-        """By way of a row for each sphere."""
+        """Sort the pairs into a row for each sphere."""
         for i in range(self.particle_count + 2):
             self.row[i] = 0
         for k in range(count):
@@ -190,7 +190,7 @@ class Overlaps:
         if ti.static(len(self.bounce.surfaces) > 0):
             grain = ti.static(loop_grain())
             for q in range(CHUNKS * grain):
-                if q % grain == 0:
-                    chunk = q // grain
+                chunk = heavy_index(q, grain)
+                if chunk >= 0:
                     for i in range(self.tally.begin_of(chunk), self.tally.begin_of(chunk + 1)):
                         self.bounces.bounce_off_walls(chunk, i, time)

@@ -1,4 +1,4 @@
-"""Overlapping pairs on a device of many threads: those that share no sphere bounce together, in the order of their numbers."""
+"""Overlapping pairs on a device of many threads: pairs that share no sphere bounce together, in the order of their numbers."""
 
 from typing import Any
 
@@ -11,17 +11,18 @@ from mpp_taichi.contacts.shared.loop_watch import LoopWatch
 from mpp_taichi.neighbors.device_grid import DeviceGrid
 from mpp_taichi.neighbors.prefix_sum import PrefixSum
 
-ROUNDS_AT_ONCE = 4  # before the host looks whether a pair is left
+ROUNDS_AT_ONCE = 4  # launches before the host asks whether a pair is left
 
 
 @ti.data_oriented
 class OverlapRounds:
-    """What `Overlaps` does, by a thread for each sphere.
+    """The pairs of `Overlaps` with the same outcome, by a thread for each sphere.
 
-    Row i are the spheres that overlap sphere i, by number, and next[i] is the first whose turn is to come. A pair has its turn
-    when it is the next of both; each round ends at least the first pair that is left. No pair comes before another that shares
-    a sphere with it and has lower numbers, so that the outcome is that of one after the other. Threads write to rows and
-    totals of their own sphere alone: nothing is added atomically.
+    Row i holds the spheres that overlap sphere i, by number, and next[i] is the first place of the row that is not resolved
+    yet. A pair is resolved when each of its spheres is the next one in the row of the other; each round resolves at least the
+    first pair that is left. Of two pairs that share a sphere the one with the lower numbers comes first, so that the outcome
+    is the same as if one pair were resolved after the other. A thread writes to the row and the totals of its own sphere only,
+    so that nothing is added atomically.
     """
 
     def __init__(self, setup: ContactSetup, state: Any, *, all_pairs: bool | None = None) -> None:
@@ -57,12 +58,12 @@ class OverlapRounds:
         return self.tally.collect()
 
     def drift(self, time: float, h: float) -> None:
-        """Move all spheres by h along their velocities, then let those that overlap bounce."""
+        """Move all spheres by h along their velocities, then let overlapping pairs bounce."""
         self.bounces.move(h)
         self.correct(time + h)
 
     def correct(self, time: float) -> None:
-        """Let those bounce that overlap at `time`."""
+        """Let the spheres bounce that overlap at `time`."""
         if self.grid is not None:
             self.grid.build(self.state.position, self.bounce.radius)
         self._count_partners()
@@ -84,7 +85,7 @@ class OverlapRounds:
 
     @ti.kernel
     def _list_partners(self) -> ti.i32:
-        """Returns whether there are any to be worked off; where they have no room, they are given up."""
+        """Fill the rows; returns whether there are pairs to resolve. Pairs for which there is no room are given up."""
         for k in range(self.particle_count):
             i = self._sphere(k)
             self.next[i] = self.row[i]
@@ -103,7 +104,7 @@ class OverlapRounds:
 
     @ti.func
     def _sphere(self, k):
-        """Whose partners thread k looks for: neighbours in space are neighbours in memory."""
+        """The sphere of thread k; threads with near numbers have spheres that are near in space."""
         result = k
         if ti.static(not self.all_pairs):
             result = self.grid.order[k]
@@ -126,7 +127,7 @@ class OverlapRounds:
 
     @ti.func
     def _enter(self, k, other, _, __):
-        """Into the row of sphere k, which stays in order."""
+        """Enter the other sphere into the row of sphere k, which stays sorted."""
         i, j = self._sphere(k), self._sphere(other)
         if i != j:
             if self.bounces.do_overlap(i, j):

@@ -6,24 +6,25 @@ import taichi as ti
 
 from mpp_taichi.contacts.rest.contact_rows import ContactRows
 
-CHUNK = 256  # spheres whose terms one thread adds
-ITERATIONS = 50_000  # beyond which the contacts that are not solved are given up
-FEWEST = 4  # so that what persists goes on improving from drift to drift
-BATCH = 8  # iterations between two looks of the host
+CHUNK = 256  # spheres whose terms one thread sums
+ITERATIONS = 50_000  # after which the problem is given up
+FEWEST = 4  # iterations at least, so that the impulses of lasting contacts improve from drift to drift
+BATCH = 8  # iterations between two tests of the host
 
 
 @ti.data_oriented
 class Complementarity:
     """Find λ with 0 ≤ λ ⟂ n·(v_i − v_j) + offset + ε λ ≥ 0 for all active entries, v = v₀ + M⁻¹ Σ n λ.
 
-    With ε = 0 the velocities are the closest to v₀, in the metric of the kinetic energy, at which no contact approaches faster
-    than its offset allows; they are unique. ε = compliance/h² [1 / mass] lets contacts yield, and bounds the condition number:
+    With ε = 0 the velocities are unique: in the metric of the kinetic energy they are the closest to v₀ at which no contact
+    approaches faster than its offset allows. ε = compliance/h² [1 / mass] lets contacts yield, and bounds the condition number:
     some 10⁷ for 2,000 spheres in a packing without friction, 6/(ε m) where they yield.
 
     Entry c steps by s = 1/(μ_i + μ_j + ε), μ_i the largest yielding of sphere i to its contacts: as
     λᵀ N M⁻¹ Nᵀ λ ≤ Σ_i μ_i Σ_c λ_c² over the contacts c of i, no step leads uphill. Nesterov's momentum is dropped whenever it
-    does (O'Donoghue & Candès, Found. Comput. Math. 15 (2015) 715). It ends when |λ' − λ| h / s, the distance [length] by which
-    a contact is violated or open under load at the drift's end, is at most `tolerance` of its smaller radius everywhere.
+    leads uphill (O'Donoghue & Candès, Found. Comput. Math. 15 (2015) 715). |λ' − λ| h / s is the distance [length] by which a
+    contact is violated, or open under load, at the end of the drift. The iteration ends when this is at most `tolerance` of
+    the smaller radius at every contact.
     """
 
     def __init__(self, rows: ContactRows, tolerance: float, wide: Any, compliance: float = 0.0):
@@ -43,7 +44,7 @@ class Complementarity:
         self.offset, self.step, self.before = (ti.field(float) for _ in range(3))
         for field in (self.offset, self.step, self.before):
             builder.dense(ti.i, rows.capacity).place(field)
-        self.momentum = ti.Vector.field(2, float)  # θ of the sequence, and the share of the last change that is added
+        self.momentum = ti.Vector.field(2, float)  # θ of Nesterov's sequence, and the share of the last change that is added
         self.softness = ti.field(float)  # ε [1 / mass]
         builder.dense(ti.i, 1).place(self.momentum, self.softness)
         self._trees = [builder.finalize()]
@@ -61,7 +62,10 @@ class Complementarity:
 
     @ti.func
     def prepare(self, impacts_only, h):
-        """Steps of the active entries, 0 for the others; then velocities and momentum to begin with. Impacts do not yield."""
+        """Set the steps of the active entries, 0 for the others, then the first velocities and the momentum.
+
+        With `impacts_only` impacts alone are active, and they have no compliance.
+        """
         for _ in range(1):
             self.softness[0] = 0.0 if impacts_only == 1 else ti.cast(self.compliance, float) / (h * h)
         for i in range(self.rows.particle_count):
@@ -112,7 +116,7 @@ class Complementarity:
 
     @ti.func
     def iterate(self):
-        """One iteration; total[0] becomes (whether momentum led uphill, largest violation / radius [1 / time])."""
+        """One iteration; total[0] becomes (positive if momentum led uphill, largest violation / radius [1 / time])."""
         for i in range(self.rows.particle_count):
             share = self.momentum[0][1]
             v = self.ahead[i]
@@ -177,7 +181,7 @@ class Complementarity:
 
     @ti.func
     def solve_serial(self, h):
-        """Iterate in one thread; returns 1 if no end was found."""
+        """Iterate in one thread; returns the number of iterations, and 1 if they did not converge."""
         iterations = 0
         going = 1
         while going == 1:
@@ -193,7 +197,7 @@ class Complementarity:
         self.iterate()
 
     def solve_parallel(self, h: float) -> tuple[int, bool]:
-        """The same with all spheres at once, a launch for each iteration; returns how many, and whether it found no end."""
+        """Iterate with a launch for each iteration; returns the number of iterations, and whether they did not converge."""
         iterations = 0
         while iterations < ITERATIONS:
             for _ in range(BATCH):

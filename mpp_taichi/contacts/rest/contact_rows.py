@@ -1,4 +1,4 @@
-"""What is near each sphere in a drift: compressed sparse rows, each pair of spheres in both of its rows."""
+"""Spheres and surfaces near each sphere in a drift: compressed sparse rows, each pair of spheres in both of its rows."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from mpp_taichi.walls import _geometry
 from mpp_taichi.walls._roots import first_contact_curved
 
 ROUNDINGS = 16  # of a coordinate, by which an impact may seem later than it is
-ENTRIES_EACH = 40  # of a row, on average: room for all within half a radius of each other in a dense packing
+ENTRIES_EACH = 40  # mean room of a row: enough for the spheres within half a radius of each other in a dense packing
 
 
 @ti.data_oriented
@@ -20,18 +20,18 @@ class ContactRows:
     """Row i is entries start[i] … start[i + 1]: spheres and surfaces that i could touch by the end of the drift.
 
     other     the other sphere j, or −1 − s for surface s
-    normal    unit vector towards i; of an impact at the instant of contact, else at the drift's start
-    gap       distance [length] along it
-    impact    1 where it is hit faster than what rests, within the drift
-    impulse   along the normal, on i [momentum]; the two entries of a pair carry the same bits
-    given     impulse of the impact [momentum], `when` after the drift's start
-    resting   impulse of the contact over the drift beside it
+    normal    unit vector towards i: for an impact at the instant of contact, else at the start of the drift
+    gap       distance along the normal [length]
+    impact    1 if the entry is hit within the drift, faster than the resting speed
+    impulse   along the normal, on i [momentum]; the two entries of a pair have the same bits
+    given     impulse of the impact [momentum], `when` [time] after the start of the drift
+    resting   impulse of the contact over the drift, without that of the impact [momentum]
 
-    Impulses of contacts that persist are where the next drift begins to look for them.
+    The iteration of the next drift begins with the impulses of the contacts that persist.
     """
 
     def __init__(self, setup: ContactSetup):
-        """Allocate and fill what does not change."""
+        """Allocate, and fill the fields that do not change."""
         n = setup.particle_count
         self.dimensions = setup.dimensions
         self.particle_count = n
@@ -75,11 +75,11 @@ class ContactRows:
         for tree in self._trees:
             tree.destroy()
 
-    # Building; each func is a loop for the top of a kernel, or for inside a serial one ---------------------------------------
+    # Building; each func is a loop for the top level of a kernel, or for the inside of a serialized loop ---------------------
 
     @ti.func
     def remember(self):
-        """Keep the impulses of these rows for the next."""
+        """Keep the impulses of these rows for the rows of the next drift."""
         for i in range(self.particle_count):
             self.old_start[i] = self.start[i]
             self.old_start[i + 1] = self.start[i + 1]
@@ -89,7 +89,7 @@ class ContactRows:
 
     @ti.func
     def number(self):
-        """Turn the counts in `filled` into `start`; returns nothing, start[n] is the number of entries."""
+        """Sum the counts in `filled` to `start`; start[n] becomes the number of entries."""
         for _ in range(1):
             total = 0
             for i in range(self.particle_count):
@@ -99,7 +99,7 @@ class ContactRows:
 
     @ti.func
     def clear(self):
-        """Leave no entries, where there is no room for them."""
+        """Remove all entries, if there is no room for them."""
         for i in range(self.particle_count):
             self.start[i] = 0
             self.start[i + 1] = 0
@@ -111,7 +111,7 @@ class ContactRows:
 
     @ti.func
     def add_sphere(self, i, j, separation, margin, filling):
-        """Count or fill in sphere j, x_j − x_i away, if it is within the margin."""
+        """Count or fill in sphere j, which is `separation` away from i, if its gap is within the margin."""
         distance = separation.norm()
         gap = distance - (self.radius[i] + self.radius[j])
         if i != j and gap <= margin and (self.inverse_mass[i] + self.inverse_mass[j]).max() > 0.0:
@@ -133,7 +133,7 @@ class ContactRows:
 
     @ti.func
     def _set(self, c, i, other, normal, gap, filling):
-        """An entry; `filling` 2 looks up what its impulse was."""
+        """Write an entry; `filling` 2 begins with its impulse in the last drift."""
         impulse = ti.cast(0.0, float)
         if filling == 2:
             for old in range(self.old_start[i], self.old_start[i + 1]):
@@ -146,11 +146,11 @@ class ContactRows:
         self.given[c] = 0.0
         self.impact[c] = 0
 
-    # What a contact is -----------------------------------------------------------------------------------------------------
+    # Reading an entry ------------------------------------------------------------------------------------------------------
 
     @ti.func
     def restitution_of(self, i, c):
-        """E of entry c of row i."""
+        """Restitution of entry c of row i."""
         e = ti.cast(1.0, float)
         j = self.other[c]
         if j >= 0:
@@ -162,7 +162,7 @@ class ContactRows:
 
     @ti.func
     def smaller_radius(self, i, c):
-        """Of its spheres [length]."""
+        """The radius of the smaller sphere of entry c of row i [length]."""
         result = self.radius[i]
         if self.other[c] >= 0:
             result = ti.min(result, self.radius[self.other[c]])
@@ -170,7 +170,7 @@ class ContactRows:
 
     @ti.func
     def velocity_of_other(self, velocity: Template, c):
-        """Of the other sphere or the surface."""
+        """Velocity of the other sphere or the surface of entry c."""
         j = self.other[c]
         result = velocity[ti.max(j, 0)]
         for s in ti.static(range(len(self.surfaces))):
@@ -180,14 +180,14 @@ class ContactRows:
 
     @ti.func
     def find_impact(self, state: Template, separation, i, c, time, h, resting_speed):
-        """Mark entry c if it is hit within h faster than what rests, and turn its normal to the instant of contact."""
+        """Mark entry c as an impact if it is hit within h at more than `resting_speed`; turn its normal to that instant."""
         j = self.other[c]
         x, v = state.position[i], state.velocity[i]
         u = self.velocity_of_other(state.velocity, c) - v  # of the other, seen from i
         limit = 0.0 if self.restitution_of(i, c) == 1.0 else resting_speed
         when = ti.cast(ti.math.inf, float)
-        # An impact that round-off puts just behind the drift would in part be taken for a contact that rests. A sum of both
-        # places, and so the same for both rows of a pair.
+        # The horizon is a little longer than h: an impact that round-off puts just behind the drift would in part be treated as
+        # a resting contact. It depends on the sum of both places, so that it is the same for both rows of a pair.
         size = x.norm() + state.position[j if j >= 0 else i].norm()
         horizon = h + ti.static(ROUNDINGS * self.epsilon) * size / u.norm()
         n = self.normal[c]

@@ -1,4 +1,4 @@
-"""How a drift with resting contacts is run: in one thread and one launch, or a launch for each loop over the spheres."""
+"""Two ways to run a drift with resting contacts: by one thread in one launch, or a launch for each loop over the spheres."""
 
 from typing import Any
 
@@ -12,23 +12,23 @@ from mpp_taichi.neighbors.device_grid import DeviceGrid
 from mpp_taichi.neighbors.prefix_sum import PrefixSum
 from mpp_taichi.types import Template
 
-ALL_PAIRS_UP_TO = 1000  # spheres of a device of many threads, where a launch takes longer than to look at all of them
-TRIES = 12  # of building rows, each time for spheres twice as fast
+ALL_PAIRS_UP_TO = 1000  # spheres on another device than the CPU, where a launch takes longer than the test of all pairs
+TRIES = 12  # to build rows, each time for spheres twice as fast
 
 
 @ti.data_oriented
 class SerialPlan:
-    """Everything in one thread; all pairs are looked at."""
+    """One thread does the whole drift, and tests all pairs."""
 
     def __init__(self, step: RestingStep):
         """Bind the step."""
         self.step = step
 
     def destroy(self) -> None:
-        """Nothing is its own."""
+        """Own no memory."""
 
     def drift(self, state: Any, time: float, h: float, resting_speed: float, kicked: bool) -> tuple[bool, int, int]:
-        """Returns whether velocities had changed since the last drift, the iterations, and what was given up."""
+        """Returns whether velocities had changed since the last drift, the iterations, and the number of failures."""
         changed, iterations, unresolved = self._drift(state, time, h, resting_speed, int(kicked))
         return changed == 1, int(iterations), int(unresolved)
 
@@ -92,7 +92,7 @@ class SerialPlan:
 
 @ti.data_oriented
 class ParallelPlan:
-    """A launch for each loop; what is near comes from the cell grid, or among few from a look at all of them."""
+    """A launch for each loop; near spheres are found on the cell grid, or among all pairs of few spheres."""
 
     def __init__(self, step: RestingStep, setup: ContactSetup, state: Any):
         """Bind the step and the state; allocate the grid."""
@@ -116,7 +116,7 @@ class ParallelPlan:
         self._tree.destroy()
 
     def drift(self, state: Any, time: float, h: float, resting_speed: float, kicked: bool) -> tuple[bool, int, int]:
-        """Returns whether velocities had changed since the last drift, the iterations, and what was given up."""
+        """Returns whether velocities had changed since the last drift, the iterations, and the number of failures."""
         step = self.step
         if kicked:
             self._remember()
@@ -156,7 +156,7 @@ class ParallelPlan:
         return change > 0.0, iterations, unresolved
 
     def _number_rows(self, state: Any, bound: float, time: float, h: float) -> int:
-        """Count what is near each sphere, and say where the rows begin; returns how many entries they have."""
+        """Count the entries of each row, and set where the rows begin; returns the number of entries."""
         rows = self.step.rows
         if self.sums is None:
             return self._count(state, bound, time, h)

@@ -1,32 +1,33 @@
-"""A drift with impacts and contacts that rest, for piles: the loops over spheres and their rows."""
+"""A drift with impacts and resting contacts, for piles: the loops over spheres and their rows."""
 
 from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.rest.complementarity import CHUNK, Complementarity
 from mpp_taichi.contacts.rest.contact_rows import ContactRows
 from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 
-ROOM = 1.25  # how much faster than the fastest a sphere may become before the rows are built again, wider
+ROOM = 1.25  # speed that the rows allow for, over the largest speed; a faster sphere has wider rows built
 PAIRS, WALLS, VIRIAL, LOST, PUSHED = 0, 1, 2, 3, 4
 
 
 @ti.data_oriented
 class RestingStep:
-    """What a drift does to each sphere, and the sums over them.
+    """The loops of a drift over all spheres.
 
-    left      velocities at the end of the last drift
-    final     velocities at the end of this one
-    partner_e least restitution of the impacts that a sphere has part in, itself or through others
-    overlap   largest seen of each sphere, relative to the smaller radius
-    sums      for each chunk of spheres: impacts of pairs and with surfaces, virial, energy lost, impulse on each surface
+    left        (n,) velocities at the end of the last drift
+    final       (n,) velocities at the end of this drift
+    partner_e   (n,) least restitution of the impacts that a sphere is connected to, directly or through other spheres
+    overlap     (n,) largest overlap that was seen, relative to the smaller radius
+    sums        of each chunk of spheres: impacts of pairs and with surfaces, virial, energy lost, impulse on each surface
     """
 
     def __init__(self, setup: ContactSetup, tolerance: float, wide: Any, compliance: float = 0.0):
-        """Allocate."""
+        """Allocate for the spheres of `setup`; `wide` is the type of sums."""
         self.rows = ContactRows(setup)
         self.solver = Complementarity(self.rows, tolerance, wide, compliance)
         self.particle_count = setup.particle_count
@@ -54,7 +55,7 @@ class RestingStep:
             tree.destroy()
 
     def forget(self) -> None:
-        """Know of no drift before."""
+        """Forget the last drift."""
         self.left.fill(0)
         self.rows.start.fill(0)
         self.rows.old_start.fill(0)
@@ -69,13 +70,13 @@ class RestingStep:
 
     @ti.func
     def begin_rows(self):
-        """Nothing counted yet."""
+        """Set the counts of all rows to 0."""
         for i in range(self.particle_count):
             self.rows.filled[i] = 0
 
     @ti.func
     def add_all_pairs(self, state: Template, bound, time, h, filling):
-        """Count, or fill in, what is near each sphere, by looking at all others."""
+        """Count or fill in the spheres and surfaces near each sphere, by a test of all pairs."""
         for i in range(self.particle_count):
             for j in range(self.particle_count):
                 separation = self.rows.separation(state, i, j)
@@ -84,7 +85,7 @@ class RestingStep:
 
     @ti.func
     def find_impacts(self, state: Template, time, h, resting_speed):
-        """Mark them; total[0][0] becomes how many."""
+        """Mark the impacts; total[0][0] becomes the largest number of impacts of a sphere."""
         for i in range(self.particle_count):
             impacts = 0
             for c in range(self.rows.start[i], self.rows.start[i + 1]):
@@ -98,7 +99,7 @@ class RestingStep:
 
     @ti.func
     def begin_impacts(self, state: Template):
-        """Impacts alone, none of which may approach."""
+        """Begin the problem of the impacts alone, none of which may approach."""
         for i in range(self.particle_count):
             self.solver.base[i] = state.velocity[i]
             for c in range(self.rows.start[i], self.rows.start[i + 1]):
@@ -108,7 +109,7 @@ class RestingStep:
 
     @ti.func
     def spread_restitution(self):
-        """Take the least restitution of those one has an impact with; total[0][0] becomes 0 when nobody took any."""
+        """Give each sphere the least restitution of its impacts; total[0][0] becomes 0 when none has changed."""
         for i in range(self.particle_count):
             least = self.partner_e[i]
             for c in range(self.rows.start[i], self.rows.start[i + 1]):
@@ -121,7 +122,7 @@ class RestingStep:
 
     @ti.func
     def _restitution(self, i, c):
-        """Of an impact, with what it is connected to."""
+        """Restitution of an impact: the least of all impacts that it is connected to."""
         e = self.rows.restitution_of(i, c)
         if ti.static(self.mixed):
             j = self.rows.other[c]
@@ -134,7 +135,7 @@ class RestingStep:
 
     @ti.func
     def end_impacts(self):
-        """Rebound: 1 + e times the impulses that ended the approach."""
+        """Give impacts 1 + e times the impulses that ended their approach."""
         for i in range(self.particle_count):
             change = ti.Vector.zero(float, self.dimensions)
             for c in range(self.rows.start[i], self.rows.start[i + 1]):
@@ -147,7 +148,7 @@ class RestingStep:
 
     @ti.func
     def begin_rest(self, state: Template, h, after_impacts):
-        """All entries: none may be closed further than its gap by the end of the drift."""
+        """Begin the problem of all entries: none may approach farther than its gap by the end of the drift."""
         for i in range(self.particle_count):
             if after_impacts == 0:
                 self.solver.base[i] = state.velocity[i]
@@ -156,7 +157,7 @@ class RestingStep:
 
     @ti.func
     def end_rest(self):
-        """The velocities are found; what would move the spheres so far is h times these."""
+        """Keep the velocities that were found, and the impulses of the resting contacts."""
         for i in range(self.particle_count):
             self.final[i] = self.solver.velocity[i]
             for c in range(self.rows.start[i], self.rows.start[i + 1]):
@@ -164,7 +165,10 @@ class RestingStep:
 
     @ti.func
     def begin_ways(self, state: Template, h):
-        """Mean velocities: the old ones until the first impact of a sphere, then the new ones; what yielded stays so."""
+        """Begin the problem of the mean velocities: the old ones until the first impact of a sphere, then the new ones.
+
+        Contacts that yielded keep their overlap.
+        """
         for i in range(self.particle_count):
             when = ti.cast(0.0, float)
             hit = False
@@ -179,18 +183,18 @@ class RestingStep:
 
     @ti.func
     def move(self, state: Template, h):
-        """Count, and go h times the velocities that the solver ended with."""
+        """Count the contacts, and move all spheres by h times the velocities of the last problem."""
         for k in range(self.solver.chunk_count):
             for i in range(k * CHUNK, ti.min((k + 1) * CHUNK, self.particle_count)):
                 self._count(state, k, i)
         for i in range(self.particle_count):
             state.velocity[i] = self.final[i]
             self.left[i] = self.final[i]
-            state.position[i] = state.position[i] + h * self.solver.velocity[i]
+            state.position[i] = drifted(state.position[i], self.solver.velocity[i], h)
 
     @ti.func
     def _count(self, state: Template, k, i):
-        """Add what sphere i went through to chunk k; a pair counts in the row of its greater number."""
+        """Add the contacts of sphere i to the sums of chunk k; a pair is counted in the row of its greater number."""
         for axis in ti.static(range(self.dimensions)):
             w = ti.cast(self.rows.inverse_mass[i][axis], self.wide)
             before = ti.cast(state.velocity[i][axis], self.wide)

@@ -1,1 +1,1 @@
-"""What several contact solvers use."""
+"""Parts of several contact solvers: formulas of a contact, counts, memory of fields."""

@@ -1,4 +1,4 @@
-"""What happens at one contact: time of contact of two spheres, impulse on two spheres or off a surface."""
+"""Formulas of one contact: time of contact of two spheres, impulse on two spheres or off a surface."""
 
 import numpy as np
 import taichi as ti
@@ -9,8 +9,8 @@ from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 from mpp_taichi.walls._roots import first_contact_curved
 
-ROUNDINGS = 4.0  # of the velocities from which an approach is computed
-SLACK = 1e-5  # more than round-off, even of f32, relative to a squared distance
+ROUNDINGS = 4.0  # of the velocities; a slower approach is round-off
+SLACK = 1e-5  # of a squared distance; more than round-off, even in f32
 
 
 @ti.func
@@ -34,7 +34,7 @@ class Bounce:
 
     Between spheres, with n from i to j and u = v_j − v_i, the impulse along n is
     J = (1 + e) (−u·n) / Σ_k n_k² (w_ik + w_jk), w the inverse masses along the axes; for free axes this is Eq. 9 of the MPPhys
-    paper. It acts as −J w_i n on v_i and +J w_j n on v_j, and takes the energy (1 − e²) (u·n)² / (2 Σ …).
+    paper. The impulse acts as −J w_i n on v_i and +J w_j n on v_j, and takes the energy (1 − e²) (u·n)² / (2 Σ …).
     Two spheres that are both infinitely heavy pass through each other.
     """
 
@@ -74,7 +74,7 @@ class Bounce:
 
     @ti.func
     def separation(self, first, second):
-        """From a place to the nearest image of another."""
+        """From the place `first` to the nearest image of the place `second`."""
         return nearest_image(second - first, self.period)
 
     @ti.func
@@ -82,14 +82,14 @@ class Bounce:
         """When i and j, which touch at distance `reach`, meet in straight flight: 0 … horizon from now, or infinity."""
         u = v_j - v_i
         result = ti.math.inf
-        # Before they touch, s > c / −2b with the b and c of the exact test. Most pairs are told so without a quotient.
+        # Before two spheres touch, s > c / −2b with the b and c of the exact test, so that most pairs need no quotient.
         if separation.norm_sqr() - reach * reach <= SLACK * reach * reach - 2.0 * horizon * separation.dot(u):
             result = first_contact_curved(separation, u, reach, False, horizon)
         if ti.static(self.has_held):
             if (self.inverse_mass[i] + self.inverse_mass[j]).max() == 0.0:
                 result = ti.math.inf
         if ti.static(not self.is_elastic):
-            # An approach that touching spheres cannot be told to make is none: inelastic groups come to rest.
+            # An approach of touching spheres that is round-off counts as none, so that inelastic groups come to rest.
             if result == 0.0 and -separation.dot(u) <= self.slowest * separation.norm() * (v_i.norm() + v_j.norm()):
                 result = ti.math.inf
         return result
@@ -110,7 +110,7 @@ class Bounce:
 
     @ti.func
     def inverse_mass_of(self, i):
-        """Along each axis; where all spheres have the same, it is read at one place, which stays in the cache."""
+        """Inverse mass of sphere i along each axis; if all are equal, one entry is read, which stays in the cache."""
         k = i
         if ti.static(self.has_common_mass):
             k = 0
@@ -118,7 +118,7 @@ class Bounce:
 
     @ti.func
     def restitution_of(self, i, j):
-        """E of a contact of two spheres, by their materials."""
+        """Restitution of a contact of two spheres, by their materials."""
         one, other = 0, 0
         if ti.static(not self.has_one_material):
             one, other = self.material[i], self.material[j]
@@ -126,11 +126,11 @@ class Bounce:
 
     @ti.func
     def pair_impulse(self, i, j, n, u, e):
-        """Impulse along n and the kinetic energy that it takes, with u = v_j − v_i; none where nothing can move."""
+        """Impulse along n and the kinetic energy that it takes, with u = v_j − v_i; 0 where neither sphere can move."""
         yielding = (n * n).dot(self.inverse_mass_of(i) + self.inverse_mass_of(j))
         return impulse_along(yielding, n.dot(u), e)
 
     @ti.func
     def wall_impulse(self, i, n, u, e):
-        """The same off a surface with the normal n, with u the velocity of i relative to it."""
+        """The same for a surface with the normal n, with u the velocity of i relative to the surface."""
         return impulse_along((n * n).dot(self.inverse_mass_of(i)), n.dot(u), e)

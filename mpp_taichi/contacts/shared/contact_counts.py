@@ -1,4 +1,4 @@
-"""What a solver counts: for each sphere while a drift is tried, and once it stands, in sums of a fixed order."""
+"""Counts of a solver: for each sphere while a drift is tried, and in sums of a fixed order when the drift is kept."""
 
 from typing import Any
 
@@ -8,8 +8,8 @@ import taichi as ti
 from mpp_taichi.contacts._base import ContactReport
 from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 
-CHUNKS = 64  # of the spheres; fixed, so that sums do not depend on the threads
-STRIPES = 1024  # threads that add up what spheres counted, where each has totals of its own
+CHUNKS = 64  # of spheres; a fixed number, so that sums do not depend on the threads
+STRIPES = 1024  # threads that add up the totals, where each sphere has totals of its own
 PAIRS, WALLS, ELASTIC, FAILED, GIVEN_UP = 0, 1, 2, 3, 4
 VIRIAL, LOST = 0, 1
 
@@ -18,16 +18,16 @@ VIRIAL, LOST = 0, 1
 class Tally:
     """counted (pairs, walls, elastic, given up), summed (virial, dissipated energy), pushed (impulse on surfaces) per sphere.
 
-    Totals are those of CHUNKS of spheres, or `apart`, on a device of many threads: then each sphere has totals of its own, so
-    that no two threads write to one place, and STRIPES of them are added up before the host asks.
+    There are totals for each of CHUNKS of spheres. On a device of many threads they are `apart`: each sphere has totals of its
+    own, so that no two threads write to one place, and STRIPES threads add them up before the host reads them.
     """
 
     def __init__(
         self, particle_count: int, surface_count: int, wide: Any, *, apart: bool | None = None, placed_by_caller: bool = False
     ) -> None:
-        """Allocate; `wide` is the type of the sums; `apart` when absent: unless on the CPU.
+        """Allocate; `wide` is the type of the sums; `apart` when absent: on all devices but the CPU.
 
-        `placed_by_caller`: `counted` and `summed` are left to be placed beside what else is of a sphere.
+        `placed_by_caller`: `counted` and `summed` are left to be placed beside other fields of a sphere.
         """
         self.particle_count = particle_count
         self.surface_count = surface_count
@@ -68,7 +68,7 @@ class Tally:
 
     @ti.func
     def begin(self, i):
-        """Nothing counted yet for sphere i in this try."""
+        """Set the counts of sphere i to 0, for a new try."""
         self.counted[i] = ti.Vector.zero(ti.i32, 4)
         self.summed[i] = ti.Vector.zero(float, 2)
         if ti.static(self.surface_count > 0):
@@ -76,13 +76,13 @@ class Tally:
 
     @ti.func
     def add_pair(self, i, impulse, distance, lost, elastic):
-        """A contact of two spheres, kept with one of them; Δp·r is impulse times distance."""
+        """Count a contact of two spheres with one of them; Δp·r is impulse times distance."""
         self.counted[i] = self.counted[i] + ti.Vector([1, 0, elastic, 0])
         self.summed[i] = self.summed[i] + ti.Vector([impulse * distance, lost])
 
     @ti.func
     def add_wall(self, i, surface, impulse, lost, elastic):
-        """A contact with a surface."""
+        """Count a contact with a surface."""
         self.counted[i] = self.counted[i] + ti.Vector([0, 1, elastic, 0])
         self.summed[i] = self.summed[i] + ti.Vector([0.0, lost])
         for s in ti.static(range(self.surface_count)):
@@ -91,12 +91,12 @@ class Tally:
 
     @ti.func
     def fail(self, i, contacts):
-        """Contacts of sphere i are given up in this try."""
+        """Count contacts of sphere i that are given up in this try."""
         self.counted[i] = self.counted[i] + ti.Vector([0, 0, 0, contacts])
 
     @ti.func
     def keep(self, chunk, i):
-        """Add what sphere i counted to a chunk's totals, or a sphere's own; each by one thread."""
+        """Add the counts of sphere i to the totals of a chunk, or of the sphere; one thread writes to each chunk."""
         self.total_count[chunk] = self.total_count[chunk] + self.counted[i]
         self.total_sum[chunk] = self.total_sum[chunk] + ti.cast(self.summed[i], self.wide)
         if ti.static(self.surface_count > 0):
@@ -104,7 +104,7 @@ class Tally:
 
     @ti.func
     def see_overlap(self, i, overlap):
-        """Seen by the thread of sphere i; the largest has no order."""
+        """Note an overlap that the thread of sphere i sees; the largest overlap does not depend on the order."""
         if ti.static(not self.apart):
             if overlap > self.overlap[0]:
                 ti.atomic_max(self.overlap[0], overlap)
@@ -121,7 +121,7 @@ class Tally:
 
     @ti.kernel
     def _take(self, counts: ti.types.ndarray(ndim=2), reals: ti.types.ndarray(ndim=2)):
-        """Hand out what each stripe of totals amounts to, and the largest overlap; all begin anew, in one launch."""
+        """Sum up each stripe of totals, find the largest overlap, and set all of them to 0, in one launch."""
         for stripe in range(counts.shape[0]):
             count = ti.Vector.zero(ti.i32, 4)
             total = ti.Vector.zero(self.wide, 2)
@@ -151,7 +151,7 @@ class Tally:
             reals[stripe, 2 + self.total_push.n] = ti.cast(overlap, self.wide)
 
     def collect(self) -> ContactReport:
-        """Totals since it was last asked."""
+        """Totals since the last call."""
         stripes = min(STRIPES, self.rows)
         whole = np.zeros((stripes, 5), np.int32)
         reals = np.zeros((stripes, 2 + self.total_push.n + 1), np.float32 if self.wide == ti.f32 else np.float64)

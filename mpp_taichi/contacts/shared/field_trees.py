@@ -1,4 +1,4 @@
-"""Field trees: memory for the fields of a solver, in trees whose numbers are of one width."""
+"""Field trees: memory for the fields of a solver, in trees whose entries have one width."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,16 +9,20 @@ from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 
 
 class FieldTrees:
-    """Places fields, and gives their memory back; on Vulkan 8-byte numbers are not aligned in a tree with 4-byte ones."""
+    """Places fields, and gives their memory back.
+
+    On Vulkan an 8-byte number is not aligned in a tree that also holds 4-byte numbers, so floats and integers have trees of
+    their own there.
+    """
 
     def __init__(self) -> None:
-        """Nothing is placed yet."""
+        """Begin without any field."""
         self._together = on_cpu()
         self._builders: dict[str, ti.FieldsBuilder] = {}
         self._trees: list[Any] = []
 
     def place(self, count: int, *numbers: Any, integers: Sequence[Any] = ()) -> None:
-        """Fields with `count` entries, of floats and of i32; on the CPU entries of one index lie side by side."""
+        """Place fields of `count` entries, of floats and of i32; on the CPU the entries of one index lie side by side."""
         if self._together:
             self._builder("all").dense(ti.i, count).place(*numbers, *integers)
         else:
@@ -32,7 +36,7 @@ class FieldTrees:
         return self._builders[tree]
 
     def finish(self) -> None:
-        """All fields are placed."""
+        """Allocate, after all fields are placed."""
         self._trees = [builder.finalize() for builder in self._builders.values()]
 
     def destroy(self) -> None:

@@ -1,21 +1,22 @@
-"""How a thread on a device of many learns that its loops were ended."""
+"""How a thread on a device of many threads detects that the driver ended its loops early."""
 
 import taichi as ti
 
 from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 
-TURNS = 3  # of a loop that a device which ends loops cuts down to one
+TURNS = 3  # of the test loop, which makes only one turn after the driver has ended a loop
 
 
 @ti.data_oriented
 class LoopWatch:
-    """Tells a thread at its end whether all its loops came to theirs.
+    """Detects, at the end of a thread's work, whether all loops of the thread made all of their iterations.
 
-    Software Vulkan ends every loop of a thread once they have made 65,535 iterations together, and says nothing. From then on
-    a loop makes one iteration, also the one that is asked here, whose length no compiler knows.
+    Software Vulkan ends the loops of a thread without an error once they have made 65,535 iterations together. After this
+    every loop makes one iteration only, also the test loop of this class, whose length the compiler does not know.
 
-    on_cpu   there nothing is watched, and what is a thread's work runs in a serialized loop, at once; elsewhere in a parallel
-             loop of one iteration, because software Vulkan lets the idle lanes beside a serialized loop run wild
+    on_cpu   on the CPU no loop is ended early, so nothing is tested, and the work of one thread runs in a serialized loop. On
+             other devices it runs in a parallel loop of one iteration, because the idle lanes beside a serialized loop of
+             software Vulkan do not stop
     """
 
     def __init__(self) -> None:
@@ -34,7 +35,7 @@ class LoopWatch:
 
     @ti.func
     def was_stopped(self):
-        """Whether loops of this thread were ended before their end."""
+        """Whether the driver ended loops of this thread early."""
         stopped = False
         if ti.static(not self.on_cpu):
             count = 0

@@ -1,7 +1,8 @@
-"""What happens at an event where everything that touches at one instant is resolved together."""
+"""The rule for an event where all contacts that touch at one instant are resolved together."""
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import TOUCHING_POWER, ContactSetup
 from mpp_taichi.contacts.sweep.contact_group import ContactGroup
 from mpp_taichi.contacts.sweep.pair_rule import PairRule
@@ -34,7 +35,7 @@ class GroupRule:
         self.reflections = Reflections(self.group)
         self.touching = self.group.epsilon**TOUCHING_POWER
         builder = ti.FieldsBuilder()
-        self.mark = ti.field(ti.i32)  # 1: listed in the group, 2: and its contacts too
+        self.mark = ti.field(ti.i32)  # of each sphere; 1: it is listed in the group, 2: its contacts too
         self.rows = ti.field(ti.i32)
         self.listed = ti.field(ti.i32)
         builder.dense(ti.i, n).place(self.mark)
@@ -70,7 +71,7 @@ class GroupRule:
             self.tally.fail(root, outcome[1])
         hit = self._account(count, t)
         if hit == 0:
-            # An approach that is round-off of the group's speeds: the two part by themselves.
+            # The approach is round-off of the speeds in the group, so that only the two that meet bounce.
             self.alone.bounce_now(i, partner, t, time)
         for p in range(self.listed[0]):
             self.played.stamp[self.played.touched[begin + p]] = self.played.stamp[self.played.touched[begin + p]] + 1
@@ -89,7 +90,7 @@ class GroupRule:
 
     @ti.func
     def _find_contacts(self, root, i, t, time):
-        """Rows for what touches sphere i of the group and was not looked at yet."""
+        """Add rows for the spheres and surfaces that touch sphere i of the group, unless their row is there already."""
         self.mark[i] = 2
         if ti.static(self.all_pairs):
             for j in range(self.particle_count):
@@ -106,7 +107,7 @@ class GroupRule:
 
     @ti.func
     def _see_touching(self, i, j, root, t):
-        """A sphere of the same island joins the group; one outside joins the island, which is then played again."""
+        """If j touches i: let j join the group if it is in the island, else join the island, which is then played again."""
         if self.islands.island[j] == root:
             if j != i and self.mark[j] < 2:
                 d = self.bounce.separation(self.played.position[i], self.played.place_at(j, t))
@@ -119,7 +120,7 @@ class GroupRule:
                 if self.slots.margins_meet(i, j):
                     self.played.near[i] = 1
             else:
-                d = self.bounce.separation(self.played.position[i], self.slots.position[j] + self.slots.velocity[j] * t)
+                d = self.bounce.separation(self.played.position[i], drifted(self.slots.position[j], self.slots.velocity[j], t))
                 if self._touches(i, j, d):
                     self.islands.wish(i, j)
 

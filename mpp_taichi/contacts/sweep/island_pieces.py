@@ -11,7 +11,7 @@ from mpp_taichi.contacts.sweep.island_player import IslandPlayer
 from mpp_taichi.contacts.sweep.piece_drift import PieceSteps
 from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
 from mpp_taichi.device.fast_taichi.prefetch import prefetch
-from mpp_taichi.device.fast_taichi.serial_loops import loop_grain
+from mpp_taichi.device.heavy_loops import heavy_index, loop_grain
 from mpp_taichi.types import Template
 
 TOGETHER = 8  # islands whose memory is fetched at once
@@ -75,8 +75,9 @@ class IslandPieces(PieceSteps):
         if ti.static(listed):
             grain = ti.static(loop_grain())
             for q in range(CHUNKS * grain):
-                if q % grain == 0:
-                    begin, end = self.tally.begin_of(q // grain), self.tally.begin_of(q // grain + 1)
+                chunk = heavy_index(q, grain)
+                if chunk >= 0:
+                    begin, end = self.tally.begin_of(chunk), self.tally.begin_of(chunk + 1)
                     for k in range(begin, end):
                         if (k - begin) % BLOCK == 0:
                             self._fetch_partners(ti.min(k + BLOCK, end), ti.min(k + 2 * BLOCK, end))
@@ -123,8 +124,9 @@ class IslandPieces(PieceSteps):
         else:
             grain = ti.static(loop_grain())
             for q in range((self.islands.count[self.islands.PENDING] + TOGETHER - 1) // TOGETHER * grain):
-                if q % grain == 0:
-                    first = q // grain * TOGETHER
+                part = heavy_index(q, grain)
+                if part >= 0:
+                    first = part * TOGETHER
                     end = ti.min(first + TOGETHER, self.islands.count[self.islands.PENDING])
                     self._fetch_ahead(first, end)
                     for k in range(first, end):
@@ -168,17 +170,19 @@ class IslandPieces(PieceSteps):
     def _commit(self, h: float):
         grain = ti.static(loop_grain())
         for q in range(CHUNKS * grain):
-            if q % grain == 0:
-                self._commit_chunk(q // grain, h)
+            chunk = heavy_index(q, grain)
+            if chunk >= 0:
+                self._commit_chunk(chunk, h)
 
     @ti.kernel
     def _commit_slots(self, h: float) -> ti.types.vector(10, ti.f64):
         """Commit to the slots, and summarize the motion while the spheres are in the cache."""
         grain = ti.static(loop_grain())
         for q in range(CHUNKS * grain):
-            if q % grain == 0:
-                way = self._commit_chunk(q // grain, h)
-                self.planner.measure_chunk(q // grain, self.slots.position, self.slots.velocity, way)
+            chunk = heavy_index(q, grain)
+            if chunk >= 0:
+                way = self._commit_chunk(chunk, h)
+                self.planner.measure_chunk(chunk, self.slots.position, self.slots.velocity, way)
         return self.planner.whole()
 
     @ti.func

@@ -5,6 +5,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts.sweep.played_spheres import NOTHING
 from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
 
@@ -191,7 +192,7 @@ class IslandPlayer:
     def fly_on(self, k, h):
         """Put the sphere of slot k, which is in no island, where it is at the end of a piece of length h."""
         i = self.slots.index(k)
-        x = self.slots.position[k] + self.slots.velocity[k] * h
+        x = drifted(self.slots.position[k], self.slots.velocity[k], h)
         if ti.static(self.slots.stay):
             self.slots.position[k] = x
         else:

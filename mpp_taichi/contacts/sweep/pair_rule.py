@@ -1,4 +1,4 @@
-"""What happens at an event where contacts are resolved one after the other: two spheres bounce, or a sphere off a surface."""
+"""The rule for an event where contacts are resolved one by one: two spheres bounce, or a sphere off a surface."""
 
 import taichi as ti
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.shared.field_trees import FieldTrees
 from mpp_taichi.contacts.sweep.slots import Slots
@@ -76,11 +77,11 @@ class PlayedSpheres:
     @ti.func
     def advance(self, i, t):
         """Fly sphere i straight on to time t of the piece."""
-        self.position[i] = self.position[i] + self.velocity[i] * (t - self.clock[i])
+        self.position[i] = drifted(self.position[i], self.velocity[i], t - self.clock[i])
         self.clock[i] = t
         self.excursion[i] = ti.max(self.excursion[i], (self.position[i] - self.slots.start_of(i)).norm())
 
     @ti.func
     def place_at(self, i, t):
         """Position of sphere i at time t of the piece, if it has no contact before."""
-        return self.position[i] + self.velocity[i] * (t - self.clock[i])
+        return drifted(self.position[i], self.velocity[i], t - self.clock[i])

@@ -31,7 +31,7 @@ class ContactSweep:
     """The spheres of a state, moved along their velocities from contact to contact.
 
     parts   the spheres and the tables of their contacts
-    rule    what happens at an event: PairRule or GroupRule
+    rule    how an event changes velocities: PairRule or GroupRule
     mover   how a drift is done: AllPairsDrift or PieceDrift
     """
 
@@ -72,7 +72,7 @@ def sweep_in_pairs(setup: ContactSetup, state: Any, *, event_limit: int, all_pai
 
 
 def sweep_in_groups(setup: ContactSetup, state: Any, *, event_limit: int, all_pairs: bool | None = None) -> ContactSweep:
-    """A sweep that resolves together what touches at one instant; its islands are played one after the other."""
+    """A sweep that resolves together all contacts of one instant; its islands are played one after the other."""
     all_pairs = _are_few(setup) if all_pairs is None else all_pairs
     parts = SweepParts(setup, state, all_pairs=all_pairs)
     return _sweep(parts, GroupRule(setup, parts), event_limit)

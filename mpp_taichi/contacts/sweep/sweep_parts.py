@@ -20,7 +20,7 @@ from mpp_taichi.neighbors.device_grid import DeviceGrid
 
 
 class SweepParts:
-    """The spheres of a setup and the tables of their contacts; the kinds of sweeps differ in what they do with them.
+    """The spheres of a setup and the tables of their contacts; the kinds of sweeps differ in how they use them.
 
     bounce       formulas of a contact
     tally        counts of contacts

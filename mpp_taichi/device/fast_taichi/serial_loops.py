@@ -35,14 +35,6 @@ def on_cpu() -> bool:
     return ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
 
 
-def loop_grain() -> int:
-    """Iterations of a parallel loop for each heavy iteration; a kernel asks while it is compiled.
-
-    Taichi gives a CPU thread no fewer than 512 iterations, so a heavy iteration stands for 512 there.
-    """
-    return 512 if on_cpu() and SerialLoops.depth == 0 else 1
-
-
 class _Reader:
     """Taichi's reading of a `for` statement; before an outermost loop it asks whether the loop must be serial."""
 
