@@ -1,6 +1,6 @@
-"""Companion: the run of the right half, in a process of its own, as Taichi runs one backend in a process.
+"""Companion: the run of the right half, in a process of its own, since a process of Taichi runs one backend only.
 
-It computes ahead by the few moments that the queue and the pipe hold.
+The run is ahead of the left half by the few moments that the queue and the pipe hold.
 """
 
 import contextlib
@@ -27,18 +27,18 @@ log = logging.getLogger(__name__)
 
 QUEUED_MOMENTS = 4
 LOOK_SECONDS = 0.1  # between two looks for an interruption
-END_SECONDS = 20.0  # that it has to end by itself, writing its cache of kernels
+END_SECONDS = 20.0  # in which the process may end by itself, as it still writes its cache of kernels
 LONGEST_WORDS = 300
 
 
 class Companion:
-    """The process, and what comes from it; a context manager that leaves nothing running.
+    """The process and the messages from it; a context manager that leaves no process behind.
 
-    `look` is called while something is awaited, and may raise.
+    `look` is called while a message is awaited, and may raise.
     """
 
     def __init__(self, beside: Beside, options: dict[str, Any], span: float, count: int, look: Callable[[], None]) -> None:
-        """Start it: a film of so many moments over a span of time, under the options of `Simulation`."""
+        """Start the process: a film of so many moments over a span of time, under the options of `Simulation`."""
         self._said, self._look = ", ".join(beside.said), look
         self._receiver = MomentReceiver()
         self._messages: queue.Queue[Message | None] = queue.Queue(QUEUED_MOMENTS)
@@ -52,13 +52,13 @@ class Companion:
             stdout=subprocess.PIPE,
             stderr=self._errors,
             env=dict(os.environ, PYTHONPATH=os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])),
-            **OWN_GROUP,  # a Ctrl-C is for the left half, which then ends both
+            **OWN_GROUP,  # Ctrl-C reaches the left half only, which then ends both
         )
         source = beside.scene.source
         order = {"scene": beside.scene.resolved, "source": source, "folder": str(Path(source).parent.absolute())}
         self._listener = threading.Thread(target=self._listen, name="right half", daemon=True)
         self._listener.start()
-        with contextlib.suppress(OSError):  # it has died, which the first answer says
+        with contextlib.suppress(OSError):  # the process has ended already; `begin` raises the error
             assert self._process.stdin is not None
             with self._process.stdin as pipe:
                 pipe.write(json.dumps({**order, "options": options, "span": span, "count": count}).encode())
@@ -68,7 +68,7 @@ class Companion:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        """End the process, at once unless it has done all."""
+        """End the process, at once unless it has sent all its moments."""
         self._closing.set()
         if self._at_end:
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -80,16 +80,16 @@ class Companion:
         self._errors.close()
 
     def begin(self) -> dict[str, Any]:
-        """What stands there: backend, precision, plan, threads, integrator, dt, particle_count.
+        """The facts of the run: backend, precision, plan, threads, integrator, dt, particle_count.
 
         Raises:
-            BesideError: it could not be started.
+            BesideError: the run could not be started.
         """
         words, _ = self._next("ready")
         return words
 
     def moment(self) -> Moment:
-        """The next one.
+        """The next moment.
 
         Raises:
             BesideError: the run broke off.
@@ -97,10 +97,10 @@ class Companion:
         return self._receiver.moment(*self._next("moment"))
 
     def end(self) -> dict[str, Any]:
-        """How the run ended: steps, relative_energy_error.
+        """The facts at the end of the run: steps.
 
         Raises:
-            BesideError: it broke off.
+            BesideError: the run broke off.
         """
         words, _ = self._next("end")
         self._at_end = True
@@ -123,7 +123,7 @@ class Companion:
                 return message
 
     def _listen(self) -> None:
-        """The listener thread."""
+        """Put the messages of the process into the queue: the work of the listener thread."""
         assert self._process.stdout is not None
         with self._process.stdout as pipe:
             while not self._closing.is_set():

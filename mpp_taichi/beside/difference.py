@@ -15,18 +15,18 @@ COLUMNS = ("time", "rms_distance")
 
 
 def rms_distance(one: np.ndarray, other: np.ndarray) -> float:
-    """√(1/N Σ |xᵢ − yᵢ|²) of positions (N, 3) [length]; 0 where there are none."""
+    """√(1/N Σ |xᵢ − yᵢ|²) of positions (N, 3) [length]; 0 for N = 0."""
     return float(np.sqrt(np.sum((one - other) ** 2) / max(1, len(one))))
 
 
 class Difference:
     """The rms distance between the same particles of two runs, at every picture of their film.
 
-    What has merged into another in one of the runs is left out.
+    A particle that has merged into another one in one of the runs is left out.
     """
 
     def __init__(self, spec: SceneSpec, start: Snapshot, span: tuple[float, float]) -> None:
-        """Nothing was compared yet; `span` are begin and end of the runs."""
+        """No moment was compared yet; `span` holds the begin and the end of the runs."""
         self._setting = Setting(spec, start)
         self._samples = Samples()
         self._samples.open(len(COLUMNS))
@@ -49,7 +49,7 @@ class Difference:
         return float(self.plot.y(0)[-1]) if self._samples.count else None
 
     def add(self, time: float, one: Snapshot, place: np.ndarray, present: np.ndarray) -> None:
-        """Compare with the places of the other run at the same time."""
+        """Compare a moment of one run with the positions of the other run at the same time."""
         both = one.present & present
         self._samples.add(np.array([time, rms_distance(one.position[both], place[both])]))
 

@@ -1,6 +1,6 @@
-"""Moment: the particles of the other half at the time of a picture, and how they go through a pipe.
+"""Moment: the particles of the other half at the time of a picture, sent through a pipe.
 
-Most arrays of a frame (masses, colours, springs) never change; only what differs from the moment before is sent.
+Most arrays of a frame (masses, colours, springs) never change; only arrays that differ from the moment before are sent.
 """
 
 from dataclasses import dataclass, fields
@@ -19,10 +19,10 @@ _ARRAYS = tuple(each.name for each in fields(Frame) if each.name not in _WORDS)
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """What is drawn, and what is compared.
+    """One moment of a run: the frame to draw, and the positions to compare.
 
-    place     [length], (particle_count, 3), as the run has it: not led back into a box that repeats
-    present   False for what has merged into another, (particle_count,)
+    place     [length], (particle_count, 3), as the run has them: not wrapped into a periodic box
+    present   False for a particle that has merged into another one, (particle_count,)
     """
 
     frame: Frame
@@ -34,12 +34,12 @@ class MomentSender:
     """Writes moments into a stream."""
 
     def __init__(self, stream: IO[bytes]) -> None:
-        """Nothing was sent yet."""
+        """No moment was sent yet."""
         self._stream = stream
         self._sent: dict[str, np.ndarray] = {}
 
     def add(self, snapshot: Snapshot, frame: Frame) -> None:
-        """Send what is new since the last moment; a film calls this for each frame."""
+        """Send the arrays that have changed since the last moment; a film calls this for each frame."""
         arrays = {name: np.asarray(value) for name in _ARRAYS if (value := getattr(frame, name)) is not None}
         arrays |= {PLACE: snapshot.position, PRESENT: snapshot.present}
         changed = {name: array for name, array in arrays.items() if not _equal(self._sent.get(name), array)}
@@ -49,10 +49,10 @@ class MomentSender:
 
 
 class MomentReceiver:
-    """Puts moments together again."""
+    """Rebuilds moments from messages."""
 
     def __init__(self) -> None:
-        """Nothing has come yet."""
+        """No message has come yet."""
         self._known: dict[str, np.ndarray] = {}
 
     def moment(self, words: dict, arrays: dict[str, np.ndarray]) -> Moment:

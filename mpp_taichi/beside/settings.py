@@ -1,4 +1,4 @@
-"""Settings: what is different in the right half of a film, as `--beside` says it, and how either half is captioned."""
+"""Settings: the differences of the right half of a film, as `--beside` gives them, and the captions of both halves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,28 +17,28 @@ LONGEST_VALUE = 60  # letters in a caption
 
 
 class BesideError(MppError):
-    """What `--beside` says makes no sense, or the right half of a film failed; `exit_code` is that of its own error."""
+    """`--beside` cannot be followed, or the right half of a film failed; `exit_code` is that of the underlying error."""
 
     exit_code = 2
 
     def __init__(self, text: str, exit_code: int = 2) -> None:
-        """Say so."""
+        """Keep the text and the exit code."""
         super().__init__(text)
         self.exit_code = exit_code
 
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """The right half: what was said of it, its scene, and the options of its device that differ from the left's."""
+    """The right half: the texts of `--beside`, its scene, and the options of its device that differ from those of the left."""
 
     said: tuple[str, ...]
     scene: SceneSpec
     device: dict[str, Any]
 
     def captions(self, left: SceneSpec, left_device: dict[str, Any], right_device: dict[str, Any]) -> Captions:
-        """The lines below either half: each value that was set, as it is there.
+        """The lines below the two halves: each value that was set, as the half has it.
 
-        A device is told by its `backend`, `precision`, `plan` and `threads`, as they really are.
+        The devices are given by their true `backend`, `precision`, `plan` and `threads`.
         """
         lines: Captions = ([], [])
         for text in self.said:
@@ -52,10 +52,10 @@ class Beside:
 
 
 def beside(left: SceneSpec, said: Sequence[str], source: Any, given: Sequence[str]) -> Beside:
-    """The right half that `--beside` texts ask for; `source` with the overrides `given` is what the left was read from.
+    """The right half that the texts of `--beside` ask for; the left half was read from `source` with the overrides `given`.
 
     Raises:
-        SceneError, BesideError: it cannot be.
+        SceneError, BesideError: there is no such right half.
     """
     device: dict[str, Any] = {}
     own: dict[str, str] = {}  # override → what was said
@@ -81,7 +81,7 @@ def beside(left: SceneSpec, said: Sequence[str], source: Any, given: Sequence[st
 
 
 def _as_said(fault: str, own: dict[str, str]) -> str:
-    """A fault, placed at the option that it comes from."""
+    """A fault, placed at the option that has caused it."""
     for override, text in own.items():
         if fault.startswith(place := f"--set {override}:"):
             return f"--beside {text}:{fault.removeprefix(place)}"
@@ -89,7 +89,7 @@ def _as_said(fault: str, own: dict[str, str]) -> str:
 
 
 def _told(key: str, spec: SceneSpec) -> str:
-    """What a scene has at a path, in a few words."""
+    """The value that a scene has at a path, in a few words."""
     if key == "dt" or key.partition(".")[0] == "integrator":
         parameters = {name: value for name, value in spec.integrator.parameters.items() if value is not None}
         return ", ".join([spec.integrator.name, *(f"{name} {_short(value)}" for name, value in parameters.items())])
@@ -100,7 +100,7 @@ def _told(key: str, spec: SceneSpec) -> str:
 
 
 def _entry(value: Any, step: Any) -> Any:
-    """What is below a key, an index, or the name of the one entry of a list that has it; None where nothing is."""
+    """The value below a key, an index, or the name of the only entry of a list with this name; None where there is none."""
     if isinstance(value, dict):
         return value.get(str(step))
     if not isinstance(value, list):
@@ -112,7 +112,7 @@ def _entry(value: Any, step: Any) -> Any:
 
 
 def _short(value: Any) -> str:
-    """A value as a caption has it: `none` where there is nothing."""
+    """A value as text for a caption: `none` for an empty value."""
     if value is None or value in ([], {}, ""):
         return "none"
     if isinstance(value, float):

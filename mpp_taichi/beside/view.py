@@ -1,4 +1,4 @@
-"""Two halves: one camera's pictures of two runs side by side, what differs written below each, and plots below both."""
+"""Two halves: pictures of two runs side by side, seen by one camera, with captions below each and plots below both."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -35,7 +35,7 @@ class TwoHalves(View):
         share: float,
         dimensions: int = 3,
     ) -> None:
-        """`captions` are the lines below either half; `plots`, where there are some, take a `share` of the height."""
+        """`captions` are the lines below the two halves; `plots`, if any, take a `share` of the height."""
         width, height = size
         letters = letters_for(height)
         lines = max(len(caption) for caption in captions)
@@ -66,11 +66,11 @@ class TwoHalves(View):
         return picture
 
     def close(self) -> None:
-        """Close what draws."""
+        """Close the renderer."""
         self._renderer.close()
 
     def _written(self, size: tuple[int, int], captions: tuple[Sequence[str], Sequence[str]], letters: int) -> np.ndarray:
-        """What does not change from picture to picture: the captions, each in the middle below its half."""
+        """The part that is the same in every picture: the captions, each in the middle below its half."""
         ground = Image.new("RGB", size, DARK.background)
         pen, font = ImageDraw.Draw(ground), font_of(letters)
         for caption, middle in zip(captions, (self._half / 2, size[0] - self._half / 2)):
@@ -82,7 +82,7 @@ class TwoHalves(View):
 
 
 def shortened(text: str, fits) -> str:
-    """The text, or as much of its beginning as fits with an ellipsis."""
+    """The text, or its beginning with an ellipsis, as long as it fits."""
     while len(text) > 1 and not fits(text):
         text = text.removesuffix(ELLIPSIS)[:-1] + ELLIPSIS
     return text

@@ -13,7 +13,7 @@ Message = tuple[dict[str, Any], dict[str, np.ndarray]]
 
 
 def send(stream: IO[bytes], words: Mapping[str, Any], arrays: Mapping[str, np.ndarray] | None = None) -> None:
-    """Write a message; `words` are what JSON knows."""
+    """Write a message; `words` holds values that JSON knows."""
     given = {name: np.ascontiguousarray(array) for name, array in (arrays or {}).items()}
     heads = [[name, array.dtype.str, array.shape] for name, array in given.items()]
     stream.write(json.dumps({"words": words, "arrays": heads}).encode() + b"\n")
@@ -23,7 +23,7 @@ def send(stream: IO[bytes], words: Mapping[str, Any], arrays: Mapping[str, np.nd
 
 
 def receive(stream: IO[bytes]) -> Message | None:
-    """Read a message; None where the other end is closed, be it in the middle of one, or says something else."""
+    """Read a message; None where the other end is closed, even within a message, or sends no message of this form."""
     try:
         head = json.loads(stream.readline())
     except ValueError:

@@ -25,20 +25,20 @@ LONGEST_WORDS = 300
 
 
 class WarningSender(logging.Handler):
-    """The program's warnings, for the parent to say."""
+    """Sends the warnings of the program to the parent."""
 
     def __init__(self, stream: IO[bytes]) -> None:
-        """From now on."""
+        """Send warnings, and nothing below them."""
         logging.Handler.__init__(self, logging.WARNING)
         self._stream = stream
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Send one."""
+        """Send a warning."""
         send(self._stream, {"kind": "warning", "text": record.getMessage()})
 
 
 def follow(order: dict[str, Any], stream: IO[bytes]) -> None:
-    """Run as ordered."""
+    """Run the scene of an order."""
     import_taichi()  # quietly, before anything else imports it
     from mpp_taichi.simulation.simulation import Simulation
 
@@ -60,17 +60,17 @@ def follow(order: dict[str, Any], stream: IO[bytes]) -> None:
 
 
 def main() -> None:
-    """Follow the order; what goes wrong is the last word."""
+    """Follow the order; an error is the last message."""
     with os.fdopen(os.dup(1), "wb") as stream:
-        os.dup2(2, 1)  # what libraries print goes to standard error
+        os.dup2(2, 1)  # output of libraries goes to standard error
         logging.getLogger("mpp_taichi").addHandler(WarningSender(stream))
         try:
             follow(json.load(sys.stdin), stream)
         except BrokenPipeError:
-            os._exit(0)  # nobody listens any more
+            os._exit(0)  # the parent has ended
         except MppError as error:
             send(stream, {"kind": "failed", "text": " ".join(str(error).split()), "exit_code": error.exit_code})
-        except Exception as error:  # Taichi and drivers raise whatever they like
+        except Exception as error:  # Taichi and drivers raise errors of any class
             text = f"{type(error).__name__}: {' '.join(str(error).split())[:LONGEST_WORDS]}"
             send(stream, {"kind": "failed", "text": text, "exit_code": INTERNAL_ERROR_CODE})
 

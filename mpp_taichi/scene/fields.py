@@ -82,15 +82,15 @@ def calculate(value: Any, context: Context) -> float:
 
 
 @dataclass(frozen=True)
-class Number(Field):
-    """A finite number or an expression, within a range."""
+class Ranged(Field, ABC):
+    """A finite number or an expression, within a range: what numbers and whole numbers have in common."""
 
     json_type: ClassVar[str] = "number"
     minimum: float | None = None
     maximum: float | None = None
     above: float | None = None
 
-    def check(self, value: Any, context: Context) -> float:
+    def calculated(self, value: Any, context: Context) -> float:
         """Calculate and compare with the range."""
         number = calculate(value, context)
         low = (self.minimum is None or number >= self.minimum) and (self.above is None or number > self.above)
@@ -125,7 +125,16 @@ class Number(Field):
 
 
 @dataclass(frozen=True)
-class Whole(Number):
+class Number(Ranged):
+    """A finite number or an expression, within a range."""
+
+    def check(self, value: Any, context: Context) -> float:
+        """Calculate and compare with the range."""
+        return self.calculated(value, context)
+
+
+@dataclass(frozen=True)
+class Whole(Ranged):
     """A whole number within a range, or one of a few choices; 1e6 and expressions are allowed."""
 
     json_type: ClassVar[str] = "integer"
@@ -133,7 +142,7 @@ class Whole(Number):
 
     def check(self, value: Any, context: Context) -> int:
         """Calculate and refuse a fraction."""
-        number = super().check(value, context)
+        number = self.calculated(value, context)
         if number != math.floor(number):
             raise Wrong(f"{shown(number)} is not a whole number")
         if self.choices and number not in self.choices:

@@ -17,7 +17,7 @@ from mpp_taichi import component
 from mpp_taichi.precision import PRECISIONS
 from mpp_taichi.scene import expectations, fields, inspection, table_columns, units
 from mpp_taichi.scene.contacts import contacts_model
-from mpp_taichi.scene.fields import Context, Field, Number, OneOrMore, Text, Whole, Wrong
+from mpp_taichi.scene.fields import Context, Field, Number, OneOrMore, Ranged, Text, Whole, Wrong
 from mpp_taichi.scene.parameters import STRICT, parameter_fields
 from mpp_taichi.scene.slider_model import slider_model
 from mpp_taichi.scene.spec import EventSpec, ModesSpec, RunSpec, SpringTypeSpec, ViewSpec
@@ -44,7 +44,7 @@ class Units(BaseModel):
     mass: Annotated[str, Text(tuple(units.GRAVITATIONAL_PARAMETERS))]
 
 
-class ResolvedBefore(Number):
+class ResolvedBefore(Ranged):
     """A constant; constants.py checks its value, in the order in which constants depend on each other."""
 
     def check(self, value: Any, context: Context) -> Any:

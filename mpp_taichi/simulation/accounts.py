@@ -1,4 +1,4 @@
-"""Accounts: what is counted along a run, kept together so that a bookmark restores all of it at once."""
+"""Accounts: the counts and energies that a run gathers, kept together so that a bookmark restores all of them at once."""
 
 import copy
 from dataclasses import dataclass

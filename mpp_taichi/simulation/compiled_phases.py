@@ -18,7 +18,7 @@ class CompiledPhases:
         self._of_kernels: dict[object, CompiledPhase] = {}
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Number of compiled phases."""
         return len(self._of_kernels)
 
     def of(self, phase: Phase) -> CompiledPhase:
@@ -32,11 +32,11 @@ class CompiledPhases:
         return compiled
 
     def holds(self, phase: Phase, compiled: CompiledPhase) -> bool:
-        """Whether this is still what the phase is compiled to."""
+        """Whether the phase is still compiled to this."""
         return self._of_kernels.get(phase.kernels) is compiled
 
     def set_aside(self, phases: Collection[Phase]) -> dict[object, CompiledPhase]:
-        """Keep what serves these phases, and return all that there was: for `put_back`, or for `drop`."""
+        """Keep the kernels of these phases only, and return all that there were: for `put_back`, or for `drop`."""
         before, kept = self._of_kernels, {phase.kernels for phase in phases}
         self._of_kernels = {kernels: each for kernels, each in before.items() if kernels in kept}
         return before
@@ -46,7 +46,7 @@ class CompiledPhases:
         self._of_kernels = before
 
     def drop(self, before: dict[object, CompiledPhase]) -> None:
-        """Give the device memory of all back that `set_aside` did not keep."""
+        """Give the device memory back of the compiled phases that `set_aside` did not keep."""
         for kernels, each in before.items():
             if kernels not in self._of_kernels:
                 each.destroy()

@@ -1,4 +1,4 @@
-"""Where a run broke: the first step that gives a number that is not finite, and the particle and pair it began with."""
+"""First bad step: where a run broke, the first step with a number that is not finite, and its particle and pair."""
 
 from collections.abc import Callable
 from typing import Any
@@ -36,14 +36,14 @@ def label(snapshot: Snapshot, i: int) -> str:
 
 
 def unresolved(count: int, contacts: Any, *, step: int, time: float) -> StabilityError:
-    """The error for contacts that their solver gave up on, in a launch that began after `step`."""
+    """The error for contacts that their solver could not resolve, in a launch that began after `step`."""
     error = StabilityError(f"after step {step}, time {time:.9g}: {contacts.failure(count)}")
     error.step, error.time = step, time
     return error
 
 
 def unsolved(before: Snapshot, particle: int, *, step: int, time: float) -> StabilityError:
-    """The error for a step whose implicit equations were not solved; `before` is the last state whose were."""
+    """The error for a step whose implicit equations were not solved; `before` is the state after the last solved step."""
     error = StabilityError(
         f"step {step}, time {time:.9g}: Newton's method does not solve the equations of the step, "
         f"{label(before, particle)} is the furthest from its place; try a smaller dt"
@@ -53,7 +53,7 @@ def unsolved(before: Snapshot, particle: int, *, step: int, time: float) -> Stab
 
 
 def unsolved_orbit(before: Snapshot, particle: int, *, step: int, time: float) -> StabilityError:
-    """The error for a step in which an orbit could not be followed; `before` is the last state of whole orbits."""
+    """The error for a step in which Kepler's equation of an orbit was not solved; `before` is the state before the step."""
     error = StabilityError(
         f"step {step}, time {time:.9g}: Kepler's equation of {label(before, particle)} has no solution that could be found"
     )
@@ -62,7 +62,7 @@ def unsolved_orbit(before: Snapshot, particle: int, *, step: int, time: float) -
 
 
 def stalled(now: Snapshot, particle: int, *, step: int, time: float) -> StabilityError:
-    """The error for an adaptive method whose next step is below what the time can resolve; `now` is where it stands."""
+    """The error for an adaptive method whose next step is too short to change the time; `now` is its present state."""
     message = f"step {step + 1}, after time {time:.9g}: the step that the error asks for is too short for the time to go on"
     if now.particle_count > 1:
         distance = np.linalg.norm(now.position - now.position[particle], axis=1)
@@ -77,7 +77,7 @@ def stalled(now: Snapshot, particle: int, *, step: int, time: float) -> Stabilit
 
 
 def left_lattice(before: Snapshot, particle: int, reason: str, *, step: int, time: float) -> StabilityError:
-    """The error for a particle that a method can carry no farther, for a reason that it gives."""
+    """The error for a particle that leaves the range of its method; `reason` is the rest of the sentence."""
     error = StabilityError(f"step {step}, time {time:.9g}: {label(before, particle)} {reason}")
     error.step, error.time, error.particle = step, time, particle
     return error

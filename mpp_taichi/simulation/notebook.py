@@ -1,4 +1,4 @@
-"""How a simulation and a result show themselves in a notebook: a picture of the particles and a line of numbers.
+"""Notebook: the picture of the particles and the line of numbers that Jupyter shows of a simulation or a result.
 
 Jupyter calls `_repr_html_` or `_repr_png_` of an object; nothing here is imported before. The simulation is `Any`, as its
 class imports this module.
@@ -21,7 +21,7 @@ SIZE = (960, 540)  # pixels
 
 
 def picture(simulation: Any, size: tuple[int, int] = SIZE, *, earlier: Sequence[Snapshot] = ()) -> np.ndarray:
-    """The particles now, by the kernel renderer: uint8, shape (height, width, 3); `earlier` moments are where trails led."""
+    """The particles now, by the kernel renderer: uint8, shape (height, width, 3); trails lead through the `earlier` moments."""
     from mpp_taichi.views.renderer import Renderer  # the first import of Taichi, where nothing runs yet
 
     spec = simulation.scene
@@ -34,7 +34,7 @@ def picture(simulation: Any, size: tuple[int, int] = SIZE, *, earlier: Sequence[
 
 
 def png(simulation: Any, *, earlier: Sequence[Snapshot] = ()) -> bytes | None:
-    """The picture as a PNG; None where the simulation has ended and can be asked no more."""
+    """The picture as a PNG; None where the simulation has ended and its state is lost."""
     if not simulation.is_alive:
         return None
     stream = io.BytesIO()
@@ -43,20 +43,20 @@ def png(simulation: Any, *, earlier: Sequence[Snapshot] = ()) -> bytes | None:
 
 
 def html(simulation: Any) -> str:
-    """The picture above the line, and the energy."""
+    """The picture, and below it the line and the energy."""
     energy = f"; energy {simulation.diagnostics()['total_energy']:.9g}" if simulation.is_alive else ""
     return figure(png(simulation), escape(line(simulation) + energy))
 
 
 def figure(png: bytes | None, caption: str) -> str:
-    """A picture and what stands below it, as HTML."""
+    """A picture and its caption, as HTML."""
     encoded = base64.b64encode(png).decode("ascii") if png else ""
     image = f'<img src="data:image/png;base64,{encoded}" width="{SIZE[0] * 2 // 3}" alt="the particles now">' if png else ""
     return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
 
 
 def line(simulation: Any) -> str:
-    """Title, time, steps, particles and method, as they are known without asking the device."""
+    """Title, time, steps, particles and method; nothing is computed or copied from the device for it."""
     spec, device = simulation.spec, simulation.device
     springs = f", {len(simulation.start.springs):,} springs" if len(simulation.start.springs) else ""
     return (

@@ -61,7 +61,7 @@ class PhaseRunner:
         self.accounts.restart()
 
     def restart_as_written(self) -> None:
-        """Go back to the start as the scene says it; all that was set is forgotten, but for the positions of the sliders."""
+        """Go back to the start and forget all changes of parameters; only the sliders keep their positions."""
         present = self._slider_values()
         self.course, self.number = self._first_course, -1
         self.restart()

@@ -176,7 +176,7 @@ class Simulation:
         self._runner.restart_as_written() if as_written else self._runner.restart()
 
     def mark(self) -> Mark:
-        """The state and its time, to `return_to`; good within the phase."""
+        """The state and its time, for `return_to`; valid within the phase."""
         self._require_life()
         return self._runner.mark()
 
@@ -194,7 +194,7 @@ class Simulation:
         return self._launches.try_steps(self.phase, steps, self.dt if dt is None else dt)
 
     def bookmark(self) -> Bookmark:
-        """This moment with its parameters and accounts, to `go_back` to; good until a change replaces its kernels."""
+        """This moment with its parameters and accounts, for `go_back`; valid until a change replaces its kernels."""
         self._require_life()
         return self._runner.bookmark()
 
@@ -240,7 +240,7 @@ class Simulation:
         return found
 
     def keep_energy_balance(self) -> "EnergyBalance":
-        """From now on keep account of dissipated energy and work, step by step."""
+        """Integrate dissipated energy and work from now on, step by step."""
         self._require_life()
         return self._accounts.keep_energy_balance(self.phase)
 
@@ -289,7 +289,7 @@ class Simulation:
 
     @property
     def start(self) -> Snapshot:
-        """The state the simulation began with, before rounding to the run's precision."""
+        """The state that the run began with, before rounding to its precision."""
         return self._runner.course.start
 
     @property
@@ -371,7 +371,7 @@ class Simulation:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the particles are still there to be read and moved."""
+        """Whether the particles can still be read and moved."""
         return not self._closed and backends.is_alive(self.device)
 
     def _require_life(self) -> None:
@@ -389,7 +389,7 @@ class Simulation:
         self._closed = True
 
     def __enter__(self) -> "Simulation":
-        """Use as a context manager."""
+        """Return the simulation, for a block that closes it."""
         return self
 
     def __exit__(self, *_: object) -> None:

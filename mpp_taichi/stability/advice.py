@@ -1,4 +1,4 @@
-"""Advice: how large a step the integrator of a scene may take, what limits it, and what is said and done beyond that."""
+"""Advice: how large a step the integrator of a scene may take, what limits the step, and the warning or refusal beyond."""
 
 import copy
 import logging
@@ -17,15 +17,15 @@ from mpp_taichi.stability.step_limit import growth_per_step, largest_stable_step
 
 log = logging.getLogger(__name__)
 
-WARNING_SHARE = 0.9  # of the limit, from which a step is warned of
-SAME = 1e-3  # relative difference of two limits that is not worth telling apart; then the safe one counts
-ABSURD_GROWTH = 1e6  # of an amplitude over a run, by a method that no step makes stable
+WARNING_SHARE = 0.9  # of the limit: a longer step gives a warning
+SAME = 1e-3  # two limits with a smaller relative difference count as equal; the safe limit is then reported
+ABSURD_GROWTH = 1e6  # of an amplitude over a run: a method that is stable for no step is then refused
 HARMLESS_GROWTH = 1.01
 STEPS_OF_ENDLESS_RUN = 10_000
 
 
 class Method(Protocol):
-    """What is asked of an integrator."""
+    """The part of an integrator that its stability follows from."""
 
     stable_for_any_stiffness: bool
 
@@ -34,35 +34,35 @@ class Method(Protocol):
 
 
 class StepAdvice:
-    """What a step `dt` of an integrator means for a network; found out only as far as it is asked."""
+    """What a step `dt` of an integrator means for a network; each quantity is computed when it is first asked for."""
 
     def __init__(self, network: SpringNetwork, method: Method, integrator: str, dt: float, begins: float = 0.0) -> None:
-        """Keep what it is about; `begins` is the time from which on the network is so [time]."""
+        """Keep the parts; `begins` is the time from which on the network is as given [time]."""
         self.network, self.method, self.integrator, self.dt, self.begins = network, method, integrator, dt, begins
 
     @cached_property
     def safe_limit(self) -> float:
         """Largest step that is stable for every arrangement of these springs, from the bound of their frequency [time].
 
-        Infinite where there is none, 0 for a method that lets an undamped oscillation grow whatever the step.
+        Infinite where every step is stable, 0 for a method with which an undamped oscillation grows whatever the step is.
         """
         return _limit(self.method, self.network.anywhere)
 
     @cached_property
     def placed_limit(self) -> float:
-        """The same for the springs where they are placed, at least as large [time]."""
+        """Largest step that is stable for the springs as they are placed; at least the safe limit [time]."""
         if math.isinf(self.safe_limit):
             return self.safe_limit
         return max(self.safe_limit, _limit(self.method, self.network.placed))
 
     @property
     def limit(self) -> float:
-        """The limit that decides: as placed; the safe one where they differ by less than is worth telling."""
+        """The limit that decides: of the springs as placed, or the safe limit where the two differ by less than `SAME`."""
         return self.safe_limit if self.safe_limit >= (1.0 - SAME) * self.placed_limit else self.placed_limit
 
     @property
     def decided_by(self) -> str:
-        """Where the limit comes from."""
+        """The origin of the limit, in words."""
         if self.is_unlimited:
             return "the method, which takes every step"
         if not self.network.swings:
@@ -94,7 +94,7 @@ class StepAdvice:
 
     @cached_property
     def culprit(self) -> str:
-        """What sets the limit."""
+        """The spring or the damping that sets the limit, in words."""
         index = self.network.stiffest_spring()
         if index is None or self.hardest.frequency < self.hardest.damping * 1e-3:
             return f"the damping rate {self.hardest.damping:.4g}"
@@ -111,20 +111,21 @@ class StepAdvice:
         return math.exp(min(700.0, steps * math.log(worst)))
 
     def growth_per_oscillation(self) -> float:
-        """The same in one period of the fastest oscillation."""
+        """Factor by which the fastest growing oscillation grows in one period of the fastest oscillation."""
         frequency = self.network.frequency
         return self.growth(max(1, round(2.0 * math.pi / (frequency * self.dt)))) if frequency else 1.0
 
     def at(self, dt: float) -> "StepAdvice":
         """The same network and method with another step."""
-        other = copy.copy(self)  # with everything that was found out
+        other = copy.copy(self)  # with the limits that were computed already
         other.dt = dt
         return other
 
     def enforce(self, *, steps: int | None = None, force: bool = False) -> None:
         """Warn from `WARNING_SHARE` of the limit; beyond it refuse, or only warn where `force` says so.
 
-        A method that is stable for no step is refused where an oscillation would grow beyond all reason in `steps` steps.
+        A method that is stable for no step is refused where an oscillation would grow by more than `ABSURD_GROWTH` in `steps`
+        steps.
 
         Raises:
             StabilityError: the step is beyond what the integrator can take.
@@ -174,7 +175,7 @@ class StepAdvice:
 
     @property
     def place(self) -> str:
-        """`scene.yaml:9:3`, with the time from which on it is about."""
+        """`scene.yaml:9:3`, with the time from which on the advice holds."""
         begins = f": from t = {self.begins:.6g} on" if self.begins > 0.0 else ""
         return f"{self.network.spec.integrator.location}{begins}"
 
@@ -184,7 +185,7 @@ class StepAdvice:
         return f"integrator.{self.integrator}.dt"
 
     def facts(self) -> dict[str, Any]:
-        """What `explain` and a dry run report; None stands for "no limit"."""
+        """The entries that `explain` and a dry run report; None stands for "no limit"."""
         return {
             "dt_limit": _finite(self.limit),
             "dt_limit_placed": _finite(self.placed_limit),
@@ -211,9 +212,9 @@ class StepAdvice:
 
 
 def advise(spec: SceneSpec, snapshot: Snapshot, method: Method, dt: float, *, begins: float = 0.0) -> StepAdvice | None:
-    """What is to be said about `dt` of this integrator for this scene at this state; None where nothing limits it.
+    """The advice on the step `dt` of this integrator, for a scene in a state; None where nothing limits the step.
 
-    `snapshot` holds the springs and masses as they are now, and `spec` says the dimensions, the kind of damping and the drag.
+    `snapshot` has the springs and the masses as they are now, `spec` the dimensions, the kind of damping and the drag.
     """
     network = SpringNetwork(spec, snapshot)
     if network.is_still:

@@ -1,4 +1,4 @@
-"""Guard: the check that a simulation makes of its step before it takes one, and again when the step has changed."""
+"""Guard: the check of the step that a run makes before it begins, and again when the step has changed."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from mpp_taichi.stability.network import drag_of
 
 
 class StepGuard:
-    """Knows the scene as it was placed; computes nothing before it is asked, and nothing twice."""
+    """Judges steps of one method for one scene, as it was placed; the limit is computed once, when it is first needed."""
 
     def __init__(self, spec: SceneSpec, start: Snapshot, method: Method, *, force: bool) -> None:
         """`force` turns refusals into warnings."""
@@ -19,17 +19,17 @@ class StepGuard:
         self._checked: float | None = None
 
     def knows(self, spec: SceneSpec, springs: Springs, method: Method) -> bool:
-        """Whether what limits a step is the same: these springs, this method, and the drag."""
+        """Whether the limit of the step is the same for these springs, this method and the drag of this scene."""
         return springs is self.start.springs and method is self.method and drag_of(spec) == drag_of(self.spec)
 
     def advice(self, dt: float) -> StepAdvice | None:
-        """How large a step the springs and the drag allow; None where nothing limits it."""
+        """How large a step the springs and the drag allow; None where nothing limits the step."""
         if not self._asked:
             self._asked, self._advice = True, advise(self.spec, self.start, self.method, dt)
         return None if self._advice is None else self._advice.at(dt)
 
     def check(self, dt: float, steps: int | None = None) -> None:
-        """Warn or refuse, once for each dt.
+        """Warn of a step, or refuse it; a second call with the same dt does nothing.
 
         Raises:
             StabilityError: the step cannot hold, and `force` was not set.

@@ -1,4 +1,4 @@
-"""Network: how fast the springs and the drag of a scene make it swing and decay, where it is placed and at most."""
+"""Network: the largest frequency and damping rate of the springs and the drag of a scene, as placed and in any arrangement."""
 
 import math
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class SpringNetwork:
     """
 
     def __init__(self, spec: SceneSpec, snapshot: Snapshot) -> None:
-        """Keep what is asked; everything is computed when it is wanted."""
+        """Keep the scene and the state; every rate is computed when it is first asked for."""
         self.spec, self.snapshot = spec, snapshot
         self.drag = drag_of(spec)
         self.swings = bool(snapshot.springs.stiffness.any())
@@ -46,23 +46,23 @@ class SpringNetwork:
 
     @cached_property
     def damping(self) -> LargestEigenvalue:
-        """Largest γ of the network as it is placed, and where it acts."""
+        """Largest γ of the network as it is placed, and its mode."""
         bonds = damping_bonds(self.snapshot, self.spec.dimensions, mode=self.spec.spring_damping, drag=self.drag)
         return LargestEigenvalue(bonds)
 
     @property
     def is_still(self) -> bool:
-        """Whether there is nothing that could limit a step."""
+        """Whether no spring and no drag limits a step."""
         return not (self.swings or self._decays)
 
     @property
     def converged(self) -> bool:
-        """Whether the iterations gave an answer; otherwise the bounds stand in for it."""
+        """Whether the iterations have converged; otherwise the bounds are used instead of the eigenvalues."""
         return (not self.swings or self.stiffness.converged) and (not self._decays or self.damping.converged)
 
     @cached_property
     def frequency(self) -> float:
-        """Largest angular frequency as placed, with the error of the iteration added; the bound where it failed [1/time]."""
+        """Largest angular frequency as placed, with the error of the iteration added, or else the bound [1/time]."""
         if not self.swings:
             return 0.0
         found = math.sqrt(max(self.stiffness.upper, 0.0))
@@ -70,13 +70,13 @@ class SpringNetwork:
 
     @cached_property
     def frequency_bound(self) -> float:
-        """What the largest frequency cannot exceed in any arrangement of the same particles and springs [1/time]."""
+        """Upper bound of the frequencies in every arrangement of the same particles and springs [1/time]."""
         springs = self.snapshot.springs
         return math.sqrt(row_sum_bound(self.snapshot, self.spec.dimensions, springs.stiffness)) if self.swings else 0.0
 
     @cached_property
     def damping_bound(self) -> float:
-        """What the largest damping rate cannot exceed in any arrangement [1/time]."""
+        """Upper bound of the damping rates in every arrangement [1/time]."""
         if not self._decays:
             return 0.0
         return row_sum_bound(self.snapshot, self.spec.dimensions, self.snapshot.springs.damping, self.drag)
@@ -85,7 +85,7 @@ class SpringNetwork:
     def placed(self) -> list[Rates]:
         """The two oscillations that may limit a step: the fastest one, and the most damped one.
 
-        The rate that goes with each is the Rayleigh quotient of its mode: exact where damping and stiffness share their modes.
+        The second rate of each is the Rayleigh quotient of its mode: exact where damping and stiffness share their modes.
         """
         if not self.converged:
             return self.anywhere

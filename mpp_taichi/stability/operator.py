@@ -10,7 +10,7 @@ from mpp_taichi.snapshot import Snapshot
 
 @dataclass(frozen=True, eq=False)
 class Bonds:
-    """One symmetric matrix a I + b n nᵀ for each spring, and what the ends weigh: half of a mass-weighted operator.
+    """One symmetric matrix a I + b n nᵀ for each spring, and the weights of its ends: half of a mass-weighted operator.
 
     first, second   the ends, shape (spring_count,);  direction n, shape (dimensions, spring_count), 0 where the ends coincide
     isotropic a, axial b, shape (spring_count,)
@@ -28,7 +28,7 @@ class Bonds:
 
     @property
     def size(self) -> int:
-        """Degrees of freedom, those of held axes included: they stay zero."""
+        """Degrees of freedom; held axes are counted as well, and their entries stay zero."""
         return self.weight.size
 
     def bond_forces(self, vector: np.ndarray) -> np.ndarray:
@@ -50,7 +50,7 @@ class Bonds:
         return result.ravel()
 
     def shares(self, vector: np.ndarray) -> np.ndarray:
-        """What each spring adds to vectorᵀ (operator) vector."""
+        """The term of each spring in vectorᵀ (operator) vector."""
         moved = self.weight * vector.reshape(self.weight.shape)
         forces = self.bond_forces(vector)
         return sum((axis[self.second] - axis[self.first]) * force for axis, force in zip(moved, forces))
@@ -59,8 +59,8 @@ class Bonds:
 def stiffness_bonds(snapshot: Snapshot, dimensions: int) -> Bonds:
     """The springs where they are: K_h = D n nᵀ + (T/l)(I − n nᵀ), see `LinearNetwork`.
 
-    A compressed spring (T < 0) pushes sideways and lowers frequencies. Where the ends coincide there is no direction and D I
-    is taken: the most that a spring of any direction can do.
+    A compressed spring (T < 0) pushes sideways and lowers frequencies. A spring whose ends coincide has no direction; D I
+    is taken for it, an upper bound of its matrix in any direction.
     """
     network, stiffness = linearise(snapshot, dimensions=dimensions), snapshot.springs.stiffness
     lateral = np.where(network.length > 0.0, network.lateral, stiffness)
@@ -77,11 +77,11 @@ def damping_bonds(snapshot: Snapshot, dimensions: int, *, mode: str, drag: float
 
 
 def row_sum_bound(snapshot: Snapshot, dimensions: int, coefficient: np.ndarray, drag: float = 0.0) -> float:
-    """Largest eigenvalue that springs of these coefficients can have in any directions at all, an upper bound.
+    """Upper bound of the largest eigenvalue of springs with these coefficients, whatever their directions are.
 
-    Since a I + b n nᵀ ≤ (a + b) I, the operator is at most that of springs acting alike along all axes, whose row sums bound
-    it (Gershgorin): max_i [Σ_h D/m_i + Σ_h D/√(m_i m_j)], the second sum over ends j that can move. Rows of M⁻¹K have the same
-    eigenvalues and other sums; the smaller bound of the two is taken.
+    Since a I + b n nᵀ ≤ (a + b) I, the operator is at most the operator of springs that act alike along all axes, whose row
+    sums are bounds of its eigenvalues (Gershgorin): max_i [Σ_h D/m_i + Σ_h D/√(m_i m_j)], the second sum over ends j that can
+    move. M⁻¹K has the same eigenvalues and other row sums; the smaller bound of the two is taken.
     """
     between = snapshot.springs.between
     free = snapshot.free[:, :dimensions].any(axis=1) & (snapshot.mass > 0.0)
@@ -96,7 +96,7 @@ def row_sum_bound(snapshot: Snapshot, dimensions: int, coefficient: np.ndarray, 
 
 
 def _bonds(network: LinearNetwork, snapshot: Snapshot, *, isotropic: np.ndarray, axial: np.ndarray) -> Bonds:
-    """The same springs with one axis after the other in memory, and masses in the weights: products are what the iteration is.
+    """The springs of a network as bonds, axis by axis in memory, for fast products with vectors.
 
     Unlike the freedoms of the network, axes of particles without a spring count: drag acts on them.
     """

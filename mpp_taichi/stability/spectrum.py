@@ -7,10 +7,10 @@ import numpy as np
 from mpp_taichi.stability.operator import Bonds
 
 SEED = 20140306
-NEGLIGIBLE = 1e-9  # relative residual beyond which nothing is gained
-CLOSE = 3e-4  # the same for a network that is no longer small
-ENOUGH = 5e-3  # what will do for a large one; its value was then off by 1.4e-3, measured on a sheet of a million springs
-USABLE = 4e-2  # relative residual above which the answer is not gone by
+NEGLIGIBLE = 1e-9  # relative residual at which the iteration for a small network ends: rounding
+CLOSE = 3e-4  # the same for a larger network
+ENOUGH = 5e-3  # the same after LONG_WORK; on a sheet of a million springs the value was then wrong by 1.4e-3
+USABLE = 4e-2  # relative residual above which the value is not used
 MOST_PRODUCTS = 400
 LONG_WORK = 20_000_000  # springs × products after which ENOUGH is enough: about a second
 LONGEST_WORK = 200_000_000
@@ -21,11 +21,12 @@ class LargestEigenvalue:
     """The largest eigenvalue λ of an operator, by Lanczos iteration from a random start with a fixed seed.
 
     value       Rayleigh quotient of `vector`: never above λ, beyond rounding
-    residual    ‖A v − value·v‖: an eigenvalue lies so near to `value`; that it is the largest one rests on the random start
-    converged   whether the residual is small enough to go by
+    residual    ‖A v − value·v‖, the largest distance from `value` to the nearest eigenvalue; the random start makes it
+                all but certain that this is the largest eigenvalue
+    converged   whether the residual is small enough to use the value
 
-    A small network is followed until the residual is rounding; a large one, whose spectrum is dense at its end, until it is
-    `ENOUGH`. Source: Golub and Van Loan, Matrix Computations, 4th ed. (2013), §10.1 and §10.3.
+    For a small network the iteration ends when the residual is rounding; for a large network, whose spectrum is dense at its
+    end, when the residual is at most `ENOUGH`. Source: Golub and Van Loan, Matrix Computations, 4th ed. (2013), §10.1, §10.3.
     """
 
     def __init__(self, bonds: Bonds) -> None:
@@ -34,7 +35,7 @@ class LargestEigenvalue:
         start = np.random.default_rng(SEED).standard_normal(bonds.size) * (bonds.weight.ravel() > 0.0)
         self._start = start / max(float(np.linalg.norm(start)), np.finfo(float).tiny)
         self._diagonal: list[float] = []
-        self._beside: list[float] = []  # one more than lie beside the diagonal: the last leads out of the space
+        self._beside: list[float] = []  # beside the diagonal, and one entry more, which leads out of the space
         self._basis = [self._start]
         self._weights = np.ones(1)
         self.value, self.residual = 0.0, 0.0
@@ -43,7 +44,7 @@ class LargestEigenvalue:
 
     @property
     def upper(self) -> float:
-        """Value and residual together."""
+        """Upper end of the interval that holds the eigenvalue: value + residual."""
         return self.value + self.residual
 
     def _iterate(self) -> None:
@@ -60,7 +61,7 @@ class LargestEigenvalue:
                     return
 
     def _wanted(self, work: int) -> float:
-        """The relative residual to go on to, after so many springs × products."""
+        """The relative residual at which the iteration ends, after so many springs × products."""
         if work > LONG_WORK:
             return ENOUGH
         return NEGLIGIBLE if len(self._start) <= SMALL_SIZE else CLOSE
@@ -82,7 +83,7 @@ class LargestEigenvalue:
         return following
 
     def _three_terms(self, step: int, last: np.ndarray, before: np.ndarray) -> np.ndarray:
-        """A qₖ − αₖ qₖ − βₖ₋₁ qₖ₋₁; αₖ is found the first time."""
+        """A qₖ − αₖ qₖ − βₖ₋₁ qₖ₋₁; αₖ is computed in the first pass."""
         following = self.bonds.product(last)
         if step == len(self._diagonal):
             self._diagonal.append(float(following @ last))
@@ -100,7 +101,7 @@ class LargestEigenvalue:
 
     @cached_property
     def vector(self) -> np.ndarray:
-        """The Ritz vector; where the basis was not kept, its vectors are made a second time."""
+        """The Ritz vector; where the basis was not kept, the iteration is repeated."""
         total = self._weights[0] * self._start
         last, before = self._start, np.zeros_like(self._start)
         for step, weight in enumerate(self._weights[1:]):

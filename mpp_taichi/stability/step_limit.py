@@ -10,20 +10,20 @@ Amplification = Callable[[float, float], np.ndarray]
 
 # A step is stable where no eigenvalue is beyond 1 by more than the rounding of the matrix.
 ROUNDING = 1e-13
-ROUNDING_OF_ROOTS = 1e-6  # a double eigenvalue ±1 is rounded by the square root of that
-FIRST = 0.02  # angle per step from which a growth of second order, as RK2's y⁴/4, stands out from rounding
+ROUNDING_OF_ROOTS = 1e-6  # a double eigenvalue ±1 has a rounding error of the square root of that of the matrix
+FIRST = 0.02  # angle per step at which a growth of fourth order in it, as RK2's y⁴/4, is larger than rounding
 STRIDE = 0.1
-FAR = 10.0  # beyond it the angle grows by a factor instead of a stride
+FAR = 10.0  # beyond this angle the search goes on by a factor instead of a stride
 FACTOR = 1.3
-FARTHEST = 1e8  # an integrator stable up to here has no limit
+FARTHEST = 1e8  # an integrator that is stable up to this angle has no limit
 
 
 def margins(matrix: np.ndarray) -> tuple[float, ...]:
-    """How far a step is from stable, by each criterion: above 0 something grows, at most 0 nothing does.
+    """How far a step is from stable, by each criterion: where a margin is above 0, some oscillation grows.
 
     A matrix of two rows is judged by determinant and trace (Jury), det ≤ 1 and |trace| ≤ 1 + det, which rounding hardly
-    changes where two eigenvalues meet on the unit circle, as they do at every limit of a symplectic method; a longer state
-    by its spectral radius.
+    changes where two eigenvalues meet on the unit circle, as they do at every limit of a symplectic method. The matrix of a
+    longer state is judged by its spectral radius.
     """
     if not np.isfinite(matrix).all():
         return (math.inf,)
@@ -48,10 +48,10 @@ def spectral_radius(matrix: np.ndarray) -> float:
 def largest_stable_step(amplification: Amplification, frequency: float, damping: float = 0.0) -> float:
     """Largest dt such that every smaller one is stable on x" = −ω² x − γ x′ [time].
 
-    Infinite for a method without a limit, 0 for one that is stable for no step worth taking (explicit Euler and other methods
-    of low order without damping: `growth_per_step` says how bad it is). Found by going up until a step is unstable, then by
-    bisection to rounding; narrow gaps, as composed methods have them near half a turn per step, are looked for where the
-    margin is smallest.
+    Infinite for a method without a limit, 0 for a method that is stable for no useful step (explicit Euler and other methods of
+    low order without damping; `growth_per_step` tells how fast oscillations grow). The search goes up to the first unstable
+    step, then bisects to rounding. Composed methods have narrow unstable gaps near half a turn per step; each maximum of a
+    margin below 0 is searched for such a gap.
     """
     rate = max(frequency, damping)
     if rate == 0.0:
@@ -83,13 +83,13 @@ def largest_stable_step(amplification: Amplification, frequency: float, damping:
 
 
 def growth_per_step(amplification: Amplification, frequency: float, damping: float, dt: float) -> float:
-    """Spectral radius of a step, 1 where nothing grows."""
+    """Spectral radius of a step, 1 where no oscillation grows."""
     matrix = amplification(frequency * dt, damping * dt)
     return spectral_radius(matrix) if excess(matrix) > 0.0 else 1.0
 
 
 def _below_first(excess_at: Callable[[float], float]) -> float:
-    """Limit of a method that damping alone makes stable, 0 where none is seen."""
+    """Limit of a method that is stable thanks to damping only; 0 where no stable step is found."""
     unstable = FIRST
     for _ in range(4):
         if excess_at(0.5 * unstable) <= 0.0:
@@ -109,7 +109,7 @@ def _bisect(excess_at: Callable[[float], float], stable: float, unstable: float)
 
 
 def _highest(margins_at: Callable[[float], tuple[float, ...]], number: int, low: float, high: float) -> float:
-    """Where one of the margins is largest, by golden sections."""
+    """The angle at which one of the margins is largest, by golden sections."""
     ratio = 0.5 * (math.sqrt(5.0) - 1.0)
     for _ in range(30):
         left, right = high - ratio * (high - low), low + ratio * (high - low)
