@@ -35,8 +35,9 @@ def simulation(*arguments, **more):
 def start(run, position, velocity):
     """From its start time again, with other places and velocities of two components."""
     run.restart()
-    run.contact_report = ContactReport()
-    run._write(*(np.pad(np.asarray(rows, float), ((0, 0), (0, 1))) for rows in (position, velocity)))
+    run._accounts.contact_report = ContactReport()
+    run.state.write(*(np.pad(np.asarray(rows, float), ((0, 0), (0, 1))) for rows in (position, velocity)))
+    run.integrator.adopt(run.state, run.dt)
 
 
 def floor(height=0.0, **more):
@@ -140,7 +141,7 @@ def test_the_error_of_many_contacts_goes_with_the_tolerance(integrator, toleranc
             errors.append(abs(run.snapshot().position[1, 1] - 1.5 * math.cos(phase)))
             # A step errs by the tolerance in parts of 1.5, the size of the motion.
             assert errors[-1] < 1.5 * tolerance * run.integrator.counts(run.state)[0, run.integrator.STEPS]
-            run.contact_report = ContactReport()
+            run._accounts.contact_report = ContactReport()
     # A method of low order takes so many steps that their errors add smoothly, in proportion to the tolerance.
     if integrator == CHEAP:
         assert np.polyfit(np.log(tolerances), np.log(errors), 1)[0] == pytest.approx(1.0, abs=0.05)
