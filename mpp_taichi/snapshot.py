@@ -99,7 +99,7 @@ class Snapshot:
             else np.array_equal(self.mass, start.mass)
         )
         if not same:
-            raise StateError("the masses of the state are not those of the scene")
+            raise StateError("the masses of the state differ from the masses of the scene")
         if np.any(self.mass < 0.0) or np.any(self.radius < 0.0):
             raise StateError("the state holds a mass or a radius below 0")
         if not (np.isfinite(self.position).all() and np.isfinite(self.velocity).all()):

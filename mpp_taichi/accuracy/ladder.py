@@ -27,7 +27,7 @@ class Ladder:
     least        steps below which the method is not stable
     floor        the error below which the reference shows nothing
     coarsest     the error above which coarser steps are of no interest
-    tolerance    of rung 0 of an adaptive method, which has `anchor` looks at every rung; else None
+    tolerance    of rung 0 of an adaptive method, which takes `anchor` samples at every rung; else None
     patient      continue where a rung reduces the error little: errors of contacts fall irregularly
     """
 

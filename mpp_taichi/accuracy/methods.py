@@ -42,7 +42,7 @@ class StudyMethod:
 
     @property
     def adaptive(self) -> bool:
-        """Whether the method chooses its steps itself; its runs are sampled as often as those of other methods."""
+        """Whether the method chooses its steps itself; its runs are sampled as often as the runs of other methods."""
         return self.tolerance is not None
 
 

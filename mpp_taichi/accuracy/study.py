@@ -89,7 +89,7 @@ class Study:
         finally:
             self.store.save()
 
-    # --- what was found -------------------------------------------------------------------------------------------------
+    # Results
 
     @property
     def remarks(self) -> list[str]:
@@ -138,7 +138,7 @@ class Study:
     def _error(self, sample: Sample) -> float:
         return float("inf") if self.quantity is None else self.error(sample, self.quantity).bound
 
-    # --- what is done ---------------------------------------------------------------------------------------------------
+    # Stages of the study
 
     def _go(self) -> None:
         with Workbench(self.problem, backend=REFERENCE[0], precision=REFERENCE[1]) as bench:
@@ -203,7 +203,7 @@ class Study:
             self.store.span = self.problem.span
         if self.problem.span < self.whole:
             self.tell(
-                f"looking at the first t = {self.problem.span:.6g} of {self.whole:.6g}: all of it does not fit the budget often"
+                f"studying the first t = {self.problem.span:.6g} of {self.whole:.6g}: all of it does not fit the budget often"
             )
 
     def _find_reference(self, bench: Workbench) -> None:
@@ -269,7 +269,7 @@ class Study:
         self.store.notes["reference"] = self.reference.facts()
         self.tell(f"reference: {self.reference.told}")
         if self.problem.span < whole.span:
-            self.tell(f"looking at the first t = {self.problem.span:.6g}, in which no round-off grows to be seen")
+            self.tell(f"studying the first t = {self.problem.span:.6g}, in which no round-off grows to be seen")
         return True
 
     def _look_at(self, bench: Workbench, problem: Problem) -> None:
@@ -279,7 +279,7 @@ class Study:
         self.store.span = problem.span
 
     def _finer(self, bench: Workbench, known: ReferenceSolution) -> ReferenceSolution:
-        """Replace the reference by that of `radau_reference`, where round-off limits the known one and time is left."""
+        """Replace the reference by the solution of `radau_reference`, where round-off limits the known one and time is left."""
         enough = WELL_KNOWN if self.wishes.aim is None else self.wishes.aim * WITHIN_AIM
         if not known.trusted or known.bar <= enough or radau_reference.method() not in self.methods:
             return known

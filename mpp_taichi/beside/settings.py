@@ -17,7 +17,7 @@ LONGEST_VALUE = 60  # letters in a caption
 
 
 class BesideError(MppError):
-    """`--beside` cannot be followed, or the right half of a film failed; `exit_code` is that of the underlying error."""
+    """`--beside` cannot be followed, or the right half of a film failed; `exit_code` is the code of the underlying error."""
 
     exit_code = 2
 
@@ -29,7 +29,7 @@ class BesideError(MppError):
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """The right half: the texts of `--beside`, its scene, and the options of its device that differ from those of the left."""
+    """The right half: the texts of `--beside`, its scene, and the options of its device that differ from the left half's."""
 
     said: tuple[str, ...]
     scene: SceneSpec

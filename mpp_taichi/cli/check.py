@@ -34,9 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Check all scenes; the exit code is that of the first faulty scene, else 4 when an expectation failed, else 0.
+    """Check all scenes; the exit code belongs to the first faulty scene, else is 4 when an expectation failed, else 0.
 
-    Where the backend can run none of the scenes, the exit code is that of a missing backend.
+    Where the backend can run none of the scenes, the exit code says that the backend is missing.
     """
     scenes = _scene_files(arguments.scenes)
     jobs = arguments.jobs or (1 if len(scenes) <= FEW else os.cpu_count() or 1)

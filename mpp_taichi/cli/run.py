@@ -1,8 +1,8 @@
 """Run a scene: in a window where there is a display, else into a film.
 
-With --headless nothing is shown and only what is asked for is written. With --video the run becomes a film, and so it does
-where no window can open: out/SCENE.mp4, and one line says why. A window stays open until it is closed; at the end of the
-scene's duration it pauses.
+With --headless nothing is shown, and only the requested files are written. With --video the run becomes a film. Where no window
+can open, the run becomes the film out/SCENE.mp4, and one line says why. A window stays open until it is closed; at the end of
+the scene's duration it pauses.
 """
 
 import argparse

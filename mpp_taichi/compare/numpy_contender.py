@@ -27,7 +27,7 @@ class NumpyContender:
         """
         refused = numpy_reference.refusal(spec) or numpy_steps.refusal(spec)
         if refused is None and precision != "f64":
-            refused = "the NumPy backend computes in f64 alone"
+            refused = "the NumPy backend computes only in f64"
         if refused is None and pair_forces(spec) * start.particle_count**2 > MOST_PAIRS:
             refused = f"NumPy takes too long for so many pairs; it goes up to {round(MOST_PAIRS**0.5):,} particles"
         if refused:

@@ -143,7 +143,7 @@ def main() -> None:
 
 @contextlib.contextmanager
 def _own_output() -> Any:
-    """A stream to standard output for the answers alone; what libraries print goes to standard error."""
+    """A stream to standard output only for the answers; the output of libraries goes to standard error."""
     kept: TextIO = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     with kept:

@@ -58,7 +58,7 @@ class Resting(ContactSolver):
     )
 
     compliance: float = param(
-        0.0, minimum=0.0, unit="length force⁻¹", help="c, overlap [length] per force that a resting contact bears; 0: hard"
+        0.0, minimum=0.0, unit="length force⁻¹", help="c, overlap [length] per force on a resting contact; 0: hard"
     )
 
     drifts = True

@@ -10,7 +10,7 @@ from mpp_taichi.quantities._base import NoResultError
 class ModeLeakage(OfMode):
     """Largest share of the energy outside a mode in any sample, 1 − ½ M (ȧ² + ω² a²) / (½ Σ m v² + ½ uᵀ K u).
 
-    Energies are those of the springs linearised at rest, M = Σ m shape².
+    Energies are computed with the springs linearised at rest, M = Σ m shape².
     """
 
     of: Lattice = param(None, optional=True, help="a lattice; absent: the mode is counted in the whole network")

@@ -17,8 +17,8 @@ SAMPLE_ANGLE = 0.05  # radians between two samples; the cubic below is then good
 class OrbitalPeriod(Diagnostic):
     """Time of the first full turn of `of` around `around`, as seen from `around` in the plane of their first motion.
 
-    The angle is that of the relative position, its rate ω = (r × v)·n / |r in the plane|². Between two samples the angle is the
-    cubic with both angles and both rates (Hermite), and the turn is complete at its root. The turn is the sidereal one:
+    The angle is the angle of the relative position, its rate ω = (r × v)·n / |r in the plane|². Between two samples the angle
+    is the cubic with both angles and both rates (Hermite), and the turn is complete at its root. The turn is the sidereal one:
     against fixed directions, not from pericentre to pericentre.
     """
 

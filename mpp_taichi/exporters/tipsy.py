@@ -1,4 +1,4 @@
-"""Tipsy, standard binary: big-endian, floats of 32 bits, every particle as one of dark matter.
+"""Tipsy, standard binary: big-endian, floats of 32 bits, every particle as a particle of dark matter.
 
 Source: header and particles as N. Katz and T. Quinn's tipsy has them; nemo's tipsy(5), pkdgrav3's "File Formats".
 """

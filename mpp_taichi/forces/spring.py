@@ -17,7 +17,9 @@ class Spring(BondForce):
     A spring whose ends coincide has no direction and exerts no elastic force. Source: Hooke; T. Müller, arXiv:1403.1695.
     """
 
-    damping: str = param("axial", choices=("axial", "full", "none"), help="how c acts; none when no spring has damping")
+    damping: str = param(
+        "axial", choices=("axial", "full", "none"), help="direction in which c acts; none where no spring has damping"
+    )
     has_derivatives = True
     acts_on_springs = True
 

@@ -72,7 +72,7 @@ class Adaptive(Integrator):
         return np.flatnonzero(self.counts(state)[:, self.STALLED])
 
     def trouble(self, state: Any, bad: int) -> Trouble | None:
-        """A replica whose step has become too short, and of its particles the one that is accelerated most."""
+        """A replica whose step has become too short, and its particle with the largest acceleration."""
         stalled = self.stalled_replicas(state)
         if not len(stalled):
             return not_finite(bad)

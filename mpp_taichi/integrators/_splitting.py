@@ -45,7 +45,7 @@ class Splitting(Integrator):
     Forces that depend on velocity are integrated inside each kick, at frozen positions, by a Runge–Kutta method of the order of
     the splitting, so that the order is kept; from order 6 on it is kept for friction linear in velocity (see `taylor`).
     Runge–Kutta–Nyström tables have their order because [B,[B,[B,A]]] = 0 for kicks B and drifts A, which holds for forces of
-    positions and time alone. Such tables declare `takes_velocity = False`, and other forces are refused with them.
+    positions and time only. Such tables declare `takes_velocity = False`, and other forces are refused with them.
     """
 
     drifts: tuple = ()

@@ -12,7 +12,7 @@ from mpp_taichi.types import Template
 
 @component
 class Bdf2(Implicit):
-    """Two-step formula y₁ = (4 y − y₋₁)/3 + (2h/3) y₁′ for x and v: second order, and it damps what a step cannot resolve.
+    """Two-step formula y₁ = (4 y − y₋₁)/3 + (2h/3) y₁′ for x and v: second order. It damps motions that a step cannot resolve.
 
     A slow oscillation loses about π(ωh)³ of its energy per period; a fast oscillation vanishes in a few steps. The first step,
     and the first step of another length, are steps of implicit Euler.
@@ -32,7 +32,7 @@ class Bdf2(Implicit):
 
     @ti.func
     def coefficients(self, state: Template, first, dt):
-        """(b, g); those of implicit Euler where the step before had another length, or there was none."""
+        """(b, g); the values of implicit Euler where the step before had another length, or there was no step before."""
         part = ti.cast(1.0, float)
         if state.history_dt[first // self.newton.particle_count] == dt:
             part = 2.0 / 3.0

@@ -12,8 +12,9 @@ from mpp_taichi.types import Template
 class ImplicitMidpoint(Implicit):
     """v₁ = v + h a(x̄, v̄), x₁ = x + h v̄ with the means x̄, v̄ of start and end: second order, symplectic, time-reversible.
 
-    Keeps the energy of linear springs exactly and their oscillations for ever, with frequency (2/h) arctan(ωh/2): those that a
-    step cannot resolve become slow ones, and stay. Keeps linear and angular momentum, to the solver's tolerance.
+    Keeps the energy of linear springs exactly and their oscillations for ever, with frequency (2/h) arctan(ωh/2):
+    oscillations that a step cannot resolve become slow oscillations, and stay. Keeps linear and angular momentum, to the
+    solver's tolerance.
     Source: Hairer, Lubich & Wanner, Geometric Numerical Integration, §II.1.
     """
 

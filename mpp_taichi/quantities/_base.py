@@ -49,7 +49,7 @@ class RunSample(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What a quantity knows of its scene before the first sample: the scene, its start, and the names of its particles."""
+    """The data that a quantity has before the first sample: the scene, its start, and the names of its particles."""
 
     spec: SceneSpec
     start: Snapshot
@@ -140,5 +140,5 @@ class OfEach(Quantity):
 
 
 def of_which(noun: str, name: str) -> str:
-    """`z of planet`, or the noun alone."""
+    """`z of planet`, or only the noun."""
     return f"{noun} of {name}" if name else noun

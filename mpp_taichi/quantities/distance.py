@@ -13,7 +13,8 @@ LARGEST_TURN = 0.1  # of the distance: farther the two ends may not move between
 class Distance(OfEach):
     """Distance of a particle or a group's centre of mass from another, or from a point [length].
 
-    Without `to` and `point` it is from the centre of mass of all particles. In a histogram it is that of each particle. For the
+    Without `to` and `point` the distance is from the centre of mass of all particles. A histogram shows the distance of each
+    particle. For the
     largest or smallest distance of a run, samples follow each other so fast that the two ends move by at most a tenth of it.
     """
 

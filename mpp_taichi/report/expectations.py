@@ -36,7 +36,7 @@ class Verdict:
 
 
 class Watcher:
-    """The recorder that measures what a scene's `expect:` names; only these diagnostics and quantities are imported.
+    """The recorder that measures the quantities of a scene's `expect:`; no other diagnostics and quantities are imported.
 
     It takes samples at the start, every `every` steps, as often as a diagnostic asks for, and at the end (`finish`).
     """

@@ -204,7 +204,7 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
     rows = [
         ("scene", f"{found['title'] or found['scene']}: {found['particle_count']:,} particles{springs}"),
         ("effects", ", ".join(found["effects"]) or "none: every particle moves on a straight line"),
-        ("method", f"{found['integrator']}, dt {found['dt']:.6g}{' between looks' if control else ''}, {found['precision']}"),
+        ("method", f"{found['integrator']}, dt {found['dt']:.6g}{' between samples' if control else ''}, {found['precision']}"),
         ("rewound", found.get("rewound", "")),
         ("device", f"{found['backend']}: {found['device']}{threads}"),
         ("plan", f"{found['plan']}: {found['plan_reason']}"),

@@ -11,7 +11,7 @@ from mpp_taichi.scene.spec import Location, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 OUTWEIGHS = 10.0
-"""The least ratio of the central body's mass to that of all other bodies; the error is proportional to its inverse."""
+"""The least ratio of the central body's mass to the mass of all other bodies; the error is proportional to its inverse."""
 
 
 def check_integrator(spec: SceneSpec, faults: Faults) -> None:
@@ -57,7 +57,7 @@ def refused_formulas(integrator: str, spec: SceneSpec) -> str:
     if not wants.get("takes_time", True):
         timed = [name for name, says in forces.items() if says.get("depends_on_time")]
         if timed:
-            return f"goes back bit for bit by forces of places alone, not by {', '.join(timed)}, which depends on time"
+            return f"goes back bit for bit only with forces of positions, not with {', '.join(timed)}, which depends on time"
     return ""
 
 

@@ -36,7 +36,7 @@ class ParticleLayout:
         return bisect.bisect_right(self.starts, index) - 1
 
     def label(self, index: int) -> str:
-        """The text for a particle in messages: its name, the name of its group, or its index alone."""
+        """The text for a particle in messages: its name, the name of its group, or only its index."""
         number = self.entry_of(index)
         name = self.entries[number].parameters.get("name") or self.entries[number].name
         part = f"{name}[{index - self.starts[number]}]" if self.counts[number] > 1 else name

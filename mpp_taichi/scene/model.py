@@ -90,7 +90,7 @@ def scene_model(selection: Selection) -> type[BaseModel]:
 
 @lru_cache(maxsize=64)
 def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[BaseModel]:
-    del extra_folders  # part of the cache key alone: files of the same names in other folders give other models
+    del extra_folders  # only part of the cache key: files of the same names in other folders give other models
     chosen = dict(selection)
     expect = _expect_model(chosen["diagnostics"], chosen["quantities"])
     particles, springs, forces, walls, integrator = (
@@ -105,9 +105,9 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
     return create_model(
         "Scene",
         __config__=STRICT,
-        __doc__="A scene: particles, what acts between them, how time goes on, and what is looked at.",
+        __doc__="A scene: particles, what acts between them, how time goes on, and the quantities that are measured.",
         title=_key(Text(), "", "what the window and the film are headed"),
-        description=_key(Text(), "", "what to look at and what to try"),
+        description=_key(Text(), "", "what the scene shows, and what a reader can try"),
         extends=_key(Text(), None, "a scene in this folder that this one completes; mappings merge, lists replace"),
         units=(Units | None, Describe(None, description="units of the numbers; without them they are dimensionless")),
         constants=(numbers | None, Describe(None, description="names for numbers, usable in expressions")),
@@ -134,7 +134,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         move_to_center_of_mass=_key(fields.Flag(), False, "start with the centre of mass at rest at the origin"),
         run=(RunSpec, Describe(RunSpec(), description="how long to run")),
         timeline=(_list_of(EventSpec), Describe([], description="what changes at a time; a list of {at, set}")),
-        view=(ViewSpec, Describe(ViewSpec(), description="what is drawn")),
+        view=(ViewSpec, Describe(ViewSpec(), description="the picture: camera, colors and marks")),
         record=(record, Describe(record(), description="how a film is made, and the table of a run")),
         inspect=(_list_of(panel), Describe([], description="panels that plot quantities while the scene runs")),
         sliders=(_list_of(slider_model()), Describe([], description="parameters to be moved while the scene runs")),

@@ -20,6 +20,6 @@ def slider_model() -> type[BaseModel]:
         "from": _key(Number(), None, "the lower end; absent: 0, or a tenth of the scene's value where that cannot be"),
         "to": _key(Number(), None, "the upper end; absent: twice the scene's value, on a logarithmic scale ten times"),
         "scale": _key(Text(("linear", "log")), "linear", "linear or log"),
-        "label": _key(Text(), "", "what is written beside it; absent: the parameter"),
+        "label": _key(Text(), "", "text beside the slider; absent: the parameter"),
     }
     return create_model("Slider", __config__=STRICT, __doc__="A parameter that is moved while the scene runs.", **keys)

@@ -20,7 +20,7 @@ FOLDERS = {"forces": "forces", "springs": "networks", "integrator": "integrators
 LEAST_SHARE, LARGEST_SHARE = 0.1, 10.0  # of the scene's value: the default ends of a range that cannot include 0
 
 
-# --- from text ----------------------------------------------------------------------------------------------------------
+# Sliders from text
 
 
 def with_sliders(spec: SceneSpec, validated: Any, tree: Node, faults: Faults) -> SceneSpec:
@@ -152,7 +152,7 @@ def check_ends(spec: SceneSpec, tree: Node, check: Callable[[Node], SceneSpec]) 
                 ) from None
 
 
-# --- paths and values ---------------------------------------------------------------------------------------------------
+# Paths and values
 
 
 def canonical(scene: Any, text: str) -> tuple[Any, ...]:

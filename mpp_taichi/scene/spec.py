@@ -76,7 +76,7 @@ class RecordSpec:
         dict[str, Any] | None,
         Settings(optional=True),
         Field(
-            description="path: value, what is different in a right half beside the scene, as record --beside takes it: "
+            description="path: value, the parameters that differ in a right half beside the scene, as in record --beside: "
             "integrator: rk4, dt: 0.05 say; absent: one picture"
         ),
     ] = None
@@ -85,7 +85,7 @@ class RecordSpec:
 
 @dataclass(frozen=True)
 class RunSpec:
-    """How long to run and how often to look. `every` counts steps between diagnostic samples."""
+    """The length of the run and the time between samples. `every` counts steps between diagnostic samples."""
 
     __pydantic_config__ = _CLOSED
     duration: Annotated[float | None, Number(above=0.0), Field(description="time to simulate; or give steps")] = None
@@ -104,7 +104,7 @@ class EventSpec:
 
 @dataclass(frozen=True)
 class SpringTypeSpec:
-    """The parameters that all springs of one type share; each entry of springs: gives those that the type leaves out."""
+    """The parameters that all springs of one type share; each entry of springs: gives the other parameters."""
 
     __pydantic_config__ = _CLOSED
     stiffness: Annotated[float | None, Number(minimum=0.0), Field(description="D [force length⁻¹]")] = None
@@ -115,7 +115,7 @@ class SpringTypeSpec:
 
 @dataclass(frozen=True)
 class ModesSpec:
-    """Modes of the spring network that are followed: those of a lattice, [r, s], or of the whole network, [k] from below."""
+    """Modes of the spring network that are followed: modes of a lattice, [r, s], or of the whole network, [k] from below."""
 
     __pydantic_config__ = _CLOSED
     of: Annotated[str | None, Text(), Field(description="a lattice; absent: the scene's only one, or the whole network")] = None
@@ -127,7 +127,7 @@ class ModesSpec:
     along: Annotated[
         str | None, Text(("x", "y", "z")), Field(description="direction of the motion; absent: across the lattice")
     ] = None
-    after: Annotated[float, Number(minimum=0.0), Field(description="look from this time on [time]")] = 0.0
+    after: Annotated[float, Number(minimum=0.0), Field(description="time of the first sample [time]")] = 0.0
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,6 @@ def check_tree(spec: SceneSpec, faults: Faults) -> None:
         faults.add(tree.location, key, f"tree {rule}")
     others = [f.name for f in spec.forces if f is not tree and is_pair_force(f.name)]
     if others:
-        faults.add(tree.location, key, f"tree sums gravity alone, not beside {', '.join(others)}, allowed: direct")
+        faults.add(tree.location, key, f"tree sums only gravity, not beside {', '.join(others)}, allowed: direct")
     if spec.contacts is not None and spec.contacts.solver.flag("contacts", "merges"):
         faults.add(tree.location, key, "tree does not know bodies that merge, allowed: direct")

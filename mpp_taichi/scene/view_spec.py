@@ -230,7 +230,7 @@ class GridSpec:
 
 @dataclass(frozen=True)
 class ViewSpec:
-    """What is drawn."""
+    """The picture: camera, colors and marks."""
 
     __pydantic_config__ = _CLOSED
     camera: Annotated[CameraSpec, Field(description="where the picture is taken from")] = field(default_factory=CameraSpec)

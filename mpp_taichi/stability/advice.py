@@ -34,7 +34,7 @@ class Method(Protocol):
 
 
 class StepAdvice:
-    """What a step `dt` of an integrator means for a network; each quantity is computed when it is first asked for."""
+    """The effects of a step `dt` of an integrator on a network; each quantity is computed when it is first read."""
 
     def __init__(self, network: SpringNetwork, method: Method, integrator: str, dt: float, begins: float = 0.0) -> None:
         """Keep the parts; `begins` is the time from which on the network is as given [time]."""
@@ -66,7 +66,7 @@ class StepAdvice:
         if self.is_unlimited:
             return "the method, which takes every step"
         if not self.network.swings:
-            return "the damping alone"
+            return "only the damping"
         if not self.network.converged:
             return "a bound of the frequency: its iteration did not converge"
         if self.limit == self.safe_limit:

@@ -10,7 +10,7 @@ Amplification = Callable[[float, float], np.ndarray]
 
 # A step is stable where no eigenvalue is beyond 1 by more than the rounding of the matrix.
 ROUNDING = 1e-13
-ROUNDING_OF_ROOTS = 1e-6  # a double eigenvalue ±1 has a rounding error of the square root of that of the matrix
+ROUNDING_OF_ROOTS = 1e-6  # a double eigenvalue ±1 has a rounding error of the square root of the matrix's rounding error
 FIRST = 0.02  # angle per step at which a growth of fourth order in it, as RK2's y⁴/4, is larger than rounding
 STRIDE = 0.1
 FAR = 10.0  # beyond this angle the search goes on by a factor instead of a stride

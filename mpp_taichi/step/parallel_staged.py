@@ -9,7 +9,7 @@ from mpp_taichi.types import Template
 
 @ti.data_oriented
 class ParallelStaged(Launcher):
-    """The plan of large systems whose sums of forces do not fit into the kernel of a step, or whose stages are looked up.
+    """The plan of large systems whose sums of forces do not fit into the kernel of a step, or whose stages are in a table.
 
     Sums over pairs on a CPU are compiled in a mode of their own, and a tree is many kernels.
     """
@@ -41,7 +41,7 @@ class ParallelStaged(Launcher):
                     self._stage(time, dt, k + 1)
 
     def launches_per_step(self) -> int | None:
-        """Parallel loops of all stages and sums; stages of few particles are run by the calling thread alone."""
+        """Parallel loops of all stages and sums; stages of few particles are run only by the calling thread."""
         loops = self.force_sum.parallel_loops()
         if loops is not None and isinstance(self.loops, SerialLoops):
             return self.integrator.evaluations * loops if self.sums else 0

@@ -31,7 +31,7 @@ def first_contact(gap, speed, acceleration, horizon):
 def first_contact_curved(q, u, reach, inside: Template, horizon):
     """First s in 0 … horizon at which |q + u s| crosses `reach` outwards (inside) or inwards (not inside), else infinity.
 
-    The discriminant is that of reach² − (the part of q across u)², which keeps a grazing contact's digits from far away.
+    The discriminant is computed from reach² − (the part of q across u)², which keeps a grazing contact's digits from far away.
     """
     result = ti.math.inf
     a, b, c = u.norm_sqr(), q.dot(u), q.norm_sqr() - reach * reach

@@ -214,7 +214,7 @@ def test_a_ball_that_comes_to_rest_wants_a_contact_time_and_never_hangs():
     with simulation(ball, **options) as run:
         run.run(until=2.75)
         mark = run.mark()
-        with pytest.raises(StabilityError, match="100,000 contacts between two looks, .* try a contact_time") as caught:
+        with pytest.raises(StabilityError, match="100,000 contacts between two samples, .* try a contact_time") as caught:
             run.run(until=4.0)
         assert caught.value.time == 2.75 and run.snapshot().time == 2.75
         run.return_to(mark)
@@ -224,7 +224,7 @@ def test_a_ball_that_comes_to_rest_wants_a_contact_time_and_never_hangs():
         assert report.unresolved == 1 and report.wall_count == pytest.approx(1042, abs=8)
     with simulation(ball, **options, contacts={"event_limit": 10}) as run:
         run.run(until=2.75)
-        with pytest.raises(StabilityError, match="more than 10 contacts between two looks"):
+        with pytest.raises(StabilityError, match="more than 10 contacts between two samples"):
             run.run(until=3.0)
     contact_time = 1e-3
     with simulation(ball, **options, contacts={"contact_time": contact_time}) as run:

@@ -99,7 +99,7 @@ class RestingStep:
 
     @ti.func
     def begin_impacts(self, state: Template):
-        """Begin the problem of the impacts alone, none of which may approach."""
+        """Begin the problem with only the impacts, none of which may approach."""
         for i in range(self.particle_count):
             self.solver.base[i] = state.velocity[i]
             for c in range(self.rows.start[i], self.rows.start[i + 1]):

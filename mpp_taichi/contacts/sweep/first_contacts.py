@@ -16,7 +16,7 @@ class FirstContacts:
 
     @ti.func
     def separation(self, i, j):
-        """From the start of slot i to the nearest image of that of slot j."""
+        """The vector from the start of slot i to the nearest image of the start of slot j."""
         return self.bounce.separation(self.slots.start_of(i), self.slots.start_of(j))
 
     @ti.func
