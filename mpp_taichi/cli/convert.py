@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "target",
         type=_options.output_path,
         metavar="OUT",
-        help="what to write: .yaml, .npz, .csv, .plist, .txt, .tipsy, .xyz or .h5md",
+        help="file to write: .yaml, .npz, .csv, .plist, .txt, .tipsy, .xyz or .h5md",
     )
     _options.add_report(parser)
 

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--html", type=_options.output_path, metavar="F.html", help="one file that a browser plays, with camera and plots"
     )
-    parser.add_argument("--size", type=_options.picture_size, metavar="WxH", help="of the picture in pixels")
+    parser.add_argument("--size", type=_options.picture_size, metavar="WxH", help="size of the picture in pixels")
     parser.add_argument("--fps", type=_options.positive_number, metavar="N", help="frames a second; the scene's when absent")
     parser.add_argument(
         "--duration", type=_options.positive_number, metavar="T", help="length of the film in seconds; the scene's when absent"
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="PATH=VALUE",
-        help="two halves: the scene, and on the right with this changed, as --set changes it; also integrator=NAME, dt=, "
+        help="two halves: the scene, and on the right the scene with this change, as in --set; also integrator=NAME, dt=, "
         "backend=, precision=, plan=, threads=; below, their distance; repeatable",
     )
     _options.add_length(parser)

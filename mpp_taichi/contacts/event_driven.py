@@ -38,7 +38,10 @@ class EventDriven(ContactSolver):
 
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="share of the approach speed that a bounce gives back")
     contact_time: float = param(
-        0.0, minimum=0.0, unit="time", help="a contact so soon after the last one of either sphere is elastic; 0: never"
+        0.0,
+        minimum=0.0,
+        unit="time",
+        help="a contact within this time after the last contact of either sphere is elastic; 0: never",
     )
     event_limit: int = param(
         10_000_000, minimum=1, help="contacts of a thousand spheres between two samples; a run with more ends with an error"

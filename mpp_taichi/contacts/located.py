@@ -31,9 +31,11 @@ class Located(ContactSolver):
     `event_limit`.
     """
 
-    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
+    restitution: float = param(
+        1.0, minimum=0.0, maximum=1.0, help="e, relative speed after the contact over the speed before; 1: elastic"
+    )
     contact_time: float = param(
-        0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off"
+        0.0, minimum=0.0, unit="time", help="t_c: a contact within this time after the last contact is elastic; 0: never"
     )
     event_limit: int = param(100_000, minimum=1, help="contacts between two samples; a run with more ends with an error")
 

@@ -21,7 +21,7 @@ class Merging(ContactSolver):
     wall. Momentum is kept; the angular momentum of the two about each other is lost, as spheres have no spin.
     """
 
-    bounce_limit: int = param(1_000_000, minimum=1, help="bounces off walls in a drift, beyond which it is given up")
+    bounce_limit: int = param(1_000_000, minimum=1, help="bounces off walls in a drift; a drift with more is given up")
 
     drifts = True
     merges = True

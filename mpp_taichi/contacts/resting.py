@@ -41,20 +41,22 @@ class Resting(ContactSolver):
     2673; with compliance, Lacoursière, Ghosts and Machines (thesis, Umeå 2007).
     """
 
-    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
-    contact_time: float = param(0.0, minimum=0.0, unit="time", help="not needed here: nothing collapses in a drift")
+    restitution: float = param(
+        1.0, minimum=0.0, maximum=1.0, help="e, relative speed after the contact over the speed before; 1: elastic"
+    )
+    contact_time: float = param(0.0, minimum=0.0, unit="time", help="not used: no cascade of contacts occurs in a drift")
     resting_speed: float = param(
         None,
         optional=True,
         minimum=0.0,
         unit="length / time",
-        help="slower approaches do not rebound; absent: four times what gravity gives in a drift",
+        help="slower approaches do not rebound; absent: four times the speed that gravity gives in a drift",
     )
     tolerance: float = param(
         None,
         optional=True,
         above=0.0,
-        help="allowed overlap, or opening under load, relative to the smaller radius; absent: 1e-12, with many spheres 1e-10",
+        help="allowed overlap, or gap under load, relative to the smaller radius; absent: 1e-12, with many spheres 1e-10",
     )
 
     compliance: float = param(

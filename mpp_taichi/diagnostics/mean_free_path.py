@@ -15,7 +15,7 @@ class MeanFreePath(OfContacts):
     The mean speed is taken over all particles in all samples.
     """
 
-    after: float = param(0.0, minimum=0.0, unit="time", help="sample from this time on")
+    after: float = param(0.0, minimum=0.0, unit="time", help="time of the first sample")
 
     def prepare(self, setting: Setting) -> None:
         """Keep the number of particles."""

@@ -22,8 +22,8 @@ class OrbitalPeriod(Diagnostic):
     against fixed directions, not from pericentre to pericentre.
     """
 
-    of: Particle = param(help="the particle that goes round")
-    around: Particle = param(help="the particle it is seen from")
+    of: Particle = param(help="the orbiting particle")
+    around: Particle = param(help="the central particle, from which the angle is measured")
     _axes: np.ndarray | None = None
     _last: tuple[float, float, float] = (0.0, 0.0, 0.0)
     _start: float = 0.0

@@ -20,8 +20,8 @@ class Pressure(OfContacts):
     Spheres of different radii count with their mean; between walls that is exact for equal ones only.
     """
 
-    by: str = param("virial", choices=("virial", "walls"), help="the way it is measured")
-    after: float = param(0.0, minimum=0.0, unit="time", help="sample from this time on")
+    by: str = param("virial", choices=("virial", "walls"), help="method of measurement")
+    after: float = param(0.0, minimum=0.0, unit="time", help="time of the first sample")
 
     def prepare(self, setting: Setting) -> None:
         """Measure the box."""

@@ -41,8 +41,10 @@ class Janus(Integrator):
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")
-    order: int = param(2, choices=(2, 4, 6), help="of leapfrog, pefrl or kahan_li6")
-    lattice: float = param(None, optional=True, above=0.0, unit="length", help="Δx; absent: from the start, see above")
+    order: int = param(2, choices=(2, 4, 6), help="order of the method: leapfrog, pefrl or kahan_li6")
+    lattice: float = param(
+        None, optional=True, above=0.0, unit="length", help="spacing Δx; absent: computed from the start, see above"
+    )
 
     symplectic = True
     time_reversible = True

@@ -37,7 +37,7 @@ class Taylor(Adaptive):
     tolerance: float = param(
         1e-16, above=0.0, maximum=1e-2, help="ε, about the error of an orbit, relative to the distance; 1e-16: round-off"
     )
-    order: int = param(20, minimum=4, maximum=40, help="of the series; 12 is a little faster for errors above 1e-4")
+    order: int = param(20, minimum=4, maximum=40, help="order of the series; 12 is a little faster for errors above 1e-4")
 
     controlled_by = "tolerance"
     begins_anew = True

@@ -19,9 +19,9 @@ class Distance(OfEach):
     """
 
     of: Particles = param(None, optional=True, help="a particle or a group; absent: all")
-    to: Particles = param(None, optional=True, help="the other end: a particle or a group")
-    point: Vector = param(None, optional=True, unit="length", help="or a point")
-    between: Pair = param(None, optional=True, help="in place of `of` and `to`: two particles")
+    to: Particles = param(None, optional=True, help="the other end of the distance: a particle or a group")
+    point: Vector = param(None, optional=True, unit="length", help="the other end of the distance: a point")
+    between: Pair = param(None, optional=True, help="two particles, in place of `of` and `to`")
     dimension = (1, 0, 0)
     has_rate = True
 

@@ -70,7 +70,7 @@ class RecordSpec:
         str, Text(("right", "bottom", "none")), Field(description="where the panels of inspect: are: right, bottom or none")
     ] = "right"
     panel_share: Annotated[
-        float, Number(minimum=0.1, maximum=0.9), Field(description="of the picture's width or height that panels take")
+        float, Number(minimum=0.1, maximum=0.9), Field(description="share of the picture's width or height that panels take")
     ] = 0.35
     beside: Annotated[
         dict[str, Any] | None,
@@ -88,8 +88,10 @@ class RunSpec:
     """The length of the run and the time between samples. `every` counts steps between diagnostic samples."""
 
     __pydantic_config__ = _CLOSED
-    duration: Annotated[float | None, Number(above=0.0), Field(description="time to simulate; or give steps")] = None
-    steps: Annotated[int | None, Whole(minimum=1), Field(description="steps to do; or give duration")] = None
+    duration: Annotated[float | None, Number(above=0.0), Field(description="time to simulate; steps can be given instead")] = (
+        None
+    )
+    steps: Annotated[int | None, Whole(minimum=1), Field(description="number of steps; duration can be given instead")] = None
     every: Annotated[int | None, Whole(minimum=1), Field(description="steps between diagnostic samples")] = None
 
 
@@ -98,8 +100,10 @@ class EventSpec:
     """A change at a time: `set` maps paths, as `--set` takes them, to the values that hold from then on."""
 
     __pydantic_config__ = _CLOSED
-    at: Annotated[float, Number(minimum=0.0), Field(description="time of the change, reached exactly; 0 for what sliders move")]
-    set: Annotated[dict[str, Any], Settings(), Field(description="path: value, forces.linear_drag.coefficient: 0 say")]
+    at: Annotated[
+        float, Number(minimum=0.0), Field(description="time of the change, reached exactly; 0 for parameters of sliders")
+    ]
+    set: Annotated[dict[str, Any], Settings(), Field(description="path: value, for example forces.linear_drag.coefficient: 0")]
 
 
 @dataclass(frozen=True)
@@ -107,9 +111,11 @@ class SpringTypeSpec:
     """The parameters that all springs of one type share; each entry of springs: gives the other parameters."""
 
     __pydantic_config__ = _CLOSED
-    stiffness: Annotated[float | None, Number(minimum=0.0), Field(description="D [force length⁻¹]")] = None
-    damping: Annotated[float | None, Number(minimum=0.0), Field(description="c [force time length⁻¹]")] = None
-    prestretch: Annotated[float | None, Number(above=0.0), Field(description="placed length over rest length")] = None
+    stiffness: Annotated[float | None, Number(minimum=0.0), Field(description="stiffness D [force length⁻¹]")] = None
+    damping: Annotated[float | None, Number(minimum=0.0), Field(description="damping c [force time length⁻¹]")] = None
+    prestretch: Annotated[
+        float | None, Number(above=0.0), Field(description="length as placed, divided by the rest length")
+    ] = None
     color: Annotated[tuple[float, float, float] | None, _COLOR, Field(description="red, green, blue in 0…1")] = None
 
 
@@ -122,7 +128,7 @@ class ModesSpec:
     show: Annotated[
         tuple[tuple[int, int, int], ...],
         ListOf(Counts(), tuple(range(1, 13)), "modes"),
-        Field(description="mode numbers, [[1, 1], [2, 1]] say; absent: the four lowest"),
+        Field(description="mode numbers, for example [[1, 1], [2, 1]]; absent: the four lowest modes"),
     ] = ()
     along: Annotated[
         str | None, Text(("x", "y", "z")), Field(description="direction of the motion; absent: across the lattice")
@@ -136,7 +142,9 @@ class PairSpec:
 
     __pydantic_config__ = _CLOSED
     between: Annotated[tuple[Any, Any], ListOf(Reference(), (2,), "particles or groups"), Field(description="the two")]
-    restitution: Annotated[float, Number(minimum=0.0, maximum=1.0), Field(description="e of a contact between them")]
+    restitution: Annotated[
+        float, Number(minimum=0.0, maximum=1.0), Field(description="restitution e of a contact between the two")
+    ]
 
 
 @dataclass(frozen=True, eq=False)

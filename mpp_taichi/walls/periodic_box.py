@@ -14,7 +14,7 @@ class PeriodicBox(Wall):
 
     lower: Vector = param(unit="length", help="corner where every coordinate is least")
     upper: Vector = param(unit="length", help="corner where every coordinate is greatest")
-    axes: Axes = param((True, True, True), help="false along an axis that does not repeat")
+    axes: Axes = param((True, True, True), help="false for an axis along which the box does not repeat")
     repeats = True
 
     def enclosure(self, dimensions: int, label: str) -> Enclosure:
