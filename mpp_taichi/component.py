@@ -50,7 +50,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Declaration:
-    """A component read from its source: what the scene layer needs to know about it."""
+    """A component read from its source: the data about it that the scene layer needs."""
 
     kind: str
     name: str

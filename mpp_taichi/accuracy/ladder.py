@@ -1,6 +1,6 @@
 """Ladder: the steps with which one method is tried in turn, from the step at which it costs as much as the scene's setting.
 
-Rung k has N₀ qᵏ steps, with q = √10 for low orders, 2 for those above 4, whose errors fall too fast for more. Rungs are added
+Rung k has N₀ qᵏ steps, with q = √10 for low orders, 2 for orders above 4, whose errors fall too fast for more. Rungs are added
 at both ends until the method is no longer stable or accurate at one end, and the error no longer falls at the other. An
 adaptive method has at rung k its default tolerance over 10ᵏ, or over √10ᵏ where the error grows with its square.
 """

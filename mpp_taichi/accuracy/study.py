@@ -1,4 +1,4 @@
-"""Study: what accuracy costs in one scene — reference, chaos, sweep and repeats, within a budget of wall time."""
+"""Study: the cost of accuracy in one scene — reference, chaos, sweep and repeats, within a budget of wall time."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -158,7 +158,7 @@ class Study:
             self._sweep_each([device for device in self.wishes.devices if self.cut.get(device)])
 
     def _sweep_each(self, devices: Sequence[tuple[str, str]]) -> None:
-        """Divide the rest of the budget among backends and precisions; a backend that does not start is left out."""
+        """Divide the remaining budget among backends and precisions; a backend that does not start is left out."""
         for number, (backend, precision) in enumerate(devices):
             begin = self.budget.spent / self.budget.seconds
             end = begin + (ALL_SHARE - begin) / (len(devices) - number)
@@ -171,7 +171,7 @@ class Study:
                 self.tell(self._remarks[-1])
 
     def _names(self) -> list[str]:
-        """The methods asked for; else all methods, implicit ones only where springs or drag limit the steps of the others."""
+        """The wanted methods; else all methods, implicit methods only where springs or drag limit the steps of others."""
         if self.wishes.integrators is not None:
             return [name for name in self.methods if name in self.wishes.integrators]
         if self.problem.spec.contacts is not None:
@@ -182,7 +182,7 @@ class Study:
         return list(dict.fromkeys((self.own.name, *suits)))
 
     def _best_names(self) -> list[str]:
-        """Methods for another precision: those asked for, else the scene's own and the front's where rounding permits."""
+        """Methods for another precision: the wanted methods, else the scene's own and the front's where rounding permits."""
         if self.wishes.integrators is not None:
             return self._names()
         found = [self.own.name]

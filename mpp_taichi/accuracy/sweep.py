@@ -24,7 +24,7 @@ HOPELESS = 100.0  # a rung is skipped when another row is as good with fewer for
 
 
 class StepSweep:
-    """One backend and precision of a study; `error_of` gives the error of a sample that decides where ladders end."""
+    """One backend and precision of a study; the error of a sample by `error_of` decides the last rung of a ladder."""
 
     def __init__(
         self,

@@ -149,7 +149,7 @@ class Machine:
         return self._advance(0, configuration.steps, dt, budget)[0]
 
     def advance_from(self, state: Phase, before: int, stop: int, dt: float, budget: Budget) -> tuple[np.ndarray, np.ndarray]:
-        """Positions [length] and velocities [length / time] at step `stop`, from those at step `before`."""
+        """Positions [length] and velocities [length / time] at step `stop`, from the state at step `before`."""
         self.simulation.state.write(*state)
         self.simulation.launcher.prepare(before * dt, dt)
         self._advance(before, stop, dt, budget)

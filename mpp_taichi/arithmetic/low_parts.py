@@ -42,7 +42,7 @@ def step_parts(numbers: list[float]) -> np.ndarray:
 
 @ti.func
 def rounded(state: Template, value):
-    """The value as it was rounded. Where the device needs the guard, the compiler cannot simplify what computed the value."""
+    """The value as it was rounded. Where the device needs the guard, the compiler cannot simplify its computation."""
     result = value
     if ti.static(state.guards_rounding):
         result = ti.bit_cast(ti.bit_cast(value, ti.i32) ^ state.nothing[None], ti.f32)

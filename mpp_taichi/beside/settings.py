@@ -58,7 +58,7 @@ def beside(left: SceneSpec, said: Sequence[str], source: Any, given: Sequence[st
         SceneError, BesideError: there is no such right half.
     """
     device: dict[str, Any] = {}
-    own: dict[str, str] = {}  # override → what was said
+    own: dict[str, str] = {}  # override → its text
     name = left.integrator.name
     for text in said:
         key, equals, value = (part.strip() for part in text.partition("="))

@@ -1,4 +1,4 @@
-"""Say what accuracy costs in time: a scene run by many methods, steps and precisions, each measured against a reference.
+"""Report the cost of accuracy in time: a scene run by many methods, steps and precisions, each measured against a reference.
 
 Prints a table with the front of error and time marked and a sentence that sums it up, and writes DIR/accuracy.json and
 DIR/accuracy.html, a page with plots that needs no network. Runs that are done are kept in DIR: a second call goes on where

@@ -1,8 +1,9 @@
-"""Check scenes: run each one and compare what came out with its own `expect:` block.
+"""Check scenes: run each scene and compare its results with its own `expect:` block.
 
 Takes files and folders; a folder means every *.yaml in it. Scenes run without pictures: a few one after the other in this
 process, many at once in processes of their own.
-A scene that asks for what the backend or the precision has not got neither passes nor fails: it is counted apart, and why.
+A scene that needs an ability that the backend or the precision lacks neither passes nor fails: it is counted apart, with
+the reason.
 """
 
 import argparse

@@ -1,7 +1,7 @@
-"""Compare backends: the same scene on each of them, in a process of its own: do they agree, and what does each take in time?
+"""Compare backends: the same scene on each of them, in a process of its own: the agreement of their results, and their times.
 
 First a certificate: forces particle by particle and trajectories over many steps against a reference in NumPy, with a verdict
-"rounding" or "bug" and the number that decided it. Then a table of times, rates and shares of what the device reaches. Writes
+"rounding" or "bug" and the number that decided it. Then a table of times, rates and shares of the peak of the device. Writes
 DIR/compare.json and DIR/compare.html. The code is 4 where a backend differs by more than rounding.
 """
 

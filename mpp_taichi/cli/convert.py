@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Read, check, write, and print what was written."""
+    """Read, check and write; print the names of the written files."""
     from mpp_taichi.atomic_file import whole_file
     from mpp_taichi.exporters.catalogue import export, exporters
 
@@ -61,7 +61,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _tell(arguments: argparse.Namespace, source: "Source") -> None:
-    """Print what was written."""
+    """Print the name of the written file."""
     state, frames = source.state, source.frame_count
     found = {"source": str(arguments.source), "target": str(arguments.target), "particle_count": state.particle_count}
     found |= {"spring_count": len(state.springs), "time": state.time, "frame_count": frames, "status": "ok"}

@@ -1,8 +1,8 @@
 """Worker: one backend with one scene in a process of its own, controlled by lines of JSON.
 
 Run as `python -m mpp_taichi.compare.worker`. Each line on standard input is `{"do": name, …}`; the answer is a line on
-standard output, `{"ok": true, …}` or `{"ok": false, "reason": …}`. Arrays go by `.npz` files that the line names. What
-libraries print goes to standard error.
+standard output, `{"ok": true, …}` or `{"ok": false, "reason": …}`. Arrays go by `.npz` files that the line names. The
+output of libraries goes to standard error.
 """
 
 import contextlib

@@ -30,7 +30,7 @@ class Resting(ContactSolver):
     First order in h: a shock passes through touching spheres in one projection (for a cradle take `simultaneous`), and the
     height of a bounce varies by about one step's fall. Elastic contacts never rest. Give the integrator steps in which spheres
     move by less than a radius; spheres that overlap at the start are pushed apart in one drift. With drifts on both sides of a
-    kick (leapfrog), velocities at the end of a step are those after the contacts, 0 for resting spheres.
+    kick (leapfrog), velocities at the end of a step are the velocities after the contacts, 0 for resting spheres.
 
     With a `compliance` c a contact yields: 0 ≤ λ ⟂ gap/h + n·(v_i − v_j) + (c/h²) λ ≥ 0, an elastic spring of stiffness 1/c
     that pushes and never pulls, by implicit Euler, which damps it; at rest spheres overlap by c times the force between them.

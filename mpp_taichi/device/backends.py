@@ -230,7 +230,7 @@ def is_alive(device: Device) -> bool:
 def _probe_here(ti: Any, backend: str) -> Probes:
     from mpp_taichi.device import probes
 
-    # The name has a digest of the probes and of the update, so that the results of older ones are not used.
+    # The name has a digest of the probes and of the update, so that results of older probes are not used.
     updates = ("arithmetic/low_parts.py", "arithmetic/particle_update.py")
     sources = ("device/probes.py", "device/update_probe.py", *updates)
     texts = [(Path(__file__).parents[1] / name).read_bytes() for name in sources]

@@ -1,4 +1,4 @@
-"""Reductions: what makes one number of a quantity along a run: its value at the end or at a time, an extreme, the mean."""
+"""Reductions of a quantity along a run to one number: its value at the end or at a time, an extreme, the mean."""
 
 import math
 

@@ -116,7 +116,7 @@ class TotalForce:
 
     @ti.func
     def local_acceleration(self, state: Template, first, i, time, velocity_dependent: Template):
-        """Acceleration of particle i from those external forces and springs that do (or do not) depend on velocity.
+        """Acceleration of particle i from the external forces and springs that do (or do not) depend on velocity.
 
         `first` is the first particle of the replica, from which the springs count their particles.
         """
@@ -162,7 +162,7 @@ class TotalForce:
 
     @ti.func
     def row_sum(self, state: Template, first, i, bond: Template, friction: Template):
-        """Force on particle i from its half-springs: four at a time, with a sum for each lane, then the rest.
+        """Force on particle i from its half-springs: four at a time, with a sum for each lane, then the remaining half-springs.
 
         LLVM makes vector instructions of the four lanes, above all of square roots and divisions. The order of the sum depends
         only on the row.

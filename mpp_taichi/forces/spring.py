@@ -119,7 +119,7 @@ class Spring(BondForce):
 
     @ti.func
     def step_stiffness(self, state: Template, i, j, h, length):
-        """As if the spring did not turn during the step."""
+        """Stiffness over the step, as if the spring did not turn during the step."""
         before, after = self.step_lengths(state, i, j)
         across = state.spring_stiffness[h]
         along = across

@@ -82,7 +82,7 @@ class Adaptive(Integrator):
         return Trouble("stalled", particle, time=float(self.times(state).min()))
 
     def facts(self, state: Any) -> dict[str, Any]:
-        """What the control of the step did since the method was prepared, in all replicas."""
+        """The actions of the step control since the method was prepared, in all replicas."""
         counts = self.counts(state)
         return {
             "step_control": {
@@ -126,7 +126,7 @@ class Adaptive(Integrator):
 
     @ti.func
     def show(self, state: Template, total_force: Template, first, time: Template):
-        """Set positions and velocities to those at a time within the last step."""
+        """Set positions and velocities to their values at a time within the last step."""
 
     @ti.func
     def begin_again(self, state: Template, total_force: Template, first, time: Template, shape: Template):

@@ -18,7 +18,7 @@ SumForces = Callable[[Any, float], None]
 
 @ti.data_oriented
 class Integrator:
-    """What every integrator declares, and the step of all of them: an opening stage, then a sum of forces and a stage in turn.
+    """The declarations and the step of every integrator: an opening stage, then a sum of forces and a stage in turn.
 
     order            of the global error in dt
     symplectic       keeps the energy of a conservative system bounded for ever
@@ -135,7 +135,7 @@ class Integrator:
         return None
 
     def facts(self, state: Any) -> dict[str, Any]:
-        """What reports say of this kind of method, and of what it has done since it was prepared."""
+        """The entries of reports about this kind of method, and about its work since it was prepared."""
         return {}
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:

@@ -22,7 +22,7 @@ BEGINS, STEPS, LOOKS = range(3)  # the parts of a launch, in turn
 @component
 @ti.data_oriented
 class WisdomHolman(Integrator):
-    """Drift–kick–drift in Jacobi's coordinates: drifts are orbits about all mass farther in, kicks the rest of gravity.
+    """Drift–kick–drift in Jacobi's coordinates: drifts are orbits about all mass farther in, kicks are the remaining gravity.
 
     Bodies are counted from the central body outwards, by the energies of their orbits. Body k has the coordinate r_k from the
     centre of mass of the bodies before it. H = Σ (p²/2m_k′ − G M_k m_k′/r_k) + R, M_k the mass of the bodies 0 … k; the sum is

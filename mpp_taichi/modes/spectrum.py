@@ -47,7 +47,7 @@ def spectrum(network: LinearNetwork, *, shapes: bool = False) -> Spectrum:
     root_mass = np.sqrt(network.freedom_masses)
     weighted = network.stiffness_matrix / np.outer(root_mass, root_mass)
     squares, modes = np.linalg.eigh(weighted) if shapes else (np.linalg.eigvalsh(weighted), None)
-    still = unstable + null.shape[1]  # eigenvalues rise: first those below zero, then the zeros
+    still = unstable + null.shape[1]  # eigenvalues rise: first the negative eigenvalues, then the zeros
     return Spectrum(
         angular_frequency=np.sqrt(np.maximum(squares[still:], 0.0)),
         shape=None if modes is None else modes[:, still:] / root_mass[:, None],
@@ -75,7 +75,7 @@ def _still(network: LinearNetwork) -> tuple[int, np.ndarray]:
 
 
 def _split(network: LinearNetwork, null: np.ndarray) -> tuple[int, np.ndarray]:
-    """Number of rigid motions among the zero-frequency modes, and an orthonormal basis of the rest of these, the mechanisms.
+    """Number of rigid motions among the zero-frequency modes, and an orthonormal basis of the mechanisms.
 
     A rigid motion costs no energy only where the forces balance, so each motion is tested: a prestretched spring at a support
     resists a turn.

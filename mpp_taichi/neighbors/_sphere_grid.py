@@ -1,7 +1,7 @@
-"""What the cell grids of a CPU and of a GPU share: the levels of cells, and the visit of the cells around a sphere.
+"""Shared part of the cell grids of a CPU and of a GPU: the levels of cells, and the visit of the cells around a sphere.
 
 Two spheres are candidates where |x_j − x_i| ≤ reach_i + reach_j. Spheres are grouped in levels of reach, each a factor of two
-wide (`_levels.py`), and the cells of a level are as wide as its largest sphere. So a few huge spheres among many small ones
+wide (`_levels.py`), and the cells of a level are as wide as its largest sphere. So a few huge spheres among many small spheres
 cost each small sphere one visit to the cells of the huge spheres, and nothing else. No pair is missed at any ratio of reaches.
 """
 

@@ -337,7 +337,7 @@ class AllPairs:
 
     @ti.func
     def _put_by(self, state: Template, total: Template, whole: Template, lost: Template):
-        """Where forces see low parts: add the sum over a block to `whole`, with its rounding error in `lost`; clear the sum."""
+        """For forces that see low parts: add a block's sum to `whole`, with its rounding error in `lost`; clear the sum."""
         if ti.static(state.forces_see_low):
             for axis in ti.static(range(self.dimensions)):
                 whole[axis], lost[axis] = added(state, whole[axis], lost[axis], total[axis])

@@ -159,7 +159,7 @@ class TreeWalk:
 
     @ti.func
     def _sum_group(self, begin, slot, softening_squared, potential: Template):
-        """Set the sums of the tile at `slot` to those over the bodies of its group."""
+        """Set the sums of the tile at `slot` to the sums over the bodies of its group."""
         d = ti.static(self.dimensions)
         position = [self._lanes(slot, axis) for axis in ti.static(range(d))]
         total = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(d))]

@@ -44,7 +44,7 @@ class RunSample(Protocol):
 
     @property
     def contact_report(self) -> ContactReport:
-        """What the contacts have done since the start of the run."""
+        """The counts of the contacts since the start of the run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class Setting:
 
     @cached_property
     def layout(self) -> ParticleLayout:
-        """Where each entry's particles begin."""
+        """Index of the first particle of each entry."""
         return layout_of(self.spec)
 
     def name_of(self, of: Particles | int | None) -> str:

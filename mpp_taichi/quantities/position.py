@@ -1,4 +1,4 @@
-"""Where a particle is."""
+"""Position of a particle."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How fast a particle moves."""
+"""Speed of a particle."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How long a spring is."""
+"""Length of a spring."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""How far a spring is stretched."""
+"""Strain of a spring."""
 
 import numpy as np
 

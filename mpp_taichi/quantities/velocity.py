@@ -1,4 +1,4 @@
-"""How fast a particle moves along an axis."""
+"""Velocity of a particle along an axis."""
 
 import numpy as np
 

@@ -88,7 +88,7 @@ class Watcher:
                 self._failures[number] = str(error)
 
     def finish(self, simulation: "Simulation") -> None:
-        """Take a sample at the end, unless that was the last sample; measure what only the end has."""
+        """Take a sample at the end, unless that was the last sample; measure the data that only the end has."""
         if self._diagnostics and self._seen_step != simulation.step_count:
             self.record(simulation)
         self._each(lambda diagnostic: diagnostic.finish())

@@ -254,7 +254,7 @@ def _solver_line(found: Mapping[str, Any]) -> str:
 
 
 def _phase_lines(phases: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A line for each change; of many changes, such as those by a slider, the first ones and the number of the others."""
+    """A line for each change; of many changes, such as those by a slider, the first, and the number of the other changes."""
     told = [_phase_line(phase) for phase in phases[:PHASES_TOLD]]
     left = len(phases) - len(told)
     return [*told, f"… and {left:,} more changes, the last at t = {phases[-1]['at']:.9g}"] if left else told

@@ -1,4 +1,4 @@
-"""Contacts: the model of `contacts: {hard_spheres: {solver: …}}`, and what must hold between it and the rest of a scene."""
+"""Contacts: the model of `contacts: {hard_spheres: {solver: …}}`, and its checks against the other parts of a scene."""
 
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Union

@@ -84,7 +84,7 @@ def _check_orbits(spec: SceneSpec, key: str, faults: Faults) -> None:
 
 
 def planetary_faults(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[tuple[Location, str]]:
-    """What of the bodies does not suit a planetary method: no body that all others orbit, or bodies that are held."""
+    """The reason why the bodies do not suit a planetary method: no body that all others orbit, or bodies that are held."""
     if not spec.integrator.flag("integrators", "orbits_central_body"):
         return
     place, key = spec.integrator.location, f"integrator.{spec.integrator.name}"
@@ -104,5 +104,5 @@ def planetary_faults(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout
 
 
 def _in_plane(snapshot: Snapshot, axis: int) -> bool:
-    """Whether everything is held on this axis at one place, which is what orbits in a plane do anyway."""
+    """Whether all particles are held at one place on this axis, as orbits in a plane are without being held."""
     return not snapshot.free[:, axis].any() and np.ptp(snapshot.position[:, axis]) == 0.0

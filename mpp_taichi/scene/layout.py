@@ -32,7 +32,7 @@ class ParticleLayout:
         return self.starts[-1] + self.counts[-1] if self.counts else 0
 
     def entry_of(self, index: int) -> int:
-        """Which entry made a particle."""
+        """The entry that made a particle."""
         return bisect.bisect_right(self.starts, index) - 1
 
     def label(self, index: int) -> str:

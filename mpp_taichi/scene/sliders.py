@@ -99,7 +99,7 @@ def _declared(spec: SceneSpec, target: SliderTarget) -> component.Parameter:
 
 
 def _movable(spec: SceneSpec, validated: Any, tree: Node) -> Iterator[tuple[str, tuple[SliderTarget, ...]]]:
-    """Every path that a slider of this scene may have, with what it acts on."""
+    """Every path that a slider of this scene may have, with its targets."""
     method = component.declaration("integrators", spec.integrator.name)
     for entry in spec.forces if _forces_may_move(spec, method) else ():
         for each in component.declaration("forces", entry.name).parameters:

@@ -60,7 +60,7 @@ class TableSpec:
 
 @dataclass(frozen=True)
 class RecordSpec:
-    """How a film is made, and the table of a run; `seconds` is the length of the film, which shows the whole `run.duration`."""
+    """The settings of a film, and the table of a run; `seconds`: length of the film, which shows the whole `run.duration`."""
 
     __pydantic_config__ = _CLOSED
     size: Annotated[tuple[int, int], ListOf(Whole(minimum=16, maximum=8192), (2,)), Field(description="pixels")] = (1280, 720)
@@ -149,7 +149,7 @@ class PairSpec:
 
 @dataclass(frozen=True, eq=False)
 class ContactsSpec:
-    """How hard spheres collide: the solver with its parameters, exceptions for pairs, and how a start in overlap is treated.
+    """Collisions of hard spheres: the solver with its parameters, exceptions for pairs, and the rule for overlaps at the start.
 
     `pairs` hold (first index, count) of the two groups in place of references once the scene is loaded.
     """

@@ -1,4 +1,4 @@
-"""Checks of gravity by a tree against the rest of a scene, made without compiling anything."""
+"""Checks of gravity by a tree against the other parts of a scene, without compilation."""
 
 from mpp_taichi import component
 from mpp_taichi.scene.faults import Faults

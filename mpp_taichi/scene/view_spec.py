@@ -44,7 +44,7 @@ class CameraSpec:
 
 @dataclass(frozen=True)
 class SpinSpec:
-    """How the surface of a body turns: by phase + 2π t / period about its axis."""
+    """The rotation of a body's surface: by phase + 2π t / period about its axis."""
 
     __pydantic_config__ = _CLOSED
     period: Annotated[
@@ -74,7 +74,7 @@ class TextureSpec:
 
 @dataclass(frozen=True)
 class BodyViewSpec:
-    """How a body, or a group, is drawn; display only, no motion changes.
+    """The appearance of a body or a group; display only, no motion changes.
 
     `around` is an index once the scene is loaded.
     """
@@ -124,7 +124,7 @@ class SkySpec:
 
 @dataclass(frozen=True)
 class ColorScaleSpec:
-    """How a quantity becomes a colour."""
+    """The scale that turns a quantity into a colour."""
 
     __pydantic_config__ = _CLOSED
     map: Annotated[

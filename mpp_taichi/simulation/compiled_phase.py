@@ -198,7 +198,7 @@ class CompiledPhase:
 
     def _forget(self) -> None:
         self.prepared = False
-        self.launcher.collect()  # counts of earlier steps do not belong to later ones
+        self.launcher.collect()  # counts of earlier steps do not belong to later steps
 
     def save(self) -> SavedFields:
         """The state now, for `restore`."""

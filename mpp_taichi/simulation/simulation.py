@@ -44,7 +44,7 @@ class Simulation:
     `scene` is a path, a mapping of the shape of the YAML, or a SceneSpec; `overrides` are the texts of `--set`.
     `replica_starts` holds the starting snapshots of independent copies of the scene that run side by side, one thread each.
     `start` is a state of the same particles to go on from instead of the scene's own, with its time and step count. `force`
-    runs a step that is beyond what the springs allow, `event_log` lets event-driven contacts note every collision. Raises
+    runs a step that is longer than the springs allow, `event_log` lets event-driven contacts note every collision. Raises
     SceneError, ArgumentError, BackendError or CapacityError before anything is allocated, StabilityError when it is run.
 
     `phase` is the present phase, compiled; its parts (`spec`, `integrator`, `total_force`, `state`, …) are read through the
@@ -127,7 +127,7 @@ class Simulation:
 
         A loop of: ask the recorders when they are due, step that far at most, check that every number is finite, call the
         recorders. If the end is no whole number of steps away, one shorter step reaches it exactly. The end of a phase is
-        reached in the same way, and the next phase begins at this time. A step beyond what the springs allow is refused with
+        reached in the same way, and the next phase begins at this time. A step longer than the springs allow is refused with
         a StabilityError, see `check_step`.
         """
         self._require_life()
@@ -138,7 +138,7 @@ class Simulation:
 
     @property
     def step_advice(self) -> StepAdvice | None:
-        """How large a step springs and drag allow the particles as they were when the phase began; None for any step."""
+        """The largest step that springs and drag allow the particles as they were when the phase began; None for any step."""
         return self._runner.guard.advice(self.dt)
 
     def check_step(self, steps: int | None = None) -> None:
@@ -233,7 +233,7 @@ class Simulation:
         return self._runner.mechanics()
 
     def diagnostics(self) -> dict[str, Any]:
-        """As `mechanics`; with an energy balance also dissipated_energy, work, energy_balance_residual and energy_turnover."""
+        """`mechanics`, and with an energy balance also dissipated_energy, work, energy_balance_residual and energy_turnover."""
         found = self.mechanics()
         if self.energy_balance is not None:
             found |= self.energy_balance.account(self._runner, found["total_energy"])
@@ -284,7 +284,7 @@ class Simulation:
 
     @property
     def phases(self) -> tuple[Phase, ...]:
-        """Its phases; those before the first one of the course were never run."""
+        """The phases of the scene; phases before the first phase of the course were never run."""
         return self._runner.course.phases
 
     @property
@@ -314,7 +314,7 @@ class Simulation:
 
     @property
     def plan(self) -> str:
-        """How a step is run: serial, parallel or replicas."""
+        """The plan by which a step is run: serial, parallel or replicas."""
         return self.phase.plan
 
     @property

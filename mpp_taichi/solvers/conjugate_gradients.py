@@ -104,7 +104,7 @@ class ConjugateGradients:
     # All particles at once
 
     def solve_parallel(self, state, time: float, g: float) -> tuple[int, float, bool]:
-        """Solve with a launch for each sweep; returns what `solve_serial` returns."""
+        """Solve with a launch for each sweep; returns the same as `solve_serial`."""
         self._begin(state)
         squared = read_total(state)[0]
         goal, slope, iterations = squared * FORCING**2, 0.0, 0

@@ -1,4 +1,4 @@
-"""Advice: how large a step the integrator of a scene may take, what limits the step, and the warning or refusal beyond."""
+"""Advice: the largest step of the integrator of a scene, the limit that it obeys, and the warning or refusal beyond."""
 
 import copy
 import logging
@@ -128,7 +128,7 @@ class StepAdvice:
         steps.
 
         Raises:
-            StabilityError: the step is beyond what the integrator can take.
+            StabilityError: the step is longer than the integrator can take.
         """
         if self.dt <= WARNING_SHARE * self.safe_limit:
             return
@@ -235,7 +235,7 @@ def check_step(
     """`advise`, then warn or refuse; to be called again whenever masses, springs, drag, damping or the step have changed.
 
     Raises:
-        StabilityError: the step is beyond what the integrator can take, and `force` is not set.
+        StabilityError: the step is longer than the integrator can take, and `force` is not set.
     """
     advice = advise(spec, snapshot, method, dt, begins=begins)
     if advice is not None:

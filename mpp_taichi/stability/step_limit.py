@@ -19,7 +19,7 @@ FARTHEST = 1e8  # an integrator that is stable up to this angle has no limit
 
 
 def margins(matrix: np.ndarray) -> tuple[float, ...]:
-    """How far a step is from stable, by each criterion: where a margin is above 0, some oscillation grows.
+    """The distance of a step from stability, by each criterion: where a margin is above 0, some oscillation grows.
 
     A matrix of two rows is judged by determinant and trace (Jury), det ≤ 1 and |trace| ≤ 1 + det, which rounding hardly
     changes where two eigenvalues meet on the unit circle, as they do at every limit of a symplectic method. The matrix of a

@@ -1,4 +1,4 @@
-"""State: the fields of a simulation on the device, of which only those are allocated that the scene needs."""
+"""State: the fields of a simulation on the device; only the fields that the scene needs are allocated."""
 
 import copy
 from collections.abc import Iterable, Mapping

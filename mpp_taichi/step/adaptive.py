@@ -10,7 +10,7 @@ from mpp_taichi.step.launcher import Launcher
 class Adaptive(Launcher):
     """The plans serial and replicas of adaptive methods; `dt` is the time between two samples."""
 
-    _control: tuple[float, float] | None = None  # what the state's control field holds
+    _control: tuple[float, float] | None = None  # the values in the state's control field
 
     def begin(self, time: float, dt: float) -> None:
         """Take the state as the start of the first step, with the accuracy that the method's parameter asks for now."""

@@ -33,7 +33,7 @@ def settle_plan(
     work: int,
     replica_count: int,
 ) -> str:
-    """The plan of a step, from the plan that was asked for; `name` is what the scene calls the integrator.
+    """The plan of a step, from the requested plan; `name` is the integrator's name in the scene.
 
     Raises:
         UnsupportedError: the integrator does not run on this device.

@@ -87,7 +87,7 @@ class Launcher(ABC):
         self.set_up()
 
     def set_up(self) -> None:  # noqa: B027 — most kinds of step have nothing to do here
-        """Keep what follows from the parts."""
+        """Keep the values that follow from the parts."""
 
     def prepare(self, time: float, dt: float) -> None:
         """Set everything that the first step expects to find, after the state was set from outside; `dt` is the run's step."""
@@ -143,7 +143,7 @@ class Launcher(ABC):
         return 1 + max(1, self.integrator.evaluations) * per_evaluation
 
     def facts(self) -> dict[str, Any]:
-        """What reports say of this kind of step, and of what it has done since it was prepared."""
+        """The entries of reports about this kind of step, and about its work since it was prepared."""
         return {
             "force_evaluations_per_step": self.integrator.evaluations_per_step,
             "launches_per_step": self.launches_per_step(),

@@ -15,7 +15,7 @@ class ParallelStaged(Launcher):
     """
 
     def set_up(self) -> None:
-        """Which of the integrator's ways through its stages these forces ask for."""
+        """Choose the integrator's way through its stages that these forces need."""
         self.joins = self.integrator.joins_steps(self.total_force)
         self.looks_up = self.integrator.looks_stages_up(self.total_force)
         self.sums = self.integrator.wants_sum(self.total_force)

@@ -1,4 +1,4 @@
-"""What every view takes and gives: a `Frame` in, a picture (or a window) out."""
+"""The interface of every view: it takes a `Frame` and gives a picture or a window."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
@@ -97,4 +97,4 @@ class View(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Release what the view holds; harmless when called twice."""
+        """Release the resources of the view; harmless when called twice."""

@@ -67,7 +67,7 @@ class Screen:
 def spheres(
     center: np.ndarray, radius: np.ndarray, color: np.ndarray, screen: Screen, *, marks: np.ndarray | None = None
 ) -> np.ndarray:
-    """Rows for spheres, those in view only; `center` in scaled camera coordinates, colours linear, marks as in surfaces.py.
+    """Rows for the spheres in view; `center` in scaled camera coordinates, colours linear, marks as in surfaces.py.
 
     A sphere that holds the camera is left out; a sphere that reaches behind the near plane is boxed by the whole picture.
     """

@@ -142,7 +142,7 @@ class Controls:
             self._pressed = self._pressed if away < CLICK else None
 
     def take_click(self) -> tuple[float, float] | None:
-        """Where the user has clicked since the last call, in 0…1 from the lower left corner."""
+        """The place of the user's click since the last call, in 0…1 from the lower left corner."""
         clicked, self._clicked = self._clicked, None
         return clicked
 

@@ -7,7 +7,7 @@ from mpp_taichi.walls._base import Enclosure, Wall
 
 @component
 class PeriodicBox(Wall):
-    """Periodic boundary: what leaves on one side comes in on the other, and sees the nearest copy of everything.
+    """Periodic boundary: a particle that leaves on one side comes in on the other, and feels the nearest copy of each particle.
 
     Spheres must be smaller than half of the shortest edge that repeats.
     """

@@ -165,7 +165,7 @@ class RestingStep:
 
     @ti.func
     def begin_ways(self, state: Template, h):
-        """Begin the problem of the mean velocities: the old ones until the first impact of a sphere, then the new ones.
+        """Begin the problem of the mean velocities: old velocities until the first impact of a sphere, then new velocities.
 
         Contacts that yielded keep their overlap.
         """

@@ -58,7 +58,7 @@ class Candidates:
     # Whether the candidates are valid for a piece
 
     def find(self, piece: Piece) -> None:
-        """See to it that the grid shows every pair that may touch in the piece, and that the slots hold the spheres."""
+        """Make the grid show every pair that may touch in the piece, and the slots hold the spheres."""
         if self._are_known(piece):
             return
         margins = piece.common, piece.time, piece.rounding
@@ -108,7 +108,7 @@ class Candidates:
 
     @ti.kernel
     def _sort_slots(self):
-        """Move the spheres from their old slots, most of which are near the new ones, to where the grid has sorted them."""
+        """Move the spheres from their old slots to the places where the grid has sorted them, which are mostly near."""
         for k in range(self.particle_count):
             old = self.grid.order[k]
             self.played.position[k] = self.slots.position[old]

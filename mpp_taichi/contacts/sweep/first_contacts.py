@@ -1,4 +1,4 @@
-"""First contacts of a piece: when two spheres, or a sphere and a surface, meet if nothing else happens before."""
+"""First contacts of a piece: the time at which two spheres, or a sphere and a surface, meet if no other event comes before."""
 
 import taichi as ti
 

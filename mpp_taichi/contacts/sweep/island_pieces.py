@@ -48,7 +48,7 @@ class IslandPieces(PieceSteps):
         return links, violations
 
     def retry(self, piece: Piece) -> Piece:
-        """The same piece with wider margins."""
+        """The piece again with wider margins."""
         return self.planner.widen(piece)
 
     def commit(self, h: float) -> None:

@@ -7,7 +7,7 @@ import taichi as ti
 from mpp_taichi.contacts.sweep.drift_planning import Piece
 from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
 
-TRIES = 64  # to do a piece with wider margins, then to do shorter ones
+TRIES = 64  # to do a piece with wider margins, then to do shorter pieces
 
 
 class PieceSteps(ABC):
