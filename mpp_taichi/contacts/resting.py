@@ -23,9 +23,9 @@ class Resting(ContactSolver):
     v' = v + (1 + e) M⁻¹ Nᵀ λ with the λ ≥ 0 that would just end their approach. Then it finds the velocities closest to
     these, in the metric of the kinetic energy, with 0 ≤ λ ⟂ gap/h + n·(v_i − v_j) ≥ 0 for all near spheres and surfaces, so
     that resting spheres stay where they are. Both are projections, which never add kinetic energy. Spheres move by h times
-    these velocities; spheres with an impact move with the old velocity until the impact and with the new one after it, again
-    corrected so that at the end of the drift no two spheres overlap by more than `tolerance` of the smaller radius. In one
-    group of impacts with different restitutions the least restitution holds for all.
+    these velocities; spheres with an impact move with the old velocity until the impact and with the new velocity after it,
+    again corrected so that at the end of the drift no two spheres overlap by more than `tolerance` of the smaller radius. In
+    one group of impacts with different restitutions the least restitution holds for all.
 
     First order in h: a shock passes through touching spheres in one projection (for a cradle take `simultaneous`), and the
     height of a bounce varies by about one step's fall. Elastic contacts never rest. Give the integrator steps in which spheres

@@ -10,7 +10,7 @@ from mpp_taichi.quantities._base import Setting
 class CollisionRate(OfContacts):
     """Collisions of a particle with others in a unit of time, on average over all [time⁻¹]: 2 · pairs / (N t).
 
-    Bounces off walls do not count. Enskog's theory says how many to expect: `kinetic_theory.collision_rate`, between walls
+    Bounces off walls do not count. Enskog's theory gives the expected number: `kinetic_theory.collision_rate`, between walls
     `kinetic_theory.gas_in_box`.
     """
 

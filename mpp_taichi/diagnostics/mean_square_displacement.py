@@ -18,7 +18,7 @@ class MeanSquareDisplacement(Diagnostic):
     """⟨|x(t) − x(0)|²⟩ at the end of the run [length²].
 
     In a box that repeats, paths are followed through its sides: the displacement between two samples is the shortest of all
-    that differ by whole boxes, so that no particle may fly half a box between two samples. Diffusion has 2 d D t
+    displacements that differ by whole boxes, so that no particle may fly half a box between two samples. Diffusion has 2 d D t
     (`kinetic_theory.transport`).
     """
 

@@ -18,7 +18,7 @@ class OrbitalPeriod(Diagnostic):
     """Time of the first full turn of `of` around `around`, as seen from `around` in the plane of their first motion.
 
     The angle is the angle of the relative position, its rate ω = (r × v)·n / |r in the plane|². Between two samples the angle
-    is the cubic with both angles and both rates (Hermite), and the turn is complete at its root. The turn is the sidereal one:
+    is the cubic with both angles and both rates (Hermite), and the turn is complete at its root. The turn is sidereal:
     against fixed directions, not from pericentre to pericentre.
     """
 

@@ -13,7 +13,7 @@ from mpp_taichi.start.contact_setup import enclosure_of
 class Pressure(OfContacts):
     """Pressure in a box whose walls are across the axes, or that repeats [energy / lengthᵈ].
 
-    walls    momentum given to all walls, per time and area. The area is that which the centres reach, the box less a radius
+    walls    momentum given to all walls, per time and area. The area is the area that the centres reach, the box less a radius
              at each wall, as is the volume below: only with them do both ways agree, and an ideal gas has P V = N k T.
     virial   d P V = ⟨Σ m v²⟩ + Σ Δp · r / t, over collisions of pairs, from both sides of the virial theorem of Clausius.
 

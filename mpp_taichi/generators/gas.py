@@ -35,7 +35,7 @@ class Gas(Generator):
     )
     mass: float = param(1.0, minimum=0.0, unit="mass", help="mass of each particle")
     speed: float = param(0.0, minimum=0.0, unit="length time⁻¹", help="speed of every particle relative to the drift")
-    temperature: float = param(None, optional=True, minimum=0.0, unit="energy", help="k T, instead of a speed")
+    temperature: float = param(None, optional=True, minimum=0.0, unit="energy", help="temperature k T, instead of a speed")
     drift: Vector = param((0, 0, 0), unit="length time⁻¹", help="common velocity, added to the random velocities")
     zero_momentum: bool = param(
         False, help="whether the random velocities add up to zero; particles of one speed then move in opposite pairs"

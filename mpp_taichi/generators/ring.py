@@ -15,7 +15,7 @@ class Ring(Generator):
     """A flat ring of uniform surface density in the x–y plane, on circular orbits that turn from x to y.
 
     central: v² = k² M r² / (r² + ε²)^(3/2), which is k² M / r without softening; the ring's own pull is left out.
-    with_ring: v² = the same + r times the pull of the ring as a continuous sharp-edged disc of surface density
+    with_ring: v² = v² of central + r times the pull of the ring as a continuous sharp-edged disc of surface density
     ρ = M_ring / [π (R₂² − R₁²)], in closed form by elliptic integrals. The pull of the disc diverges like a logarithm at the
     two rims, where particles are no continuum: it is evaluated no closer to a rim than one mean spacing √(area / count), and
     without softening.

@@ -6,9 +6,9 @@ from mpp_taichi.integrators._runge_kutta import RungeKutta
 
 @component
 class BogackiShampine(RungeKutta):
-    """Third-order Runge–Kutta with a second-order method inside, the pair to learn step control from; not symplectic.
+    """Third-order Runge–Kutta with a second-order method inside, a pair for a first course on step control; not symplectic.
 
-    Three forces per step; the estimate of the error wants the first of the next step as well. Here the step is fixed;
+    Three forces per step; the estimate of the error needs the first force of the next step as well. Here the step is fixed;
     adaptive_bogacki_shampine chooses it.
     Dense output: the cubic through positions and slopes of both ends.
     Source: Bogacki & Shampine, Appl. Math. Lett. 2 (1989) 321.

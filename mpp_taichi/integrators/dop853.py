@@ -103,7 +103,7 @@ class Dop853(RungeKutta):
     """Eighth-order Runge–Kutta by Dormand and Prince, twelve forces per step; not symplectic, energy drifts at ninth order.
 
     For short runs of smooth motion to many digits. Estimates of fifth and third order, E₅ and E₃, are combined to
-    E₅²/√(E₅² + 0.01 E₃²); the dense output is of order seven and wants three more forces. Here the step is fixed;
+    E₅²/√(E₅² + 0.01 E₃²); the dense output is of order seven and needs three more forces. Here the step is fixed;
     adaptive_dop853 chooses it.
     Source: Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, 2nd ed. (1993), §II.5, §II.6.
     """

@@ -36,7 +36,7 @@ class WisdomHolman(Integrator):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     central: Particle = param(
-        None, optional=True, help="the body that the others orbit, by name or index; absent: the heaviest"
+        None, optional=True, help="the body that the others orbit, by name or index; absent: the heaviest body"
     )
     corrector: int = param(11, minimum=0, maximum=17, help="order of the symplectic corrector: 0 (none), 3, 5, 7, 11 or 17")
 

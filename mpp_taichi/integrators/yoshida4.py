@@ -11,7 +11,7 @@ W0 = 1.0 - 2.0 * W1
 class Yoshida4(Splitting):
     """Three leapfrogs of w₁, w₀, w₁ with w₁ = 1/(2 − 2^⅓), w₀ = 1 − 2 w₁: fourth order, symplectic, three forces per step.
 
-    The middle one goes backwards in time. The very table of Forest & Ruth, Physica D 43 (1990) 105.
+    The middle leapfrog goes backwards in time. The table is the same as in Forest & Ruth, Physica D 43 (1990) 105.
     Source: Yoshida, Phys. Lett. A 150 (1990) 262.
     """
 

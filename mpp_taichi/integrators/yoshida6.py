@@ -8,7 +8,8 @@ from mpp_taichi.integrators._splitting import Splitting, of_leapfrogs
 class Yoshida6(Splitting):
     """Seven leapfrogs, Yoshida's solution A: sixth order, symplectic, time-reversible, seven forces per step.
 
-    The fewest that sixth order needs; longer steps and smaller errors come of more: see kahan_li6, srkn11b, srkn14a.
+    Sixth order needs at least seven leapfrogs; methods with more forces allow longer steps and have smaller errors: see
+    kahan_li6, srkn11b, srkn14a.
     Source: Yoshida, Phys. Lett. A 150 (1990) 262, table 1; digits of Hairer, Lubich & Wanner, Geometric Numerical
     Integration, 2nd ed. (2006), eq. V.3.11.
     """

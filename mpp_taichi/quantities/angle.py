@@ -12,9 +12,9 @@ PLANES = {"x": (1, 2), "y": (0, 2), "z": (0, 1)}
 
 @component
 class Angle(Quantity):
-    """Angle in −π…π at which a particle is seen from another, or from the origin, in a plane [radians].
+    """Angle in −π…π at which a particle is seen from another particle, or from the origin, in a plane [radians].
 
-    In the plane across z it counts from the x axis towards y, across y from x towards z, and across x from y towards z.
+    In the plane across z the angle counts from the x axis towards y, across y from x towards z, and across x from y towards z.
     """
 
     of: Particles = param(help="a particle or a group")

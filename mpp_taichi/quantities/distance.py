@@ -14,8 +14,8 @@ class Distance(OfEach):
     """Distance of a particle or a group's centre of mass from another, or from a point [length].
 
     Without `to` and `point` the distance is from the centre of mass of all particles. A histogram shows the distance of each
-    particle. For the
-    largest or smallest distance of a run, samples follow each other so fast that the two ends move by at most a tenth of it.
+    particle. For the largest or smallest distance of a run, samples follow each other so fast that the two ends move by at most
+    a tenth of it.
     """
 
     of: Particles = param(None, optional=True, help="a particle or a group; absent: all")

@@ -11,8 +11,8 @@ from mpp_taichi.quantities._particles import rows
 class NearestNeighborDistance(Quantity):
     """Distance of a particle to the nearest other particle of the group, on average over the group [length].
 
-    Of n particles at random on a flat area A it is ½ √(A / n), with a standard deviation of 0.26 √A / n; in clumps they are
-    nearer. Source: Clark & Evans, Ecology 35 (1954) 445.
+    Of n particles at random on a flat area A it is ½ √(A / n), with a standard deviation of 0.26 √A / n; in clumps particles
+    are nearer. Source: Clark & Evans, Ecology 35 (1954) 445.
     """
 
     of: Particles = param(None, optional=True, help="a group; absent: all particles")

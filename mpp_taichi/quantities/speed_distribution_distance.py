@@ -13,7 +13,7 @@ from mpp_taichi.quantities._particles import free_rows
 class SpeedDistributionDistance(Quantity):
     """Kolmogorov and Smirnov's sup |F_n − F| between the speeds and the distribution of their temperature.
 
-    By chance it exceeds 1.36/√n once in twenty times, somewhat more seldom as the temperature is the measured one. Of particles
+    By chance it exceeds 1.36/√n once in twenty times, somewhat more seldom since the temperature is measured. Of particles
     that are free along every axis; where masses differ, each speed is compared with the distribution of its own mass.
     """
 

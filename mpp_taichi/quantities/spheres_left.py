@@ -7,7 +7,7 @@ from mpp_taichi.quantities._particles import rows
 
 @component
 class SpheresLeft(Quantity):
-    """Number of particles that have not merged into another."""
+    """Number of particles that have not merged into another particle."""
 
     of: Particles = param(None, optional=True, help="a particle or a group; absent: all")
 

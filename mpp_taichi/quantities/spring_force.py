@@ -13,8 +13,8 @@ from mpp_taichi.quantities._particles import AXES, rows
 class SpringForce(Quantity):
     """Σ D (|d| − L) d/|d| over the springs that end at a particle or in a group [force].
 
-    Springs within the group add up to nothing; friction is left out. At rest they pull at a held particle with the weight of
-    all particles that hang on it, whatever the shape of the network.
+    Springs within the group add up to zero; friction is left out. At rest the springs pull at a held particle with the weight
+    of all particles that hang on it, whatever the shape of the network.
     """
 
     of: Particles = param(help="a particle or a group")

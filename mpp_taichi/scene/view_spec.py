@@ -25,7 +25,7 @@ _ASKED = BeforeValidator(_nothing_is_empty)
 
 @dataclass(frozen=True)
 class CameraSpec:
-    """The place of the camera; None: chosen so that every particle is in view."""
+    """The place of the camera; an absent value is chosen so that every particle is in view."""
 
     __pydantic_config__ = _CLOSED
     position: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="position of the eye")] = None
@@ -256,13 +256,15 @@ class ViewSpec:
 
     __pydantic_config__ = _CLOSED
     camera: Annotated[CameraSpec, Field(description="camera of the picture")] = field(default_factory=CameraSpec)
-    background: Annotated[tuple[float, float, float], _COLOR, Field(description="red, green, blue in 0…1")] = (0.02, 0.02, 0.05)
+    background: Annotated[
+        tuple[float, float, float], _COLOR, Field(description="color of the background: red, green, blue in 0…1")
+    ] = (0.02, 0.02, 0.05)
     radius_scale: Annotated[float, Number(above=0.0), Field(description="factor of the spheres' radii, display only")] = 1.0
-    minimum_pixels: Annotated[float, Number(minimum=0.0), Field(description="smallest radius of a sphere")] = 1.5
+    minimum_pixels: Annotated[float, Number(minimum=0.0), Field(description="smallest radius of a sphere, in pixels")] = 1.5
     spring_width: Annotated[float, Number(above=0.0, maximum=100.0), Field(description="pixels")] = 2.0
     trails: Annotated[int, Whole(minimum=0, maximum=10_000), Field(description="frames of trail per particle, 0 = none")] = 0
-    caption: Annotated[bool, Flag(), Field(description="title and time")] = True
-    bodies: Annotated[dict[Any, BodyViewSpec], Field(description="how single bodies and groups are drawn, by name")] = field(
+    caption: Annotated[bool, Flag(), Field(description="whether the picture shows title and time")] = True
+    bodies: Annotated[dict[Any, BodyViewSpec], Field(description="appearance of single bodies and groups, by name")] = field(
         default_factory=dict
     )  # by (first index, count) once the scene is loaded
     light: Annotated[

@@ -9,7 +9,7 @@ AXES = "xyz"
 
 @component
 class Box(Wall):
-    """Rectangular box around the particles, a plane on each side; in the plane it has four sides."""
+    """Rectangular box around the particles, a plane on each side; in two dimensions the box has four sides."""
 
     lower: Vector = param(unit="length", help="corner where every coordinate is least")
     upper: Vector = param(unit="length", help="corner where every coordinate is greatest")

@@ -7,10 +7,10 @@ from mpp_taichi.walls._base import Enclosure, Surface, Wall, unit_vector
 
 @component
 class Cylinder(Wall):
-    """Infinite cylinder, particles inside it or outside; in the plane a circle."""
+    """Infinite cylinder, particles inside it or outside; in two dimensions a circle."""
 
     point: Vector = param(unit="length", help="any point of the axis")
-    axis: Vector = param(None, optional=True, help="direction of the axis, of any length; absent, and in the plane: z")
+    axis: Vector = param(None, optional=True, help="direction of the axis, of any length; absent, and in two dimensions: z")
     radius: float = param(above=0.0, unit="length")
     inside: bool = param(True, help="whether the particles are inside")
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")

@@ -6,7 +6,7 @@ from mpp_taichi.walls._base import Enclosure, Surface, Wall, unit_vector
 
 @component
 class Plane(Wall):
-    """Infinite plane, particles on the side its normal points to; with a velocity it is a piston.
+    """Infinite plane, particles on the side to which its normal points; with a velocity the plane is a piston.
 
     A moving plane does work: the particles' energy is not kept.
     """

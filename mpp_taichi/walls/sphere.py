@@ -6,7 +6,7 @@ from mpp_taichi.walls._base import Enclosure, Surface, Wall
 
 @component
 class Sphere(Wall):
-    """Hollow sphere around the particles, or a solid sphere that keeps them outside; in the plane a circle."""
+    """Hollow sphere around the particles, or a solid sphere that keeps them outside; in two dimensions a circle."""
 
     center: Vector = param(unit="length")
     radius: float = param(above=0.0, unit="length")

@@ -19,7 +19,7 @@ STEP = 1e-3
 
 
 def watched(name, motion, duration, *, step=STEP, **parameters):
-    """The result for x(t), v(t) on the second particle's z, from the fewest samples that the diagnostic allows; and their number."""
+    """The result for x(t), v(t) on the second particle's z, from the fewest samples that are allowed, and their count."""
     diagnostic = measuring(name, of=(1, 1) if name == "position" else 1, axis="z", **parameters)
     time, looks, last = 0.0, 0, -1.0
     while last < duration:

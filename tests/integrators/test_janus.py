@@ -159,7 +159,8 @@ def test_what_it_cannot_do_is_refused_in_one_line(software_vulkan):
     with pytest.raises(SceneError, match="janus: would lose its order beside linear_drag, damped springs"):
         Simulation(dragged, backend="cpu")
     with pytest.raises(
-        SceneError, match="its lattice ends at a position of 4.6.*e-12, one is .* a larger `lattice` than 1e-30"
+        SceneError,
+        match="its lattice ends at a position of 4.6.*e-12, and the scene has a position of .* a larger `lattice` than 1e-30",
     ):
         Simulation(kepler(integrator="janus", lattice=1e-30), backend="cpu")
     with pytest.raises(BackendError, match="janus runs on the CPU only, not on vulkan"):
