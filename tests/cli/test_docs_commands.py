@@ -204,7 +204,7 @@ def test_every_scene_is_on_the_page_of_scenes():
     assert "docs/scenes.md" in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_what_does_not_work_is_found(folder, monkeypatch, capsys):
+def test_planted_faults_of_a_page_are_found(folder, monkeypatch, capsys):
     """The reader itself: faults of every kind, planted in a page."""
     monkeypatch.chdir(folder)
     page = """

@@ -89,7 +89,7 @@ def test_every_block_is_done_once_and_in_its_loop(threads):
         np.testing.assert_array_equal(counted.to_numpy(), value)
 
 
-def test_they_are_as_many_as_wanted_and_leave_with_taichi(threads):
+def test_the_requested_number_of_threads_starts_and_ends_with_taichi(threads):
     import taichi as ti
 
     assert become(threads - 1)
