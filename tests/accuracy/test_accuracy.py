@@ -1,4 +1,4 @@
-"""What accuracy costs: references that are as good as they say, orders, fronts, budgets, chaos, and a page that opens."""
+"""Studies of accuracy: errors of the references, orders, fronts of error and time, budgets, chaos, and the HTML page."""
 
 import html.parser
 import json

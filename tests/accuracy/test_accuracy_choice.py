@@ -1,4 +1,4 @@
-"""`accuracy:` in a scene: what is chosen reaches the target, is kept, and repeats bit for bit."""
+"""`accuracy:` in a scene: the chosen method reaches the target, is stored, and repeats bit for bit."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""What accuracy costs where gravity has a choice of solvers: names, methods, errors of the tree, the scene's own."""
+"""Studies of accuracy with several solvers of gravity: names, methods, errors of the tree, the solver of the scene."""
 
 import dataclasses
 import json

@@ -1,4 +1,4 @@
-"""Runs that diverge are stopped where they start to, and go on from there; sound runs are left alone."""
+"""Runs that blow up are stopped at the step where the blow-up begins, and can continue; stable runs raise no alarm."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Every command, Python block and scene that the README and docs/ show is tried: run for real, but short, in one process.
+"""Every command, Python block and scene of the README and of docs/ is run, shortened, in one process.
 
 What is changed of a command is in `SHORTER`; what cannot be run here is checked as far as it can be, by `PARSED_ONLY` and
 `without_running`, with the reason beside it. A command of a kind that is in neither fails.

@@ -1,4 +1,4 @@
-"""The certificate of agreement: sound kernels differ from the reference by rounding, planted faults are called bugs."""
+"""The certificate of agreement: correct kernels differ from the reference by rounding; planted faults are reported as bugs."""
 
 import math
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""Contacts as a scene asks for them: the laws of impact on every solver, what a scene may say, what a run tells."""
+"""Contacts of scenes: the laws of impact for every solver, the keys of a scene, and the reports of a run."""
 
 import math
 

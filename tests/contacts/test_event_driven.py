@@ -1,4 +1,4 @@
-"""Event-driven hard spheres against exact answers, and against themselves backwards."""
+"""Event-driven hard spheres against exact solutions, and against their own backward runs."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Contacts located on the steps of adaptive methods: against closed forms, at any speed, and where they cannot be."""
+"""Contacts located on the steps of adaptive methods: closed forms, any speed, and refused scenes."""
 
 import math
 

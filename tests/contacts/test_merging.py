@@ -1,4 +1,4 @@
-"""Spheres that merge: one body with the mass, momentum and volume of both, at the exact time; the other is gone."""
+"""Spheres that merge: the merged body has the mass, momentum and volume of both, at the exact time."""
 
 import dataclasses
 import json

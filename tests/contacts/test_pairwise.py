@@ -1,4 +1,4 @@
-"""Pairwise contacts: what overlaps after a step bounces by Eq. 9 and is moved apart, the same however pairs are found."""
+"""Pairwise contacts: overlapping spheres bounce by Eq. 9 and are separated, the same for each search of pairs."""
 
 import numpy as np
 import pytest

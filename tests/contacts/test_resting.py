@@ -1,4 +1,4 @@
-"""Spheres that rest on each other: columns and piles do not sink, gain nothing, and come to rest; single impacts are exact."""
+"""Resting spheres: columns and piles do not sink, gain no energy, and come to rest; single impacts are exact."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Spheres that stay in their slots: the next drift is planned by what the last one measured of them."""
+"""Spheres that stay in their slots: each drift is planned from the measurements of the drift before."""
 
 import numpy as np
 import pytest

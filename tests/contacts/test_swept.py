@@ -1,4 +1,4 @@
-"""Swept contacts: every contact of a drift at its exact time, in its order, and none missed."""
+"""Swept contacts: every contact of a drift occurs at its exact time and in order, and no contact is missed."""
 
 from dataclasses import replace
 

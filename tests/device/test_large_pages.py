@@ -1,4 +1,4 @@
-"""Large pages: Linux gives them to Taichi's fields where it lets programs ask."""
+"""Large pages: Taichi's fields are in large pages where Linux provides them on request."""
 
 import platform
 import re

@@ -1,4 +1,4 @@
-"""The threads that share a kernel's loops do every block once, whatever their number, and end with Taichi."""
+"""The worker threads compute each block of a loop once, for any number of threads, and end with Taichi."""
 
 import os
 import subprocess

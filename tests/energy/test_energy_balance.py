@@ -1,4 +1,4 @@
-"""Energy balance: kinetic + potential + dissipated − work = constant to the order of every method; drive; numerical damping."""
+"""Energy balance: its error has the order of every method; drives; numerical damping."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Arrows of accelerations and forces: the program's own forces at the moment shown, which no run notices."""
+"""Arrows of accelerations and forces: the forces of the program at the time of the picture, without effect on the run."""
 
 import re
 from contextlib import nullcontext

@@ -1,4 +1,4 @@
-"""Embedded pairs with control of the step: SciPy's beside them, looks between steps, motion without a scale, collisions."""
+"""Embedded pairs with a control of the step: SciPy's methods, samples between steps, motion without a scale, collisions."""
 
 import math
 

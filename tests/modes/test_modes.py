@@ -1,4 +1,4 @@
-"""Modes of spring networks: frequencies against matrices and closed forms, zero-frequency modes, and what a run shows."""
+"""Modes of spring networks: frequencies against matrices and closed forms, zero-frequency modes, and modes along a run."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""The cell grid finds exactly the pairs that brute force finds, each once, in an order that threads do not change."""
+"""The cell grid finds the pairs of a search over all pairs, each once, in an order that is independent of threads."""
 
 import hashlib
 

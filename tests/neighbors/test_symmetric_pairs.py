@@ -1,4 +1,4 @@
-"""The pair sum that evaluates each pair once: the same forces, both ways, for any number of bodies and threads."""
+"""The pair sum that evaluates each pair once: the same forces for any number of bodies and threads."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Gravity by a tree: forces against the direct sum in NumPy, over what trees find hard; bits, energy, refusals."""
+"""Gravity by a tree: forces against the direct sum in NumPy in difficult cases; bits, energy, refusals."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Overrides: what `--set` and `overrides=` can change, and what they refuse."""
+"""Overrides: the changes that `--set` and `overrides=` can make, and the changes that they refuse."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Python in place of a script engine: parameters that change while a simulation runs, results as arrays, and how they show."""
+"""Python scripts: parameters that change during a run, results as arrays, and their display."""
 
 import io
 from html.parser import HTMLParser

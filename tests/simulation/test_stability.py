@@ -1,4 +1,4 @@
-"""Numbers that are not finite are found where they are born, on every backend; nothing is silently wrong."""
+"""Numbers that are not finite are found at the step where they arise, on every backend."""
 
 import numpy as np
 import pytest

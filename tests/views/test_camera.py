@@ -1,4 +1,4 @@
-"""The camera sees everything, and keys and mouse move it as the help says."""
+"""The camera: it shows the whole scene, and keys and mouse move it as the help describes."""
 
 import math
 

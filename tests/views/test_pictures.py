@@ -1,4 +1,4 @@
-"""What `view:` asks for is in the picture: display scales, surfaces, light and shadow, sky, colours, arrows, axes and grid."""
+"""Every key of `view:` in the picture: display scales, surfaces, light, shadow, sky, colours, arrows, axes and grid."""
 
 import math
 from dataclasses import replace

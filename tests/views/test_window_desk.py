@@ -1,4 +1,4 @@
-"""The window as a laboratory: sliders, picking, following, the way back; without a display, and once with a real one."""
+"""The window: sliders, picking, following, stepping back; without a display, and once with a real display."""
 
 import math
 
