@@ -52,7 +52,7 @@ _LAZY = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import the rest on first use, so that `import mpp_taichi` costs next to nothing."""
+    """Import the other names on first use, so that `import mpp_taichi` costs next to nothing."""
     if name in _LAZY:
         return getattr(importlib.import_module(_LAZY[name]), name)
     raise AttributeError(f"module 'mpp_taichi' has no attribute {name!r}")

@@ -12,8 +12,8 @@ from mpp_taichi.errors import OutputError
 def whole_file(path: Path, what: str, *, durable: bool = False) -> Iterator[Path]:
     """A temporary path beside `path`, of the same suffix, that takes its place when the block ends; folders are made.
 
-    An old file stays as it was until then, and nothing is left of a new one that fails. What is `durable` is on the disk before
-    it replaces an old file, even if the machine stops.
+    An old file stays as it was until then, and nothing is left of a new file that cannot be completed. A `durable` file is
+    on the disk before it replaces an old file, even if the machine stops.
 
     Raises:
         OutputError: it cannot be written; says which file and `what` was to be in it.
@@ -27,7 +27,7 @@ def whole_file(path: Path, what: str, *, durable: bool = False) -> Iterator[Path
                 os.fsync(stream.fileno())
         os.replace(temporary, path)
     except BaseException as error:
-        with suppress(OSError):  # the folder may be what is wrong
+        with suppress(OSError):  # the folder itself may be the cause of the error
             temporary.unlink()
         if not isinstance(error, OSError):
             raise

@@ -50,7 +50,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Declaration:
-    """A component read from its source: what the scene layer needs to know about it."""
+    """A component read from its source: the data about it that the scene layer needs."""
 
     kind: str
     name: str
@@ -63,7 +63,7 @@ class Declaration:
 
 
 def param(default: Any = REQUIRED, **description: Any) -> Any:
-    """Declare a parameter; keywords are those of `Parameter`. All arguments must be literals."""
+    """Declare a parameter; keywords are the fields of `Parameter`. All arguments must be literals."""
     return Parameter(name="", type="", default=default, **description)
 
 
@@ -101,7 +101,7 @@ def names(kind: str) -> list[str]:
 
 
 def folders(kind: str) -> list[Path]:
-    """Where components of a kind are looked for: the package itself, then `extra_folders`."""
+    """The folders that are searched for components of a kind: the package itself, then `extra_folders`."""
     return [PACKAGE_FOLDER / kind, *(folder / kind for folder in extra_folders)]
 
 
@@ -116,7 +116,7 @@ def find_file(kind: str, name: str) -> Path | None:
 
 
 def declaration(kind: str, name: str) -> Declaration:
-    """What a component declares, read from its source without importing it."""
+    """The declarations of a component, read from its source without importing it."""
     declared = _find(kind, name)
     if declared is None:
         raise KeyError(
@@ -151,7 +151,7 @@ def _find(kind: str, name: str) -> Declaration | None:
 
 @cache
 def _read(kind: str, path: Path) -> Declaration | None:
-    """What a file declares; None where it holds no component."""
+    """The component that a file declares; None where it declares no component."""
     tree = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
     wanted = class_name_of(path.stem)
     for node in tree.body:

@@ -1,7 +1,7 @@
 """Errors the user is meant to read: one line each, with the exit code of the command line."""
 
 INTERNAL_ERROR_CODE = 1
-"""Exit code where something went wrong that nobody foresaw."""
+"""Exit code of an error that the program does not foresee."""
 
 
 class MppError(Exception):
@@ -31,9 +31,9 @@ class SceneError(MppError):
 
 
 class MissingPackageError(MppError):
-    """A package that the program needs is not there: it was started with another Python than that of its environment.
+    """A package that the program needs is missing: the program was started with a Python outside its environment.
 
-    The code is that of wrong usage: the command named the wrong Python, and the machine lacks no device.
+    The exit code means wrong usage: the command named the wrong Python, and the machine lacks no device.
     """
 
     exit_code = 2

@@ -47,7 +47,7 @@ def missing_packages_named() -> Iterator[None]:
 
 
 def missing_line(name: str, places: Sequence[Path] | None = None) -> str:
-    """What to tell about the module `name` that cannot be found; `places` are the folders that may hold a `.venv`."""
+    """The message about the module `name` that cannot be found; `places` are the folders that may hold a `.venv`."""
     absent = [PACKAGES.get(name, name)]
     absent += [package for module, package in PACKAGES.items() if module != name and is_absent(module)]
     packages = f"package{'s' if len(absent) > 1 else ''} {', '.join(absent)}"

@@ -14,7 +14,7 @@ from mpp_taichi.errors import OutputError, StateError
 
 FORMAT_VERSION = 1
 MERGED_ARRAYS = ("mass", "radius", "charge", "free", "merged_into")
-"""What merging changes of a particle beside its place and velocity."""
+"""The properties of a particle that merging changes, beside its place and velocity."""
 MASS_ROUNDING = 1e-5  # of the whole mass, as sums in f32 over many mergers leave it
 _ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color", "free")
 _COLUMNS = {"position": (3,), "velocity": (3,), "color": (3,), "free": (3,), "between": (2,)}
@@ -50,8 +50,8 @@ class Snapshot:
     color                red, green, blue in 0…1, shape (particle_count, 3)
     free                 False where an axis of a particle is held fixed, shape (particle_count, 3)
     name                 one string per particle, empty when it has none
-    merged_into          where spheres merge: the particle that each has become part of, −1 while it is one itself,
-                         (particle_count,). What has merged is left with neither mass, radius nor charge, and held
+    merged_into          where spheres merge: the particle of which each has become a part, −1 for a separate particle,
+                         (particle_count,). A merged particle has neither mass, radius nor charge, and is held
     """
 
     position: np.ndarray
@@ -75,7 +75,7 @@ class Snapshot:
 
     @property
     def present(self) -> np.ndarray:
-        """False for what has merged into another particle, shape (particle_count,)."""
+        """False for a particle that has merged into another particle, shape (particle_count,)."""
         return np.ones(self.particle_count, dtype=bool) if self.merged_into is None else self.merged_into < 0
 
     def moved(self, *, position: np.ndarray, velocity: np.ndarray, time: float, step: int) -> "Snapshot":
@@ -99,7 +99,7 @@ class Snapshot:
             else np.array_equal(self.mass, start.mass)
         )
         if not same:
-            raise StateError("the masses of the state are not those of the scene")
+            raise StateError("the masses of the state differ from the masses of the scene")
         if np.any(self.mass < 0.0) or np.any(self.radius < 0.0):
             raise StateError("the state holds a mass or a radius below 0")
         if not (np.isfinite(self.position).all() and np.isfinite(self.velocity).all()):
@@ -120,10 +120,10 @@ class Snapshot:
 
     @staticmethod
     def load(path: str | Path) -> "Snapshot":
-        """Read what `save` wrote.
+        """Read a file that `save` wrote.
 
         Raises:
-            OutputError: it is no such file, or one of another version, or what it holds does not fit together.
+            OutputError: it is no such file, or has another version, or its arrays do not fit together.
         """
         try:
             with np.load(path, allow_pickle=False) as data:
@@ -139,7 +139,7 @@ class Snapshot:
         return made
 
     def _check(self, version: object) -> None:
-        """ValueError where arrays, read from a file, are not what the fields of this class say, or the version is another."""
+        """ValueError where arrays, read from a file, do not match the fields of this class, or the version is another."""
         if version != FORMAT_VERSION:
             raise ValueError(f"its format is version {version}, this program reads version {FORMAT_VERSION}")
         count, links = np.size(self.mass), np.size(self.springs.stiffness)

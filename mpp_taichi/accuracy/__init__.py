@@ -1,1 +1,1 @@
-"""What accuracy costs in time: a scene run by many methods, steps and precisions, measured against a converged reference."""
+"""The cost of accuracy in time: a scene run by many methods, steps and precisions, measured against a converged reference."""

@@ -43,7 +43,7 @@ class Chaos:
         return self.lyapunov_time * math.log(ACCURATE / ROUND_OFF[precision])
 
     def facts(self) -> dict[str, Any]:
-        """As plain data."""
+        """The result as plain data."""
         found = {**vars(self)}
         return {**found, "horizon_f64": self.horizon("f64"), "horizon_f32": self.horizon("f32")}
 

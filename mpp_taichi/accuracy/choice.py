@@ -36,7 +36,7 @@ TRIALS = 3  # runs with the chosen step, each corrected by the result of the las
 MOST_TRIED, ALIKE = 3, 1.5  # offers that are run, unless they seem slower than the first by more than this factor
 REPEATS = 3
 Tried = tuple[Configuration, float, MeasuredError, float]  # with its step, its error and its seconds
-LOOKS_OF_ADAPTIVE = 1000  # looks in a run of a method that needs no step
+LOOKS_OF_ADAPTIVE = 1000  # samples in a run of a method that needs no step
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ def exact_solvers() -> list[str]:
 
 
 def orders() -> dict[str, int]:
-    """The contact solvers that a study compares, each with the order of its error in dt; 0 for those that take no steps.
+    """The contact solvers that a study compares, each with the order of its error in dt; 0 for solvers that take no steps.
 
-    The kicks before and after a drift are those of a leapfrog. A solver that finds the time of an impact exactly keeps the
+    The kicks before and after a drift are the kicks of a leapfrog. A solver that finds the time of an impact exactly keeps the
     order 2; a solver that finds it to within a step has the order 1. The highest order comes first.
     """
     found = {name: component.flag("contacts", name, "order") for name in component.names("contacts")}
@@ -38,7 +38,7 @@ def solvers(spec: SceneSpec) -> list[str]:
 
 
 def with_solver(spec: SceneSpec, name: str, dt: float) -> SceneSpec:
-    """The scene with a contact solver and a step; parameters that both solvers have are those of the scene's own solver."""
+    """The scene with a contact solver and a step; parameters that both solvers have are taken from the scene's own solver."""
     assert spec.contacts is not None
     own, integrator = spec.contacts.solver, spec.integrator
     if own.name != name:

@@ -62,7 +62,7 @@ def with_force_solver(spec: SceneSpec, accuracy: float | None) -> SceneSpec:
 
 
 def variants(spec: SceneSpec, start: Snapshot, asked: Sequence[str]) -> list[str]:
-    """Methods by a tree: those asked for, and for many particles the scene's own integrator with several accuracies."""
+    """Methods by a tree: the wanted methods, and for many particles the scene's own integrator with several accuracies."""
     names = [own_name(spec), *asked]
     if start.particle_count >= FEWEST_BODIES:
         names += [joined(spec.integrator.name, accuracy) for accuracy in ACCURACIES]

@@ -66,9 +66,9 @@ def _counts(row: StudyRow, quantity: str) -> bool:
 
 
 def price_of_a_digit(errors: Sequence[float], costs: Sequence[float]) -> float | None:
-    """By what factor the cost grows where the error falls to a tenth: 10^s, s the slope of log cost on −log error.
+    """The factor by which the cost grows where the error falls to a tenth: 10^s, s the slope of log cost on −log error.
 
-    The slope is that of least squares. None for fewer than LEAST_ROWS points, or for equal errors.
+    The slope is found by least squares. None for fewer than LEAST_ROWS points, or for equal errors.
     """
     if len(errors) < LEAST_ROWS:
         return None

@@ -1,6 +1,6 @@
 """Ladder: the steps with which one method is tried in turn, from the step at which it costs as much as the scene's setting.
 
-Rung k has N₀ qᵏ steps, with q = √10 for low orders, 2 for those above 4, whose errors fall too fast for more. Rungs are added
+Rung k has N₀ qᵏ steps, with q = √10 for low orders, 2 for orders above 4, whose errors fall too fast for more. Rungs are added
 at both ends until the method is no longer stable or accurate at one end, and the error no longer falls at the other. An
 adaptive method has at rung k its default tolerance over 10ᵏ, or over √10ᵏ where the error grows with its square.
 """
@@ -27,7 +27,7 @@ class Ladder:
     least        steps below which the method is not stable
     floor        the error below which the reference shows nothing
     coarsest     the error above which coarser steps are of no interest
-    tolerance    of rung 0 of an adaptive method, which has `anchor` looks at every rung; else None
+    tolerance    of rung 0 of an adaptive method, which takes `anchor` samples at every rung; else None
     patient      continue where a rung reduces the error little: errors of contacts fall irregularly
     """
 

@@ -25,7 +25,7 @@ LOOKS = 64  # samples of energies and positions in a run; the steps of a referen
 class StudyMethod:
     """One integrator, for one scene; its name may include a tree, see force_solvers.
 
-    evaluations    forces per step; a guess for implicit methods, 1 for adaptive ones
+    evaluations    forces per step; a guess for implicit methods, 1 for adaptive methods
     fewest_steps   over the span that springs and drag allow
     controlled_by  the parameter that controls the accuracy of an adaptive method; empty for other methods
     tolerance      the default of this parameter
@@ -42,7 +42,7 @@ class StudyMethod:
 
     @property
     def adaptive(self) -> bool:
-        """Whether the method chooses its steps itself; its runs are sampled as often as those of other methods."""
+        """Whether the method chooses its steps itself; its runs are sampled as often as the runs of other methods."""
         return self.tolerance is not None
 
 

@@ -80,7 +80,7 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
         raise SceneError(f"{place}: accuracy does not measure scenes in which spheres merge")
     if spec.contacts is not None and spec.contacts.solver.flag("contacts", "leads"):
         name, solver = spec.integrator.name, spec.contacts.solver.name
-        raise SceneError(f"{place}: accuracy compares steps, and {solver} contacts have those of {name}: vary its tolerance")
+        raise SceneError(f"{place}: accuracy compares steps, and {solver} contacts use the steps of {name}: vary its tolerance")
     if spec.timeline:
         raise SceneError(f"{place}: accuracy does not measure scenes with a timeline; measure each of its phases as a scene")
     if "dt" not in spec.integrator.parameters:
@@ -102,7 +102,7 @@ def _check_direct_sums(spec: SceneSpec, start: Snapshot) -> None:
     if tree is None:
         return
     if spec.contacts is not None:
-        raise SceneError(f"{tree.location}: accuracy compares solvers of contacts with the direct sum alone: solver: direct")
+        raise SceneError(f"{tree.location}: accuracy compares solvers of contacts only with the direct sum: solver: direct")
     most, count = force_solvers.MOST_BODIES, start.particle_count
     if count > most:
         rule = f"a tree is measured against the direct sum, of up to {most:,} particles"

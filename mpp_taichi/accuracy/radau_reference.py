@@ -1,4 +1,4 @@
-"""A reference by Gauss–Radau: compensated sums keep its round-off below that of runs with equal steps."""
+"""A reference by Gauss–Radau: compensated sums keep its round-off below the round-off of runs with equal steps."""
 
 import itertools
 from dataclasses import replace

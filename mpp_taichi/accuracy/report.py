@@ -16,9 +16,9 @@ DARK = ("#6ea8ff", "#3ccb98", "#e8b13a", "#a994ff", "#ff7d7d", "#f08cc0", "#4cc6
 EPSILON = 2.0**-52
 DECADES_APART = 2  # energy errors of two runs in the plot of energies
 EXPLANATION = (
-    "* on the front of error and time, + on that of error and force evaluations, o the scene’s own setting. Position: largest "
-    "error of a particle at the end, and the root mean square over them, relative to the size of the system. Energy, momentum, "
-    "angular momentum: largest relative error of the run. Times: medians of the stepping alone."
+    "* on the front of error and time, + on the front of error and force evaluations, o the scene’s own setting. Position: "
+    "largest error of a particle at the end, and the root mean square over particles, relative to the size of the system. "
+    "Energy, momentum, angular momentum: largest relative error of the run. Times: medians of the steps without samples."
 )
 STYLE = """
 :root { color-scheme: light dark; --paper: #ffffff; --field: #fafafa; --ink: #1c1f24; --quiet: #5a616b; --line: #d9dde3; %s }
@@ -162,7 +162,7 @@ def _work(rows: Sequence[StudyRow], numbers: dict[str, int], quantity: str, fron
 
 
 def _drift(rows: Sequence[StudyRow], numbers: dict[str, int], verdict: dict[str, Any]) -> Plot:
-    """The largest energy error up to each time, for some rows, and the error by round-off alone."""
+    """The largest energy error up to each time, for some rows, and the error by nothing but round-off."""
     shown = _some(rows, verdict)
     series = []
     for row in shown:

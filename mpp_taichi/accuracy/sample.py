@@ -41,7 +41,7 @@ class Sample:
 
     evaluations   force evaluations of the whole run; for an implicit method the iterations of its solver
     status        "ok"; "diverged" or "refused", and `reason` says why
-    seconds       of the steps alone, one number for each repeat
+    seconds       of the steps without samples, one number for each repeat
     energy_errors over the run, one for each of `times`
     end           positions at the end, (particle_count, 3) [length]; None for a run that did not reach the end
     """

@@ -1,4 +1,4 @@
-"""Study: what accuracy costs in one scene — reference, chaos, sweep and repeats, within a budget of wall time."""
+"""Study: the cost of accuracy in one scene — reference, chaos, sweep and repeats, within a budget of wall time."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -89,7 +89,7 @@ class Study:
         finally:
             self.store.save()
 
-    # --- what was found -------------------------------------------------------------------------------------------------
+    # Results
 
     @property
     def remarks(self) -> list[str]:
@@ -138,7 +138,7 @@ class Study:
     def _error(self, sample: Sample) -> float:
         return float("inf") if self.quantity is None else self.error(sample, self.quantity).bound
 
-    # --- what is done ---------------------------------------------------------------------------------------------------
+    # Stages of the study
 
     def _go(self) -> None:
         with Workbench(self.problem, backend=REFERENCE[0], precision=REFERENCE[1]) as bench:
@@ -158,7 +158,7 @@ class Study:
             self._sweep_each([device for device in self.wishes.devices if self.cut.get(device)])
 
     def _sweep_each(self, devices: Sequence[tuple[str, str]]) -> None:
-        """Divide the rest of the budget among backends and precisions; a backend that does not start is left out."""
+        """Divide the remaining budget among backends and precisions; a backend that does not start is left out."""
         for number, (backend, precision) in enumerate(devices):
             begin = self.budget.spent / self.budget.seconds
             end = begin + (ALL_SHARE - begin) / (len(devices) - number)
@@ -171,7 +171,7 @@ class Study:
                 self.tell(self._remarks[-1])
 
     def _names(self) -> list[str]:
-        """The methods asked for; else all methods, implicit ones only where springs or drag limit the steps of the others."""
+        """The wanted methods; else all methods, implicit methods only where springs or drag limit the steps of others."""
         if self.wishes.integrators is not None:
             return [name for name in self.methods if name in self.wishes.integrators]
         if self.problem.spec.contacts is not None:
@@ -182,7 +182,7 @@ class Study:
         return list(dict.fromkeys((self.own.name, *suits)))
 
     def _best_names(self) -> list[str]:
-        """Methods for another precision: those asked for, else the scene's own and the front's where rounding permits."""
+        """Methods for another precision: the wanted methods, else the scene's own and the front's where rounding permits."""
         if self.wishes.integrators is not None:
             return self._names()
         found = [self.own.name]
@@ -203,7 +203,7 @@ class Study:
             self.store.span = self.problem.span
         if self.problem.span < self.whole:
             self.tell(
-                f"looking at the first t = {self.problem.span:.6g} of {self.whole:.6g}: all of it does not fit the budget often"
+                f"studying the first t = {self.problem.span:.6g} of {self.whole:.6g}: all of it does not fit the budget often"
             )
 
     def _find_reference(self, bench: Workbench) -> None:
@@ -269,7 +269,7 @@ class Study:
         self.store.notes["reference"] = self.reference.facts()
         self.tell(f"reference: {self.reference.told}")
         if self.problem.span < whole.span:
-            self.tell(f"looking at the first t = {self.problem.span:.6g}, in which no round-off grows to be seen")
+            self.tell(f"studying the first t = {self.problem.span:.6g}, in which no round-off grows to be seen")
         return True
 
     def _look_at(self, bench: Workbench, problem: Problem) -> None:
@@ -279,7 +279,7 @@ class Study:
         self.store.span = problem.span
 
     def _finer(self, bench: Workbench, known: ReferenceSolution) -> ReferenceSolution:
-        """Replace the reference by that of `radau_reference`, where round-off limits the known one and time is left."""
+        """Replace the reference by the solution of `radau_reference`, where round-off limits the known one and time is left."""
         enough = WELL_KNOWN if self.wishes.aim is None else self.wishes.aim * WITHIN_AIM
         if not known.trusted or known.bar <= enough or radau_reference.method() not in self.methods:
             return known

@@ -173,7 +173,7 @@ def _power(decade: int) -> str:
 
 
 def _labels(frame: _Frame, series: Sequence[Series]) -> list[str]:
-    """Names at the ends of lines, each moved down until it is clear of those before it."""
+    """Names at the ends of lines, each moved down until it is clear of the names before it."""
     parts, taken = [], list[float]()
     for each in series:
         points = [mark for mark in each.points if frame.shows(mark)]

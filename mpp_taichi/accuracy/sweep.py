@@ -18,13 +18,13 @@ log = logging.getLogger(__name__)
 REPEATS = 5
 LONG_SECONDS = 0.2  # of a run whose time is used although samples were taken on the way
 DEAREST = 0.12  # part of the budget that one run may take
-LONG_COMPILE = 8.0  # ratio of the compile times of implicit and adaptive methods to those of other methods
+LONG_COMPILE = 8.0  # ratio of the compile times of implicit and adaptive methods to the compile times of other methods
 FIRST_ORDER_LAST = 8.0  # methods of first order are begun late, as if they cost this many times as much
 HOPELESS = 100.0  # a rung is skipped when another row is as good with fewer force evaluations by this factor
 
 
 class StepSweep:
-    """One backend and precision of a study; `error_of` gives the error of a sample that decides where ladders end."""
+    """One backend and precision of a study; the error of a sample by `error_of` decides the last rung of a ladder."""
 
     def __init__(
         self,
@@ -101,7 +101,7 @@ class StepSweep:
         self.store.add(sample)
         return sample
 
-    # --- inside ---------------------------------------------------------------------------------------------------------
+    # Internals
 
     def _recall(self, ladder: Ladder) -> list[int]:
         """The open rungs, after the samples of the store have been noted."""
@@ -166,6 +166,6 @@ class StepSweep:
 
 
 def timed(machine: Machine, sample: Sample, budget: Budget) -> None:
-    """Measure the time of the steps alone, where the first measurement included samples."""
+    """Measure the time of the steps without samples, where the first measurement included samples."""
     if sample.status == "ok" and sample.seconds and sample.seconds[0] < LONG_SECONDS:
         sample.seconds = [machine.time(sample.configuration, budget)]

@@ -93,7 +93,7 @@ class Machine:
         From the scene's start, or from positions [length] and velocities [length / time] that are given.
 
         Relative errors: of the energy |E − E₀| / |E₀| (over kinetic + |potential| where E₀ is zero), of the momenta over the
-        largest Σ m |v| and Σ m |x| |v| seen; the largest of the run, and of the energy at every look.
+        largest Σ m |v| and Σ m |x| |v| in the run; the largest error of the run, and the energy error of every sample.
 
         Raises:
             OutOfTime: the budget ended first.
@@ -143,13 +143,13 @@ class Machine:
         return sample, trace
 
     def time(self, configuration: Configuration, budget: Budget) -> float:
-        """Seconds of the steps alone, without samples."""
+        """Seconds of the steps, without samples."""
         dt = self.problem.span / configuration.steps
         self._begin(dt, configuration.tolerance)
         return self._advance(0, configuration.steps, dt, budget)[0]
 
     def advance_from(self, state: Phase, before: int, stop: int, dt: float, budget: Budget) -> tuple[np.ndarray, np.ndarray]:
-        """Positions [length] and velocities [length / time] at step `stop`, from those at step `before`."""
+        """Positions [length] and velocities [length / time] at step `stop`, from the state at step `before`."""
         self.simulation.state.write(*state)
         self.simulation.launcher.prepare(before * dt, dt)
         self._advance(before, stop, dt, budget)
@@ -159,7 +159,7 @@ class Machine:
         """Free the memory."""
         self.simulation.close()
 
-    # --- inside ---------------------------------------------------------------------------------------------------------
+    # Internals
 
     _counted = 1.0
 

@@ -1,4 +1,4 @@
-"""Cubic Hermite interpolation between two looks at a quantity and its rate."""
+"""Cubic Hermite interpolation between two samples of a quantity and its rate."""
 
 Look = tuple[float, float]  # value, rate
 

@@ -1,8 +1,8 @@
 """The softened distance ρ, ρ² = |d|² + ε², of two particles, its inverse u = 1/ρ, and how u changes along a motion.
 
-d is the separation of the two particles, ε the softening, w the rate of change of d, and q that of w. This is the only file
-that writes the softening down: every pair loop, whatever its shape, calls these functions. They take numbers and vectors of
-lanes alike.
+d is the separation of the two particles, ε the softening, w the rate of change of d, and q the rate of change of w. This is the
+only file that writes the softening down: every pair loop, whatever its shape, calls these functions. The functions take numbers
+and vectors of lanes alike.
 """
 
 import taichi as ti

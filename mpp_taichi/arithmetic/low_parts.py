@@ -6,9 +6,9 @@ A position is high + low, unevaluated, |low| ≤ half a unit in the last place o
 
 where c is a number of the step, such as the time of a drift. The product c v is known to 36 bits: with the product of a kick
 rounded to 24 bits, the energy errors of clusters in f32c and ds were two to five times as large. The update loses the rounding
-of y only. In a motion of frequency ω and with steps h, this rounding is smaller than that of high by the factor h ω, and it is
-smaller than the rounding of the forces, which are f32 of separations with low parts (ds) or without them (f32c). Where a
-coordinate passes zero and |high| < |y|, the update rounds y a second time.
+of y only. In a motion of frequency ω and with steps h, this rounding is smaller than the rounding of high by the factor h ω,
+and it is smaller than the rounding of the forces, which are f32 of separations with low parts (ds) or without them (f32c).
+Where a coordinate passes zero and |high| < |y|, the update rounds y a second time.
 
 A compiler that may reorder sums turns (high + y) − high into y. LLVM may not do so here. Drivers that read SPIR-V may, because
 Taichi does not mark operations NoContraction. On such devices the sum goes through `rounded`, an exclusive or with a zero that
@@ -42,7 +42,7 @@ def step_parts(numbers: list[float]) -> np.ndarray:
 
 @ti.func
 def rounded(state: Template, value):
-    """The value as it was rounded. Where the device needs the guard, the compiler cannot simplify what computed the value."""
+    """The value as it was rounded. Where the device needs the guard, the compiler cannot simplify its computation."""
     result = value
     if ti.static(state.guards_rounding):
         result = ti.bit_cast(ti.bit_cast(value, ti.i32) ^ state.nothing[None], ti.f32)

@@ -26,7 +26,7 @@ from mpp_taichi.recorders.video import OWN_GROUP
 log = logging.getLogger(__name__)
 
 QUEUED_MOMENTS = 4
-LOOK_SECONDS = 0.1  # between two looks for an interruption
+LOOK_SECONDS = 0.1  # between two checks for an interruption
 END_SECONDS = 20.0  # in which the process may end by itself, as it still writes its cache of kernels
 LONGEST_WORDS = 300
 

@@ -38,7 +38,7 @@ class Other(Protocol):
     """The other run: `Companion`."""
 
     def moment(self) -> Moment:
-        """Its next moment."""
+        """The next moment of the other run."""
 
 
 class BothHalves:

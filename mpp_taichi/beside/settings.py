@@ -17,7 +17,7 @@ LONGEST_VALUE = 60  # letters in a caption
 
 
 class BesideError(MppError):
-    """`--beside` cannot be followed, or the right half of a film failed; `exit_code` is that of the underlying error."""
+    """`--beside` cannot be followed, or the right half of a film failed; `exit_code` is the code of the underlying error."""
 
     exit_code = 2
 
@@ -29,7 +29,7 @@ class BesideError(MppError):
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """The right half: the texts of `--beside`, its scene, and the options of its device that differ from those of the left."""
+    """The right half: the texts of `--beside`, its scene, and the options of its device that differ from the left half's."""
 
     said: tuple[str, ...]
     scene: SceneSpec
@@ -58,7 +58,7 @@ def beside(left: SceneSpec, said: Sequence[str], source: Any, given: Sequence[st
         SceneError, BesideError: there is no such right half.
     """
     device: dict[str, Any] = {}
-    own: dict[str, str] = {}  # override → what was said
+    own: dict[str, str] = {}  # override → its text
     name = left.integrator.name
     for text in said:
         key, equals, value = (part.strip() for part in text.partition("="))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 MOST_FRAMES = 10**6  # names of pictures in a folder have six digits; as a film it lasts nine hours at 30 frames a second
 BYTES_PER_PIXEL = 120  # measured: memory that drawing and encoding take, from 640 x 360 to 2560 x 1440 pixels
-LEAST_BYTES_PER_PIXEL = 0.0005  # on disk: a twelfth of what a film of two bodies on black takes in H.264
+LEAST_BYTES_PER_PIXEL = 0.0005  # on disk: a twelfth of the size of a film of two bodies on black in H.264
 BYTES_PER_SAMPLE = 1000  # of memory: a row of the table of energies
 
 

@@ -94,7 +94,7 @@ def _flies(spec: SceneSpec) -> bool:
 
 
 def _with(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
-    """The scene with one more force, for each force that it does not name; springs need two ends and cannot be added alone."""
+    """The scene with one more force, for each force that it does not name, except springs, which need two ends."""
     variants = []
     for name in component.names("forces"):
         declared = component.declaration("forces", name)
@@ -158,7 +158,7 @@ def _steps_for(simulation: "Simulation") -> int:
 
 
 def _time(simulation: "Simulation", steps: int) -> float:
-    """Seconds per step of `steps` steps from the start, without any look at the state."""
+    """Seconds per step of `steps` steps from the start, without any sample of the state."""
     simulation.restart()
     simulation.launcher.prepare(0.0, simulation.dt)
     simulation.launcher.first_bad_particle()  # waits for the device

@@ -16,7 +16,7 @@ from mpp_taichi.step import plans
 
 
 def dry_run(spec: SceneSpec, arguments: argparse.Namespace) -> int:
-    """Print what is known before the run; the exit code is 0 for a scene that can be run, 4 where its step is unstable.
+    """Print the facts known before the run; the exit code is 0 for a scene that can be run, 4 where its step is unstable.
 
     Raises:
         CapacityError: the scene is too large to be run.

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Goal:
-    """How long a run is: to `until` [time] or for `steps` steps; both None for a run without an end."""
+    """The length of a run: to `until` [time] or for `steps` steps; both None for a run without an end."""
 
     until: float | None
     steps: int | None

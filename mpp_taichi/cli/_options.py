@@ -31,9 +31,13 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
 def add_device(parser: argparse.ArgumentParser) -> None:
     """--backend, --precision, --plan, --threads."""
     group = parser.add_argument_group("where and how")
-    group.add_argument("--backend", default="auto", choices=("auto", "cpu", "cuda", "vulkan", "metal"), help="what computes")
+    group.add_argument(
+        "--backend", default="auto", choices=("auto", "cpu", "cuda", "vulkan", "metal"), help="device that computes"
+    )
     group.add_argument("--precision", choices=PRECISIONS, help="f64 on the CPU and f32 elsewhere when absent")
-    group.add_argument("--plan", default="auto", choices=("auto", "serial", "parallel"), help="how a step is launched")
+    group.add_argument(
+        "--plan", default="auto", choices=("auto", "serial", "parallel"), help="plan by which steps are launched"
+    )
     group.add_argument(
         "--threads", type=thread_count, metavar="N", help="CPU threads; when absent, one on each logical processor"
     )
@@ -57,7 +61,7 @@ def add_tables(parser: argparse.ArgumentParser) -> None:
     """--trajectory, --snapshot, --diagnostics, --inspect, --modes, --speeds, --events, --every."""
     group = parser.add_argument_group("files to write")
     group.add_argument("--trajectory", type=output_path, metavar="F", help="positions along the run: .npz, .xyz or .extxyz")
-    group.add_argument("--snapshot", type=output_path, metavar="F.npz", help="the final state")
+    group.add_argument("--snapshot", type=output_path, metavar="F.npz", help="file of the final state")
     group.add_argument("--diagnostics", type=output_path, metavar="F", help="table of energies and momenta: .csv or .npz")
     group.add_argument(
         "--inspect",
@@ -65,7 +69,7 @@ def add_tables(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="F",
-        help="what the panels of inspect: show: .csv, .svg or .png; repeatable",
+        help="file of the panels of inspect:, .csv, .svg or .png; repeatable",
     )
     group.add_argument(
         "--modes", type=output_path, metavar="F", help="amplitudes of the springs' modes: .png, .svg, .pdf, .csv or .npz"

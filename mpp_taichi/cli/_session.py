@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False)
 class Outcome:
-    """How a run ended."""
+    """The end of a run."""
 
     summary: dict[str, Any]
     exit_code: int
@@ -299,7 +299,7 @@ class _Run:
                 recorder.finish(self.simulation)
 
     def _close(self, sinks: Sequence[Any], trajectory: TrajectoryRecorder | None) -> None:
-        """Give every file its final name, also after an error; the first failure is reported, the rest still written."""
+        """Give every file its final name, also after an error; the first failure is reported, the other files still written."""
         request, simulation, state = self.request, self.simulation, self._state_file()
         jobs: list[tuple[Path, Any]] = []
         for sink in sinks:
@@ -334,7 +334,7 @@ class _Run:
                 self.error = self.error or error
 
     def _state_file(self) -> Path | None:
-        """The file of the last state: the one asked for, or, when the run broke off, a file beside the other output."""
+        """The file of the last state: the file of `--snapshot`, or, when the run broke off, a file beside the other output."""
         stem = output_stem(self.spec.source)
         if self.interrupted:
             return OUTPUT_FOLDER / f"{stem}.interrupted.npz"

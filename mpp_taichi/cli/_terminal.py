@@ -113,7 +113,7 @@ def _drop_output() -> None:
 
 @contextlib.contextmanager
 def output_reserved(wanted: bool) -> Iterator[None]:
-    """Send what libraries print, in Python or in C, to standard error, so that a JSON object stands alone."""
+    """Send the output of libraries, in Python or in C, to standard error, so that standard output holds only a JSON object."""
     if not wanted:
         yield
         return

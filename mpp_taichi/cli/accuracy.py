@@ -1,4 +1,4 @@
-"""Say what accuracy costs in time: a scene run by many methods, steps and precisions, each measured against a reference.
+"""Report the cost of accuracy in time: a scene run by many methods, steps and precisions, each measured against a reference.
 
 Prints a table with the front of error and time marked and a sentence that sums it up, and writes DIR/accuracy.json and
 DIR/accuracy.html, a page with plots that needs no network. Runs that are done are kept in DIR: a second call goes on where
@@ -28,13 +28,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     _options.add_scene(parser)
     parser.add_argument(
-        "--budget", type=span_of_time, default=BUDGET_SECONDS, metavar="60s", help="wall time it may take: 60s, 10min, 1h"
+        "--budget",
+        type=span_of_time,
+        default=BUDGET_SECONDS,
+        metavar="60s",
+        help="wall time that the study may take: 60s, 10min, 1h",
     )
     parser.add_argument(
         "--target",
         type=_options.positive_number,
         metavar="E",
-        help="the error that the sentence is about; 1e-6 when nothing is said",
+        help="largest allowed error, for which the report names a method; absent: 1e-6",
     )
     parser.add_argument(
         "--until", type=_options.positive_number, metavar="T", help="simulated time; the scene's own when absent"
@@ -43,14 +47,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--integrators",
         type=names,
         metavar="A,B",
-        help="methods to try, as leapfrog or leapfrog+tree-1e-3; all that suit when absent",
+        help="methods to try, such as leapfrog or leapfrog+tree-1e-3; absent: all suitable methods",
     )
     parser.add_argument(
-        "--precisions", type=names, default=["f64", "f32"], metavar="P,Q", help="of f64,ds,f32c,f32; f64,f32 when absent"
+        "--precisions",
+        type=names,
+        default=["f64", "f32"],
+        metavar="P,Q",
+        help="precisions to try, of f64,ds,f32c,f32; absent: f64,f32",
     )
-    parser.add_argument("--backends", type=names, default=["cpu"], metavar="B,C", help="cpu when absent")
+    parser.add_argument("--backends", type=names, default=["cpu"], metavar="B,C", help="backends to try; absent: cpu")
     parser.add_argument(
-        "--out", type=_options.output_path, metavar="DIR", help="folder to write; out/SCENE.accuracy when absent"
+        "--out", type=_options.output_path, metavar="DIR", help="folder of the results; absent: out/SCENE.accuracy"
     )
     parser.add_argument("--fresh", action="store_true", help="forget the runs that are kept in DIR")
     _options.add_report(parser)

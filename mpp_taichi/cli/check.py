@@ -1,8 +1,9 @@
-"""Check scenes: run each one and compare what came out with its own `expect:` block.
+"""Check scenes: run each scene and compare its results with its own `expect:` block.
 
 Takes files and folders; a folder means every *.yaml in it. Scenes run without pictures: a few one after the other in this
 process, many at once in processes of their own.
-A scene that asks for what the backend or the precision has not got neither passes nor fails: it is counted apart, and why.
+A scene that needs an ability that the backend or the precision lacks neither passes nor fails: it is counted apart, with
+the reason.
 """
 
 import argparse
@@ -34,9 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Check all scenes; the exit code is that of the first faulty scene, else 4 when an expectation failed, else 0.
+    """Check all scenes; the exit code belongs to the first faulty scene, else is 4 when an expectation failed, else 0.
 
-    Where the backend can run none of the scenes, the exit code is that of a missing backend.
+    Where the backend can run none of the scenes, the exit code says that the backend is missing.
     """
     scenes = _scene_files(arguments.scenes)
     jobs = arguments.jobs or (1 if len(scenes) <= FEW else os.cpu_count() or 1)

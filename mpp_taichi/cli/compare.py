@@ -1,7 +1,7 @@
-"""Compare backends: the same scene on each of them, in a process of its own: do they agree, and what does each take in time?
+"""Compare backends: the same scene on each of them, in a process of its own: the agreement of their results, and their times.
 
 First a certificate: forces particle by particle and trajectories over many steps against a reference in NumPy, with a verdict
-"rounding" or "bug" and the number that decided it. Then a table of times, rates and shares of what the device reaches. Writes
+"rounding" or "bug" and the number that decided it. Then a table of times, rates and shares of the peak of the device. Writes
 DIR/compare.json and DIR/compare.html. The code is 4 where a backend differs by more than rounding.
 """
 
@@ -27,9 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     _options.add_scene(parser)
     parser.add_argument(
-        "--backends", type=names, metavar="A,B", help="of cpu,cuda,vulkan,metal,opencl,numpy; all of them when absent"
+        "--backends", type=names, metavar="A,B", help="backends to compare, of cpu,cuda,vulkan,metal,opencl,numpy; absent: all"
     )
-    parser.add_argument("--precisions", type=names, default=["f64", "f32"], metavar="P,Q", help="f64,f32 when absent")
+    parser.add_argument(
+        "--precisions", type=names, default=["f64", "f32"], metavar="P,Q", help="precisions to compare; absent: f64,f32"
+    )
     parser.add_argument(
         "--budget", type=span_of_time, default=BUDGET_SECONDS, metavar="60s", help="wall time to aim at: 60s, 10min, 1h"
     )
@@ -38,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--ladder", action="store_true", help="each way to sum over pairs as a row, from the plainest")
     parser.add_argument("--threads", type=_options.thread_count, metavar="N", help="of the cpu backend")
     parser.add_argument(
-        "--out", type=_options.output_path, metavar="DIR", help="folder to write; out/SCENE.compare when absent"
+        "--out", type=_options.output_path, metavar="DIR", help="folder of the results; absent: out/SCENE.compare"
     )
     _options.add_report(parser)
 

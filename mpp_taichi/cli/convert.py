@@ -3,9 +3,9 @@
 IN is a scene (.yaml), a state that `run --snapshot` wrote or a trajectory of `run --trajectory` (.npz), or another
 program's file: a particle list of MPPhys (.plist), a universe file of Princeton's assignment (.txt), a SolarSystem.xml, or
 tipsy (.tipsy, .tip, .std). OUT is a scene, for which IN must be another program's file and is checked as a scene first; or
-the particles of IN, of a scene those that it begins with, as a state (.npz), a table (.csv), a particle list, a universe
+the particles of IN (of a scene, the particles at its start) as a state (.npz), a table (.csv), a particle list, a universe
 file, tipsy, extended XYZ (.xyz, .extxyz) or H5MD (.h5md, .h5). The last two hold all frames of a trajectory.
-docs/formats.md says what each keeps.
+docs/formats.md says which quantities each format keeps.
 """
 
 import argparse
@@ -28,13 +28,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "target",
         type=_options.output_path,
         metavar="OUT",
-        help="what to write: .yaml, .npz, .csv, .plist, .txt, .tipsy, .xyz or .h5md",
+        help="file to write: .yaml, .npz, .csv, .plist, .txt, .tipsy, .xyz or .h5md",
     )
     _options.add_report(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Read, check, write, and print what was written."""
+    """Read, check and write; print the names of the written files."""
     from mpp_taichi.atomic_file import whole_file
     from mpp_taichi.exporters.catalogue import export, exporters
 
@@ -44,7 +44,7 @@ def execute(arguments: argparse.Namespace) -> int:
     imported, source = _read(arguments.source, particles_only=suffix == STATE)
     if suffix in SCENES:
         if imported is None:
-            raise UsageError(f"convert: {arguments.source} is no other program's file, of which alone a scene can be made")
+            raise UsageError(f"convert: {arguments.source} is no other program's file; only such a file becomes a scene")
         from mpp_taichi.scene.write import scene_text
 
         text = scene_text(imported, f"From {arguments.source.name}.")
@@ -61,7 +61,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _tell(arguments: argparse.Namespace, source: "Source") -> None:
-    """Print what was written."""
+    """Print the name of the written file."""
     state, frames = source.state, source.frame_count
     found = {"source": str(arguments.source), "target": str(arguments.target), "particle_count": state.particle_count}
     found |= {"spring_count": len(state.springs), "time": state.time, "frame_count": frames, "status": "ok"}

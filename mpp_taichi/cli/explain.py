@@ -1,4 +1,4 @@
-"""Explain a scene: what is compiled for it, what it allocates, and what each effect costs.
+"""Explain a scene: the kernels that are compiled, the memory that is allocated, and the cost of each effect.
 
 The share of an effect is measured: the step is timed with it and without it, in turn, and the medians are compared. The cost
 of an effect that the scene does not have is measured by adding it with next to no strength.

@@ -1,4 +1,4 @@
-"""Show what this machine has: backends that really start, OpenCL and Vulkan devices, encoder, display, versions."""
+"""Show the equipment of this machine: backends that really start, OpenCL and Vulkan devices, encoder, display, versions."""
 
 import argparse
 import contextlib

@@ -22,12 +22,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     _options.add_scene(parser)
     parser.add_argument("--video", type=_options.output_path, metavar="F", help="the film: .mp4, .gif or .webp")
-    parser.add_argument("--still", type=_options.output_path, metavar="F.png", help="the last frame alone, as a picture")
+    parser.add_argument("--still", type=_options.output_path, metavar="F.png", help="only the last frame, as a picture")
     parser.add_argument("--frames", type=_options.output_path, metavar="DIR", help="a folder of pictures; needs no encoder")
     parser.add_argument(
         "--html", type=_options.output_path, metavar="F.html", help="one file that a browser plays, with camera and plots"
     )
-    parser.add_argument("--size", type=_options.picture_size, metavar="WxH", help="of the picture in pixels")
+    parser.add_argument("--size", type=_options.picture_size, metavar="WxH", help="size of the picture in pixels")
     parser.add_argument("--fps", type=_options.positive_number, metavar="N", help="frames a second; the scene's when absent")
     parser.add_argument(
         "--duration", type=_options.positive_number, metavar="T", help="length of the film in seconds; the scene's when absent"
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="PATH=VALUE",
-        help="two halves: the scene, and on the right with this changed, as --set changes it; also integrator=NAME, dt=, "
+        help="two halves: the scene, and on the right the scene with this change, as in --set; also integrator=NAME, dt=, "
         "backend=, precision=, plan=, threads=; below, their distance; repeatable",
     )
     _options.add_length(parser)
@@ -95,7 +95,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _right_half(spec: "SceneSpec", arguments: argparse.Namespace, *, chosen: bool) -> "Beside | None":
-    """The right half asked for, or else that of the scene; it begins with the method that was chosen for the left half."""
+    """The right half of `--beside`, or else of the scene; it begins with the method that was chosen for the left half."""
     said = arguments.beside or as_texts(spec.record.beside)
     if arguments.html is not None and arguments.beside:
         raise UsageError(f"record --beside: --html {arguments.html} holds one run; --video, --still and --frames show two")

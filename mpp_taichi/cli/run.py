@@ -1,8 +1,8 @@
 """Run a scene: in a window where there is a display, else into a film.
 
-With --headless nothing is shown and only what is asked for is written. With --video the run becomes a film, and so it does
-where no window can open: out/SCENE.mp4, and one line says why. A window stays open until it is closed; at the end of the
-scene's duration it pauses.
+With --headless nothing is shown, and only the requested files are written. With --video the run becomes a film. Where no window
+can open, the run becomes the film out/SCENE.mp4, and one line says why. A window stays open until it is closed; at the end of
+the scene's duration it pauses.
 """
 
 import argparse
@@ -28,16 +28,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _options.add_length(parser)
     _options.add_device(parser)
     _options.add_tables(parser)
-    parser.add_argument("--dry-run", action="store_true", help="say what would be done, and start no device")
+    parser.add_argument("--dry-run", action="store_true", help="print the plan of the run, and start no device")
     parser.add_argument("--allow-inaccurate", action="store_true", help="end with code 0 even when energy was lost")
     parser.add_argument(
-        "--energy-balance", action="store_true", help="account for dissipated energy, work and what the method loses by itself"
+        "--energy-balance",
+        action="store_true",
+        help="account for dissipated energy, work and the energy that the method loses by itself",
     )
     parser.add_argument(
         "--log",
         type=_options.output_path,
         metavar="F.yaml",
-        help="what sliders did, as a scene file that repeats the motion bit for bit",
+        help="the changes by sliders, as a scene file that repeats the motion bit for bit",
     )
     _options.add_force(parser)
     parser.add_argument(
@@ -45,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const="",
         metavar="F.npz",
-        help="go on from the state that a run left that blew up or was interrupted, with a step that holds; "
+        help="go on from the state of a run that blew up or was interrupted, with a stable step; "
         "the newest of out/SCENE.crash.npz and out/SCENE.interrupted.npz when no file is named",
     )
     _options.add_report(parser)

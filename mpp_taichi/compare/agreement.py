@@ -25,14 +25,14 @@ NUMPY_SHARE = 0.3  # of the time: for the NumPy reference; the same for all back
 PAIR_SECONDS = 5e-9  # of the NumPy reference, a rough upper bound: to decide whether a step of it should be begun
 LEAST_SHARE = 0.1  # of the budget, for neighbors in any case
 FURTHER = 2  # the least factor by which neighbors must extend the number of steps
-# Base classes of integrators whose steps depend on the state alone, and not on a tolerance.
+# Base classes of integrators whose steps depend only on the state, and not on a tolerance.
 PLAIN_STEPS = ("Splitting", "RungeKutta", "Hermite", "Integrator")
 # Solvers that depend on a tolerance, or that only one backend has, with the reason why their trajectories are not judged.
 CONTACTS_NOT_JUDGED = {
-    "resting": "resting contacts are solved to a tolerance, and rounding decides what is left",
-    "located": "a contact is searched for to a tolerance, and rounding decides what is left",
-    "event_driven": "the CPU alone has event_driven contacts, and rounding of f32 soon decides which spheres meet",
-    "merging": "the CPU alone has merging contacts, and rounding of f32 soon decides which spheres meet",
+    "resting": "resting contacts are solved to a tolerance, and rounding decides the remaining error",
+    "located": "a contact is searched to a tolerance, and rounding decides the remaining error",
+    "event_driven": "only the CPU has event_driven contacts, and rounding of f32 soon decides which spheres meet",
+    "merging": "only the CPU has merging contacts, and rounding of f32 soon decides which spheres meet",
 }
 
 
@@ -75,7 +75,7 @@ class Agreement:
                 found[row], row.precision
             )
 
-    # --- how far ----------------------------------------------------------------------------------------------------------
+    # Length of the comparison
 
     def _usual_steps(self) -> int:
         """The number of steps of the scene's own run, or to the first event of its timeline."""
@@ -100,7 +100,7 @@ class Agreement:
 
     def _gather(self, row: BackendRow, states: str | None, looks: Sequence[int]) -> Evidence | None:
         """The evidence of a row, with the forces at the states where these are given."""
-        self._tell(f"looking at {row.name}")
+        self._tell(f"measuring {row.name}")
         file = self._files / "evidence.npz"
         forces = bool(self.judge.spec.forces or len(self.judge.start.springs)) and states is not None
         name = str(self._files / (states or "states.npz"))
@@ -109,7 +109,7 @@ class Agreement:
         with np.load(file, allow_pickle=False) as arrays:
             return Evidence(**{name: arrays[name] for name in arrays.files})
 
-    # --- further ----------------------------------------------------------------------------------------------------------
+    # Longer trajectories
 
     def _follow_neighbors(
         self,
@@ -119,7 +119,7 @@ class Agreement:
         usual: int,
         end: float,
     ) -> None:
-        """Compare longer trajectories, or those of other methods, with the fastest backend whose forces are right in f64."""
+        """Compare longer trajectories, or trajectories of other methods, with the fastest backend of exact f64 forces."""
         spec = self.judge.spec
         refused = self.judge.step_refusal
         plain = component.declaration("integrators", spec.integrator.name).base in PLAIN_STEPS
@@ -162,7 +162,7 @@ class Agreement:
         mate = next((row for row in found if row is not base and row.precision == "f64" and findings[row]), None)
         if mate is not None and not findings[base]:  # either of the two may serve as the reference
             findings[base] = [replace(each, looked_at=f"{each.looked_at}: {mate.name}") for each in findings[mate]]
-        self.remarks.append(f"trajectories of up to {looks[-1]:,} steps were compared with that of {base.name}")
+        self.remarks.append(f"trajectories of up to {looks[-1]:,} steps were compared with the trajectory of {base.name}")
 
     def _course_of(
         self, base: BackendRow, felt: Evidence, precisions: Sequence[str], looks: Sequence[int]

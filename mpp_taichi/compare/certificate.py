@@ -65,10 +65,10 @@ class Judge:
         """The forces on the particles with the numbers of a precision."""
         return NumpyForces(self.spec, bodies(self.start, self.spec.dimensions, [precision]))
 
-    # --- forces -------------------------------------------------------------------------------------------------------------
+    # Forces
 
     def forces(self, evidence: Evidence, precision: str) -> list[Finding]:
-        """Judge the accelerations by particle and axis; those of a tree together, except for a few particles."""
+        """Judge the accelerations by particle and axis; the accelerations of a tree together, except for a few particles."""
         reference = self.reference(precision)
         count = self.start.particle_count
         rows = sample(count, MOST_TERMS)
@@ -148,7 +148,7 @@ class Judge:
             "momentum_change": float(norm(momentum[1] - momentum[0])) / (scale or 1.0),
         }
 
-    # --- trajectories -------------------------------------------------------------------------------------------------------
+    # Trajectories
 
     @property
     def pairs_per_step(self) -> int:

@@ -97,7 +97,7 @@ class Comparison:
         """Rows whose process is running."""
         return [row for row in self.rows if row.process is not None]
 
-    # --- the parts ----------------------------------------------------------------------------------------------------------
+    # Parts of the comparison
 
     def _open_all(self) -> None:
         self.start.save(self._files / "start.npz")
@@ -107,7 +107,7 @@ class Comparison:
                 reason = f"does not start here: {report['reason']}"
             precisions = [each for each in self.wishes.precisions if each in PRECISIONS.get(backend, (each,))]
             if not precisions:
-                reason = f"computes in {', '.join(PRECISIONS[backend])} alone"
+                reason = f"computes only in {', '.join(PRECISIONS[backend])}"
             if reason:
                 self.rows.append(BackendRow(backend, "", "missing", reason))
                 continue
@@ -232,7 +232,7 @@ class Comparison:
     def _patience(self) -> float:
         return max(0.0, self.budget.left()) + PATIENCE
 
-    # --- what was found -----------------------------------------------------------------------------------------------------
+    # Results
 
     @property
     def bugs(self) -> list[BackendRow]:

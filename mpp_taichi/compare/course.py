@@ -20,7 +20,7 @@ from mpp_taichi.compare.numpy_reference import norm
 ROUNDING = {"f32": 2.0**-24, "f64": 2.0**-53}
 CHANCE = 1e-6  # of a false alarm in one certificate
 COPIES = 6
-AMPLITUDE = 2.0**-40  # of the copies' roundings: far above those of f64, far below the end of linearity
+AMPLITUDE = 2.0**-40  # of the copies' roundings: far above the rounding errors of f64, far below the end of linearity
 MEANINGLESS = 0.1  # of the system's size: where rounding may move particles this far, positions are not compared
 
 
@@ -47,7 +47,7 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class ReferenceCourse:
-    """The reference run: (precisions, looks, N, 3), and σ of positions and velocities, (looks, N), for roundings of size 1."""
+    """The reference run, (precisions, samples, N, 3); σ of positions and velocities, (samples, N), for roundings of size 1."""
 
     precisions: tuple[str, ...]
     steps: np.ndarray
@@ -58,7 +58,8 @@ class ReferenceCourse:
     size: float
     speed: float
     given_by: str = "the reference"
-    limits: np.ndarray | None = None  # (looks,): displacement by rounding up to which a look is judged; None: MEANINGLESS alone
+    limits: np.ndarray | None = None
+    """(samples,): the largest displacement by rounding at which a sample is judged; None: only MEANINGLESS is the limit."""
 
     def _unit(self, precision: str) -> float:
         """The factor of σ."""
@@ -81,7 +82,7 @@ class ReferenceCourse:
         return {"looks": told} | ({} if last == evidence.steps[-1] else {"meaning_until_step": last})
 
     def _means_something(self, precision: str) -> np.ndarray:
-        """Whether rounding leaves the positions of each sample a meaning, (looks,)."""
+        """Whether rounding leaves the positions of each sample a meaning, (samples,)."""
         growth = np.nan_to_num(self._unit(precision) * self.place_growth.max(axis=1), nan=math.inf)
         means = growth < MEANINGLESS * self.size
         return means if self.limits is None else means & (growth <= self.limits)

@@ -27,7 +27,7 @@ class NumpyContender:
         """
         refused = numpy_reference.refusal(spec) or numpy_steps.refusal(spec)
         if refused is None and precision != "f64":
-            refused = "the NumPy backend computes in f64 alone"
+            refused = "the NumPy backend computes only in f64"
         if refused is None and pair_forces(spec) * start.particle_count**2 > MOST_PAIRS:
             refused = f"NumPy takes too long for so many pairs; it goes up to {round(MOST_PAIRS**0.5):,} particles"
         if refused:
@@ -47,27 +47,27 @@ class NumpyContender:
         }
 
     def accelerations_at(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As the protocol says."""
+        """See `Contender`."""
         place, speed = kept(position, self._precision), kept(velocity, self._precision)
         return place, speed, self._reference.acceleration(place[None], speed[None])[0]
 
     def restart(self) -> None:
-        """As the protocol says."""
+        """See `Contender`."""
         self.begin(self._start.position, self._start.velocity)
 
     def begin(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """As the protocol says."""
+        """See `Contender`."""
         place, speed = (kept(values, self._precision) for values in (position, velocity))
         self._steps.start(place[None], speed[None])
 
     def advance(self, steps: int) -> float:
-        """As the protocol says."""
+        """See `Contender`."""
         began = clock.perf_counter()
         self._steps.advance(steps)
         return clock.perf_counter() - began
 
     def read(self) -> tuple[np.ndarray, np.ndarray]:
-        """As the protocol says."""
+        """See `Contender`."""
         return self._steps.position[0].copy(), self._steps.velocity[0].copy()
 
     def copy_seconds(self) -> float:
@@ -75,7 +75,7 @@ class NumpyContender:
         return 0.0
 
     def peaks(self) -> dict[str, float]:
-        """As the protocol says."""
+        """See `Contender`."""
         return numpy_peaks()
 
     def close(self) -> None:

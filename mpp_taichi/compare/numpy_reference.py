@@ -116,10 +116,10 @@ class NumpyForces:
         self.has_springs = len(given.between) > 0
         self.depends_on_velocity = bool(self.drag) or bool(np.any(given.damping))
 
-    # --- accelerations ----------------------------------------------------------------------------------------------------
+    # Accelerations
 
     def acceleration(self, position: np.ndarray, velocity: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
-        """All forces, (copies, N, 3), or on the particles `rows` alone."""
+        """All forces, (copies, N, 3), or only on the particles `rows`."""
         return self._select(self.steady(position, rows) + self.friction(position, velocity, rows), rows)
 
     def _select(self, values: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
@@ -194,7 +194,7 @@ class NumpyForces:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.bodies.free > 0.0, force / mass, 0.0)
 
-    # --- what rounding may make of them -------------------------------------------------------------------------------------
+    # Bounds of the rounding errors
 
     def magnitude(
         self, position: np.ndarray, velocity: np.ndarray, rows: np.ndarray, limits: "Limits"
@@ -236,7 +236,7 @@ class NumpyForces:
         springs = int(np.bincount(given.between.ravel(), minlength=1).max()) if self.has_springs else 0
         return len(self._pair_forces()) * (count - 1) + springs + 2
 
-    # --- energies ---------------------------------------------------------------------------------------------------------
+    # Energies
 
     def energy(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
         """Kinetic and potential energy of each copy, (copies, 2)."""

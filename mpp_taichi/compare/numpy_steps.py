@@ -18,7 +18,7 @@ _XI, _LAMBDA, _CHI = 0.1786178958448091, -0.2123418310626054, -0.066264582669818
 
 @dataclass(frozen=True)
 class Table:
-    """A splitting: (kick, drift) in turn, as parts of dt; `order` is that of the method."""
+    """A splitting: (kick, drift) in turn, as parts of dt; `order` is the order of the method."""
 
     stages: tuple[tuple[float, float], ...]
     order: int

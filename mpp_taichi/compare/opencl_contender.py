@@ -55,26 +55,26 @@ class OpenclContender:
             raise BackendError(str(refused)) from None
 
     def accelerations_at(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As the protocol says."""
+        """See `Contender`."""
         self.begin(position, velocity)
         place, speed = self.read()
         return place, speed, self._runner.accelerations()
 
     def restart(self) -> None:
-        """As the protocol says."""
+        """See `Contender`."""
         self._runner.restart(self._start)
 
     def begin(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """As the protocol says."""
+        """See `Contender`."""
         start = self._start
         self._runner.restart(start.moved(position=position, velocity=velocity, time=start.time, step=start.step))
 
     def advance(self, steps: int) -> float:
-        """As the protocol says."""
+        """See `Contender`."""
         return float(self._runner.advance(steps))
 
     def read(self) -> tuple[np.ndarray, np.ndarray]:
-        """As the protocol says; NaN for all numbers where one is not finite, since the runner shows none of them."""
+        """See `Contender`; NaN for all numbers where one is not finite, since the runner shows none of them."""
         try:
             now = self._runner.snapshot()
         except self._module.Failed:
@@ -82,7 +82,7 @@ class OpenclContender:
         return now.position, now.velocity
 
     def copy_seconds(self) -> float:
-        """As the protocol says, including the velocities, which the runner copies too."""
+        """See `Contender`, including the velocities, which the runner copies too."""
         seen = []
         for _ in range(COPIES):
             began = clock.perf_counter()
@@ -91,12 +91,12 @@ class OpenclContender:
         return float(np.median(seen))
 
     def peaks(self) -> dict[str, float]:
-        """As the protocol says."""
+        """See `Contender`."""
         from mpp_taichi.compare.opencl_peaks import opencl_peaks
 
         device = self._runner.device
         return opencl_peaks(device.handle, self._precision, on_gpu=device.type != "cpu")
 
     def close(self) -> None:
-        """As the protocol says."""
+        """See `Contender`."""
         self._runner.close()

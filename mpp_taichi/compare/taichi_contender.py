@@ -56,7 +56,7 @@ class TaichiContender:
         self.restart()
 
     def accelerations_at(self, position: np.ndarray, velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As the protocol says; by the loops that the simulation's own plan runs."""
+        """See `Contender`; by the loops that the simulation's own plan runs."""
         from mpp_taichi.compare.felt_forces import FeltForces  # imports Taichi, which has to be started
 
         simulation = self.simulation
@@ -69,26 +69,26 @@ class TaichiContender:
         return place, speed, acceleration
 
     def restart(self) -> None:
-        """As the protocol says."""
+        """See `Contender`."""
         self.simulation.restart()
 
     def begin(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """As the protocol says."""
+        """See `Contender`."""
         self.simulation.restart()
         self.simulation.state.write(position, velocity)
 
     def advance(self, steps: int) -> float:
-        """As the protocol says; numbers that are not finite raise no error here."""
+        """See `Contender`; numbers that are not finite raise no error here."""
         began = clock.perf_counter()
         self.simulation.try_steps(steps)  # waits for the device
         return clock.perf_counter() - began
 
     def read(self) -> tuple[np.ndarray, np.ndarray]:
-        """As the protocol says."""
+        """See `Contender`."""
         return self.simulation.state.read()
 
     def copy_seconds(self) -> float:
-        """As the protocol says."""
+        """See `Contender`."""
         position: Any = getattr(self.simulation.state, "position")  # noqa: B009 — a field, there by its name
         import_taichi().sync()
         seen = []
@@ -99,11 +99,11 @@ class TaichiContender:
         return float(np.median(seen))
 
     def peaks(self) -> dict[str, float]:
-        """As the protocol says."""
+        """See `Contender`."""
         from mpp_taichi.compare.taichi_peaks import taichi_peaks
 
         return taichi_peaks(self.simulation.device)
 
     def close(self) -> None:
-        """As the protocol says."""
+        """See `Contender`."""
         self.simulation.close()

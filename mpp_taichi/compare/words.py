@@ -7,7 +7,7 @@ from mpp_taichi.compare.table import number
 
 EXPLANATION = (
     "Decided by: of all comparisons with the reference the one nearest to, or farthest beyond, its allowance; off and allowed "
-    "are relative to the largest acceleration, the system’s size or the typical velocity. Energy: its change to the last look. "
+    "are relative to the largest acceleration, the system’s size or the typical velocity. Energy: change to the last sample. "
     "Compile: with empty caches, and again with what was kept. Step: median, ± interquartile range. Pairs/s: ordered pairs, "
     "N (N − 1) for each evaluation of the force. GFLOP/s: 20 for a pair in f32, 30 in f64, by convention. Of peak: of the most "
     "that probes reached on the same device, in sums of products, for springs in copied bytes. Rendering is not measured."
@@ -70,7 +70,7 @@ def circumstances(found: dict[str, Any]) -> list[str]:
 
 
 def _horizon(row: dict[str, Any]) -> str:
-    """The step from which rounding alone leaves positions no meaning, if it is before the last sample."""
+    """The step from which rounding leaves positions no meaning, if it is before the last sample."""
     return f"In {row['precision']} rounding leaves positions a meaning for {row['meaning_until_step']:,} steps."
 
 

@@ -44,7 +44,7 @@ class Work:
 
 
 def work_of(spec: SceneSpec, particles: Snapshot, evaluations: int | None) -> Work:
-    """The work of a step; `evaluations` of the force are those that a backend reports for a method without a NumPy text."""
+    """The work of a step; `evaluations` of the force are reported by a backend, for a method without a NumPy text."""
     method = spec.integrator.name
     if method == "rk4":
         evaluations, drifts = 4, 4

@@ -1,8 +1,8 @@
 """Worker: one backend with one scene in a process of its own, controlled by lines of JSON.
 
 Run as `python -m mpp_taichi.compare.worker`. Each line on standard input is `{"do": name, …}`; the answer is a line on
-standard output, `{"ok": true, …}` or `{"ok": false, "reason": …}`. Arrays go by `.npz` files that the line names. What
-libraries print goes to standard error.
+standard output, `{"ok": true, …}` or `{"ok": false, "reason": …}`. Arrays go by `.npz` files that the line names. The
+output of libraries goes to standard error.
 """
 
 import contextlib
@@ -143,7 +143,7 @@ def main() -> None:
 
 @contextlib.contextmanager
 def _own_output() -> Any:
-    """A stream to standard output for the answers alone; what libraries print goes to standard error."""
+    """A stream to standard output only for the answers; the output of libraries goes to standard error."""
     kept: TextIO = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     with kept:

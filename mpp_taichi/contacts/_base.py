@@ -20,11 +20,11 @@ class ContactSolver:
     flies           whether it moves the spheres itself for any time, without steps: `advance`
     leads           whether it takes the steps of an adaptive method, and cuts them at contacts: `lead`
     integrator      the adaptive method of a solver that leads; set before `bind`
-    merges          whether it makes one sphere of two that touch
+    merges          whether it makes one sphere of two spheres that touch
     order           of the global error in dt; None where the solver does not run at steps whose length is chosen
     can_log, logs   whether it can log every contact, and whether it does, for `take_log`; `logs` is set before `bind`
     forces          the TotalForce that acts on the spheres, or None; set before `bind`
-    in_turn         the reason why it needs a single thread, and so the CPU; empty if it does not
+    in_turn         the reason why it needs a single thread, and so the CPU; empty if it needs no single thread
     most_elsewhere  largest number of spheres on other backends than the CPU; None: any number
     memory          the `work_fields` that one step hands on to the next, and that are saved with the state
     setup           the spheres and surfaces that it was bound to, with its own restitution and contact time
@@ -45,7 +45,7 @@ class ContactSolver:
     setup: ContactSetup
 
     def work_fields(self, particle_count: int) -> dict[str, tuple[str, int]]:
-        """Fields of the State beyond those of the integrator, by name: kind and count (see State)."""
+        """Fields of the State beyond the fields of the integrator, by name: kind and count (see State)."""
         return {}
 
     def bind(self, setup: ContactSetup, state: Any) -> None:

@@ -15,7 +15,7 @@ class ContactReport:
     merge_count              spheres that became part of another
     potential_change         of the forces' potential energy when spheres became one [energy]
     largest_overlap          largest overlap of two spheres, or of a sphere and a surface, over the smaller radius; not a sum
-    unresolved               contacts that were given up; the run fails if there are any
+    unresolved               contacts that were given up; a run with such contacts ends with an error
     """
 
     pair_count: int = 0

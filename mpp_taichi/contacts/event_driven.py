@@ -38,9 +38,14 @@ class EventDriven(ContactSolver):
 
     restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="share of the approach speed that a bounce gives back")
     contact_time: float = param(
-        0.0, minimum=0.0, unit="time", help="a contact so soon after the last one of either sphere is elastic; 0: never"
+        0.0,
+        minimum=0.0,
+        unit="time",
+        help="a contact within this time after the last contact of either sphere is elastic; 0: never",
     )
-    event_limit: int = param(10_000_000, minimum=1, help="contacts between two looks, of a thousand spheres, that end the run")
+    event_limit: int = param(
+        10_000_000, minimum=1, help="contacts of a thousand spheres between two samples; a run with more ends with an error"
+    )
 
     flies = True
     order = 0
@@ -101,7 +106,7 @@ class EventDriven(ContactSolver):
             if contacts > most:
                 raise StabilityError(
                     f"{contacts:,} contacts from time {time:.9g} to {self.event_time[None]:.9g}, short of {end:.9g}: "
-                    "spheres are crushed, or the time between looks is long (integrator: {event_driven: {dt: …}})"
+                    "spheres are crushed, or the time between samples is long (integrator: {event_driven: {dt: …}})"
                 )
             with quick_compilation():  # a sixth of the time, for a kernel that is 5 % slower
                 status = self._run(end, EVENTS_PER_LAUNCH)

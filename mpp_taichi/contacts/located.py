@@ -24,17 +24,20 @@ class Located(ContactSolver):
     """Each step of an adaptive method is searched for its first contact, on the polynomial of its samples, and cut there.
 
     The spheres that touch and approach then bounce, in the order of their numbers; the method begins anew from there with
-    the same length of step, so that a contact costs a step. The error is that of the method, whatever the forces and the
-    speeds: no sphere tunnels, however long a step is. Contacts do not depend on the times of samples. Serial, for few bodies:
-    each step tests all pairs, and each contact tests them twice more. For spheres that bounce, not for spheres that lie, roll
-    or slide: where contacts follow each other ever sooner, give them a `contact_time`, or a run ends at `event_limit`.
+    the same length of step, so that a contact costs a step. The error is the error of the method, whatever the forces and
+    the speeds: no sphere tunnels, however long a step is. Contacts do not depend on the times of samples. Serial, for few
+    bodies: each step tests all pairs, and each contact tests them twice more. For spheres that bounce, not for spheres that
+    lie, roll or slide: where contacts follow each other ever sooner, give them a `contact_time`, or a run ends at
+    `event_limit`.
     """
 
-    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
-    contact_time: float = param(
-        0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off"
+    restitution: float = param(
+        1.0, minimum=0.0, maximum=1.0, help="e, relative speed after the contact over the speed before; 1: elastic"
     )
-    event_limit: int = param(100_000, minimum=1, help="contacts between two looks, beyond which a run is given up")
+    contact_time: float = param(
+        0.0, minimum=0.0, unit="time", help="t_c: a contact within this time after the last contact is elastic; 0: never"
+    )
+    event_limit: int = param(100_000, minimum=1, help="contacts between two samples; a run with more ends with an error")
 
     leads = True
     in_turn = "an adaptive method leads it, a step at a time"
@@ -122,6 +125,6 @@ class Located(ContactSolver):
     def failure(self, count: int) -> str:
         """The message for contacts that followed each other too quickly, or spheres that stayed nearly in contact."""
         return (
-            f"more than {self.event_limit:,} contacts between two looks, or ever more at one time, "
+            f"more than {self.event_limit:,} contacts between two samples, or ever more at one time, "
             "or spheres that roll, slide or lie on each other; try a contact_time, or a smaller dt"
         )

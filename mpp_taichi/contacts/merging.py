@@ -16,12 +16,12 @@ class Merging(ContactSolver):
     """Two spheres that meet become one with the mass, the momentum, the charge and the volume of both (`merger.py`).
 
     Meetings are found at their exact time on the straight flights of a drift, whatever the speed, and resolved in the order of
-    time; a merged sphere may meet others within the same drift. The heavier sphere, or of equally heavy ones the sphere with
+    time; a merged sphere may meet others within the same drift. The heavier sphere, or of equally heavy spheres the sphere with
     the lower number, goes on at the centre of mass; the other is gone. Off walls spheres bounce with the restitution of the
     wall. Momentum is kept; the angular momentum of the two about each other is lost, as spheres have no spin.
     """
 
-    bounce_limit: int = param(1_000_000, minimum=1, help="bounces off walls in a drift, beyond which it is given up")
+    bounce_limit: int = param(1_000_000, minimum=1, help="bounces off walls in a drift; a drift with more is given up")
 
     drifts = True
     merges = True

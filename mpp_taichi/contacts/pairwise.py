@@ -21,9 +21,11 @@ class Pairwise(ContactSolver):
     that their centre of mass stays.
     """
 
-    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
+    restitution: float = param(
+        1.0, minimum=0.0, maximum=1.0, help="e, relative speed after the contact over the speed before; 1: elastic"
+    )
     contact_time: float = param(
-        0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off"
+        0.0, minimum=0.0, unit="time", help="t_c: a contact within this time after the last contact is elastic; 0: never"
     )
 
     drifts = True

@@ -30,7 +30,7 @@ class Resting(ContactSolver):
     First order in h: a shock passes through touching spheres in one projection (for a cradle take `simultaneous`), and the
     height of a bounce varies by about one step's fall. Elastic contacts never rest. Give the integrator steps in which spheres
     move by less than a radius; spheres that overlap at the start are pushed apart in one drift. With drifts on both sides of a
-    kick (leapfrog), velocities at the end of a step are those after the contacts, 0 for resting spheres.
+    kick (leapfrog), velocities at the end of a step are the velocities after the contacts, 0 for resting spheres.
 
     With a `compliance` c a contact yields: 0 ≤ λ ⟂ gap/h + n·(v_i − v_j) + (c/h²) λ ≥ 0, an elastic spring of stiffness 1/c
     that pushes and never pulls, by implicit Euler, which damps it; at rest spheres overlap by c times the force between them.
@@ -41,24 +41,26 @@ class Resting(ContactSolver):
     2673; with compliance, Lacoursière, Ghosts and Machines (thesis, Umeå 2007).
     """
 
-    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
-    contact_time: float = param(0.0, minimum=0.0, unit="time", help="not needed here: nothing collapses in a drift")
+    restitution: float = param(
+        1.0, minimum=0.0, maximum=1.0, help="e, relative speed after the contact over the speed before; 1: elastic"
+    )
+    contact_time: float = param(0.0, minimum=0.0, unit="time", help="not used: no cascade of contacts occurs in a drift")
     resting_speed: float = param(
         None,
         optional=True,
         minimum=0.0,
         unit="length / time",
-        help="slower approaches do not rebound; absent: four times what gravity gives in a drift",
+        help="slower approaches do not rebound; absent: four times the speed that gravity gives in a drift",
     )
     tolerance: float = param(
         None,
         optional=True,
         above=0.0,
-        help="allowed overlap, or opening under load, relative to the smaller radius; absent: 1e-12, with many spheres 1e-10",
+        help="allowed overlap, or gap under load, relative to the smaller radius; absent: 1e-12, with many spheres 1e-10",
     )
 
     compliance: float = param(
-        0.0, minimum=0.0, unit="length force⁻¹", help="c, overlap [length] per force that a resting contact bears; 0: hard"
+        0.0, minimum=0.0, unit="length force⁻¹", help="c, overlap [length] per force on a resting contact; 0: hard"
     )
 
     drifts = True

@@ -11,18 +11,20 @@ from mpp_taichi.contacts.sweep.sweep import MOST_IN_ONE_THREAD, sweep_in_groups
 class Simultaneous(ContactSolver):
     """Straight flights from contact to contact within a drift; all spheres that touch at one instant are resolved as a group.
 
-    Groups are resolved by generalized reflections (`reflections.py`): independent of numbering, symmetric where the scene
-    is, energy is kept where e = 1, and as many balls leave a row of touching balls as come in. Two spheres that meet alone
-    bounce as with `swept`, at the exact time of contact. Not for piles: a group of more than 512 contacts that approach
-    together is given up, and for spheres that rest on each other under gravity `resting` is better.
+    Groups are resolved by generalized reflections (`reflections.py`): independent of numbering, symmetric in a
+    symmetric scene, energy is kept where e = 1, and as many balls leave a row of touching balls as come in. Two spheres that
+    touch no other sphere bounce as with `swept`, at the exact time of contact. Not for piles: a group of more than 512 contacts
+    that approach together is given up, and for spheres that rest on each other under gravity `resting` is better.
     """
 
-    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
+    restitution: float = param(
+        1.0, minimum=0.0, maximum=1.0, help="e, relative speed after the contact over the speed before; 1: elastic"
+    )
     contact_time: float = param(
-        0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off"
+        0.0, minimum=0.0, unit="time", help="t_c: a contact within this time after the last contact is elastic; 0: never"
     )
     event_limit: int = param(
-        1_000_000, minimum=1, help="contacts of one connected group in a drift, beyond which it is given up"
+        1_000_000, minimum=1, help="contacts of one connected group in a drift; a group with more is given up"
     )
 
     order = 2

@@ -17,12 +17,14 @@ class Swept(ContactSolver):
     within a step: with e < 1 give them a `contact_time`, or a run ends at `event_limit`.
     """
 
-    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e, relative speed after over before; 1: elastic")
+    restitution: float = param(
+        1.0, minimum=0.0, maximum=1.0, help="e, relative speed after the contact over the speed before; 1: elastic"
+    )
     contact_time: float = param(
-        0.0, minimum=0.0, unit="time", help="t_c: contacts within it after the last are elastic; 0: off"
+        0.0, minimum=0.0, unit="time", help="t_c: a contact within this time after the last contact is elastic; 0: never"
     )
     event_limit: int = param(
-        1_000_000, minimum=1, help="contacts of one connected group in a drift, beyond which it is given up"
+        1_000_000, minimum=1, help="contacts of one connected group in a drift; a group with more is given up"
     )
 
     order = 2

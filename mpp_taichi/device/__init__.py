@@ -1,1 +1,1 @@
-"""The machine: which backends start, what they can do, and copies to and from fields."""
+"""The machine: the backends that start, their abilities, and copies to and from fields."""

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Probes:
-    """What a backend computes rightly, by the probes (probes.py) and not by its documentation.
+    """The operations that a backend computes correctly, by the probes (probes.py) and not by its documentation.
 
     loop_limit     iterations that one kernel thread may make, or None when a count to 70,000 was right
     float64        f64 holds 1 + 2⁻⁵²; its square root, division and sum of many terms are right to their rounding
@@ -91,7 +91,7 @@ def import_taichi() -> Any:
 
 
 def start(backend: str = "auto", precision: str | None = None, *, large: bool = False, threads: int | None = None) -> Device:
-    """Start a backend, or keep the one that runs if it is the same.
+    """Start a backend, or keep the backend that runs if it is the same.
 
     `auto` takes a GPU for a large scene where a GPU starts, else the CPU. Without a `precision` it is f64 on the CPU and f32
     on other backends.
@@ -230,7 +230,7 @@ def is_alive(device: Device) -> bool:
 def _probe_here(ti: Any, backend: str) -> Probes:
     from mpp_taichi.device import probes
 
-    # The name has a digest of the probes and of the update, so that the results of older ones are not used.
+    # The name has a digest of the probes and of the update, so that results of older probes are not used.
     updates = ("arithmetic/low_parts.py", "arithmetic/particle_update.py")
     sources = ("device/probes.py", "device/update_probe.py", *updates)
     texts = [(Path(__file__).parents[1] / name).read_bytes() for name in sources]

@@ -21,7 +21,7 @@ class Diagnostic(ABC):
         """Take a sample; called at the start, at the end, and in between at least as often as `interval` asks for."""
 
     def finish(self) -> None:  # noqa: B027 most have their number by then
-        """Measure what only the last sample has, while the run still stands there."""
+        """Measure the data that only the last sample has, while the run still stands at its time."""
 
     @abstractmethod
     def result(self) -> float:

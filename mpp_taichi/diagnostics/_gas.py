@@ -1,4 +1,4 @@
-"""What the diagnostics of gases share: totals that grow along a run, and the box that holds the gas."""
+"""Shared parts of the diagnostics of gases: totals that grow along a run, and the box that holds the gas."""
 
 import math
 from abc import abstractmethod
@@ -40,7 +40,7 @@ class Total:
         return (self.totals[-1] - self.totals[0]) / (self.times[-1] - self.times[0])
 
     def standard_error(self) -> float:
-        """Of the rate: scatter of the rates of ten blocks of equally many samples, over √10.
+        """Error of the rate: the scatter of the rates of ten blocks of equally many samples, over √10.
 
         It is right when a block is longer than the gas remembers its past, which is some collisions per particle.
 
@@ -81,7 +81,7 @@ class OfContacts(Diagnostic):
         """The number that grows along the run."""
 
     def take(self, sample: RunSample) -> None:
-        """Keep what the number needs of the particles."""
+        """Keep the data of the particles that the number needs."""
 
 
 def require_no_merging(spec: SceneSpec) -> None:

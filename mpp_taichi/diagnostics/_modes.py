@@ -1,4 +1,4 @@
-"""What the diagnostics of modes share: one mode, found before the run and followed through it."""
+"""Shared part of the diagnostics of modes: one mode, found before the run and followed through it."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Reductions: what makes one number of a quantity along a run: its value at the end or at a time, an extreme, the mean."""
+"""Reductions of a quantity along a run to one number: its value at the end or at a time, an extreme, the mean."""
 
 import math
 
@@ -26,7 +26,7 @@ class AtEnd(Diagnostic):
         self.quantity.begin(setting)
 
     def observe(self, sample: RunSample) -> None:
-        """Keep the sample, up to the last one that counts; measure it at once only where that is necessary."""
+        """Keep the sample, up to the last sample that counts; measure it at once only where this is necessary."""
         if self.until is not None and self._sample is not None and self._time >= self.until:
             return
         self._sample, self._time, self._value = sample, sample.time, None
@@ -108,7 +108,7 @@ class Part:
         return self._after is None or time >= self._after
 
     def interval(self, wanted: float) -> float:
-        """The time until the next sample: what is wanted, but no longer than to the beginning or the end of the part."""
+        """The wanted time until the next sample, but no longer than to the beginning or the end of the part."""
         if self._time is None:
             return 0.0
         ends = [end - self._time for end in (self._after, self._until) if end is not None and end > self._time]

@@ -14,7 +14,7 @@ class CollisionRate(OfContacts):
     `kinetic_theory.gas_in_box`.
     """
 
-    after: float = param(0.0, minimum=0.0, unit="time", help="count from this time on")
+    after: float = param(0.0, minimum=0.0, unit="time", help="time from which collisions are counted")
 
     def prepare(self, setting: Setting) -> None:
         """Keep the number of particles."""

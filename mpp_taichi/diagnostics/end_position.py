@@ -1,4 +1,4 @@
-"""Where a particle ends."""
+"""The position of a particle at the end of the run."""
 
 from mpp_taichi.component import Particle, component, param
 from mpp_taichi.diagnostics._named import NamedReduction

@@ -11,7 +11,7 @@ class KineticTemperature(NamedReduction):
     """k T = Σ m v² / (d N) at the end of the run [energy], of particles that are free along every axis."""
 
     of: Particles = param(None, optional=True, help="a particle or a group; absent: all")
-    drift: bool = param(False, help="whether v is against the common motion; d N then becomes d (N − 1)")
+    drift: bool = param(False, help="whether v is relative to the common motion; d N then becomes d (N − 1)")
 
     def reduction(self) -> AtEnd:
         """Temperature at the end."""

@@ -12,10 +12,10 @@ from mpp_taichi.quantities._base import NoResultError, RunSample, Setting
 class MeanFreePath(OfContacts):
     """Mean speed over collision rate, ⟨v⟩ / Γ [length]; bounces off walls do not end a path.
 
-    The mean speed is that of all particles in all samples.
+    The mean speed is taken over all particles in all samples.
     """
 
-    after: float = param(0.0, minimum=0.0, unit="time", help="sample from this time on")
+    after: float = param(0.0, minimum=0.0, unit="time", help="time of the first sample")
 
     def prepare(self, setting: Setting) -> None:
         """Keep the number of particles."""

@@ -23,7 +23,7 @@ class MeanSquareDisplacement(Diagnostic):
     """
 
     of: Particles = param(None, optional=True, help="a particle or a group; absent: all particles that are free")
-    after: float = param(0.0, minimum=0.0, unit="time", help="from the places in the first sample from this time on")
+    after: float = param(0.0, minimum=0.0, unit="time", help="time of the first sample, from which displacements are measured")
     _way: np.ndarray | None = None
     _last: np.ndarray
     _present: np.ndarray

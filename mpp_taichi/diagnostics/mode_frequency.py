@@ -14,7 +14,7 @@ class ModeFrequency(OfMode):
     of: Lattice = param(None, optional=True, help="a lattice; absent: the mode is counted in the whole network")
     mode: ModeNumbers = param(help="[r, s] of a lattice, [k] from below of a network")
     along: str = param(None, optional=True, choices=("x", "y", "z"), help="direction of the motion; absent: across the lattice")
-    after: float = param(None, optional=True, minimum=0.0, unit="time", help="sample from this time on; absent: from the start")
+    after: float = param(None, optional=True, minimum=0.0, unit="time", help="time of the first sample; absent: the start")
 
     def result(self) -> float:
         """ω."""

@@ -9,14 +9,14 @@ from mpp_taichi.quantities._base import NoResultError
 class ModeFrequencyError(OfMode):
     """Relative error of a mode's frequency, ω / ω_theory − 1.
 
-    Theory is that of lattices where the springs are one with its ends or its rim held, and the network's own matrix otherwise;
-    both are of small vibrations without friction, and know nothing of the time step.
+    Theory is lattice theory where the springs form a lattice with its ends or its rim held, and the network's own matrix
+    otherwise; both describe small vibrations without friction, and do not depend on the time step.
     """
 
     of: Lattice = param(None, optional=True, help="a lattice; absent: the mode is counted in the whole network")
     mode: ModeNumbers = param(help="[r, s] of a lattice, [k] from below of a network")
     along: str = param(None, optional=True, choices=("x", "y", "z"), help="direction of the motion; absent: across the lattice")
-    after: float = param(None, optional=True, minimum=0.0, unit="time", help="sample from this time on; absent: from the start")
+    after: float = param(None, optional=True, minimum=0.0, unit="time", help="time of the first sample; absent: the start")
 
     def result(self) -> float:
         """ω / ω_theory − 1."""

@@ -10,13 +10,13 @@ from mpp_taichi.quantities._base import NoResultError
 class ModeLeakage(OfMode):
     """Largest share of the energy outside a mode in any sample, 1 − ½ M (ȧ² + ω² a²) / (½ Σ m v² + ½ uᵀ K u).
 
-    Energies are those of the springs linearised at rest, M = Σ m shape².
+    Energies are computed with the springs linearised at rest, M = Σ m shape².
     """
 
     of: Lattice = param(None, optional=True, help="a lattice; absent: the mode is counted in the whole network")
     mode: ModeNumbers = param(help="[r, s] of a lattice, [k] from below of a network")
     along: str = param(None, optional=True, choices=("x", "y", "z"), help="direction of the motion; absent: across the lattice")
-    after: float = param(None, optional=True, minimum=0.0, unit="time", help="sample from this time on; absent: from the start")
+    after: float = param(None, optional=True, minimum=0.0, unit="time", help="time of the first sample; absent: the start")
     _leaked: float | None = None
 
     def compare(self, reading: ModeReading) -> None:

@@ -17,13 +17,13 @@ SAMPLE_ANGLE = 0.05  # radians between two samples; the cubic below is then good
 class OrbitalPeriod(Diagnostic):
     """Time of the first full turn of `of` around `around`, as seen from `around` in the plane of their first motion.
 
-    The angle is that of the relative position, its rate ω = (r × v)·n / |r in the plane|². Between two samples the angle is the
-    cubic with both angles and both rates (Hermite), and the turn is complete at its root. The turn is the sidereal one:
+    The angle is the angle of the relative position, its rate ω = (r × v)·n / |r in the plane|². Between two samples the angle
+    is the cubic with both angles and both rates (Hermite), and the turn is complete at its root. The turn is the sidereal one:
     against fixed directions, not from pericentre to pericentre.
     """
 
-    of: Particle = param(help="the particle that goes round")
-    around: Particle = param(help="the particle it is seen from")
+    of: Particle = param(help="the orbiting particle")
+    around: Particle = param(help="the central particle, from which the angle is measured")
     _axes: np.ndarray | None = None
     _last: tuple[float, float, float] = (0.0, 0.0, 0.0)
     _start: float = 0.0

@@ -16,7 +16,7 @@ class OscillationPeriod(Diagnostic):
 
     of: Particle = param(help="the particle")
     axis: str = param(choices=("x", "y", "z"), help="the coordinate")
-    about: float = param(0.0, unit="length", help="the level it swings about")
+    about: float = param(0.0, unit="length", help="the coordinate about which the particle swings")
     _track: Track | None = None
     _passages: tuple[float, ...] = ()
 

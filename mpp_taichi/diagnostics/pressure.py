@@ -17,11 +17,11 @@ class Pressure(OfContacts):
              at each wall, as is the volume below: only with them do both ways agree, and an ideal gas has P V = N k T.
     virial   d P V = ⟨Σ m v²⟩ + Σ Δp · r / t, over collisions of pairs, from both sides of the virial theorem of Clausius.
 
-    Spheres of different radii count with their mean; between walls that is exact for equal ones only.
+    Spheres of different radii count with their mean; between walls this is exact only for equal spheres.
     """
 
-    by: str = param("virial", choices=("virial", "walls"), help="the way it is measured")
-    after: float = param(0.0, minimum=0.0, unit="time", help="sample from this time on")
+    by: str = param("virial", choices=("virial", "walls"), help="method of measurement")
+    after: float = param(0.0, minimum=0.0, unit="time", help="time of the first sample")
 
     def prepare(self, setting: Setting) -> None:
         """Measure the box."""

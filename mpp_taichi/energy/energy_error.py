@@ -33,7 +33,7 @@ def relative_error(change: float, start: float, largest: float) -> float:
 
 
 def scale_of(start: float, largest: float) -> float:
-    """|start|, or where rounding alone left it beside the largest value, the largest value."""
+    """|start|, or the largest value where |start| is no more than its rounding error."""
     return abs(start) if abs(start) > ZERO_ENERGY * largest else largest
 
 

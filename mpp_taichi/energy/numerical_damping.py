@@ -11,7 +11,7 @@ FADED = 1e-6  # maxima below this part of the highest maximum are rounding error
 class OscillationCounter:
     """Maxima of the kinetic energy along a run, for a motion that one oscillation dominates.
 
-    An oscillation has two maxima, one each way. Time and height of a maximum are those of the parabola through three samples.
+    An oscillation has two maxima, one each way. Time and height of a maximum come from the parabola through three samples.
     """
 
     def __init__(self) -> None:

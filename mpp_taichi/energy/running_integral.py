@@ -10,9 +10,9 @@ _GAUSS = 0.5 / np.sqrt(3.0)  # two-point Gauss–Legendre, exact for cubics, at 
 class RunningIntegral:
     """∫ p dt from the first sample to the last, p a scalar or an array.
 
-    The integral over the newest interval is that of the cubic through the last four samples (at equal spacing with the weights
-    of the Adams–Moulton method of fourth order, (1, −5, 19, 9)/24), or with fewer samples of the polynomial through all. The
-    error is O(h⁴) of the spacing h, also where a single interval is shorter. Sums are compensated.
+    The integral over the newest interval is the integral of the cubic through the last four samples (at equal spacing with the
+    weights of the Adams–Moulton method of fourth order, (1, −5, 19, 9)/24), or with fewer samples of the polynomial through
+    all. The error is O(h⁴) of the spacing h, also where a single interval is shorter. Sums are compensated.
     """
 
     def __init__(self) -> None:

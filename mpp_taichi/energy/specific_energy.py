@@ -14,7 +14,7 @@ PAIRS_AT_ONCE = 2**20
 class SpecificEnergies:
     """Energies per mass [length² / time²], each (2, n): in the frame of the scene, and in the frame of the attractor.
 
-    The attractor of a particle is the body that pulls it most; in its frame the potential is that of the attractor alone.
+    The attractor of a particle is the body that pulls it most; in its frame only the attractor's potential counts.
 
     attractor   index of the attractor, (n,); −1 where no body has a mass
     """

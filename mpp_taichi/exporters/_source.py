@@ -38,7 +38,7 @@ class Source:
         return 1 if self.trajectory is None else self.trajectory.frame_count
 
     def frames(self) -> Iterator[tuple[Snapshot, Enclosure]]:
-        """Each frame, or the state alone, with the periodic box, which only a scene and a trajectory have."""
+        """Each frame, or the single state, with the periodic box, which only a scene and a trajectory have."""
         if self.trajectory is not None:
             yield from self.trajectory.frames()
         else:

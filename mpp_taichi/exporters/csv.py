@@ -1,4 +1,4 @@
-"""A table with a row to a particle, with all digits; the generator `file` reads it back."""
+"""A table with one row for each particle, with all digits; the generator `file` reads the table back."""
 
 import csv
 import io

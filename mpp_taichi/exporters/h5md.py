@@ -19,15 +19,16 @@ from mpp_taichi.walls._base import Enclosure
 SUFFIXES = (".h5md", ".h5")
 HOLDS_FRAMES = True
 AUTHOR = "not stated"  # the format wants a name, and no scene has one
-GROUP = "trajectory"  # any name is allowed; MDAnalysis counts particles in this one where it is given no topology
-NOBODY = -1  # the `id` of what has merged into another particle
+GROUP = "trajectory"  # any name is allowed; without a topology MDAnalysis counts the particles of the group of this name
+NO_PARTICLE = -1  # the `id` of a particle that has merged into another particle
 
 
 def write(source: Source, path: Path) -> None:
     """Position, velocity, mass, radius, charge, name, the box that repeats, springs as connectivity, and the scene's units.
 
-    What may differ from frame to frame is time-dependent, all with the same `step` and `time`. Where spheres merge, `id` is −1
-    for what is gone. No `unit` attributes: readers know those of molecules alone; a scene's units stand in `parameters`.
+    Elements that may differ from frame to frame are time-dependent, all with the same `step` and `time`. Where spheres merge,
+    `id` is −1 for a sphere that is gone. No `unit` attributes: readers know only the units of molecules; a scene's units stand
+    in `parameters`.
     SceneError where steps of frames do not increase, or another axis repeats than before. BackendError without h5py.
     """
     if importlib.util.find_spec("h5py") is None:
@@ -45,9 +46,9 @@ def write(source: Source, path: Path) -> None:
         _write_springs(file, group, first[0])
         for frame, (snapshot, enclosure) in enumerate(itertools.chain([first], frames)):
             if enclosure.repeats != first[1].repeats:
-                raise source.refuse(f"H5MD has one kind of boundary for all frames, and that of frame {frame} is another")
+                raise source.refuse(f"H5MD has one kind of boundary for all frames, but frame {frame} has another kind")
             values = {key: getattr(snapshot, key) for key in elements if hasattr(snapshot, key)}
-            values |= {"edges": enclosure.period, "id": np.where(snapshot.present, np.arange(len(snapshot.mass)), NOBODY)}
+            values |= {"edges": enclosure.period, "id": np.where(snapshot.present, np.arange(len(snapshot.mass)), NO_PARTICLE)}
             for key, element in elements.items():
                 element["value"][frame] = values[key]
             elements["position"]["step"][frame] = snapshot.step
@@ -92,7 +93,7 @@ def _elements(group: Any, frame_count: int, snapshot: Snapshot, enclosure: Enclo
     elements: dict[str, Any] = {}
     for key, shape in shapes.items():
         element = (box if key == "edges" else group).create_group(key)
-        kind = {"dtype": "i8", "fillvalue": NOBODY} if key == "id" else {"dtype": "f8"}
+        kind = {"dtype": "i8", "fillvalue": NO_PARTICLE} if key == "id" else {"dtype": "f8"}
         element.create_dataset("value", (frame_count, *shape), **kind)
         if elements:  # hard links, as the format asks for
             element["step"], element["time"] = elements["position"]["step"], elements["position"]["time"]

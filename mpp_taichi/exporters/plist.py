@@ -1,4 +1,4 @@
-"""Particle lists of MPPhys: one command a line (T. Müller, arXiv:1403.1695, §2.1 and appendix A), with all digits."""
+"""Particle lists of MPPhys: one command in each line (T. Müller, arXiv:1403.1695, §2.1 and appendix A), with all digits."""
 
 from collections.abc import Iterable
 
@@ -12,10 +12,10 @@ COMMANDS = {"newtonian_gravity": "k2", "uniform_gravity": "grav", "linear_drag":
 
 
 def text(source: Source) -> str:
-    """Particles, springs by types, and what acts on all of them.
+    """Particles, springs by types, and the forces on all particles.
 
-    SceneError for what a list has no command for: other forces, softening, contacts, springs whose length at rest is not the
-    distance at which their ends are placed.
+    SceneError for a part of a scene for which a list has no command: other forces, softening, contacts, springs whose length at
+    rest is not the distance at which their ends are placed.
     """
     state, rest = source.state, source.rest()
     lines = ["# ID x y z m c r R G B"]

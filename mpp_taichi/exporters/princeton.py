@@ -8,7 +8,7 @@ SUFFIXES = (".txt",)
 
 
 def text(source: Source) -> str:
-    """N, R and N rows `x y vx vy mass picture`; R is that of the farthest body, a picture the body's name and `.gif`.
+    """N, R and N rows `x y vx vy mass picture`; R is the distance of the farthest body, a picture the body's name and `.gif`.
 
     SceneError where a body leaves the plane, or a name has white space in it.
     """

@@ -1,4 +1,4 @@
-"""Tipsy, standard binary: big-endian, floats of 32 bits, every particle as one of dark matter.
+"""Tipsy, standard binary: big-endian, floats of 32 bits, every particle as a particle of dark matter.
 
 Source: header and particles as N. Katz and T. Quinn's tipsy has them; nemo's tipsy(5), pkdgrav3's "File Formats".
 """
@@ -18,7 +18,7 @@ DARK = ("mass", "x", "y", "z", "vx", "vy", "vz", "eps", "phi")
 def write(source: Source, path: Path) -> None:
     """Masses are multiplied by the scene's constant of gravitation, because programs that read the format have G = 1.
 
-    eps is the scene's softening, phi 0: potentials are not computed. What has merged into another sphere is left out.
+    eps is the scene's softening, phi 0: potentials are not computed. A sphere that has merged into another sphere is left out.
     SceneError for a number that a float of 32 bits cannot hold, or gravity that repels.
     """
     state = source.state

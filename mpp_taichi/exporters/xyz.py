@@ -10,7 +10,7 @@ HOLDS_FRAMES = True
 
 
 def write(source: Source, path: Path) -> None:
-    """A frame after the other. Units are those of the scene, whatever a reader takes them for."""
+    """One frame after the other. Units are the units of the scene, whatever units a reader assumes."""
     with open(path, "w", encoding="utf-8") as stream:
         for snapshot, enclosure in source.frames():
             stream.writelines(f"{line}\n" for line in frame_lines(snapshot, enclosure))

@@ -1,4 +1,4 @@
-"""The three kinds of force: a formula each, never a loop, an allocation or a launch.
+"""The three kinds of force: each force is a formula, without a loop, an allocation or a launch.
 
 All forces give accelerations, so that a massless test particle needs no special case. `needs` names the quantities of `State`
 that the formula reads beside position and velocity.
@@ -128,7 +128,7 @@ class BondForce(Force):
     def step_force(self, state: Template, i, j, h):
         """Force on particle i whose work over a step from `piece_start` is the change of the potential, to round-off.
 
-        Positions and velocities are those of the middle of the step; damping may only take energy.
+        Positions and velocities are taken at the middle of the step; damping may only take energy.
         """
 
     @ti.func

@@ -52,7 +52,7 @@ def _tree(pairs: Sequence[PairForce], particle_count: int, dimensions: int, merg
     from mpp_taichi.neighbors.tree import TreeSum
 
     if len(pairs) > 1 or derivatives or merges:
-        raise TypeError("a tree sums gravity alone, without derivatives, over bodies that do not merge")
+        raise TypeError("a tree sums only gravity, without derivatives, over bodies that do not merge")
     return TreeSum(pairs[0], particle_count, dimensions)
 
 

@@ -10,7 +10,7 @@ from mpp_taichi.types import Template
 
 @ti.data_oriented
 class StepBond(BondForce):
-    """A bond whose force and stiffness are those over a whole step."""
+    """A bond whose force and stiffness hold over a whole step."""
 
     def __init__(self, bond: Any):
         """Bind the bond."""

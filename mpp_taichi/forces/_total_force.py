@@ -48,7 +48,7 @@ class TotalForce:
     ):
         """Sort the forces by the loop that they need; `merges` says whether bodies may merge.
 
-        `derivatives` says what is summed beside the accelerations: the jerk (1), or the jerk and the snap (2).
+        `derivatives` says which derivatives of the acceleration are summed too: the jerk (1), or the jerk and the snap (2).
         """
         self.derivatives = derivatives
         self.forces = forces
@@ -116,7 +116,7 @@ class TotalForce:
 
     @ti.func
     def local_acceleration(self, state: Template, first, i, time, velocity_dependent: Template):
-        """Acceleration of particle i from those external forces and springs that do (or do not) depend on velocity.
+        """Acceleration of particle i from the external forces and springs that do (or do not) depend on velocity.
 
         `first` is the first particle of the replica, from which the springs count their particles.
         """
@@ -133,7 +133,7 @@ class TotalForce:
 
     @ti.func
     def acceleration_gained(self, state: Template, slopes: Template, h, first, i, time):
-        """Change of the acceleration of particle i when all velocities change by h times those of the state `slopes`.
+        """Change of the acceleration of particle i when all velocities change by h times the velocities of the state `slopes`.
 
         Of springs only the friction changes, which is linear in velocity and needs neither stiffness nor length.
         """
@@ -152,7 +152,7 @@ class TotalForce:
 
     @ti.func
     def half_spring(self, state: Template, i, j, h, bond: Template, friction: Template):
-        """Force of half-spring h on particle i, or its friction alone."""
+        """Force of half-spring h on particle i, or only its friction."""
         result = ti.Vector.zero(float, state.dimensions)
         if ti.static(friction):
             result += bond.friction(state, i, j, h)
@@ -162,10 +162,10 @@ class TotalForce:
 
     @ti.func
     def row_sum(self, state: Template, first, i, bond: Template, friction: Template):
-        """Force on particle i from its half-springs: four at a time, with a sum for each lane, then the rest.
+        """Force on particle i from its half-springs: four at a time, with a sum for each lane, then the remaining half-springs.
 
         LLVM makes vector instructions of the four lanes, above all of square roots and divisions. The order of the sum depends
-        on the row alone.
+        only on the row.
         """
         begin = state.spring_start[i - first]
         end = state.spring_start[i - first + 1]
@@ -289,7 +289,7 @@ class TotalForce:
 
     @ti.func
     def potential_energy_of(self, state: Template, first, i, time):
-        """Share of particle i in the potential energy, in f64: that of a pair or a spring is split evenly between its ends.
+        """Share of particle i in the potential energy, in f64: a pair's or a spring's energy is split evenly between its ends.
 
         Without the sum of a tree, which `tree_potential` computes for all particles at once.
         """

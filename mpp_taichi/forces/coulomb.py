@@ -14,7 +14,9 @@ class Coulomb(InverseSquareForce):
     Equal signs repel. A charged particle must have a mass. Source: Jackson, Classical Electrodynamics (1999), §1.1.
     """
 
-    coulomb_constant: float = param(1.0, strength=True, slider=True, unit="force length² charge⁻²", help="k = 1/(4πε₀)")
+    coulomb_constant: float = param(
+        1.0, strength=True, slider=True, unit="force length² charge⁻²", help="Coulomb's constant k = 1/(4πε₀)"
+    )
     softening: float = param(0.0, minimum=0.0, unit="length", help="ε, the radius inside which the force is softened")
     needs = frozenset({"charge", "mass"})
     has_derivatives = True

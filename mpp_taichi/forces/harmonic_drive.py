@@ -9,16 +9,16 @@ from mpp_taichi.types import Template
 
 @component
 class HarmonicDrive(ExternalForce):
-    """Driving force F(t) = F₀ sin(ω t + φ), the same on every particle or only on those of `of`.
+    """Driving force F(t) = F₀ sin(ω t + φ), the same on every particle, or only on the particles of `of`.
 
-    Depends on time alone, so it has no potential: its work Σ F·v enters the energy balance. In f32 the phase is rounded to
-    ω t 2⁻²⁴. Source: Landau & Lifshitz, Mechanics (1976), §22 and §26.
+    The force depends only on time, so it has no potential: its work Σ F·v enters the energy balance. In f32 the phase is
+    rounded to ω t 2⁻²⁴. Source: Landau & Lifshitz, Mechanics (1976), §22 and §26.
     """
 
-    force: Vector = param(slider=True, unit="force", help="F₀, on each particle driven")
-    angular_frequency: float = param(minimum=0.0, slider=True, unit="time⁻¹", help="ω")
-    phase: float = param(0.0, slider=True, unit="radian", help="φ; pi/2 makes a cosine")
-    of: Particles = param(None, optional=True, help="the particle or group driven; absent: every particle")
+    force: Vector = param(slider=True, unit="force", help="amplitude F₀ of the force on each driven particle")
+    angular_frequency: float = param(minimum=0.0, slider=True, unit="time⁻¹", help="angular frequency ω")
+    phase: float = param(0.0, slider=True, unit="radian", help="phase φ; pi/2 makes a cosine")
+    of: Particles = param(None, optional=True, help="the driven particle or group; absent: every particle")
     needs = frozenset({"mass"})
     has_derivatives = True
     conserves_energy = False

@@ -9,9 +9,9 @@ from mpp_taichi.types import Template
 
 @component
 class LinearDrag(ExternalForce):
-    """Linear (Stokes) drag, F = −c v. Takes energy out: a free particle slows as exp(−c t / m)."""
+    """Linear (Stokes) drag, F = −c v. The drag takes energy out: a free particle slows down as exp(−c t / m)."""
 
-    coefficient: float = param(minimum=0.0, strength=True, slider=True, unit="mass time⁻¹", help="c")
+    coefficient: float = param(minimum=0.0, strength=True, slider=True, unit="mass time⁻¹", help="drag coefficient c")
     needs = frozenset({"mass"})
     conserves_energy = False
     depends_on_velocity = True

@@ -12,8 +12,8 @@ class NewtonianGravity(InverseSquareForce):
     """Newtonian gravity, a_i = G Σ_j m_j d / (|d|² + ε²)^(3/2) with d = x_j − x_i.
 
     With ε > 0 this is exactly the force of the potential −G m_i m_j / √(|d|² + ε²), Plummer's sphere. Massless particles
-    feel it and exert none. The solver `direct` sums over all pairs, O(N²); `tree` takes far bodies together, O(N log N), with a
-    relative error that 99 % of the particles keep below `accuracy` (docs/gravity.md).
+    are attracted and attract no particle. The solver `direct` sums over all pairs, O(N²); `tree` takes far bodies together, O(N
+    log N), with a relative error that 99 % of the particles keep below `accuracy` (docs/gravity.md).
 
     Source: Newton 1687; Plummer, MNRAS 71 (1911) 460.
     """
@@ -27,13 +27,15 @@ class NewtonianGravity(InverseSquareForce):
         help="G, or k² in Gaussian units; absent: the G of the scene's units, or 1",
     )
     softening: float = param(0.0, minimum=0.0, unit="length", help="ε, the radius inside which gravity is softened")
-    solver: str = param("direct", choices=("direct", "tree"), help="how it is summed: pair by pair, or far bodies together")
+    solver: str = param(
+        "direct", choices=("direct", "tree"), help="sum over all pairs, or a tree that takes far bodies together"
+    )
     accuracy: float = param(
         None,
         optional=True,
         minimum=1e-6,
         maximum=0.1,
-        help="relative error of the force that 99 % keep; tree alone; absent: 1e-3",
+        help="only for tree: relative error of the force that 99 % of the particles keep; absent: 1e-3",
     )
     needs = frozenset({"mass"})
     has_derivatives = True

@@ -17,7 +17,9 @@ class Spring(BondForce):
     A spring whose ends coincide has no direction and exerts no elastic force. Source: Hooke; T. Müller, arXiv:1403.1695.
     """
 
-    damping: str = param("axial", choices=("axial", "full", "none"), help="how c acts; none when no spring has damping")
+    damping: str = param(
+        "axial", choices=("axial", "full", "none"), help="direction in which c acts; none where no spring has damping"
+    )
     has_derivatives = True
     acts_on_springs = True
 
@@ -117,7 +119,7 @@ class Spring(BondForce):
 
     @ti.func
     def step_stiffness(self, state: Template, i, j, h, length):
-        """As if the spring did not turn during the step."""
+        """Stiffness over the step, as if the spring did not turn during the step."""
         before, after = self.step_lengths(state, i, j)
         across = state.spring_stiffness[h]
         along = across

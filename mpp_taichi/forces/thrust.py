@@ -13,21 +13,28 @@ from mpp_taichi.types import Template
 class Thrust(ExternalForce):
     """Thrust of a rocket that burns fuel: a = u q / (m − q (t − t₀)), from t₀ on, until the fuel is gone.
 
-    m, the particle's mass in the scene, is that at t₀ and stays: what has burnt is taken off here, so that a rocket's own
-    gravity should be of no account. Burnt out at m_e, it has gained u log(m / m_e) of speed. In a timeline, flow: 0 shuts the
-    engine off, and the next burn sets the mass that is left, direction and start. Ignition and burn-out within a phase are
-    wrong by a part of a step; where a phase begins they are exact. The work in the energy balance is that on m.
+    m, the particle's mass in the scene, is the mass at t₀ and stays constant: only this force subtracts the burnt fuel, so that
+    the gravity of the rocket itself should be negligible. When its mass reaches m_e, the rocket has gained the speed
+    u log(m / m_e). In a timeline, flow: 0 shuts the engine off, and the next burn sets the remaining mass, the direction and
+    the start. Ignition and burn-out within a phase are wrong by a part of a step; at the start of a phase they are exact. The
+    work in the energy balance is the work on the mass m.
     Source: Tsiolkovsky (1903); Goldstein, Classical Mechanics (1980), §1, problem 13.
     """
 
-    exhaust_speed: float = param(minimum=0.0, slider=True, unit="length time⁻¹", help="u, against the rocket")
-    flow: float = param(
-        minimum=0.0, strength=True, slider=True, unit="mass time⁻¹", help="q, fuel burnt in a unit of time; 0: off"
+    exhaust_speed: float = param(
+        minimum=0.0, slider=True, unit="length time⁻¹", help="speed u of the exhaust relative to the rocket"
     )
-    direction: Vector = param(help="of the push, any length")
-    start: float = param(0.0, unit="time", help="t₀, ignition")
-    empty_mass: float = param(0.0, minimum=0.0, unit="mass", help="m_e, at which the fuel is gone")
-    of: Particles = param(None, optional=True, help="the rocket or the group of them; absent: every particle")
+    flow: float = param(
+        minimum=0.0,
+        strength=True,
+        slider=True,
+        unit="mass time⁻¹",
+        help="mass q of fuel burnt in a unit of time; 0: engine off",
+    )
+    direction: Vector = param(help="direction of the thrust, a vector of any length")
+    start: float = param(0.0, unit="time", help="time t₀ of the ignition")
+    empty_mass: float = param(0.0, minimum=0.0, unit="mass", help="mass m_e of the rocket without fuel")
+    of: Particles = param(None, optional=True, help="the rocket or a group of rockets; absent: every particle")
     needs = frozenset({"mass"})
     has_derivatives = True
     conserves_energy = False

@@ -12,7 +12,7 @@ from mpp_taichi.types import Template
 class UniformGravity(ExternalForce):
     """Uniform field, a = g; potential energy −m g·x, zero at the origin."""
 
-    acceleration: Vector = param([0.0, 0.0, -9.81], strength=True, slider=True, unit="length time⁻²", help="g")
+    acceleration: Vector = param([0.0, 0.0, -9.81], strength=True, slider=True, unit="length time⁻²", help="acceleration g")
     needs = frozenset({"mass"})
     has_derivatives = True
     is_uniform = True

@@ -34,7 +34,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Center:
-    """A particle to place others around."""
+    """A particle around which other particles are placed."""
 
     position: np.ndarray
     velocity: np.ndarray
@@ -45,8 +45,8 @@ class Center:
 class GeneratorContext:
     """The data that a generator may use.
 
-    random    its own source of random numbers, which does not depend on the other entries
-    strength, softening   of the scene's newtonian_gravity, (0, 0) without it
+    random    the entry's own source of random numbers, which does not depend on other entries
+    strength, softening   of the scene's newtonian_gravity; (0, 0) in a scene without it
     find      particles placed by the entries before this one, by index
     dimensions  2 or 3
     placed    the groups of the entries before this one
@@ -61,7 +61,7 @@ class GeneratorContext:
 
 
 class Generator(ABC):
-    """Places particles. Parameters are those that the file declares."""
+    """A generator of particles. Its parameters are declared in its file."""
 
     @abstractmethod
     def particle_count(self) -> int:

@@ -90,7 +90,7 @@ def _overlap(separation: np.ndarray, distance: np.ndarray) -> np.ndarray:
 def at_random(
     random: np.random.Generator, lower: np.ndarray, upper: np.ndarray, radius: np.ndarray, obstacles: Sequence[PlacedSpheres]
 ) -> np.ndarray | None:
-    """Random addition of spheres that lie wholly within `lower` … `upper`, the large ones first; None where no room is found.
+    """Random addition of spheres that lie wholly within `lower` … `upper`, large spheres first; None where no room is found.
 
     Each round draws places for the largest spheres that have no place yet, several places for each sphere if they are few,
     and keeps the places that overlap neither a placed sphere nor a place drawn earlier in the round. Along an axis on which

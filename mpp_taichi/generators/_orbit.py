@@ -69,9 +69,9 @@ def true_anomaly_at(mean_anomaly: float, eccentricity: float) -> float:
 
 
 def _root(function: Callable[[float], tuple[float, float]], low: float, high: float) -> float:
-    """Of a growing function (value, slope) with its root between two places."""
+    """Root of a growing function (value, slope) between two places."""
     x = 0.5 * (low + high)
-    for _ in range(200):  # halvings alone would take 64
+    for _ in range(200):  # halvings without Newton steps would take 64
         value, slope = function(x)
         low, high = (low, x) if value > 0.0 else (x, high)
         step = x - value / slope if slope > 0.0 else math.nan

@@ -1,4 +1,4 @@
-"""One particle, every property given; its place directly, or by the elements of its orbit."""
+"""One particle, with every property given; the position is given directly, or by the elements of an orbit."""
 
 import numpy as np
 
@@ -12,28 +12,38 @@ from mpp_taichi.generators._orbit import on_orbit, true_anomaly_at
 class Body(Generator):
     """One particle, at a position, or on an orbit around a particle placed before.
 
-    With `around` and `semi_major_axis` in place of a position, position and velocity are those of the Kepler orbit of the two,
-    with G of newtonian_gravity and both masses; softening and all others are left out. The velocity that is given
-    comes on top. The plane of reference is x–y, the direction of reference x.
+    With `around` and `semi_major_axis` in place of a position, the two bodies begin a Kepler orbit around each other, with G of
+    newtonian_gravity and both masses; softening and all other bodies are left out. A given velocity is added to the velocity of
+    the orbit. The plane of reference is x–y, the direction of reference x.
     """
 
-    name: str = param("", help="to refer to it by; otherwise it has its index")
+    name: str = param("", help="name of the particle; absent: the scene refers to it by its index")
     mass: float = param(minimum=0.0, unit="mass")
-    position: Vector = param(None, optional=True, unit="length", help="with a displacement: that of rest; or say an orbit")
-    displacement: Vector = param((0.0, 0.0, 0.0), unit="length", help="from rest, at the start; springs stretch by it")
+    position: Vector = param(
+        None, optional=True, unit="length", help="position; with a displacement: position at rest; absent: an orbit"
+    )
+    displacement: Vector = param(
+        (0.0, 0.0, 0.0), unit="length", help="displacement from rest at the start; it stretches the springs"
+    )
     velocity: Vector = param((0.0, 0.0, 0.0), unit="length time⁻¹")
-    around: Particle = param(None, optional=True, help="of an orbit: the primary, placed before")
-    semi_major_axis: float = param(None, optional=True, unit="length", help="of an orbit: a; below 0 for a hyperbola")
-    eccentricity: float = param(0.0, minimum=0.0, help="of an orbit: e")
-    inclination: float = param(0.0, help="of an orbit: i, to the x–y plane; angles are in radians: radians(30)")
-    ascending_node: float = param(0.0, help="of an orbit: Ω, longitude of the ascending node")
-    argument_of_pericentre: float = param(0.0, help="of an orbit: ω, from the node to the pericentre")
-    true_anomaly: float = param(None, optional=True, help="of an orbit: f, from the pericentre to the body; absent: 0")
-    mean_anomaly: float = param(None, optional=True, help="of an orbit: M, in place of f")
-    radius: float = param(0.0, minimum=0.0, unit="length", help="for contacts and the picture")
+    around: Particle = param(None, optional=True, help="primary body of an orbit, placed before this body")
+    semi_major_axis: float = param(
+        None, optional=True, unit="length", help="semi-major axis a of an orbit; below 0 for a hyperbola"
+    )
+    eccentricity: float = param(0.0, minimum=0.0, help="eccentricity e of an orbit")
+    inclination: float = param(0.0, help="inclination i of an orbit to the x–y plane, in radians: radians(30)")
+    ascending_node: float = param(0.0, help="longitude Ω of the ascending node of an orbit")
+    argument_of_pericentre: float = param(0.0, help="argument ω of an orbit, the angle from the node to the pericentre")
+    true_anomaly: float = param(
+        None, optional=True, help="true anomaly f, the angle from the pericentre to the body; absent: 0"
+    )
+    mean_anomaly: float = param(None, optional=True, help="mean anomaly M, in place of the true anomaly")
+    radius: float = param(0.0, minimum=0.0, unit="length", help="radius for contacts and the picture")
     charge: float = param(0.0, unit="charge")
     color: Color = param((0.9, 0.9, 0.9), help="red, green, blue in 0…1")
-    free: Axes = param((True, True, True), help="false where an axis is held fixed; a velocity along it is ignored")
+    free: Axes = param(
+        (True, True, True), help="false for an axis along which the particle is held; a velocity along it is ignored"
+    )
 
     def particle_count(self) -> int:
         """One."""

@@ -33,7 +33,7 @@ class File(Generator):
     """Particles read from a file whose columns are named like the arrays of a snapshot.
 
     `.npz`: arrays position (n, 3), mass (n,) and, if wanted, velocity, radius, charge, color, free, name; never pickles.
-    Of a state in which spheres have merged it gives those that are left.
+    Of a state in which spheres have merged, only the remaining spheres are read.
     `.csv`: a header line, then numbers; vectors are three columns, position_x, position_y, position_z and so on.
     """
 

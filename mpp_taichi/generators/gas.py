@@ -1,4 +1,4 @@
-"""A gas: many spheres in a box, none overlapping, with random velocities."""
+"""A gas: many spheres in a box, without overlaps, with random velocities."""
 
 import math
 
@@ -15,27 +15,31 @@ CLOSEST_PACKING = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
 
 @component
 class Gas(Generator):
-    """Spheres whole within a box, overlapping neither one another nor any particle placed before them.
+    """Spheres completely inside a box, without overlaps with each other or with particles placed before them.
 
-    They are put at random while there is room, in a denser gas on a stretched and shaken lattice with random vacancies, which
-    forgets its order after some collisions per particle. Up to 0.8 of a flat box of many disks can be filled, and half of a box
-    of spheres and more; an unlike mixture of radii less, as each place of the lattice has room for the largest.
+    Positions are random while there is room. A denser gas begins on a stretched and shaken lattice with random vacancies, whose
+    order is lost after some collisions per particle. Disks can fill up to 0.8 of a flat box, and spheres half of a box and
+    more; a mixture of different radii fills less, since each place of the lattice has room for the largest sphere.
 
-    Velocities are of one speed in random directions, or those of Maxwell and Boltzmann at a temperature, in which two particles
-    and more have exactly the energy d/2 k T each on average; without either, the gas is at rest.
+    Velocities have one speed and random directions, or the Maxwell–Boltzmann distribution of a temperature; two particles and
+    more then have exactly the mean energy d/2 k T. Without a speed and a temperature the gas is at rest.
     """
 
-    name: str = param("", help="of the gas; its particles go by index")
-    count: int = param(minimum=1, help="particles")
+    name: str = param("", help="name of the group; its particles are addressed as name[0], name[1], …")
+    count: int = param(minimum=1, help="number of particles")
     lower: Vector = param(unit="length", help="corner of the box where every coordinate is least")
     upper: Vector = param(unit="length", help="corner of the box where every coordinate is greatest")
-    radius: float = param(minimum=0.0, unit="length", help="of each sphere, or its mean")
-    radius_spread: float = param(0.0, minimum=0.0, maximum=0.99, help="radii are even within radius · (1 ± this)")
-    mass: float = param(1.0, minimum=0.0, unit="mass", help="of each particle")
-    speed: float = param(0.0, minimum=0.0, unit="length time⁻¹", help="of every particle, against the drift")
+    radius: float = param(minimum=0.0, unit="length", help="radius of each sphere, or mean radius")
+    radius_spread: float = param(
+        0.0, minimum=0.0, maximum=0.99, help="radii are uniformly distributed within radius · (1 ± radius_spread)"
+    )
+    mass: float = param(1.0, minimum=0.0, unit="mass", help="mass of each particle")
+    speed: float = param(0.0, minimum=0.0, unit="length time⁻¹", help="speed of every particle relative to the drift")
     temperature: float = param(None, optional=True, minimum=0.0, unit="energy", help="k T, instead of a speed")
-    drift: Vector = param((0, 0, 0), unit="length time⁻¹", help="common velocity, added to the random ones")
-    zero_momentum: bool = param(False, help="whether the random velocities add up to none; those of one speed then go in pairs")
+    drift: Vector = param((0, 0, 0), unit="length time⁻¹", help="common velocity, added to the random velocities")
+    zero_momentum: bool = param(
+        False, help="whether the random velocities add up to zero; particles of one speed then move in opposite pairs"
+    )
     color: Color = param((0.6, 0.8, 1.0), help="red, green, blue in 0…1")
 
     def particle_count(self) -> int:
@@ -76,7 +80,7 @@ class Gas(Generator):
             found = on_lattice(random, lower, upper, radius, obstacles)
         if found is None:
             size = f"radius {self.radius:g}" if self.radius_spread == 0.0 else f"radii up to {largest:g}"
-            beside = " beside what is placed before" if any(len(each.radius) for each in obstacles) else ""
+            beside = " beside the particles placed before" if any(len(each.radius) for each in obstacles) else ""
             raise PlacementError(
                 f"there is no room for {self.count:,} spheres of {size}{beside}: they would fill {packing:.3g} of the box from "
                 f"lower to upper, where the closest packing fills {CLOSEST_PACKING[dimensions]:.3g} of unlimited space"

@@ -16,19 +16,20 @@ class Lattice(Generator):
     """Particles at equal distances along one, two or three axes; the first axis varies fastest in the index.
 
     u, v, w run from 0 to 1 along the axes (0 on an axis of one particle): mode (r, s) of a sheet whose rim is held is the
-    displacement sin(r * pi * u) * sin(s * pi * v). Springs between the particles that are given no rest length are at rest
-    without displacement and scatter.
+    displacement sin(r * pi * u) * sin(s * pi * v). Springs without a given rest length are at rest where the particles
+    have no displacement and no scatter.
 
-    `fixed` holds: rim, the ends of every axis; first, last, the particles at one end of the first axis (a cantilever's
-    column, a rope's end), ends, at both; corners, the ends of all axes at once; upper_corners, those of them at the upper
-    end of the last axis, by which a cloth hangs.
+    `fixed` says which particles are held. rim: the particles at the ends of every axis. first or last: the particles at one end
+    of the first axis (a cantilever's column, a rope's end). ends: the particles at both ends of the first axis. corners: the
+    particles at the ends of all axes at once. upper_corners: the corners at the upper end of the last axis, from which a cloth
+    hangs.
     """
 
-    name: str = param("", help="for springs to refer to it")
-    shape: Shape = param(help="particles along each axis, [8, 8] say")
-    lower: Vector = param(unit="length", help="corner of the first particle")
-    upper: Vector = param(unit="length", help="corner of the last particle")
-    mass: float = param(1.0, minimum=0.0, unit="mass", help="of each particle")
+    name: str = param("", help="name of the lattice, by which springs refer to it")
+    shape: Shape = param(help="numbers of particles along the axes, for example [8, 8]")
+    lower: Vector = param(unit="length", help="position of the first particle, a corner of the lattice")
+    upper: Vector = param(unit="length", help="position of the last particle, the opposite corner")
+    mass: float = param(1.0, minimum=0.0, unit="mass", help="mass of each particle")
     radius: float = param(0.0, minimum=0.0, unit="length")
     color: Color = param((0.9, 0.9, 0.9), help="red, green, blue in 0…1")
     fixed: str = param(
@@ -36,10 +37,14 @@ class Lattice(Generator):
         choices=("none", "rim", "first", "last", "ends", "corners", "upper_corners"),
         help="the particles that are held in place",
     )
-    free: Axes = param((True, True, True), help="of the particles that are not: false where an axis is held")
-    displacement: FormulaVector = param((0, 0, 0), names=("u", "v", "w"), unit="length", help="from rest, at the start")
-    scatter: Vector = param((0, 0, 0), minimum=0.0, unit="length", help="largest random displacement of what is not held")
-    velocity: FormulaVector = param((0, 0, 0), names=("u", "v", "w"), unit="length time⁻¹", help="at the start")
+    free: Axes = param((True, True, True), help="of the other particles: false for an axis along which they are held")
+    displacement: FormulaVector = param(
+        (0, 0, 0), names=("u", "v", "w"), unit="length", help="displacement from rest at the start"
+    )
+    scatter: Vector = param(
+        (0, 0, 0), minimum=0.0, unit="length", help="largest random displacement of particles that are not held"
+    )
+    velocity: FormulaVector = param((0, 0, 0), names=("u", "v", "w"), unit="length time⁻¹", help="velocity at the start")
 
     def particle_count(self) -> int:
         """Product of the counts along the axes."""

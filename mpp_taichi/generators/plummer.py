@@ -1,4 +1,4 @@
-"""A star cluster: particles of equal mass in the equilibrium that Plummer's sphere is."""
+"""A star cluster: particles of equal mass in Plummer's sphere, which is in equilibrium."""
 
 import numpy as np
 
@@ -13,21 +13,21 @@ FASTEST_SHARE = 0.1  # above the greatest value 0.0923 of q² (1 − q²)^(7/2),
 class Plummer(Generator):
     """Plummer's sphere in equilibrium: density ρ ∝ (1 + r²/a²)^(−5/2), potential −G M / √(r² + a²).
 
-    A share X of the mass lies within r = a / √(X^(−2/3) − 1); speeds are shares q of the speed of escape there, with the
-    frequency q² (1 − q²)^(7/2). Radii beyond `extent` are drawn again. The cluster as a whole is at rest at its center; its
-    virial ratio and energy are those of the model, −3π/64 G M²/a, within what chance makes of `count` particles.
-    Softening of the scene's gravity is not allowed for.
+    A share X of the mass lies within r = a / √(X^(−2/3) − 1); speeds are shares q of the escape speed at r, with the
+    distribution q² (1 − q²)^(7/2). Radii beyond `extent` are drawn again. The cluster as a whole is at rest at its center. Up
+    to the random error of `count` particles it has the virial ratio and the energy −3π/64 G M²/a of the model. The softening of
+    the scene's gravity is not taken into account.
     Source: Aarseth, Hénon & Wielen, Astron. Astrophys. 37 (1974) 183.
     """
 
-    name: str = param("", help="of the cluster; its particles go by index")
-    count: int = param(minimum=1, help="particles")
-    scale_radius: float = param(1.0, above=0.0, unit="length", help="a; half of the mass lies within 1.305 of it")
-    extent: float = param(10.0, above=0.0, unit="length", help="no particle begins farther out")
-    total_mass: float = param(1.0, above=0.0, unit="mass", help="M, of all particles together")
-    center: Vector = param((0, 0, 0), unit="length", help="where the center of mass is")
+    name: str = param("", help="name of the group; its particles are addressed as name[0], name[1], …")
+    count: int = param(minimum=1, help="number of particles")
+    scale_radius: float = param(1.0, above=0.0, unit="length", help="scale radius a; half of the mass lies within 1.305 a")
+    extent: float = param(10.0, above=0.0, unit="length", help="largest distance from the center at which a particle begins")
+    total_mass: float = param(1.0, above=0.0, unit="mass", help="mass M of all particles together")
+    center: Vector = param((0, 0, 0), unit="length", help="position of the center of mass")
     drift: Vector = param((0, 0, 0), unit="length time⁻¹", help="velocity of the center of mass")
-    radius: float = param(0.0, minimum=0.0, unit="length", help="of each particle, for contacts and the picture")
+    radius: float = param(0.0, minimum=0.0, unit="length", help="radius of each particle, for contacts and the picture")
     color: Color = param((1.0, 0.95, 0.8), help="red, green, blue in 0…1")
 
     def particle_count(self) -> int:

@@ -12,21 +12,22 @@ from mpp_taichi.generators._base import Center, Generator, GeneratorContext, Gro
 class Polygon(Generator):
     """Equal particles at the corners of a regular polygon in the x–y plane, on one circular orbit that turns from x to y.
 
-    With d_j = 2 R sin(π j/N) the distance to the j-th neighbour and M the mass of what they are around,
+    With d_j = 2 R sin(π j/N) the distance to the j-th neighbour and M the mass of the central particle,
     v² = k² [Σ_j m d_j² / 2 (d_j² + ε²)^(3/2) + M R² / (R² + ε²)^(3/2)], which is k² m / 4R Σ_j 1/sin(π j/N) without softening
-    and centre. The orbit is exact, and without a heavy centre unstable: a shift grows a hundredfold and more in each turn.
+    and central particle. The orbit is exact. Without a heavy central particle it is unstable: a small displacement grows a
+    hundredfold and more in each turn.
 
     Source: T. Müller, arXiv:1403.1695, eq. (16), with d = 2 R sin(ψ/2); J. C. Maxwell, On the Stability of the Motion of
     Saturn's Rings (1859).
     """
 
-    name: str = param("", help="of the polygon; its particles go by index")
-    count: int = param(minimum=2, maximum=1000, help="particles, N")
-    circumradius: float = param(1.0, above=0.0, unit="length", help="R, of the circle")
-    around: Particle = param(None, optional=True, help="a central particle, placed before; absent: nothing")
-    center: Vector = param((0, 0, 0), unit="length", help="of the circle, where it is around no particle")
-    mass: float = param(1.0, minimum=0.0, unit="mass", help="of each particle")
-    radius: float = param(0.0, minimum=0.0, unit="length", help="of each particle, for contacts and the picture")
+    name: str = param("", help="name of the group; its particles are addressed as name[0], name[1], …")
+    count: int = param(minimum=2, maximum=1000, help="number N of particles")
+    circumradius: float = param(1.0, above=0.0, unit="length", help="radius R of the circle")
+    around: Particle = param(None, optional=True, help="central particle, placed before; absent: no central particle")
+    center: Vector = param((0, 0, 0), unit="length", help="center of the circle, where there is no central particle")
+    mass: float = param(1.0, minimum=0.0, unit="mass", help="mass of each particle")
+    radius: float = param(0.0, minimum=0.0, unit="length", help="radius of each particle, for contacts and the picture")
     color: Color = param((0.9, 0.9, 0.9), help="red, green, blue in 0…1")
 
     def particle_count(self) -> int:

@@ -1,4 +1,4 @@
-"""A rack: balls in a triangle, as a game of billiards begins."""
+"""A rack: balls in a triangle, as at the start of a game of billiards."""
 
 import math
 
@@ -11,19 +11,19 @@ from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make
 
 @component
 class Rack(Generator):
-    """Equal balls at rest in the rows of a triangle, one at the apex, two behind it, and so on; in the x–y plane.
+    """Equal balls at rest in the rows of a triangle in the x–y plane: one ball at the apex, two balls behind it, and so on.
 
-    Ball 0 is at the apex; each row follows from one side to the other. The two halves are mirror images to the last bit where
-    the direction is along x or y and the apex at 0 across it.
+    Ball 0 is at the apex; the balls of each row are numbered from one side to the other. The two halves are mirror images to
+    the last bit where the direction is along x or y and the apex is at 0 on the other axis.
     """
 
-    name: str = param("", help="of the rack; its balls go by index")
-    rows: int = param(5, minimum=1, maximum=1000, help="rows; 5 are 15 balls")
-    apex: Vector = param(unit="length", help="centre of the foremost ball")
-    direction: Vector = param((1, 0, 0), help="from the apex to the last row, in the x–y plane")
-    radius: float = param(above=0.0, unit="length", help="of each ball")
-    gap: float = param(0.0, minimum=0.0, unit="length", help="between neighbours; 0: they touch")
-    mass: float = param(1.0, minimum=0.0, unit="mass", help="of each ball")
+    name: str = param("", help="name of the group; its balls are addressed as name[0], name[1], …")
+    rows: int = param(5, minimum=1, maximum=1000, help="number of rows; 5 rows are 15 balls")
+    apex: Vector = param(unit="length", help="centre of the ball at the apex")
+    direction: Vector = param((1, 0, 0), help="direction from the apex to the last row, in the x–y plane")
+    radius: float = param(above=0.0, unit="length", help="radius of each ball")
+    gap: float = param(0.0, minimum=0.0, unit="length", help="gap between neighbours; 0: neighbours touch")
+    mass: float = param(1.0, minimum=0.0, unit="mass", help="mass of each ball")
     color: Color = param((0.9, 0.3, 0.2), help="red, green, blue in 0…1")
 
     def particle_count(self) -> int:

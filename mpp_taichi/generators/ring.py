@@ -15,25 +15,35 @@ class Ring(Generator):
     """A flat ring of uniform surface density in the x–y plane, on circular orbits that turn from x to y.
 
     central: v² = k² M r² / (r² + ε²)^(3/2), which is k² M / r without softening; the ring's own pull is left out.
-    with_ring: v² = that + r times the pull of the ring as a continuous sharp-edged disc of surface density
-    ρ = M_ring / [π (R₂² − R₁²)], in closed form by elliptic integrals. That pull diverges like a logarithm at the two rims,
-    where particles are no continuum: it is evaluated no closer to a rim than one mean spacing √(area / count), and without
-    softening.
+    with_ring: v² = the same + r times the pull of the ring as a continuous sharp-edged disc of surface density
+    ρ = M_ring / [π (R₂² − R₁²)], in closed form by elliptic integrals. The pull of the disc diverges like a logarithm at the
+    two rims, where particles are no continuum: it is evaluated no closer to a rim than one mean spacing √(area / count), and
+    without softening.
 
     Source: T. Müller, arXiv:1403.1695, appendix B, whose ρ = M σ lacks the area of the ring.
     """
 
-    name: str = param("", help="of the ring; its particles go by index")
-    count: int = param(minimum=1, help="particles")
-    around: Particle = param(None, optional=True, help="the central particle, placed before; absent: nothing, at the origin")
-    inner_radius: float = param(above=0.0, unit="length", help="R₁")
-    outer_radius: float = param(above=0.0, unit="length", help="R₂")
-    mass: float = param(0.0, minimum=0.0, unit="mass", help="of each particle")
-    radius: float = param(0.0, minimum=0.0, unit="length", help="of each particle, for contacts and the picture")
+    name: str = param("", help="name of the group; its particles are addressed as name[0], name[1], …")
+    count: int = param(minimum=1, help="number of particles")
+    around: Particle = param(
+        None, optional=True, help="central particle, placed before; absent: none, and the ring is around the origin"
+    )
+    inner_radius: float = param(above=0.0, unit="length", help="inner radius R₁")
+    outer_radius: float = param(above=0.0, unit="length", help="outer radius R₂")
+    mass: float = param(0.0, minimum=0.0, unit="mass", help="mass of each particle")
+    radius: float = param(0.0, minimum=0.0, unit="length", help="radius of each particle, for contacts and the picture")
     color: Color = param((0.8, 0.75, 0.65), help="red, green, blue in 0…1")
-    velocity: str = param("central", choices=("central", "with_ring", "rest"), help="whose pull the orbits balance")
-    gravitational_strength: float = param(None, optional=True, minimum=0.0, help="k²; absent: that of newtonian_gravity")
-    softening: float = param(None, optional=True, minimum=0.0, unit="length", help="ε; absent: that of newtonian_gravity")
+    velocity: str = param(
+        "central",
+        choices=("central", "with_ring", "rest"),
+        help="the pull that the orbits balance: of the central particle, with the ring, or none",
+    )
+    gravitational_strength: float = param(
+        None, optional=True, minimum=0.0, help="k²; absent: the strength of newtonian_gravity"
+    )
+    softening: float = param(
+        None, optional=True, minimum=0.0, unit="length", help="ε; absent: the softening of newtonian_gravity"
+    )
 
     def particle_count(self) -> int:
         """The parameter `count`."""

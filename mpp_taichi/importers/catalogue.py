@@ -28,7 +28,7 @@ def import_scene(path: Path) -> tuple[str, dict[str, Any]]:
 
 
 def import_particles(path: Path) -> Snapshot | None:
-    """The particles alone, for formats that hold nothing else; raises the errors of `import_scene`."""
+    """The particles, for formats that hold nothing else; raises the errors of `import_scene`."""
     _, importer, content = _opened(path)
     return importer.particles(content, str(path)) if hasattr(importer, "particles") else None
 

@@ -19,7 +19,7 @@ def recognises(text: str) -> bool:
 
 
 def read(text: str, source: str) -> dict[str, Any]:
-    """The scene. Positions are those of rest, from which `dis` displaces; friction is of the whole relative velocity, as there.
+    """The scene. Positions are at rest, and `dis` displaces from them; friction takes the whole relative velocity, as there.
 
     SceneError with line and column where the text is no particle list.
     """

@@ -71,7 +71,7 @@ def read(data: bytes, source: str) -> dict[str, Any]:
 
 
 def particles(data: bytes, source: str) -> Snapshot:
-    """The particles alone, at their time; eps is left out too. SceneError as for `read`."""
+    """Only the particles, at their time; eps is left out too. SceneError as for `read`."""
     found = _read(data, source)
     _warn_of_loss(source, found.left_out | ({"eps"} if found.softening.any() else set()))
     return found.state

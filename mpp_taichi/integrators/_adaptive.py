@@ -72,7 +72,7 @@ class Adaptive(Integrator):
         return np.flatnonzero(self.counts(state)[:, self.STALLED])
 
     def trouble(self, state: Any, bad: int) -> Trouble | None:
-        """A replica whose step has become too short, and of its particles the one that is accelerated most."""
+        """A replica whose step has become too short, and its particle with the largest acceleration."""
         stalled = self.stalled_replicas(state)
         if not len(stalled):
             return not_finite(bad)
@@ -82,7 +82,7 @@ class Adaptive(Integrator):
         return Trouble("stalled", particle, time=float(self.times(state).min()))
 
     def facts(self, state: Any) -> dict[str, Any]:
-        """What the control of the step did since the method was prepared, in all replicas."""
+        """The actions of the step control since the method was prepared, in all replicas."""
         counts = self.counts(state)
         return {
             "step_control": {
@@ -126,7 +126,7 @@ class Adaptive(Integrator):
 
     @ti.func
     def show(self, state: Template, total_force: Template, first, time: Template):
-        """Set positions and velocities to those at a time within the last step."""
+        """Set positions and velocities to their values at a time within the last step."""
 
     @ti.func
     def begin_again(self, state: Template, total_force: Template, first, time: Template, shape: Template):

@@ -18,7 +18,7 @@ SumForces = Callable[[Any, float], None]
 
 @ti.data_oriented
 class Integrator:
-    """What every integrator declares, and the step of all of them: an opening stage, then a sum of forces and a stage in turn.
+    """The declarations and the step of every integrator: an opening stage, then a sum of forces and a stage in turn.
 
     order            of the global error in dt
     symplectic       keeps the energy of a conservative system bounded for ever
@@ -30,17 +30,17 @@ class Integrator:
                      which scenes are checked, and the method is refused with such forces
     takes_time       works with forces that depend on time explicitly; declared and checked in the same way
     memory           work fields that a step leaves for the next step
-    can_use_tree     needs accelerations alone, of all particles at once, so that a tree can sum them
+    can_use_tree     needs nothing but accelerations, of all particles at once, so that a tree can sum them
     takes_low_parts  moves particles by the functions of `particle_update`, so that it runs in f32c and ds
     controlled_by    name of the parameter that sets the accuracy of a method that chooses its steps itself; else empty
     stable_for_any_stiffness  no spring is too stiff for any step
-    launchers        by which launchers of step/ it is run; read by step/choose.py alone (see _launchers.py)
+    launchers        by which launchers of step/ it is run; read only by step/choose.py (see _launchers.py)
 
     The next attributes are read from the source text, before the class is imported, and must have literal values:
 
     moves_forward_alone  all drifts lead forward in time, so that contacts can be resolved during each of them
     drifts_after_kick    every drift follows the kick whose impulse it carries, as contacts with a compliance require
-    begins_anew          chooses each step by the motion at its beginning alone, so that a step can be cut at a contact
+    begins_anew          chooses each step only by the motion at its beginning, so that a step can be cut at a contact
     flies                takes no steps: a contact solver that flies moves the particles
     takes_sliders        False: forces cannot be changed while the scene runs, since the method keeps constants made of them
     made_for             flags of forces: the method goes with forces that have one of them, and with no other force
@@ -118,7 +118,7 @@ class Integrator:
         return self.launchers.vectors and total_force.pairs_in_tiles and not state.carries_low
 
     def prepare(self, state: Any, total_force: Any, time: float, sum_forces: SumForces) -> None:
-        """Set what a step expects the step before to have left, after the state was set from outside."""
+        """Prepare the values that a step expects from the step before, after the state was set from outside."""
 
     def adopt(self, state: Any, dt: float) -> None:
         """Take positions and velocities that were set from outside, for steps of `dt`; to do so twice changes nothing more."""
@@ -135,7 +135,7 @@ class Integrator:
         return None
 
     def facts(self, state: Any) -> dict[str, Any]:
-        """What reports say of this kind of method, and of what it has done since it was prepared."""
+        """The entries of reports about this kind of method, and about its work since it was prepared."""
         return {}
 
     def amplification(self, frequency: float, damping: float = 0.0) -> np.ndarray:
@@ -161,7 +161,7 @@ class Integrator:
     def wants_sum(self, total_force: Any) -> bool:
         """Whether stages expect the sum of the forces in state.acceleration; otherwise each stage sums the forces itself.
 
-        The sum is that of the forces that do not depend on velocity.
+        The sum is over the forces that do not depend on velocity.
         """
         return total_force.has_velocity_independent
 
@@ -183,7 +183,7 @@ class Integrator:
 
     @ti.func
     def stage_and_opening(self, state: Template, total_force: Template, first, time: Template, dt: Template, opens):
-        """The last stage and, where it `opens` the next step, the next opening stage; the bits are those of separate stages."""
+        """The last stage and, where it `opens` the next step, the next opening stage; the same bits as with separate stages."""
 
     @ti.func
     def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):

@@ -3,8 +3,8 @@
 To first order in the small part B, a step D(½) K(1) D(½) of drifts by the large part A and kicks by B is the flow of
 h A + h φ(x) B, φ(x) = (x/2) / sinh(x/2), where x = h [A, ·]; and a change of coordinates e^S turns that flow into the flow of
 h A + h B if S = h (φ(x) − 1)/x B. Such a change is built from drifts and kicks as a product of
-Z(a, b) = D(a) K(b) D(−2a) K(−b) D(a), which is e^S with S = 2 b h sinh(a x) B. A product whose series agrees with that of
-(φ − 1)/x up to x^(n−2) is a corrector of order n; it reduces the error of a step from ε h² to ε h^(n+1) + ε² h².
+Z(a, b) = D(a) K(b) D(−2a) K(−b) D(a), which is e^S with S = 2 b h sinh(a x) B. A product whose series agrees with the
+series of (φ − 1)/x up to x^(n−2) is a corrector of order n; it reduces the error of a step from ε h² to ε h^(n+1) + ε² h².
 Sources: Wisdom, Holman & Touma, Fields Inst. Commun. 10 (1996) 217; Wisdom, Astron. J. 131 (2006) 2294.
 """
 

@@ -20,7 +20,7 @@ LEAST_ERROR = 1e-4  # smaller estimates, relative to the tolerance, are not trus
 
 
 def wide_rows(pair: type[RungeKutta]) -> np.ndarray:
-    """Square tableau of all slopes: those of the stages, of the end of the step, and of the dense output."""
+    """Square tableau of all slopes: of the stages, of the end of the step, and of the dense output."""
     rows = [*pair.a, pair.b, *pair.dense_stages]
     return np.array([[*row, *[0.0] * (len(rows) - len(row))] for row in rows])
 
@@ -33,7 +33,7 @@ class Embedded(Adaptive):
     system do not matter. A step is accepted where e ≤ tolerance; the next step is
     h 0.9 (tolerance/e)^(0.85/k) (e_before/tolerance)^(0.2/k), the same for all particles. A refused step is repeated with
     h 0.9 (tolerance/e)^(1/k). The first slope is the last slope of the step before, and sums over steps are compensated.
-    Between two steps the state is that of the pair's polynomial. Further forces that the polynomial needs are evaluated only in
+    Between two steps the state is on the pair's polynomial. Further forces that the polynomial needs are evaluated only in
     steps in which the state is shown.
     Source: Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, 2nd ed. (1993), §II.4; the controller:
     Gustafsson, ACM Trans. Math. Softw. 17 (1991) 533.
@@ -99,7 +99,7 @@ class Embedded(Adaptive):
         tolerance = max(self.tolerance, 16.0 * rounding)
         return tolerance, FIRST_SHARE * tolerance ** (1.0 / self.error_order)
 
-    # A run ---------------------------------------------------------------------------------------------------------------
+    # Steps up to the time of a sample
 
     @ti.func
     def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
@@ -169,7 +169,7 @@ class Embedded(Adaptive):
                 x, _ = self._sums(state, total_force, 0, i, powers + m - 1)
                 coefficient[m * n + i] = h * h * x
 
-    # A step --------------------------------------------------------------------------------------------------------------
+    # A step
 
     @ti.func
     def take_step(self, state: Template, total_force: Template, first, shape: Template):
@@ -183,7 +183,7 @@ class Embedded(Adaptive):
             error = self._error(state, total_force, first, ti.cast(h, float))
             if state.clock[self.CLOCK * r] + 1e-3 * h == state.clock[self.CLOCK * r]:
                 state.tally[self.TALLY * r + self.STALLED] = 1
-                state.clock[self.CLOCK * r + 1] = 0.0  # so that the start of the step is what is shown
+                state.clock[self.CLOCK * r + 1] = 0.0  # so that the start of the step is shown
                 trying = 0
             elif error <= 1.0:
                 seen = ti.max(error, ti.cast(LEAST_ERROR, state.wide))

@@ -142,7 +142,7 @@ class GravitySeries:
 
     @ti.func
     def _external(self, state: Template, i, n, time):
-        """Acceleration by external forces, which are constant and contribute to order 0 alone."""
+        """Acceleration by external forces, which are constant and contribute only to order 0."""
         a = [0.0 for c in ti.static(range(self.dimensions))]
         if n == 0:
             for force in ti.static(self.total_force.external):

@@ -154,7 +154,7 @@ class Implicit(Integrator):
     def kick(self, state: Template, i, dt):
         """Kick particle i after the step by the soft forces, whose accelerations are known then."""
 
-    # One thread ------------------------------------------------------------------------------------------------------------
+    # One thread
 
     @ti.func
     def step(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
@@ -224,7 +224,7 @@ class Implicit(Integrator):
                 result += self.energy_of(state, total_force, first, i, time)
         return result
 
-    # One particle's part ---------------------------------------------------------------------------------------------------
+    # One particle's part
 
     @ti.func
     def remember(self, state: Template, i):
@@ -249,7 +249,7 @@ class Implicit(Integrator):
         kinetic = 0.5 * ti.cast(self.newton.matrix.weight(state, i), state.wide) * speed_squared
         return kinetic + total_force.potential_energy_of(state, first, i, time)
 
-    # All particles at once -------------------------------------------------------------------------------------------------
+    # All particles at once
 
     def launch_step(self, state: Any, total_force: Any, launch_force: Any, time: float, dt: float) -> None:
         """`step` for the parallel plan: the host leads, and each sweep over the particles is a launch."""

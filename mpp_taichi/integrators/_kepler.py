@@ -12,7 +12,7 @@ SERIES_3 = tuple((-1.0) ** k / math.factorial(2 * k + 3) for k in range(TERMS))
 SMALL = 0.1  # relative change of the distance over a step up to which the first guess of the anomaly is a series
 CLOSE = 1e-6  # a correction so small, relative to the anomaly, that the next correction is round-off
 QUICK = 12  # iterations of third order; later iterations halve the bracket
-MOST = 1200  # iterations of both kinds; halving alone takes at most 1074, from the largest number to the smallest
+MOST = 1200  # iterations of both kinds; halvings take at most 1074, from the largest number to the smallest
 
 
 @ti.func

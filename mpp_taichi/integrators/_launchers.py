@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Launchers:
-    """What `step/choose.py` has to know of a family of methods, and nothing else reads.
+    """The data of a family of methods that only `step/choose.py` reads.
 
     serial, replicas, parallel   the file of `step/` whose launcher runs the family under that plan; empty: there is no such
-                                 plan. `parallel` alone stands for the three launchers of methods that are made of stages
+                                 plan. Where only `parallel` is set, it stands for the three launchers of methods of stages
     quickly    the kernels are long, and are compiled without Taichi's own optimisation (see quick_compilation.py)
     vectors    the step reads and writes vectors by components, so that it can be compiled together with the sum over pairs in
                explicit vectors (see explicit_vectors.py)

@@ -22,7 +22,7 @@ CLASSICAL = (((), (0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 
 def taylor(order: int) -> tuple[tuple, tuple]:
     """(a, b) of a method whose step is the Taylor polynomial of exp(h f) for linear f; of second order for other f.
 
-    Each slope is taken at v + h/(p − k) × the slope before, k = 0, …, p − 2, and the last slope alone makes the step.
+    Each slope is taken at v + h/(p − k) × the slope before, k = 0, …, p − 2, and only the last slope makes the step.
     """
     rows = [(0.0,) * k + (1.0 / (order - k),) for k in range(order - 1)]
     return ((), *rows), (0.0,) * (order - 1) + (1.0,)
@@ -57,8 +57,8 @@ class RungeKutta(Integrator):
     dense_weights   one row (p₁, p₂, …) for each of these slopes: x(t + θh) = x + h Σ_k (p₁ θ + p₂ θ² + …)_k k_k
     dense_order     order of this polynomial: its error is of the order h^(dense_order + 1)
 
-    The slopes k are those of (x, v). Sums over them are written with the stored slopes f as in `nystroem_rows`: the part of x
-    is h Σ e_k v₀ + h² Σ (e·A)_k f_k.
+    The slopes k are the slopes of (x, v). Sums over slopes are written with the stored slopes f as in `nystroem_rows`: the part
+    of x is h Σ e_k v₀ + h² Σ (e·A)_k f_k.
     """
 
     a: tuple = ()

@@ -45,7 +45,7 @@ class Splitting(Integrator):
     Forces that depend on velocity are integrated inside each kick, at frozen positions, by a Runge–Kutta method of the order of
     the splitting, so that the order is kept; from order 6 on it is kept for friction linear in velocity (see `taylor`).
     Runge–Kutta–Nyström tables have their order because [B,[B,[B,A]]] = 0 for kicks B and drifts A, which holds for forces of
-    positions and time alone. Such tables declare `takes_velocity = False`, and other forces are refused with them.
+    positions and time only. Such tables declare `takes_velocity = False`, and other forces are refused with them.
     """
 
     drifts: tuple = ()
@@ -117,7 +117,7 @@ class Splitting(Integrator):
         return k > 0 and not self.wants_sum(total_force)
 
     def joins_steps(self, total_force: Any) -> bool:
-        """Where a step begins and ends with a drift: the last drift and the first drift of the next step are one loop."""
+        """For a step that begins and ends with a drift: the last drift and the first drift of the next step are one loop."""
         if self.begins_with_kick or self.looks_stages_up(total_force):
             return False
         if total_force.has_pairs and total_force.depends_on_velocity:
@@ -125,11 +125,11 @@ class Splitting(Integrator):
         return self.drifts[0] != 0.0 and self.drifts[-1] != 0.0
 
     def looks_stages_up(self, total_force: Any) -> bool:
-        """Where damped kicks have many slopes: each slope holds all forces, and takes half a second to compile."""
+        """For damped kicks with many slopes: each slope holds all forces, and takes half a second to compile."""
         return bool(total_force.depends_on_velocity) and self.evaluations * len(self.kick_method[1]) > MOST_SLOPES
 
     def loops(self, k: int, total_force: Any) -> int:
-        """One for kick and drift, or for each slope of a damped kick; one more for a drift that has to wait for all kicks."""
+        """One loop for kick and drift, or for each slope of a damped kick; one more for a drift that waits for all kicks."""
         _node, kick, drift = self.entries[k]
         if kick == 0.0:
             return 1 if drift != 0.0 else 0

@@ -12,11 +12,12 @@ from mpp_taichi.integrators.bogacki_shampine import BogackiShampine
 class AdaptiveBogackiShampine(Embedded):
     """Steps of the third-order method, controlled by the second-order method inside it: the plainest control of a step.
 
-    Three forces a step; looks are cubics through both ends. Takes every force; energy drifts with the tolerance.
+    Three forces a step; samples within a step are on the cubic through both its ends. Takes every force; energy drifts with
+    the tolerance.
     Source: Bogacki & Shampine, Appl. Math. Lett. 2 (1989) 321.
     """
 
-    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between looks; absent: run.duration / 1000")
+    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between samples; absent: run.duration / 1000")
     tolerance: float = param(1e-6, minimum=1e-15, maximum=0.1, help="error of a step, in parts of the system's size and speeds")
 
     order = 3

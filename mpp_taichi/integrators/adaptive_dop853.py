@@ -10,14 +10,14 @@ from mpp_taichi.integrators.dop853 import Dop853
 @component
 @ti.data_oriented
 class AdaptiveDop853(Embedded):
-    """Dop853 with its estimates of orders five and three as control of the step, and looks of order seven.
+    """Dop853 with its estimates of orders five and three as control of the step, and samples within a step of order seven.
 
-    Twelve forces a step, three more for a step that is looked at. Takes every force; energy drifts with the tolerance. For
+    Twelve forces a step, three more for a step with a sample. Takes every force; energy drifts with the tolerance. For
     smooth motion to six or more digits; to round-off, ias15.
     Source: Hairer, Nørsett & Wanner, Solving Ordinary Differential Equations I, 2nd ed. (1993), §II.5, §II.6.
     """
 
-    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between looks; absent: run.duration / 1000")
+    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between samples; absent: run.duration / 1000")
     tolerance: float = param(1e-9, minimum=1e-15, maximum=0.1, help="error of a step, in parts of the system's size and speeds")
 
     order = 8

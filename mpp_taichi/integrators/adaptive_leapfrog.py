@@ -25,7 +25,7 @@ class AdaptiveLeapfrog(Adaptive):
     Source: Hairer & Söderlind, SIAM J. Sci. Comput. 26 (2005) 1838.
     """
 
-    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between looks; absent: run.duration / 1000")
+    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between samples; absent: run.duration / 1000")
     step: float = param(0.02, above=0.0, maximum=1.0, help="η, the step in units of 1/ρ; a circular orbit has 2π/η steps")
 
     order = 2

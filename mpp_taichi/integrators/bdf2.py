@@ -12,7 +12,7 @@ from mpp_taichi.types import Template
 
 @component
 class Bdf2(Implicit):
-    """Two-step formula y₁ = (4 y − y₋₁)/3 + (2h/3) y₁′ for x and v: second order, and it damps what a step cannot resolve.
+    """Two-step formula y₁ = (4 y − y₋₁)/3 + (2h/3) y₁′ for x and v: second order. It damps motions that a step cannot resolve.
 
     A slow oscillation loses about π(ωh)³ of its energy per period; a fast oscillation vanishes in a few steps. The first step,
     and the first step of another length, are steps of implicit Euler.
@@ -20,8 +20,10 @@ class Bdf2(Implicit):
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")
-    solver: str = param("auto", choices=("auto", "conjugate_gradients", "direct"), help="of Newton's linear systems")
-    tolerance: float = param(None, optional=True, above=0.0, maximum=0.01, help="of the step's way; absent: by precision")
+    solver: str = param("auto", choices=("auto", "conjugate_gradients", "direct"), help="solver of Newton's linear systems")
+    tolerance: float = param(
+        None, optional=True, above=0.0, maximum=0.01, help="relative error of a step's displacement; absent: by precision"
+    )
     order = 2
     extra_vectors = ("earlier_shift", "earlier_velocity")
 
@@ -32,7 +34,7 @@ class Bdf2(Implicit):
 
     @ti.func
     def coefficients(self, state: Template, first, dt):
-        """(b, g); those of implicit Euler where the step before had another length, or there was none."""
+        """(b, g); the values of implicit Euler where the step before had another length, or there was no step before."""
         part = ti.cast(1.0, float)
         if state.history_dt[first // self.newton.particle_count] == dt:
             part = 2.0 / 3.0

@@ -12,7 +12,7 @@ class EventDriven(Integrator):
     motion does not depend on it.
     """
 
-    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between looks; absent: run.duration / 1000")
+    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between samples; absent: run.duration / 1000")
     symplectic = True
     time_reversible = True
     flies = True

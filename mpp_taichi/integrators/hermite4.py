@@ -9,7 +9,7 @@ class Hermite4(Hermite):
     """Fourth order with the jerk of every force, predicted and corrected, with one evaluation per correction.
 
     Not symplectic; with two corrections or more nearly symmetric in time, so that the energy of a regular motion hardly
-    drifts. Forces that depend on velocity, and those without derivatives, are refused.
+    drifts. Forces that depend on velocity, and forces without derivatives, are refused.
     Source: Makino & Aarseth, PASJ 44 (1992) 141; more corrections: Kokubo, Yoshinaga & Makino, MNRAS 297 (1998) 1067.
     """
 

@@ -9,7 +9,7 @@ class Hermite6(Hermite):
     """Sixth order with the jerk and snap of every force, predicted and corrected, with one evaluation per correction.
 
     Not symplectic; with two corrections or more nearly symmetric in time, so that the energy of a regular motion hardly
-    drifts. Forces that depend on velocity, and those without derivatives, are refused.
+    drifts. Forces that depend on velocity, and forces without derivatives, are refused.
     Source: Nitadori & Makino, New Astronomy 13 (2008) 498, arXiv:0708.0738.
     """
 

@@ -38,7 +38,7 @@ class Ias15(Adaptive):
     Aarseth, Gravitational N-Body Simulations (2003) eq. 2.13, scaled as by Pham, Rein & Spiegel, Open J. Astrophys. 7 (2024).
     """
 
-    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between looks; absent: run.duration / 1000")
+    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between samples; absent: run.duration / 1000")
     epsilon: float = param(
         1e-9, above=0.0, maximum=1e-2, help="ε of the step length: smaller takes shorter steps; 1e-9: round-off"
     )
@@ -73,7 +73,7 @@ class Ias15(Adaptive):
         epsilon = max(self.epsilon, 200.0 * rounding())
         return (5040.0 * epsilon) ** (1.0 / 7.0), max(epsilon, 1e4 * rounding())
 
-    # A run -------------------------------------------------------------------------------------------------------------
+    # Steps up to the time of a sample
 
     @ti.func
     def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):
@@ -144,7 +144,7 @@ class Ias15(Adaptive):
             following = ti.min(h * share, h * LARGEST_CHANGE)
             if begin + 1e-3 * following == begin:
                 state.tally[self.TALLY * r + self.STALLED] = 1
-                state.clock[self.CLOCK * r + 1] = 0.0  # so that the start of the step is what is shown
+                state.clock[self.CLOCK * r + 1] = 0.0  # so that the start of the step is shown
                 trying = 0
             elif share < 1.0 / LARGEST_CHANGE:
                 state.tally[self.TALLY * r + self.REFUSED] += 1
@@ -156,7 +156,7 @@ class Ias15(Adaptive):
                 state.clock[self.CLOCK * r + 1] = h
                 state.clock[self.CLOCK * r + 2] = following
 
-    # The equations of a step ---------------------------------------------------------------------------------------------
+    # The equations of a step
 
     @staticmethod
     def _named(state: Any, letter: str, k: int) -> Any:
@@ -253,7 +253,7 @@ class Ias15(Adaptive):
             if ti.static(with_velocity):
                 state.velocity[i] = velocity + ((v + a) * way - state.velocity_rest[i])
 
-    # From step to step ---------------------------------------------------------------------------------------------------
+    # Transition to the next step
 
     @ti.func
     def _longest_share(self, state: Template, total_force: Template, first):

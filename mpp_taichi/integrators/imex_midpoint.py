@@ -15,17 +15,19 @@ from mpp_taichi.types import Template
 
 @component
 class ImexMidpoint(Implicit):
-    """Half a kick by the soft forces, an implicit midpoint step with springs and friction alone, half a kick: second order.
+    """Half a kick by the soft forces, an implicit midpoint step with only springs and friction, half a kick: second order.
 
-    Symplectic and time-reversible; any stiffness is stable. The soft forces are those between all pairs and the external
+    Symplectic and time-reversible; any stiffness is stable. The soft forces are the pair forces and the external
     forces: they are evaluated once a step, where fully implicit methods evaluate them in every iteration. The step must resolve
     the soft forces.
     Source: Zhang & Skeel, Appl. Numer. Math. 25 (1997) 297; Stern & Grinspun, Multiscale Model. Simul. 7 (2009) 1779.
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")
-    solver: str = param("auto", choices=("auto", "conjugate_gradients", "direct"), help="of Newton's linear systems")
-    tolerance: float = param(None, optional=True, above=0.0, maximum=0.01, help="of the step's way; absent: by precision")
+    solver: str = param("auto", choices=("auto", "conjugate_gradients", "direct"), help="solver of Newton's linear systems")
+    tolerance: float = param(
+        None, optional=True, above=0.0, maximum=0.01, help="relative error of a step's displacement; absent: by precision"
+    )
     order = 2
     symplectic = True
     time_reversible = True

@@ -16,8 +16,10 @@ class ImplicitEuler(Implicit):
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")
-    solver: str = param("auto", choices=("auto", "conjugate_gradients", "direct"), help="of Newton's linear systems")
-    tolerance: float = param(None, optional=True, above=0.0, maximum=0.01, help="of the step's way; absent: by precision")
+    solver: str = param("auto", choices=("auto", "conjugate_gradients", "direct"), help="solver of Newton's linear systems")
+    tolerance: float = param(
+        None, optional=True, above=0.0, maximum=0.01, help="relative error of a step's displacement; absent: by precision"
+    )
     order = 1
     never_gains_energy = True
 

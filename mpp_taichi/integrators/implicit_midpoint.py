@@ -12,14 +12,17 @@ from mpp_taichi.types import Template
 class ImplicitMidpoint(Implicit):
     """v₁ = v + h a(x̄, v̄), x₁ = x + h v̄ with the means x̄, v̄ of start and end: second order, symplectic, time-reversible.
 
-    Keeps the energy of linear springs exactly and their oscillations for ever, with frequency (2/h) arctan(ωh/2): those that a
-    step cannot resolve become slow ones, and stay. Keeps linear and angular momentum, to the solver's tolerance.
+    Keeps the energy of linear springs exactly and their oscillations for ever, with frequency (2/h) arctan(ωh/2):
+    oscillations that a step cannot resolve become slow oscillations, and stay. Keeps linear and angular momentum, to the
+    solver's tolerance.
     Source: Hairer, Lubich & Wanner, Geometric Numerical Integration, §II.1.
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")
-    solver: str = param("auto", choices=("auto", "conjugate_gradients", "direct"), help="of Newton's linear systems")
-    tolerance: float = param(None, optional=True, above=0.0, maximum=0.01, help="of the step's way; absent: by precision")
+    solver: str = param("auto", choices=("auto", "conjugate_gradients", "direct"), help="solver of Newton's linear systems")
+    tolerance: float = param(
+        None, optional=True, above=0.0, maximum=0.01, help="relative error of a step's displacement; absent: by precision"
+    )
     order = 2
     symplectic = True
     time_reversible = True

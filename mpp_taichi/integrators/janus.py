@@ -30,19 +30,21 @@ LEFT, NOT_A_NUMBER = 1, 2
 class Janus(Integrator):
     """Drifts n += ⟦c h v⟧ and kicks m += ⟦d h a(n)⟧ of integers n, m, x = n Δx, v = m Δv; ⟦ ⟧ is the nearest integer.
 
-    Each is undone by the same with −h, since ⟦−y⟧ = −⟦y⟧, and so is a step, whose table reads the same backwards: a run with
-    dt → −dt comes back to the bits it began with, through any chaos. Rounding is a one-to-one map of the lattice onto
-    itself, so the energy error is that of the table: `leapfrog`, `pefrl` or `kahan_li6`.
-    The start is put on the lattice. Δx is 2⁻⁵³ X, X the largest |coordinate| of the start, and Δv = 2⁻⁵³ V, V the largest
-    |velocity|, but at least X / (128 dt), both rounded up to a power of two: a particle may go some 500 times as far and as
-    fast before it leaves the lattice, which ends the run. The parameter `lattice` changes both spacings by the same factor.
-    Integers of 64 bits, on the CPU. Forces that depend on velocity or on time are refused.
+    Each drift or kick is undone by the same drift or kick with −h, since ⟦−y⟧ = −⟦y⟧, and so is a step, whose table reads the
+    same backwards: a run with dt → −dt comes back to the bits with which it began, through any chaos. Rounding is a one-to-one
+    map of the lattice onto itself, so the energy error is the error of the table: `leapfrog`, `pefrl` or `kahan_li6`. The start
+    is put on the lattice. Δx is 2⁻⁵³ X, X the largest |coordinate| of the start, and Δv = 2⁻⁵³ V, V the largest |velocity|, but
+    at least X / (128 dt), both rounded up to a power of two: a particle may go some 500 times as far and as fast before it
+    leaves the lattice, which ends the run. The parameter `lattice` changes both spacings by the same factor. Integers of 64
+    bits, on the CPU. Forces that depend on velocity or on time are refused.
     Source: Levesque & Verlet, J. Stat. Phys. 72 (1993) 519; Rein & Tamayo, MNRAS 473 (2018) 3351, arXiv:1704.07715.
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")
-    order: int = param(2, choices=(2, 4, 6), help="of leapfrog, pefrl or kahan_li6")
-    lattice: float = param(None, optional=True, above=0.0, unit="length", help="Δx; absent: from the start, see above")
+    order: int = param(2, choices=(2, 4, 6), help="order of the method: leapfrog, pefrl or kahan_li6")
+    lattice: float = param(
+        None, optional=True, above=0.0, unit="length", help="spacing Δx; absent: computed from the start, see above"
+    )
 
     symplectic = True
     time_reversible = True
@@ -58,7 +60,7 @@ class Janus(Integrator):
 
     @property
     def table(self) -> Any:
-        """The splitting of this order; its coefficients alone are used, and no step of its own."""
+        """The splitting of this order; only its coefficients are used, and no step of its own."""
         return TABLES[self.order](dt=1.0)
 
     @property

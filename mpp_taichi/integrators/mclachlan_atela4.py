@@ -8,7 +8,7 @@ from mpp_taichi.integrators._splitting import Splitting
 class MclachlanAtela4(Splitting):
     """Fourth-order Runge–Kutta–Nyström splitting with four forces per step: symplectic, not time-reversible.
 
-    A kick comes first. Of order 3 only where the kinetic energy is not quadratic or forces depend on velocity: those are
+    A kick comes first. Of order 3 only where the kinetic energy is not quadratic or forces depend on velocity; such forces are
     refused. Source: McLachlan & Atela, Nonlinearity 5 (1992) 541.
     """
 

@@ -21,7 +21,7 @@ B9 = 0.5 - sum(B)
 class Rkn8(Splitting):
     """Kick–drift–…–kick of seventeen forces per step: eighth order, symplectic, time-reversible.
 
-    A Runge–Kutta–Nyström table, of order 4 only with forces that depend on velocity: those are refused. The outermost entries
+    A Runge–Kutta–Nyström table, of order 4 only with forces that depend on velocity, which are refused. The outermost entries
     are kicks, b₁ = 0.0514…; taken for drifts, the same numbers make a method of fourth order.
     Source: Blanes, Casas & Escorihuela-Tomàs, Appl. Numer. Math. 182 (2022) 14, the method with 17 stages; arXiv:2202.01541.
     """

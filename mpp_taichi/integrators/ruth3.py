@@ -8,7 +8,7 @@ from mpp_taichi.integrators._splitting import Splitting
 class Ruth3(Splitting):
     """Ruth's third-order method: three kicks and three drifts, symplectic, not time-reversible.
 
-    Kicks 7/24, 3/4, −1/24, drifts 2/3, −2/3, 1, begun with a kick. Its energy error is larger than that of three leapfrogs
+    Kicks 7/24, 3/4, −1/24, drifts 2/3, −2/3, 1, begun with a kick. Its energy error is larger than the error of three leapfrogs
     until steps are small. Source: Ruth, IEEE Trans. Nucl. Sci. NS-30 (1983) 2669.
     """
 

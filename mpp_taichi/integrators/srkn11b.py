@@ -13,7 +13,7 @@ B6 = 0.5 - sum(B)
 class Srkn11b(Splitting):
     """Kick–drift–…–kick of eleven forces per step, SRKN₁₁ᵇ: sixth order, symplectic, time-reversible.
 
-    A Runge–Kutta–Nyström table, of order 4 only with forces that depend on velocity: those are refused.
+    A Runge–Kutta–Nyström table, of order 4 only with forces that depend on velocity, which are refused.
     Source: Blanes & Moan, J. Comput. Appl. Math. 142 (2002) 313, table 3.
     """
 

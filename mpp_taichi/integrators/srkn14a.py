@@ -16,7 +16,7 @@ B7 = 0.5 - sum(B)
 class Srkn14a(Splitting):
     """Drift–kick–…–drift of fourteen forces per step, SRKN₁₄ᵃ: sixth order, symplectic, time-reversible.
 
-    A Runge–Kutta–Nyström table, of order 4 only with forces that depend on velocity: those are refused.
+    A Runge–Kutta–Nyström table, of order 4 only with forces that depend on velocity, which are refused.
     Source: Blanes & Moan, J. Comput. Appl. Math. 142 (2002) 313, table 3.
     """
 

@@ -14,7 +14,7 @@ class Srkn6b(Splitting):
     """Kick–drift–…–kick of six forces per step, SRKN₆ᵇ: fourth order, symplectic, time-reversible.
 
     At equal numbers of forces its energy error on an orbit is a fortieth of PEFRL's, once steps are short. Its error terms were
-    made small for forces of places alone; the order is four with friction as well.
+    made small for forces that depend only on positions; the order is four with friction as well.
     Source: Blanes & Moan, J. Comput. Appl. Math. 142 (2002) 313, table 3.
     """
 

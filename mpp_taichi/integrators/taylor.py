@@ -33,11 +33,11 @@ class Taylor(Adaptive):
     Biscani & Izzo, Mon. Not. R. Astron. Soc. 504 (2021) 2614.
     """
 
-    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between looks; absent: run.duration / 1000")
+    dt: float = param(None, optional=True, above=0.0, unit="time", help="time between samples; absent: run.duration / 1000")
     tolerance: float = param(
         1e-16, above=0.0, maximum=1e-2, help="ε, about the error of an orbit, relative to the distance; 1e-16: round-off"
     )
-    order: int = param(20, minimum=4, maximum=40, help="of the series; 12 is a little faster for errors above 1e-4")
+    order: int = param(20, minimum=4, maximum=40, help="order of the series; 12 is a little faster for errors above 1e-4")
 
     controlled_by = "tolerance"
     begins_anew = True
@@ -126,7 +126,7 @@ class Taylor(Adaptive):
             state.clock[self.CLOCK * r + 1] = h
         else:
             state.tally[tally + self.STALLED] = 1
-            state.clock[self.CLOCK * r + 1] = 0.0  # so that the start of the step is what is shown
+            state.clock[self.CLOCK * r + 1] = 0.0  # so that the start of the step is shown
 
     @ti.func
     def enter_next(self, state: Template, total_force: Template, first):

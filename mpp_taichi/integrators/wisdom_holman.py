@@ -16,20 +16,21 @@ from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
 UNROLLED = 10  # bodies at most, whose kick is compiled pair by pair
-BEGINS, STEPS, LOOKS = range(3)  # what a launch does, in turn
+BEGINS, STEPS, LOOKS = range(3)  # the parts of a launch, in turn
 
 
 @component
 @ti.data_oriented
 class WisdomHolman(Integrator):
-    """Drift–kick–drift in Jacobi's coordinates: drifts are orbits about all mass farther in, kicks the rest of gravity.
+    """Drift–kick–drift in Jacobi's coordinates: drifts are orbits about all mass farther in, kicks are the remaining gravity.
 
     Bodies are counted from the central body outwards, by the energies of their orbits. Body k has the coordinate r_k from the
     centre of mass of the bodies before it. H = Σ (p²/2m_k′ − G M_k m_k′/r_k) + R, M_k the mass of the bodies 0 … k; the sum is
     Kepler's problem for each body, and R is smaller by the ratio ε of the planets' masses to the central mass. So the error is
     of the order ε dt²; for two bodies it is round-off. A corrector of order n changes coordinates once at the start, and back
     for each output: no step costs more, and the error is ε dt^(n+1) + ε² dt². Output changes no bit of the motion; a change of
-    dt begins anew. Take more than twenty steps per shortest period, at pericentre that of a circle; planets must not meet.
+    dt begins anew. Take more than twenty steps per shortest period, taking the period of a circle at the pericentre distance;
+    planets must not meet.
     Sources: Wisdom & Holman, Astron. J. 102 (1991) 1528; Rein & Tamayo, Mon. Not. R. Astron. Soc. 452 (2015) 376.
     """
 
@@ -88,13 +89,13 @@ class WisdomHolman(Integrator):
             return not_finite(bad)
         return Trouble("lost", int(replicas[0]) * state.particle_count + int(found[replicas[0], 1]))
 
-    # A launch ----------------------------------------------------------------------------------------------------------
+    # Steps of one launch
 
     @ti.func
     def launch(self, state: Template, total_force: Template, first, dt, steps, beyond):
         """Take steps from the replica's own state, and show the positions and velocities a part `beyond` of a step later.
 
-        The motion of that part is along the orbits alone, with an error of ε a dt² / 2. One loop runs the corrector at the
+        The motion of this part is only along the orbits, with an error of ε a dt² / 2. One loop runs the corrector at the
         start, the steps, and on a copy of the state the way back to positions and velocities: so the kernel holds drift and
         kick, which take longest to compile, once.
         """
@@ -152,7 +153,7 @@ class WisdomHolman(Integrator):
     def _fields_and_copies(self, state: Any) -> list[tuple[Any, Any]]:
         return [(getattr(state, name), getattr(state, f"kept_{name}")) for name in self.VECTORS]
 
-    # Coordinates ---------------------------------------------------------------------------------------------------------
+    # Coordinates
 
     def _given_center(self) -> int:
         return -1 if self.central is None else self.central
@@ -219,7 +220,7 @@ class WisdomHolman(Integrator):
             state.position[i] = x
             state.velocity[i] = v
 
-    # A step --------------------------------------------------------------------------------------------------------------
+    # A step
 
     @ti.func
     def _drift(self, state: Template, total_force: Template, first, duration):

@@ -8,7 +8,8 @@ from mpp_taichi.integrators._splitting import Splitting, of_leapfrogs
 class Yoshida8(Splitting):
     """Fifteen leapfrogs, Yoshida's solution D: eighth order, symplectic, time-reversible, fifteen forces per step.
 
-    Of his five solutions the one with the smallest error terms; A, the best known, has two thousand times larger ones.
+    Of Yoshida's five solutions the solution with the smallest error terms; the terms of the best known solution, A, are two
+    thousand times larger.
     Source: Yoshida, Phys. Lett. A 150 (1990) 262, table 2, whose fifteen digits leave 7e-15 in the equations of the order;
     here they are continued by Newton's iteration on these equations.
     """

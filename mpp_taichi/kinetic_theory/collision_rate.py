@@ -28,7 +28,7 @@ def enskog_rate(density: float, radius: float, mass: float, temperature: float, 
 def enskog_rates_of_mixture(
     density: np.ndarray, radius: np.ndarray, mass: np.ndarray, temperature: float, dimensions: int
 ) -> np.ndarray:
-    """Γ_ij: collisions of one particle of species i with those of species j in a unit of time, shape (k, k) [time⁻¹].
+    """Γ_ij: collisions of one particle of species i with particles of species j in a unit of time, shape (k, k) [time⁻¹].
 
     Γ_ij = n_j S σ_ij^(d−1) g_ij √(k T / 2π μ_ij), S = 2π or 4π, σ_ij = r_i + r_j, μ_ij the reduced mass.
     """

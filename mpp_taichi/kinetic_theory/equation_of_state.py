@@ -20,7 +20,7 @@ def contact_value(packing: Any, dimensions: int) -> Any:
     return contact_luding(packing) if dimensions == 2 else contact_kolafa(packing)
 
 
-# --- hard disks -----------------------------------------------------------------------------------------------------------
+# Hard disks
 
 
 def contact_henderson(packing: Any) -> Any:
@@ -58,7 +58,7 @@ def hard_disks_global(packing: Any) -> Any:
     return found if np.ndim(packing) else float(found)
 
 
-# --- hard spheres ---------------------------------------------------------------------------------------------------------
+# Hard spheres
 
 
 def hard_spheres_carnahan_starling(packing: Any) -> Any:
@@ -84,7 +84,7 @@ def hard_spheres_kolafa(packing: Any) -> Any:
     return 1.0 + 4.0 * packing * contact_kolafa(packing)
 
 
-# --- mixtures -------------------------------------------------------------------------------------------------------------
+# Mixtures
 
 
 def contact_values_of_mixture(density: np.ndarray, radius: np.ndarray, dimensions: int) -> np.ndarray:

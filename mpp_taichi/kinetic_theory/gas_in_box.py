@@ -1,8 +1,8 @@
 """A gas of equal hard spheres in a box with hard walls: the effect of the walls, by scaled particle theory.
 
 Centres stay a radius away from the walls, and their density is higher there, since no sphere hits them from the wall's side.
-With the box of the centres (volume V_c, surface S_c: the box less a radius at every wall) the free energy is that of the bulk
-and a surface tension, F = V_c f(n) + S_c γ_c. Scaled particle theory has it in closed form,
+With the box of the centres (volume V_c, surface S_c: the box less a radius at every wall) the free energy is the bulk's
+free energy and a surface tension, F = V_c f(n) + S_c γ_c. Scaled particle theory has it in closed form,
 
     d = 2:  β γ_c σ  = −(2/π) η² / (1 − η)²,        d = 3:  β γ_c σ² = −(9/2π) η² (1 + η) / (1 − η)³,
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from mpp_taichi.arithmetic.hermite import crossing
 
-LOOKS_PER_OSCILLATION = 40  # the cubic between two looks is then good to (2π/40)⁴/384 = 2e-6 of the amplitude
+LOOKS_PER_OSCILLATION = 40  # the cubic between two samples is then good to (2π/40)⁴/384 = 2e-6 of the amplitude
 
 
 @dataclass(frozen=True)

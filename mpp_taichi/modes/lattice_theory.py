@@ -101,7 +101,7 @@ def lattice_theory(network: LinearNetwork, first: int, counts: tuple[int, int, i
     inside = np.zeros(len(network.mass), dtype=bool)
     inside[inner] = True
     if sum(springs for _, springs in found) != np.count_nonzero(inside[network.between].any(axis=1)):
-        raise NoTheoryError("its particles have other springs as well as those to their nearest neighbours")
+        raise NoTheoryError("its particles have other springs as well as springs to their nearest neighbours")
     resistance = tuple(float(each) for each, _ in found)
     return LatticeTheory(first, counts, direction, float(mass[0]), (resistance[0], resistance[1], resistance[2]))
 
@@ -127,7 +127,7 @@ def _along(network: LinearNetwork, index: np.ndarray, rim: np.ndarray, axis: int
     if np.abs(separation - step).max() > ALIKE * np.abs(step).max():
         raise NoTheoryError("its particles are not at equal distances")
     if np.count_nonzero(np.abs(step) > ALIKE * np.abs(step).max()) != 1:
-        raise NoTheoryError("its axes are not those of space")
+        raise NoTheoryError("its axes are not the axes of space")
     along = abs(step[direction]) > ALIKE * np.abs(step).max()
     values = (network.axial if along else network.lateral)[at]
     if np.ptp(values) > ALIKE * network.axial[at].max(initial=0.0):

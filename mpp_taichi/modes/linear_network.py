@@ -57,7 +57,7 @@ class LinearNetwork:
         return np.repeat(self.mass, self.free.shape[1])[self.freedoms]
 
     def expand(self, columns: np.ndarray) -> np.ndarray:
-        """Displacements of all particles, shape (particle_count, d, …), from those of the freedoms, (freedom_count, …)."""
+        """Displacements of all particles, (particle_count, d, …), from displacements of the freedoms, (freedom_count, …)."""
         full = np.zeros((self.free.size, *columns.shape[1:]))
         full[self.freedoms] = columns
         return full.reshape(*self.free.shape, *columns.shape[1:])

@@ -46,7 +46,7 @@ class Mode:
 class ModeReading:
     """A motion in terms of modes: amplitudes and their rates [length, length time⁻¹], energies of the modes, and the total.
 
-    Energies are those of the linear network: ½ M (ȧ² + ω² a²) with the modal mass M = Σ m shape², and ½ Σ m v² + ½ uᵀ K u.
+    Energies are energies of the linear network: ½ M (ȧ² + ω² a²) with the modal mass M = Σ m shape², and ½ Σ m v² + ½ uᵀ K u.
     """
 
     amplitude: np.ndarray
@@ -96,9 +96,9 @@ def find_modes(
 ) -> ModeSet:
     """The modes that a scene's `modes:` key, or a measured quantity, names; the lowest few when it names none.
 
-    With `of` they are those of a lattice along a direction, by lattice theory where its springs are such a lattice; otherwise
-    the modes of the network's matrix nearest to those shapes. Without `of` they are counted: (k,) is the k-th from below that
-    vibrates.
+    With `of` they are modes of a lattice along a direction, by lattice theory where its springs are such a lattice; otherwise
+    the modes of the network's matrix nearest to the shapes of lattice theory. Without `of` they are counted: (k,) is the k-th
+    mode from below that vibrates.
 
     Raises:
         ModeError: no such modes exist.

@@ -1,4 +1,4 @@
-"""Numerical damping: the effect of the integrator alone on an oscillation, predicted from its matrix of one step."""
+"""Numerical damping: the effect of the integrator on an oscillation, predicted from its matrix of one step."""
 
 import cmath
 import math
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SMALL_STEP = 1e-2  # ω dt at which the principal eigenvalue is the one nearest to e^(i ω dt), for every consistent method
+SMALL_STEP = 1e-2  # ω dt at which the principal eigenvalue is the eigenvalue nearest to e^(i ω dt), for every consistent method
 FOLLOWED_PER_DECADE = 40
 ROUNDING = 8.0 * float(np.finfo(float).eps)  # of |λ|: rounding in a method that conserves the energy
 
@@ -29,7 +29,7 @@ class NumericalDamping:
 def predicted_damping(amplification: Callable[[float], np.ndarray], angular_frequency: float, dt: float) -> NumericalDamping:
     """Energy loss and frequency error of a method whose step multiplies the oscillator's state by `amplification(ω dt)`.
 
-    With the principal eigenvalue λ = |λ| e^(iθ), the one that tends to e^(iω dt), an oscillation takes 2π/θ steps and leaves
+    With the principal eigenvalue λ = |λ| e^(iθ), which tends to e^(iω dt), an oscillation takes 2π/θ steps and leaves
     |λ|^(4π/θ) of the energy; the frequency is θ/dt. For methods of several steps, whose matrix has other eigenvalues as well,
     it is followed from a small step on. Source: Hairer, Lubich and Wanner, Geometric Numerical Integration (2006), §I.1.
     """

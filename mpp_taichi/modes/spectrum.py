@@ -18,9 +18,9 @@ class Spectrum:
     angular_frequency   ω of the vibrating modes, rising [radians time⁻¹], shape (vibrating_count,)
     shape               displacement of every freedom in them, shape (freedom_count, vibrating_count), Σ m shape² = 1
     unstable_modes      directions along which the springs push away from the placement: a compressed network buckles
-    zero_frequency_modes  motions that no spring resists to first order; they are
-    rigid_motions         those of the network as a whole, or of a part by itself, that its supports leave, and
-    mechanism_modes       the others
+    zero_frequency_modes  motions that no spring resists to first order: the sum of
+    rigid_motions         motions of the network as a whole, or of a part by itself, that its supports leave, and
+    mechanism_modes       the other motions of zero frequency
     second_order_modes    the mechanisms that a tension in the springs would stiffen: the restoring force at a displacement a is
                           proportional to a³, as across a flat sheet of slack springs
     """
@@ -35,11 +35,11 @@ class Spectrum:
 
 
 def spectrum(network: LinearNetwork, *, shapes: bool = False) -> Spectrum:
-    """Solve K u = ω² M u, with the shapes only where asked for, and count the modes that do not vibrate.
+    """Solve K u = ω² M u, with the shapes only where `shapes` is set, and count the modes that do not vibrate.
 
-    The counts are those of S K S with S = diag(K)^(−1/2), which has as many zero and negative eigenvalues as K (Sylvester's law
-    of inertia) but not its range of stiffnesses, nor the masses'. Eigenvalues within n · eps · ‖S K S‖ of zero, the error of a
-    symmetric eigenvalue solver, count as zero. The matrices are dense: the network should have at most `MOST_FREEDOMS`.
+    The counts are taken from S K S with S = diag(K)^(−1/2), which has as many zero and negative eigenvalues as K (Sylvester's
+    law of inertia) but not its range of stiffnesses, nor the masses'. Eigenvalues within n · eps · ‖S K S‖ of zero, the error
+    of a symmetric eigenvalue solver, count as zero. The matrices are dense: the network should have at most `MOST_FREEDOMS`.
     Source of the split: Calladine, Int. J. Solids Struct. 14 (1978) 161; Pellegrino and Calladine, ibid. 22 (1986) 409.
     """
     unstable, null = _still(network)
@@ -47,7 +47,7 @@ def spectrum(network: LinearNetwork, *, shapes: bool = False) -> Spectrum:
     root_mass = np.sqrt(network.freedom_masses)
     weighted = network.stiffness_matrix / np.outer(root_mass, root_mass)
     squares, modes = np.linalg.eigh(weighted) if shapes else (np.linalg.eigvalsh(weighted), None)
-    still = unstable + null.shape[1]  # eigenvalues rise: first those below zero, then the zeros
+    still = unstable + null.shape[1]  # eigenvalues rise: first the negative eigenvalues, then the zeros
     return Spectrum(
         angular_frequency=np.sqrt(np.maximum(squares[still:], 0.0)),
         shape=None if modes is None else modes[:, still:] / root_mass[:, None],
@@ -75,7 +75,7 @@ def _still(network: LinearNetwork) -> tuple[int, np.ndarray]:
 
 
 def _split(network: LinearNetwork, null: np.ndarray) -> tuple[int, np.ndarray]:
-    """Number of rigid motions among the zero-frequency modes, and an orthonormal basis of the rest of these, the mechanisms.
+    """Number of rigid motions among the zero-frequency modes, and an orthonormal basis of the mechanisms.
 
     A rigid motion costs no energy only where the forces balance, so each motion is tested: a prestretched spring at a support
     resists a turn.

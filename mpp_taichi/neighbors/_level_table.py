@@ -44,7 +44,7 @@ class LevelTable:
     def set(self, reaches: list, counts: list, extent: np.ndarray, corner: np.ndarray, slack: float) -> None:
         """Make levels with these largest reaches and numbers of spheres, smallest first, for a box.
 
-        Nothing happens where the arguments are those of the last call.
+        Nothing happens where the arguments are the same as in the last call.
         """
         wanted = (reaches, counts, extent.tolist(), corner.tolist(), slack)
         if wanted == self._wanted:

@@ -1,4 +1,4 @@
-"""Levels of a cell grid: which reaches share cells, how wide the cells are, and where they lie in the table. NumPy alone."""
+"""Levels of a cell grid: which reaches share cells, how wide the cells are, and where they lie in the table. Only NumPy."""
 
 from dataclasses import dataclass
 

@@ -1,7 +1,7 @@
-"""What the cell grids of a CPU and of a GPU share: the levels of cells, and the visit of the cells around a sphere.
+"""Shared part of the cell grids of a CPU and of a GPU: the levels of cells, and the visit of the cells around a sphere.
 
 Two spheres are candidates where |x_j − x_i| ≤ reach_i + reach_j. Spheres are grouped in levels of reach, each a factor of two
-wide (`_levels.py`), and the cells of a level are as wide as its largest sphere. So a few huge spheres among many small ones
+wide (`_levels.py`), and the cells of a level are as wide as its largest sphere. So a few huge spheres among many small spheres
 cost each small sphere one visit to the cells of the huge spheres, and nothing else. No pair is missed at any ratio of reaches.
 """
 
@@ -31,8 +31,8 @@ class SphereGrid:
     levels            the levels of reach and their cells
 
     The domain is the present bounding box, on a lattice of cells, or the box that repeats. In a box that repeats, separations
-    are those of the nearest images, which is right while reach_i + reach_j is below half a period. A final class measures and
-    sorts the spheres: `measure`, `_sort` and `_bin`.
+    are separations of the nearest images, which is right while reach_i + reach_j is below half a period. A final class measures
+    and sorts the spheres: `measure`, `_sort` and `_bin`.
     """
 
     def __init__(self, particle_count: int, dimensions: int, period: Any, origin: Any, *, sorter_count: int):
@@ -72,7 +72,7 @@ class SphereGrid:
     def _sort(self, position: Any, reach: Any, skin: float, largest: float, buckets: int) -> None:
         raise NotImplementedError
 
-    # Building --------------------------------------------------------------------------------------------------------
+    # Construction of the grid
 
     def build(self, position: Any, reach: Any, bounds: Any = None, skin: float = 0.0) -> None:
         """Sort the spheres into cells; the skin is added to the reach of each sphere.
@@ -150,7 +150,7 @@ class SphereGrid:
         folded = ti.cast(cell[0], ti.u32) + ti.cast(cell[1], ti.u32) * strides[0] + ti.cast(cell[2], ti.u32) * strides[1]
         return self.levels.offset[level] + ti.cast(folded & ti.cast(self.levels.mask[level], ti.u32), ti.i32)
 
-    # Candidates ------------------------------------------------------------------------------------------------------
+    # Candidates
 
     @ti.func
     def visit_later(self, slot, task: Template, first, second):

@@ -31,7 +31,7 @@ UNROLLED_PAIRS = 36  # up to nine bodies the serial double loop is written out; 
 
 @ti.data_oriented
 class AllPairs:
-    """Direct sum over all pairs: O(N²) work, and no memory beyond that of the state.
+    """Direct sum over all pairs: O(N²) work, and no memory beyond the memory of the state.
 
     Range: squared distances must be normal numbers of the precision, so in f32 distances must lie between 1.1e-19 and 1.8e19
     [length]. An inverse cube needs distances between 1.5e-13 and 4e12; beyond 4e12 it loses digits to underflow, and from 9e14
@@ -60,7 +60,7 @@ class AllPairs:
         self.in_tiles = not self.unrolled and len(self.members) == 1  # how one thread sums
         self.sets_directly = particle_count == 2  # saves a tenth of a step; with more bodies it is faster to store zeros first
 
-    # One thread ------------------------------------------------------------------------------------------------------
+    # One thread
 
     @ti.func
     def accumulate_serial(self, state: Template, first):
@@ -137,7 +137,7 @@ class AllPairs:
             result = squared + ti.cast(state.merged_into[j] >= 0, float)
         return result
 
-    # One thread of a GPU per body ------------------------------------------------------------------------------------
+    # One thread of a GPU per body
 
     @ti.func
     def accumulate_parallel_gather(self, state: Template):
@@ -177,7 +177,7 @@ class AllPairs:
                 weight += member.force.response(state, i) * (source * member.force.shape(inverse))
         return weight * d
 
-    # Cores of a CPU, lanes of their vector units ---------------------------------------------------------------------
+    # Cores of a CPU, lanes of their vector units
 
     def is_symmetric(self, state: Any) -> bool:
         """Whether `add_accelerations` evaluates each pair once, which is no faster for few bodies."""
@@ -337,7 +337,7 @@ class AllPairs:
 
     @ti.func
     def _put_by(self, state: Template, total: Template, whole: Template, lost: Template):
-        """Where forces see low parts: add the sum over a block to `whole`, with its rounding error in `lost`; clear the sum."""
+        """For forces that see low parts: add a block's sum to `whole`, with its rounding error in `lost`; clear the sum."""
         if ti.static(state.forces_see_low):
             for axis in ti.static(range(self.dimensions)):
                 whole[axis], lost[axis] = added(state, whole[axis], lost[axis], total[axis])
@@ -372,13 +372,13 @@ class AllPairs:
             shape = ti.Vector([member.force.shape(inverse[lane]) for lane in ti.static(range(self.lane_count))])
         return shape
 
-    # Energy ----------------------------------------------------------------------------------------------------------
+    # Energy
 
     @ti.func
     def potential_energy_of(self, state: Template, i):
         """Half of the potential energy of body i with all other bodies of its replica, in the widest float (`state.wide`).
 
-        Constants are rounded as in the forces, so that the potential is that of the forces.
+        Constants are rounded as in the forces, so that the potential belongs to the forces.
         """
         energy = ti.cast(0.0, state.wide)
         first = i // self.particle_count * self.particle_count

@@ -20,8 +20,8 @@ class DeviceGrid(SphereGrid):
     """A SphereGrid whose inner loops have no more iterations than a cell has spheres, or a thread its share.
 
     An atomic count gives each sphere a place in its cell, in any order. Then a thread for each sphere counts the spheres of the
-    cell that have a lower index. So the order is that of the CPU, whatever the order of the threads. An inner loop has no
-    atomic, because software Vulkan (Mesa 22.3) ends a thread at an atomic in an inner loop.
+    cell that have a lower index. So the order is the same as on the CPU, whatever the order of the threads. An inner loop has
+    no atomic, because software Vulkan (Mesa 22.3) ends a thread at an atomic in an inner loop.
     """
 
     def __init__(self, particle_count: int, dimensions: int, period: Any = (0.0, 0.0, 0.0), origin: Any = (0.0, 0.0, 0.0)):

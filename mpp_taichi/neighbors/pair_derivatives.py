@@ -71,7 +71,7 @@ class PairDerivatives:
         """Potential energy of the bodies i and j at a separation, as of AllPairs."""
         return self.pairs.potential_between(state, i, j, separation)
 
-    # One thread ------------------------------------------------------------------------------------------------------
+    # One thread
 
     @ti.func
     def accumulate_serial(self, state: Template, first):
@@ -133,7 +133,7 @@ class PairDerivatives:
             if ti.static(self.derivatives > 1):
                 state.snap[i][axis] = state.snap[i][axis] + terms[2, axis]
 
-    # One thread of a GPU per body ------------------------------------------------------------------------------------
+    # One thread of a GPU per body
 
     @ti.func
     def accumulate_parallel_gather(self, state: Template):
@@ -146,7 +146,7 @@ class PairDerivatives:
                     total += self._terms(state, i, j, on_i)
             self._add(state, i, total)
 
-    # Cores of a CPU, lanes of their vector units ---------------------------------------------------------------------
+    # Cores of a CPU, lanes of their vector units
 
     def add_accelerations(self, state: Any) -> None:
         """Add all sums on the CPU in a launch of its own, compiled with explicit vectors.

@@ -19,10 +19,10 @@ class PartnerList:
 
     Later partners, which come after their slot in the grid, are searched in chunks of slots; the chunks run in parallel, and
     each writes its own part of the list. Earlier partners are the same pairs again, sorted by their second slot: each thread
-    reads all pairs and keeps those of its share of slots. Both lists are in the order of the slots, whatever the number of
+    reads all pairs and keeps the pairs of its share of slots. Both lists are in the order of the slots, whatever the number of
     threads. Where a chunk has no room for its partners, there is no list.
 
-    partner   later partners of slot k from begin[k] to middle[k], earlier ones from earlier[k] to earlier[k + 1]
+    partner   later partners of slot k from begin[k] to middle[k], earlier partners from earlier[k] to earlier[k + 1]
     """
 
     def __init__(self, grid: CellGrid) -> None:

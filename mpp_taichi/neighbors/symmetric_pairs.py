@@ -23,7 +23,7 @@ def chunk_count(count: int) -> int:
 
 
 def adds_in_parallel(count: int) -> bool:
-    """Whether the loop over the sums is parallel; one thread takes fewer sums alone, before a second thread is awake."""
+    """Whether the loop over the sums is parallel; one thread finishes fewer sums before a second thread is awake."""
     return count * chunk_count(count) > SERIAL_SUMS
 
 
@@ -77,7 +77,7 @@ class SymmetricPairs:
         for tile in range(-(-self.count // self.lanes)):
             self._add_chunks(state, tile, sets)
 
-    # Rows of lanes ---------------------------------------------------------------------------------------------------
+    # Rows of lanes
 
     def lane_of(self, field: Any, lane: int) -> Any:
         """One number of each vector of a field. With explicit vectors Taichi cannot load or store a whole vector of a field."""
@@ -100,7 +100,7 @@ class SymmetricPairs:
     def _reaction_at(self, chunk, k, axis: Template):
         return (chunk * BLOCK + k) * self.dimensions + axis
 
-    # A chunk ---------------------------------------------------------------------------------------------------------
+    # One chunk
 
     @ti.func
     def _meet_block(self, state: Template, chunk, block):
@@ -236,7 +236,7 @@ class SymmetricPairs:
             on_j = push + on_j
         return on_own, on_j
 
-    # The whole -------------------------------------------------------------------------------------------------------
+    # All chunks
 
     @ti.func
     def _add_chunks(self, state: Template, tile, sets: Template):

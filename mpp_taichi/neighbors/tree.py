@@ -26,7 +26,7 @@ pull as much as all distant bodies, and for one body in a hundred both pulls nea
 class TreeSum:
     """The accelerations of one `newtonian_gravity` with `solver: tree`, and their potential.
 
-    Forces are a function of the positions alone, with the same bits for any number of threads. Forces between two bodies are
+    Forces are a function only of the positions, with the same bits for any number of threads. Forces between two bodies are
     not exactly opposite, so momentum is conserved to the accuracy only. Where a position is not finite all accelerations are
     NaN, as in the direct sum.
     """

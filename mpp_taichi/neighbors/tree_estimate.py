@@ -7,10 +7,10 @@ multipole of second order for a group of bodies if
 
 with d from the nearest point of the group's box. The left side bounds the order of the error, which is the pull of the octupole
 and of all higher moments: Σ m |δ|³ ≤ b tr Q, and a body at b may be as near as ρ − b (Salmon and Warren, J. Comput. Phys. 111
-(1994) 136). The field a is that of all other groups, from a first walk with monopoles, softened by twice the radius of the
+(1994) 136). The field a is the field of all other groups, from a first walk with monopoles, softened by twice the radius of the
 group, because the pull of near bodies differs from body to body of the group. Of the fields at the first and at the last body
 the weaker counts, because a group may reach from one clump of bodies into another. The right side is a relative error for each
-node, as in Springel, MNRAS 364 (2005) 1105, which takes a from the step before; here forces are a function of positions alone.
+node, as in Springel, MNRAS 364 (2005) 1105, which takes a from the step before; here forces depend only on positions.
 """
 
 from typing import Any
@@ -84,7 +84,7 @@ class TreeEstimate:
 
     @ti.func
     def group_node(self, group):
-        """The node whose bodies are those of a group."""
+        """The node that holds the bodies of a group."""
         return self.nodes.level_node[self.first_group + group]
 
     @ti.func

@@ -16,7 +16,7 @@ from mpp_taichi.types import Template
 
 @ti.data_oriented
 class TreeGather:
-    """Sums by slot, in the units of the frame with G = 1; they differ from those of TreeWalk only by the order of the terms."""
+    """Sums by slot, in the units of the frame with G = 1; they differ from TreeWalk's sums only by the order of the terms."""
 
     def __init__(self, order: Any, nodes: Any) -> None:
         """Allocate for the bodies of a TreeOrder and their TreeNodes."""

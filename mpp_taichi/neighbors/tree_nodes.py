@@ -1,7 +1,7 @@
 """Tree nodes: a hierarchy of runs of sorted bodies, with the multipoles of each run.
 
-A leaf is a run of `LEAF` bodies, and a parent joins two runs that follow each other. So the shape of the tree depends on the
-number of bodies alone; the positions decide only the numbers that a node holds. Nodes are numbered in the order in which a walk
+A leaf is a run of `LEAF` bodies, and a parent joins two runs that follow each other. So the shape of the tree depends only on
+the number of bodies; the positions decide only the numbers that a node holds. Nodes are numbered in the order in which a walk
 from the root meets them: the first child of node k is k + 1, and `skip[k]` is the node after all descendants of k.
 """
 

@@ -4,7 +4,7 @@ A node of mass M and second moments Q = Σ m δ δᵀ about its center of mass, 
 
     a = G { d u³ [M + u² (7.5 dᵀQd u² − 1.5 tr Q)] − 3 Q d u⁵ },   φ = −G u [M + u² (1.5 dᵀQd u² − 0.5 tr Q)]
 
-which is Plummer's potential expanded to second order; without softening the traces are those of the quadrupole. The first order
+which is Plummer's potential expanded to second order; without softening the traces belong to the quadrupole. The first order
 vanishes about the center of mass. `tree_estimate.py` decides which nodes are far enough. The bodies of a group share a walk.
 """
 
@@ -64,7 +64,7 @@ class TreeWalk:
         with explicit_vectors():
             self._walk(softening * softening, potential)
 
-    # The lists of nodes and bodies -----------------------------------------------------------------------------------
+    # The lists of nodes and bodies
 
     @ti.kernel
     def _walk(self, softening_squared: float, potential: Template):
@@ -131,7 +131,7 @@ class TreeWalk:
                 slot = begin + tile * self.lane_count
                 self._sum_lists(slot, entry, cells, runs, softening_squared, potential)
 
-    # The sums, with a lane for each body -----------------------------------------------------------------------------
+    # The sums, with a lane for each body
 
     @ti.func
     def _coordinate(self, slot, axis: Template):
@@ -159,7 +159,7 @@ class TreeWalk:
 
     @ti.func
     def _sum_group(self, begin, slot, softening_squared, potential: Template):
-        """Set the sums of the tile at `slot` to those over the bodies of its group."""
+        """Set the sums of the tile at `slot` to the sums over the bodies of its group."""
         d = ti.static(self.dimensions)
         position = [self._lanes(slot, axis) for axis in ti.static(range(d))]
         total = [ti.Vector.zero(float, self.lane_count) for axis in ti.static(range(d))]

@@ -23,7 +23,7 @@ class NetworkContext:
 
 
 class Network(ABC):
-    """Links particles. Parameters are those that the file declares."""
+    """A generator of springs. Its parameters are declared in its file."""
 
     links_lattice = False  # True: links the neighbours in the lattice that the parameter `of` names, with a `prestretch`
 

@@ -12,11 +12,11 @@ from mpp_taichi.snapshot import Springs
 
 @component
 class LatticeLinks(Network):
-    """Springs between neighbours in a lattice; other kinds of neighbours, with their own stiffness, are another entry.
+    """Springs between neighbours in a lattice; each kind of neighbours is an entry of its own, with its own stiffness.
 
-    nearest: every particle and the next along each axis, 112 springs in a sheet of 8 × 8. diagonal: cross-links, both
-    diagonals of every square cell; without them a lattice with free corners shears without any force. bending: every particle
-    and the next but one along each axis, which makes a bend cost energy.
+    nearest: every particle is linked to the next particle along each axis, 112 springs in a sheet of 8 × 8. diagonal: both
+    diagonals of every square cell are springs; without diagonals a lattice with free corners shears without any force. bending:
+    every particle is linked to the next but one along each axis, so that a bend costs energy.
 
     Without prestretch a flat sheet has no linear restoring force across itself: a displacement z stretches a spring of length d
     only by z²/2d, so that the force goes as z³ and the frequency as the amplitude. A prestretch s, rest length d/s, gives
@@ -24,13 +24,18 @@ class LatticeLinks(Network):
     """
 
     of: str = param(help="name of the lattice")
-    neighbors: str = param("nearest", choices=("nearest", "diagonal", "bending"), help="which particles are linked")
-    type: str = param("", help="of spring_types:, which gives what is not said here")
+    neighbors: str = param("nearest", choices=("nearest", "diagonal", "bending"), help="kind of neighbours that are linked")
+    type: str = param("", help="name of an entry of spring_types:, which gives the parameters that are not given here")
     stiffness: float = param(
-        None, optional=True, slider=True, minimum=0.0, unit="force length⁻¹", help="D; needed here or in the type"
+        None,
+        optional=True,
+        slider=True,
+        minimum=0.0,
+        unit="force length⁻¹",
+        help="stiffness D; given here or in the spring type",
     )
-    damping: float = param(0.0, slider=True, minimum=0.0, unit="force time length⁻¹", help="c")
-    prestretch: float = param(1.0, above=0.0, slider=True, help="placed length over rest length")
+    damping: float = param(0.0, slider=True, minimum=0.0, unit="force time length⁻¹", help="damping c")
+    prestretch: float = param(1.0, above=0.0, slider=True, help="length as placed, divided by the rest length")
     color: Color = param((0.4, 0.4, 1.0), help="red, green, blue in 0…1")
     links_lattice = True
 

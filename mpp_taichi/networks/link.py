@@ -11,19 +11,29 @@ from mpp_taichi.snapshot import Springs
 
 @component
 class Link(Network):
-    """One spring. Two between the same particles act side by side: their forces add."""
+    """One spring. Two springs between the same particles act side by side: their forces add."""
 
-    between: Pair = param(help="the two ends, by index or name")
-    type: str = param("", help="of spring_types:, which gives what is not said here")
+    between: Pair = param(help="the particles at the two ends, by index or name")
+    type: str = param("", help="name of an entry of spring_types:, which gives the parameters that are not given here")
     stiffness: float = param(
-        None, optional=True, slider=True, minimum=0.0, unit="force length⁻¹", help="D; needed here or in the type"
+        None,
+        optional=True,
+        slider=True,
+        minimum=0.0,
+        unit="force length⁻¹",
+        help="stiffness D; given here or in the spring type",
     )
-    damping: float = param(0.0, slider=True, minimum=0.0, unit="force time length⁻¹", help="c")
+    damping: float = param(0.0, slider=True, minimum=0.0, unit="force time length⁻¹", help="damping c")
     rest_length: float = param(
-        None, optional=True, slider=True, minimum=0.0, unit="length", help="absent: placed length over prestretch"
+        None,
+        optional=True,
+        slider=True,
+        minimum=0.0,
+        unit="length",
+        help="rest length; absent: length as placed, divided by prestretch",
     )
     prestretch: float = param(
-        1.0, above=0.0, slider=True, help="placed length over rest length; of no account beside a rest_length"
+        1.0, above=0.0, slider=True, help="length as placed, divided by the rest length; not used beside a rest_length"
     )
     color: Color = param((0.4, 0.4, 1.0), help="red, green, blue in 0…1")
 

@@ -50,7 +50,7 @@ class PicturePainter:
             self._pen.rectangle((left, top, right - 1, bottom - 1), fill=color)
 
     def text(self, x: float, y: float, text: str, color: Rgb, size: int, anchor: str = "l") -> None:
-        """Piece by piece, as raised and lowered ones are smaller."""
+        """Draw the text piece by piece, since raised and lowered pieces are smaller."""
         x -= {"l": 0.0, "m": 0.5, "r": 1.0}[anchor] * text_width(text, size)
         for piece, height, shift in _pieces(text, size):
             self._pen.text((x, y + shift), piece, fill=color, font=font_of(height), anchor="lm")

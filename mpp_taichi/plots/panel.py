@@ -39,7 +39,7 @@ class Panel:
             return self._histogram(self.plot)
         return self._curves(self.plot)
 
-    # --- curves ---------------------------------------------------------------------------------------------------------
+    # Curves
 
     def _curves(self, plot: Curves) -> Image.Image:
         samples = plot.samples
@@ -134,7 +134,7 @@ class Panel:
                 put_disc(picture, point, DISC * self.frame.size / 15.0, ink.color)
         return picture
 
-    # --- histograms -----------------------------------------------------------------------------------------------------
+    # Histograms
 
     def _histogram(self, plot: Histogram) -> Image.Image:
         if plot.generation == self._generation:

@@ -1,1 +1,1 @@
-"""Quantities: what one sample of a run has, a number or an array, one per file."""
+"""Quantities of one sample of a run, each a number or an array, one quantity per file."""

@@ -44,19 +44,19 @@ class RunSample(Protocol):
 
     @property
     def contact_report(self) -> ContactReport:
-        """What the contacts have done since the start of the run."""
+        """The counts of the contacts since the start of the run."""
 
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What a quantity knows of its scene before the first sample: the scene, its start, and the names of its particles."""
+    """The data that a quantity has before the first sample: the scene, its start, and the names of its particles."""
 
     spec: SceneSpec
     start: Snapshot
 
     @cached_property
     def layout(self) -> ParticleLayout:
-        """Where each entry's particles begin."""
+        """Index of the first particle of each entry."""
         return layout_of(self.spec)
 
     def name_of(self, of: Particles | int | None) -> str:
@@ -140,5 +140,5 @@ class OfEach(Quantity):
 
 
 def of_which(noun: str, name: str) -> str:
-    """`z of planet`, or the noun alone."""
+    """`z of planet`, or only the noun."""
     return f"{noun} of {name}" if name else noun

@@ -18,9 +18,13 @@ class Angle(Quantity):
     """
 
     of: Particles = param(help="a particle or a group")
-    around: Particles = param(None, optional=True, help="from where it is seen: a particle or a group; absent: the origin")
-    axis: str = param("z", choices=("x", "y", "z"), help="across the plane")
-    zero: float = param(0.0, unit="radians", help="taken off before the angle is brought into −π…π; −pi/2 for a pendulum")
+    around: Particles = param(
+        None, optional=True, help="particle or group from which the angle is measured; absent: the origin"
+    )
+    axis: str = param("z", choices=("x", "y", "z"), help="axis perpendicular to the plane of the angle")
+    zero: float = param(
+        0.0, unit="radians", help="angle subtracted before the result is brought into −π…π; −pi/2 for a pendulum"
+    )
 
     def label(self, setting: Setting) -> str:
         """`angle of planet around sun`."""

@@ -9,7 +9,9 @@ from mpp_taichi.quantities._contacts import require_contacts
 class CollisionCount(Quantity):
     """Number of collisions since the start of the run."""
 
-    between: str = param("all", choices=("all", "pairs", "walls"), help="of spheres with each other, with walls, or both")
+    between: str = param(
+        "all", choices=("all", "pairs", "walls"), help="collisions between pairs of spheres, with walls, or both"
+    )
 
     def begin(self, setting: Setting) -> None:
         """Check that the scene has contacts."""

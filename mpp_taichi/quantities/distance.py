@@ -13,14 +13,15 @@ LARGEST_TURN = 0.1  # of the distance: farther the two ends may not move between
 class Distance(OfEach):
     """Distance of a particle or a group's centre of mass from another, or from a point [length].
 
-    Without `to` and `point` it is from the centre of mass of all particles. In a histogram it is that of each particle. For the
+    Without `to` and `point` the distance is from the centre of mass of all particles. A histogram shows the distance of each
+    particle. For the
     largest or smallest distance of a run, samples follow each other so fast that the two ends move by at most a tenth of it.
     """
 
     of: Particles = param(None, optional=True, help="a particle or a group; absent: all")
-    to: Particles = param(None, optional=True, help="the other end: a particle or a group")
-    point: Vector = param(None, optional=True, unit="length", help="or a point")
-    between: Pair = param(None, optional=True, help="in place of `of` and `to`: two particles")
+    to: Particles = param(None, optional=True, help="the other end of the distance: a particle or a group")
+    point: Vector = param(None, optional=True, unit="length", help="the other end of the distance: a point")
+    between: Pair = param(None, optional=True, help="two particles, in place of `of` and `to`")
     dimension = (1, 0, 0)
     has_rate = True
 

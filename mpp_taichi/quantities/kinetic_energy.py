@@ -10,7 +10,7 @@ from mpp_taichi.quantities._particles import rows
 
 @component
 class KineticEnergy(OfEach):
-    """Kinetic energy ½ Σ m v² of a particle, a group or all [energy]; in a histogram that of each particle."""
+    """Kinetic energy ½ Σ m v² of a particle, a group or all [energy]; a histogram shows the energy of each particle."""
 
     of: Particles = param(None, optional=True, help="a particle or a group; absent: all")
     dimension = ENERGY

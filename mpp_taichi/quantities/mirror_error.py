@@ -14,8 +14,8 @@ class MirrorError(Quantity):
     It is 0 for particles that are symmetric about the plane across `axis` at `at`, in whatever order they are numbered.
     """
 
-    axis: str = param("y", choices=("x", "y", "z"), help="across the mirror")
-    at: float = param(0.0, unit="length", help="where the mirror stands")
+    axis: str = param("y", choices=("x", "y", "z"), help="axis perpendicular to the mirror")
+    at: float = param(0.0, unit="length", help="coordinate of the mirror on this axis")
     dimension = (1, 0, 0)
 
     def label(self, setting: Setting) -> str:

@@ -1,4 +1,4 @@
-"""How far a mode of the springs is deflected."""
+"""Amplitude of a mode of the springs."""
 
 from mpp_taichi.component import Lattice, ModeNumbers, component, param
 from mpp_taichi.modes.mode_set import Mode, ModeError, ModeReading, find_modes

@@ -36,7 +36,8 @@ class NearestNeighborDistance(Quantity):
 def nearest_distances(position: np.ndarray) -> np.ndarray:
     """Distance of each point to the nearest other point, in the order along x; (n, 3) → (n,).
 
-    Points in the order of x are compared with the next, the next but one, and so on, until all lie farther off along x alone.
+    Points in the order of x are compared with the next, the next but one, and so on, until the difference in x is larger than
+    the distance found.
     """
     ordered = position[np.argsort(position[:, 0], kind="stable")]
     nearest = np.full(len(ordered), np.inf)

@@ -1,4 +1,4 @@
-"""Where a particle is."""
+"""Position of a particle."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from mpp_taichi.quantities._particles import AXES, center_of, component_of, rows
 
 @component
 class Position(OfEach):
-    """A coordinate of a particle [length]; of a group that of its centre of mass, in a histogram that of each particle."""
+    """A coordinate of a particle or of a group's centre of mass [length]; a histogram shows the coordinate of each particle."""
 
     of: Particles = param(None, optional=True, help="a particle or a group; absent: all")
     axis: str = param(choices=("x", "y", "z"), help="the coordinate")

@@ -1,4 +1,4 @@
-"""How fast a particle moves."""
+"""Speed of a particle."""
 
 import numpy as np
 
@@ -9,8 +9,9 @@ from mpp_taichi.quantities._particles import center_of, component_of, free_rows
 
 @component
 class Speed(OfEach):
-    """Size of a particle's velocity |v| [length / time]; of a group that of its centre of mass, in a histogram that of each
-    particle that is free along every axis.
+    """Speed |v| of a particle or of a group's centre of mass [length / time].
+
+    A histogram shows the speed of each particle that is free along every axis.
     """
 
     of: Particles = param(None, optional=True, help="a particle or a group; absent: all")

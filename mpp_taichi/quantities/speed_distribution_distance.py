@@ -18,7 +18,9 @@ class SpeedDistributionDistance(Quantity):
     """
 
     of: Particles = param(None, optional=True, help="a group; absent: all particles")
-    temperature: float = param(None, optional=True, above=0.0, unit="energy", help="k T; absent: as measured then")
+    temperature: float = param(
+        None, optional=True, above=0.0, unit="energy", help="k T of the distribution; absent: the temperature at the sample"
+    )
 
     def begin(self, setting: Setting) -> None:
         """Keep the dimensions, and which particles."""

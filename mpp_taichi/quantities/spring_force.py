@@ -36,7 +36,7 @@ class SpringForce(Quantity):
             raise NoResultError("the scene has no springs")
         inside = np.zeros(snapshot.particle_count, bool)
         inside[rows(self.of)] = True
-        # +1 where the group is the first end alone, and is pulled along d; −1 where it is the second alone.
+        # +1 where only the first end is in the group, which is pulled along d; −1 where only the second end is in the group.
         sign = inside[springs.between[:, 0]].astype(float) - inside[springs.between[:, 1]]
         crossing = sign != 0.0
         first, second = springs.between[crossing].T

@@ -1,4 +1,4 @@
-"""How long a spring is."""
+"""Length of a spring."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from mpp_taichi.quantities._springs import chosen_springs, label_of, lengths
 
 @component
 class SpringLength(OfEach):
-    """Length of a spring [length]; of all springs their mean, in a histogram that of each."""
+    """Length of a spring [length]; of all springs their mean; a histogram shows all lengths."""
 
     between: Pair = param(None, optional=True, help="the particles at its ends; absent: all springs")
     dimension = (1, 0, 0)

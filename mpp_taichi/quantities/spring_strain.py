@@ -1,4 +1,4 @@
-"""How far a spring is stretched."""
+"""Strain of a spring."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from mpp_taichi.quantities._springs import chosen_springs, label_of, lengths
 
 @component
 class SpringStrain(OfEach):
-    """Strain of a spring (l − L) / L, L its length at rest; of all springs their mean, in a histogram that of each."""
+    """Strain of a spring (l − L) / L, L its length at rest; of all springs their mean; a histogram shows all strains."""
 
     between: Pair = param(None, optional=True, help="the particles at its ends; absent: all springs")
 

@@ -13,7 +13,7 @@ class Temperature(Quantity):
     """Kinetic temperature k T = Σ m v² / (d N) [energy] of particles that are free along every axis."""
 
     of: Particles = param(None, optional=True, help="a particle or a group; absent: all")
-    drift: bool = param(False, help="whether v is against the common motion; d N then becomes d (N − 1)")
+    drift: bool = param(False, help="whether v is relative to the common motion; d N then becomes d (N − 1)")
     dimension = ENERGY
 
     def begin(self, setting: Setting) -> None:

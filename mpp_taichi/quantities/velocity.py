@@ -1,4 +1,4 @@
-"""How fast a particle moves along an axis."""
+"""Velocity of a particle along an axis."""
 
 import numpy as np
 
@@ -9,8 +9,9 @@ from mpp_taichi.quantities._particles import AXES, center_of, component_of, free
 
 @component
 class Velocity(OfEach):
-    """A component of a particle's velocity [length / time]; of a group that of its centre of mass, in a histogram that of
-    each particle that is free along every axis.
+    """A component of the velocity of a particle or of a group's centre of mass [length / time].
+
+    A histogram shows the component of each particle that is free along every axis.
     """
 
     of: Particles = param(None, optional=True, help="a particle or a group; absent: all")

@@ -1,1 +1,1 @@
-"""What is written while a simulation runs."""
+"""Recorders: the files that are written while a simulation runs."""

@@ -208,7 +208,7 @@ def _notes(recording: Recording, positions: Sequence[EncodedColumn], shift: floa
         f"in the first view at {width} × {height} by {shift:.2g} pixels."
         if bits
         else "Nothing moves.",
-        "Energies are those of the run itself, at the times of its own samples, joined by straight lines.",
+        "Energies are from the run itself, at the times of its own samples, joined by straight lines.",
     ]
     notes += [f"Legend: {line}." for line in recording.legend]
     if any(body.distance_scale != 1.0 for body in spec.view.bodies.values()):

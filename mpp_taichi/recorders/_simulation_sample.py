@@ -21,7 +21,7 @@ class SimulationSample:
 
     @cached_property
     def snapshot(self) -> Snapshot:
-        """The particles, with the masses that the device keeps: forces are of those."""
+        """The particles, with the masses that the device keeps, which the forces use."""
         snapshot = self._simulation.snapshot()
         return replace(snapshot, mass=self._simulation.state.as_kept(snapshot.mass))
 

@@ -86,7 +86,7 @@ class EventLogRecorder:
                     np.savez(raw, **found)
 
     def _write(self, writer: Any) -> None:
-        """One line a collision: j for two spheres, the surface's name for a bounce off it; the other cell stays empty."""
+        """A line for each collision: j for two spheres, the surface's name for a bounce off it; the other cell stays empty."""
         writer.writerow(HEADER)
         for batch in self._batches:
             for time, i, j, impulse in zip(*(part.tolist() for part in batch), strict=True):

@@ -14,32 +14,32 @@ from mpp_taichi.views.wall_outline import Outline, outline_of
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
 
-SAME_TIME = 1e-6  # of a step: what rounding may do to a frame's time
+SAME_TIME = 1e-6  # of a step: the error of a frame's time by rounding
 
 
 class PictureSink(Protocol):
-    """Where pictures go: `VideoRecorder`, `FrameRecorder`."""
+    """The receiver of pictures: `VideoRecorder`, `FrameRecorder`."""
 
     def write(self, picture: np.ndarray) -> None:
         """Add one picture."""
 
 
 class FrameSink(Protocol):
-    """Where frames go that are not drawn here: `HtmlRecorder`."""
+    """The receiver of frames that are not drawn here: `HtmlRecorder`."""
 
     def add(self, frame: Frame) -> None:
         """Add one frame."""
 
 
 class MomentSink(Protocol):
-    """Where the particles of each frame go beside the frame itself: to another process, or into a comparison."""
+    """The receiver of the particles of each frame beside the frame itself: another process, or a comparison."""
 
     def add(self, snapshot: Snapshot, frame: Frame) -> None:
         """Take the particles at the time of a frame, before the frame is drawn."""
 
 
 class BetweenSteps(Protocol):
-    """How the particles at a time between two steps are found.
+    """The method that finds the particles at a time between two steps.
 
     tolerance   a time this near to a step, as a share of dt, is taken as the time of the step
     """

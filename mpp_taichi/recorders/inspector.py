@@ -77,7 +77,7 @@ class Inspector:
         """The names of the columns of `samples`, each once."""
         return self._columns.names
 
-    # --- panels ---------------------------------------------------------------------------------------------------------
+    # Panels
 
     def _panel(self, panel: PanelSpec, key: str) -> Plot:
         if panel.histogram is not None:

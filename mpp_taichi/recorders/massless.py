@@ -26,11 +26,11 @@ MOST_STEPS = 50_000  # of such a repetition
 class MasslessWatch:
     """Judges the specific energy of each massless particle, and repeats a suspicious stretch of the run with smaller steps.
 
-    Moving bodies give energy to particles and take it, so a gain alone proves nothing. A gain is suspicious if it is larger
-    than the mean kinetic energy of the particle and than half of its present one, both in the frame of the scene and in that of
-    its attractor. The stretch of the run in which it came is then repeated with smaller steps: a gain that they confirm is
-    physical, and the particle is judged by its new energy from then on. Costs a copy of the state for each sample, and
-    nothing in a scene without massless particles.
+    Moving bodies give energy to particles and take it, so a gain by itself proves nothing. A gain is suspicious if it is larger
+    than the mean kinetic energy of the particle and than half of its present one, both in the frame of the scene and in the
+    frame of its attractor. The stretch of the run in which it came is then repeated with smaller steps: a gain that they
+    confirm is physical, and the particle is judged by its new energy from then on. Costs a copy of the state for each sample,
+    and nothing in a scene without massless particles.
     """
 
     def __init__(self) -> None:

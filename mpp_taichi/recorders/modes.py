@@ -159,7 +159,7 @@ class ModeRecorder:
                     np.savez(raw, **found)
 
     def _write_table(self, path: Path) -> None:
-        """One line a sample; a column `amplitude_2_1` for the amplitude of mode (2, 1), and so on."""
+        """One line for each sample; a column `amplitude_2_1` for the amplitude of mode (2, 1), and so on."""
         found = self.columns()
         kinds = ("amplitude", "rate", "energy_share")
         names = ["_".join(map(str, mode.numbers)) for mode in self.modes.modes]

@@ -156,7 +156,7 @@ class SpeedHistogram:
                     np.savez(raw, **found)
 
     def _write_table(self, path: Path) -> None:
-        """One line a bin, its two edges first."""
+        """One line for each bin, its two edges first."""
         found = self.columns()
         header = ["from", "to", "density", "standard_error", "theory"]
         table = np.column_stack([found["edge"][:-1], found["edge"][1:], *(found[name] for name in header[2:])])

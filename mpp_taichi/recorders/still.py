@@ -48,7 +48,7 @@ class StillRecorder:
         """
         try:
             if self._picture is not None:
-                from mpp_taichi.views.picture import save_picture  # not imported for the formats alone
+                from mpp_taichi.views.picture import save_picture  # not imported where only the formats are wanted
 
                 save_picture(self._picture, self.path)
                 self._picture = None

@@ -100,7 +100,7 @@ def _bundled() -> str | None:
 class VideoRecorder:
     """Writes frames to a film; a context manager. The file appears under its name only when it is whole.
 
-    On an exception in its block the recorder keeps what was written, as `name.part.mp4` (MP4 only).
+    On an exception in its block the recorder keeps the frames written so far, as `name.part.mp4` (MP4 only).
     """
 
     def __init__(self, path: str | Path, size: tuple[int, int], fps: float) -> None:

@@ -1,1 +1,1 @@
-"""What a run tells at its end: summary, result, expectations."""
+"""The report at the end of a run: summary, result, expectations."""

@@ -34,7 +34,7 @@ def contact_facts(simulation: "Simulation") -> dict[str, Any]:
 
 
 def _merged(simulation: "Simulation") -> dict[str, Any]:
-    """The number of spheres that merged into others, and of those left; a rate per particle has no meaning here."""
+    """The number of spheres that merged into others, and of the remaining spheres; a rate per particle has no meaning here."""
     report = simulation.contact_report
     return {
         "merge_count": report.merge_count,

@@ -36,7 +36,7 @@ class Verdict:
 
 
 class Watcher:
-    """The recorder that measures what a scene's `expect:` names; only these diagnostics and quantities are imported.
+    """The recorder that measures the quantities of a scene's `expect:`; no other diagnostics and quantities are imported.
 
     It takes samples at the start, every `every` steps, as often as a diagnostic asks for, and at the end (`finish`).
     """
@@ -88,7 +88,7 @@ class Watcher:
                 self._failures[number] = str(error)
 
     def finish(self, simulation: "Simulation") -> None:
-        """Take a sample at the end, unless that was the last sample; measure what only the end has."""
+        """Take a sample at the end, unless that was the last sample; measure the data that only the end has."""
         if self._diagnostics and self._seen_step != simulation.step_count:
             self.record(simulation)
         self._each(lambda diagnostic: diagnostic.finish())

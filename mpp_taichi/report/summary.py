@@ -204,7 +204,7 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
     rows = [
         ("scene", f"{found['title'] or found['scene']}: {found['particle_count']:,} particles{springs}"),
         ("effects", ", ".join(found["effects"]) or "none: every particle moves on a straight line"),
-        ("method", f"{found['integrator']}, dt {found['dt']:.6g}{' between looks' if control else ''}, {found['precision']}"),
+        ("method", f"{found['integrator']}, dt {found['dt']:.6g}{' between samples' if control else ''}, {found['precision']}"),
         ("rewound", found.get("rewound", "")),
         ("device", f"{found['backend']}: {found['device']}{threads}"),
         ("plan", f"{found['plan']}: {found['plan_reason']}"),
@@ -254,7 +254,7 @@ def _solver_line(found: Mapping[str, Any]) -> str:
 
 
 def _phase_lines(phases: Sequence[Mapping[str, Any]]) -> list[str]:
-    """A line for each change; of many changes, such as those by a slider, the first ones and the number of the others."""
+    """A line for each change; of many changes, such as those by a slider, the first, and the number of the other changes."""
     told = [_phase_line(phase) for phase in phases[:PHASES_TOLD]]
     left = len(phases) - len(told)
     return [*told, f"… and {left:,} more changes, the last at t = {phases[-1]['at']:.9g}"] if left else told

@@ -1,4 +1,4 @@
-"""Contacts: the model of `contacts: {hard_spheres: {solver: …}}`, and what must hold between it and the rest of a scene."""
+"""Contacts: the model of `contacts: {hard_spheres: {solver: …}}`, and its checks against the other parts of a scene."""
 
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Union
@@ -13,7 +13,7 @@ from mpp_taichi.scene.fields import Field, Text
 from mpp_taichi.scene.parameters import STRICT, parameter_fields
 from mpp_taichi.scene.spec import ComponentSpec, ContactsSpec, Location, PairSpec, SceneSpec
 
-LOOKS = 1000  # in an event-driven run for which the scene gives no time between looks
+LOOKS = 1000  # in an event-driven run for which the scene gives no time between samples
 COMMON_KEYS = ("solver", "pairs", "overlap")
 
 
@@ -62,7 +62,7 @@ def fly(validated: Any) -> bool:
 
 
 def specification(validated: Any, node: Any) -> ContactsSpec | None:
-    """The validated contacts as a specification; `node` is that of `contacts:`."""
+    """The validated contacts as a specification; `node` is the node of `contacts:`."""
     if validated is None:
         return None
     spheres = validated.hard_spheres
@@ -75,7 +75,8 @@ def check_contacts(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     """Refuse walls without contacts, and contact solvers beside forces or integrators that they do not support.
 
     A solver that resolves contacts during drifts needs an integrator whose drifts all lead forward in time: a drift that
-    leads back would undo the contacts. A solver that leads the integrator needs one that can begin anew at each contact.
+    leads back would undo the contacts. A solver that leads the integrator needs an integrator that can begin anew at each
+    contact.
     """
     if spec.contacts is None:
         for number, wall in enumerate(spec.walls):
@@ -138,5 +139,5 @@ def _check_merging(spec: SceneSpec, faults: Faults) -> None:
         faults.add(spec.springs[0].location, "springs", "cannot be where spheres merge: a spring would lose its end")
     for number, wall in enumerate(spec.walls):
         if wall.flag("walls", "repeats"):
-            rule = "cannot be where spheres merge: they may grow beyond what a box that repeats has room for"
+            rule = "cannot be where spheres merge: they may grow larger than a box that repeats has room for"
             faults.add(wall.location, f"walls[{number}].{wall.name}", rule)

@@ -1,4 +1,4 @@
-"""Cross checks: pairs of keys of a scene that are each valid alone but contradict each other."""
+"""Cross checks: pairs of keys of a scene that are each valid but contradict each other."""
 
 from mpp_taichi.scene.contacts import check_contacts
 from mpp_taichi.scene.document import Node

@@ -34,7 +34,7 @@ class Node:
 
     @property
     def place(self) -> Location:
-        """Where the key stands, or the value when it has no key."""
+        """The place of the key, or of the value when it has no key."""
         return self.key_location or self.location
 
     def plain(self) -> Any:

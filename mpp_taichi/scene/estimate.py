@@ -1,4 +1,4 @@
-"""Estimate: what a scene will cost, before any of it is allocated."""
+"""Estimate: the memory and the work of a scene, before anything is allocated."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ MOST_STEPS = 10**9
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a run needs.
+    """The memory and the work of a run.
 
     bytes                              host memory while the scene is assembled and copied to the device, an upper bound
     pair_interactions_per_evaluation   ordered pairs N (N − 1) that one evaluation of the pair forces visits; with a tree, about

@@ -34,7 +34,9 @@ _TIME = Number(minimum=0.0)
 REDUCTION_FIELDS: Mapping[str, Any] = {
     "when": (
         Annotated[Any, Text(REDUCTIONS)],
-        Describe("end", description="which value along the run: at its end, the largest, the smallest, or the mean over time"),
+        Describe(
+            "end", description="value of the run that is compared: at the end, the largest, the smallest, or the mean over time"
+        ),
     ),
     "at": (
         Annotated[Any, _TIME],
@@ -44,7 +46,10 @@ REDUCTION_FIELDS: Mapping[str, Any] = {
             "mode_amplitude), else of the first sample from this time on",
         ),
     ),
-    "after": (Annotated[Any, _TIME], Describe(None, description="of largest, smallest and mean: only from this time on")),
+    "after": (
+        Annotated[Any, _TIME],
+        Describe(None, description="time from which the largest, smallest or mean value is taken"),
+    ),
     "until": (
         Annotated[Any, _TIME],
         Describe(None, description="the first sample from this time on is the last; absent: the end of the run"),

@@ -59,7 +59,7 @@ _UNARY: dict[type, Callable[[Any], Any]] = {ast.UAdd: operator.pos, ast.USub: op
 
 
 class ExpressionError(ValueError):
-    """What is wrong with an expression, and at which character (from 0)."""
+    """The error in an expression, and its character (from 0)."""
 
     def __init__(self, message: str, offset: int = 0) -> None:
         """Keep the character beside the message."""
@@ -111,7 +111,7 @@ class Expression:
 
 
 def parse(text: str) -> Expression:
-    """Read an expression; ExpressionError says what is not allowed and where."""
+    """Read an expression; ExpressionError says which part is not allowed and where it is."""
     if len(text) > LENGTH_ALLOWED:
         raise ExpressionError(f"an expression of {len(text)} characters is too long, allowed: {LENGTH_ALLOWED}")
     padding = len(text) - len(text.lstrip())

@@ -83,7 +83,7 @@ def calculate(value: Any, context: Context) -> float:
 
 @dataclass(frozen=True)
 class Ranged(Field, ABC):
-    """A finite number or an expression, within a range: what numbers and whole numbers have in common."""
+    """A finite number or an expression, within a range: the common part of numbers and whole numbers."""
 
     json_type: ClassVar[str] = "number"
     minimum: float | None = None
@@ -156,7 +156,7 @@ class Whole(Ranged):
 
 @dataclass(frozen=True)
 class Flag(Field):
-    """true or false, nothing else."""
+    """A field that is true or false."""
 
     def check(self, value: Any, context: Context) -> bool:
         """Refuse everything else."""

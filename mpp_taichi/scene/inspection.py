@@ -27,7 +27,7 @@ DISTRIBUTABLE = "OfEach"
 
 
 class _WordOrEntry:
-    """An entry {quantity: {parameters}}, or the word alone for a quantity without parameters."""
+    """An entry {quantity: {parameters}}, or only the word for a quantity without parameters."""
 
     def __init__(self, words: Sequence[str]) -> None:
         """Keep the words for the schema; an unknown word is found when the entry is checked."""
@@ -61,13 +61,13 @@ def panel_model(quantity: Any, quantities: Any) -> type[BaseModel]:
     return create_model(
         "Panel",
         __config__=STRICT,
-        __doc__="A panel: quantities `y` against `x`, or a `histogram` of one that every particle has.",
-        title=_key(Text(), "", "over the panel"),
+        __doc__="A panel: quantities `y` against `x`, or a `histogram` of a quantity that every particle has.",
+        title=_key(Text(), "", "text above the panel"),
         x=(quantity | None, Describe(None, description="the quantity along x; absent: time")),
         y=(quantities | None, Describe(None, description="the quantity, or a list of quantities, along y")),
         histogram=(quantity | None, Describe(None, description="in place of y: the quantity whose distribution is drawn")),
-        bins=_key(Whole(minimum=2, maximum=200), 30, "of the histogram"),
-        after=_key(Number(minimum=0.0), None, "of a histogram: all looks from this time on together; absent: each alone"),
+        bins=_key(Whole(minimum=2, maximum=200), 30, "number of bins of the histogram"),
+        after=_key(Number(minimum=0.0), None, "time from which a histogram adds up all samples; absent: one for each"),
         theory=_key(_Theory(), None, "formulas over t and x drawn below the curves; of a histogram: maxwell_boltzmann"),
         logarithmic=_key(Flag(), False, "whether y is drawn on a logarithmic axis"),
     )

@@ -11,7 +11,7 @@ from mpp_taichi.scene.spec import Location, SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 OUTWEIGHS = 10.0
-"""The least ratio of the central body's mass to that of all other bodies; the error is proportional to its inverse."""
+"""The least ratio of the central body's mass to the mass of all other bodies; the error is proportional to its inverse."""
 
 
 def check_integrator(spec: SceneSpec, faults: Faults) -> None:
@@ -57,7 +57,7 @@ def refused_formulas(integrator: str, spec: SceneSpec) -> str:
     if not wants.get("takes_time", True):
         timed = [name for name, says in forces.items() if says.get("depends_on_time")]
         if timed:
-            return f"goes back bit for bit by forces of places alone, not by {', '.join(timed)}, which depends on time"
+            return f"goes back bit for bit only with forces of positions, not with {', '.join(timed)}, which depends on time"
     return ""
 
 
@@ -84,7 +84,7 @@ def _check_orbits(spec: SceneSpec, key: str, faults: Faults) -> None:
 
 
 def planetary_faults(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout) -> Iterator[tuple[Location, str]]:
-    """What of the bodies does not suit a planetary method: no body that all others orbit, or bodies that are held."""
+    """The reason why the bodies do not suit a planetary method: no body that all others orbit, or bodies that are held."""
     if not spec.integrator.flag("integrators", "orbits_central_body"):
         return
     place, key = spec.integrator.location, f"integrator.{spec.integrator.name}"
@@ -104,5 +104,5 @@ def planetary_faults(spec: SceneSpec, snapshot: Snapshot, layout: ParticleLayout
 
 
 def _in_plane(snapshot: Snapshot, axis: int) -> bool:
-    """Whether everything is held on this axis at one place, which is what orbits in a plane do anyway."""
+    """Whether all particles are held at one place on this axis, as orbits in a plane are without being held."""
     return not snapshot.free[:, axis].any() and np.ptp(snapshot.position[:, axis]) == 0.0

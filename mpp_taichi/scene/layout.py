@@ -32,11 +32,11 @@ class ParticleLayout:
         return self.starts[-1] + self.counts[-1] if self.counts else 0
 
     def entry_of(self, index: int) -> int:
-        """Which entry made a particle."""
+        """The entry that made a particle."""
         return bisect.bisect_right(self.starts, index) - 1
 
     def label(self, index: int) -> str:
-        """The text for a particle in messages: its name, the name of its group, or its index alone."""
+        """The text for a particle in messages: its name, the name of its group, or only its index."""
         number = self.entry_of(index)
         name = self.entries[number].parameters.get("name") or self.entries[number].name
         part = f"{name}[{index - self.starts[number]}]" if self.counts[number] > 1 else name

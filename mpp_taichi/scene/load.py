@@ -128,7 +128,7 @@ def _context(tree: Node, folder: Path, faults: Faults) -> Context:
         try:
             given["G"] = units.gravitational_constant(words["length"], words["time"], words["mass"])
         except (KeyError, TypeError):
-            given["G"] = None  # the check of `units:` says what is wrong
+            given["G"] = None  # the check of `units:` reports the error
     values = constants.resolve(tree.get("constants"), given, faults)
     return Context(values, 2 if flat else 3, folder)
 
@@ -164,7 +164,7 @@ def _specification(validated: Any, tree: Node, name: str, context: Context, faul
 
 
 def _integrator(validated: Any, tree: Node, faults: Faults) -> ComponentSpec:
-    """The integrator; a contact solver that flies brings its own, which looks LOOKS times in a run where no dt is given."""
+    """The integrator; a contact solver that flies brings its own, with LOOKS samples in a run where no dt is given."""
     if validated.integrator is not None:
         entry = _entry(validated.integrator, tree.value["integrator"])
     elif contacts.fly(validated.contacts):  # the integrator that goes with them has their name
@@ -176,10 +176,10 @@ def _integrator(validated: Any, tree: Node, faults: Faults) -> ComponentSpec:
     else:
         faults.add(tree.location, "integrator", "missing key 'integrator' (the method that advances time)")
         return ComponentSpec(default_integrator(), {"dt": 1.0}, tree.location)
-    if entry.parameters["dt"] is None:  # of a method that takes no equal steps, dt is the time between two looks
+    if entry.parameters["dt"] is None:  # of a method that takes no equal steps, dt is the time between two samples
         if validated.run.duration is None:
             faults.add(
-                entry.location, f"integrator.{entry.name}", "needs dt, the time between looks, or run.duration to divide"
+                entry.location, f"integrator.{entry.name}", "needs dt, the time between samples, or run.duration to divide"
             )
             return replace(entry, parameters={**entry.parameters, "dt": 1.0})
         return replace(entry, parameters={**entry.parameters, "dt": validated.run.duration / contacts.LOOKS})

@@ -12,5 +12,5 @@ class Location:
     column: int
 
     def __str__(self) -> str:
-        """`file:line:column`, or the file alone where there are no lines (`--set path=value`, a dict)."""
+        """`file:line:column`, or only the file where there are no lines (`--set path=value`, a dict)."""
         return f"{self.file}:{self.line}:{self.column}" if self.line else self.file

@@ -11,7 +11,7 @@ from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.write import scene_text
 
-WITHOUT = ("timeline", "run", "expect")  # what the log says itself, or cannot hold the run to
+WITHOUT = ("timeline", "run", "expect")  # keys that the log sets itself, or that do not hold for the log
 
 
 def write_log(path: Path, scene: SceneSpec, end: float, comment: str) -> None:

@@ -90,7 +90,7 @@ def scene_model(selection: Selection) -> type[BaseModel]:
 
 @lru_cache(maxsize=64)
 def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[BaseModel]:
-    del extra_folders  # part of the cache key alone: files of the same names in other folders give other models
+    del extra_folders  # only part of the cache key: files of the same names in other folders give other models
     chosen = dict(selection)
     expect = _expect_model(chosen["diagnostics"], chosen["quantities"])
     particles, springs, forces, walls, integrator = (
@@ -105,41 +105,41 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
     return create_model(
         "Scene",
         __config__=STRICT,
-        __doc__="A scene: particles, what acts between them, how time goes on, and what is looked at.",
-        title=_key(Text(), "", "what the window and the film are headed"),
-        description=_key(Text(), "", "what to look at and what to try"),
-        extends=_key(Text(), None, "a scene in this folder that this one completes; mappings merge, lists replace"),
-        units=(Units | None, Describe(None, description="units of the numbers; without them they are dimensionless")),
+        __doc__="A scene: particles, what acts between them, how time goes on, and the quantities that are measured.",
+        title=_key(Text(), "", "title of the window and the film"),
+        description=_key(Text(), "", "what the scene shows, and what a reader can try"),
+        extends=_key(Text(), None, "a scene in this folder that this scene completes; mappings are merged, lists are replaced"),
+        units=(Units | None, Describe(None, description="units of the numbers; absent: the numbers are dimensionless")),
         constants=(numbers | None, Describe(None, description="names for numbers, usable in expressions")),
         dimensions=_key(Whole(minimum=2, maximum=3), 3, "2 for a scene in the x–y plane"),
-        seed=_key(Whole(minimum=0, maximum=2**53), 0, "of every random number of the scene"),
+        seed=_key(Whole(minimum=0, maximum=2**53), 0, "seed of all random numbers of the scene"),
         particles=(_list_of(particles), Describe(min_length=1, description="generators, in the order of the indices")),
         springs=(_list_of(springs), Describe([], description="springs between particles")),
         spring_types=(
             types | None,
-            Describe(None, description="what springs of a name share, for entries that say `type: name`"),
+            Describe(None, description="parameters of a kind of springs, for entries with `type: name`"),
         ),
         spring_damping=_key(Text(("axial", "full")), "axial", "damping along the spring, or of the whole relative velocity"),
-        forces=(_list_of(forces), Describe([], description="what acts on the particles besides springs")),
+        forces=(_list_of(forces), Describe([], description="forces on the particles besides springs")),
         contacts=(
             contacts | None,
-            Describe(None, description="what happens where particles touch; absent: nothing"),
+            Describe(None, description="contacts of particles that touch; absent: no contacts"),
         ),
-        walls=(_list_of(walls), Describe([], description="what encloses the particles; needs contacts")),
+        walls=(_list_of(walls), Describe([], description="walls that enclose the particles; they need contacts")),
         integrator=(
             integrator | None,
-            Describe(None, description="the method that advances time; needs none where contacts are event_driven"),
+            Describe(None, description="the method that advances time; not needed where contacts are event_driven"),
         ),
         accuracy=_key(Target(), None, "the error allowed, from which integrator, step and precision are chosen"),
         move_to_center_of_mass=_key(fields.Flag(), False, "start with the centre of mass at rest at the origin"),
-        run=(RunSpec, Describe(RunSpec(), description="how long to run")),
-        timeline=(_list_of(EventSpec), Describe([], description="what changes at a time; a list of {at, set}")),
-        view=(ViewSpec, Describe(ViewSpec(), description="what is drawn")),
-        record=(record, Describe(record(), description="how a film is made, and the table of a run")),
+        run=(RunSpec, Describe(RunSpec(), description="length of the run")),
+        timeline=(_list_of(EventSpec), Describe([], description="changes at given times; a list of {at, set}")),
+        view=(ViewSpec, Describe(ViewSpec(), description="the picture: camera, colors and marks")),
+        record=(record, Describe(record(), description="settings of a film, and the table of a run")),
         inspect=(_list_of(panel), Describe([], description="panels that plot quantities while the scene runs")),
         sliders=(_list_of(slider_model()), Describe([], description="parameters to be moved while the scene runs")),
         modes=(ModesSpec | None, Describe(None, description="modes of the springs that are followed while they swing")),
-        expect=(expect | None, Describe(None, description="physics that must come out")),
+        expect=(expect | None, Describe(None, description="results of the physics that the run must have")),
     )
 
 

@@ -1,4 +1,4 @@
-"""Which forces act between all pairs of particles, read from their files without an import of Taichi."""
+"""The forces that act between all pairs of particles, read from their files without an import of Taichi."""
 
 from mpp_taichi import component
 

@@ -16,7 +16,7 @@ def scene_schema() -> dict[str, Any]:
     schema = scene_model(all_components()).model_json_schema(mode="validation")
     for described in (EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec, *VIEW_SPECS.values()):  # pydantic may not
         schema["$defs"][described.__name__]["description"] = described.__doc__
-    schema["anyOf"] = [{"required": schema.pop("required")}, {"required": ["extends"]}]  # the base may hold what is missing
+    schema["anyOf"] = [{"required": schema.pop("required")}, {"required": ["extends"]}]  # the base may hold the missing keys
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 

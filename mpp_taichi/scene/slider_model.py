@@ -16,10 +16,10 @@ def _key(check: Any, default: Any, description: str) -> Any:
 def slider_model() -> type[BaseModel]:
     """The model of one entry of `sliders:`; `from` is no name that Python allows for an attribute of a class."""
     keys: dict[str, Any] = {
-        "set": _key(Text(), ..., "the parameter, as --set names it: forces.newtonian_gravity.strength"),
-        "from": _key(Number(), None, "the lower end; absent: 0, or a tenth of the scene's value where that cannot be"),
+        "set": _key(Text(), ..., "the parameter, written as in --set: forces.newtonian_gravity.strength"),
+        "from": _key(Number(), None, "the lower end; absent: 0, or a tenth of the scene's value where 0 is not allowed"),
         "to": _key(Number(), None, "the upper end; absent: twice the scene's value, on a logarithmic scale ten times"),
-        "scale": _key(Text(("linear", "log")), "linear", "linear or log"),
-        "label": _key(Text(), "", "what is written beside it; absent: the parameter"),
+        "scale": _key(Text(("linear", "log")), "linear", "scale of the slider: linear or log"),
+        "label": _key(Text(), "", "text beside the slider; absent: the parameter"),
     }
     return create_model("Slider", __config__=STRICT, __doc__="A parameter that is moved while the scene runs.", **keys)

@@ -20,7 +20,7 @@ FOLDERS = {"forces": "forces", "springs": "networks", "integrator": "integrators
 LEAST_SHARE, LARGEST_SHARE = 0.1, 10.0  # of the scene's value: the default ends of a range that cannot include 0
 
 
-# --- from text ----------------------------------------------------------------------------------------------------------
+# Sliders from text
 
 
 def with_sliders(spec: SceneSpec, validated: Any, tree: Node, faults: Faults) -> SceneSpec:
@@ -99,7 +99,7 @@ def _declared(spec: SceneSpec, target: SliderTarget) -> component.Parameter:
 
 
 def _movable(spec: SceneSpec, validated: Any, tree: Node) -> Iterator[tuple[str, tuple[SliderTarget, ...]]]:
-    """Every path that a slider of this scene may have, with what it acts on."""
+    """Every path that a slider of this scene may have, with its targets."""
     method = component.declaration("integrators", spec.integrator.name)
     for entry in spec.forces if _forces_may_move(spec, method) else ():
         for each in component.declaration("forces", entry.name).parameters:
@@ -152,7 +152,7 @@ def check_ends(spec: SceneSpec, tree: Node, check: Callable[[Node], SceneSpec]) 
                 ) from None
 
 
-# --- paths and values ---------------------------------------------------------------------------------------------------
+# Paths and values
 
 
 def canonical(scene: Any, text: str) -> tuple[Any, ...]:

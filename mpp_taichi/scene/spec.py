@@ -60,7 +60,7 @@ class TableSpec:
 
 @dataclass(frozen=True)
 class RecordSpec:
-    """How a film is made, and the table of a run; `seconds` is the length of the film, which shows the whole `run.duration`."""
+    """The settings of a film, and the table of a run; `seconds`: length of the film, which shows the whole `run.duration`."""
 
     __pydantic_config__ = _CLOSED
     size: Annotated[tuple[int, int], ListOf(Whole(minimum=16, maximum=8192), (2,)), Field(description="pixels")] = (1280, 720)
@@ -70,13 +70,13 @@ class RecordSpec:
         str, Text(("right", "bottom", "none")), Field(description="where the panels of inspect: are: right, bottom or none")
     ] = "right"
     panel_share: Annotated[
-        float, Number(minimum=0.1, maximum=0.9), Field(description="of the picture's width or height that panels take")
+        float, Number(minimum=0.1, maximum=0.9), Field(description="share of the picture's width or height that panels take")
     ] = 0.35
     beside: Annotated[
         dict[str, Any] | None,
         Settings(optional=True),
         Field(
-            description="path: value, what is different in a right half beside the scene, as record --beside takes it: "
+            description="path: value, the parameters that differ in a right half beside the scene, as in record --beside: "
             "integrator: rk4, dt: 0.05 say; absent: one picture"
         ),
     ] = None
@@ -85,11 +85,13 @@ class RecordSpec:
 
 @dataclass(frozen=True)
 class RunSpec:
-    """How long to run and how often to look. `every` counts steps between diagnostic samples."""
+    """The length of the run and the time between samples. `every` counts steps between diagnostic samples."""
 
     __pydantic_config__ = _CLOSED
-    duration: Annotated[float | None, Number(above=0.0), Field(description="time to simulate; or give steps")] = None
-    steps: Annotated[int | None, Whole(minimum=1), Field(description="steps to do; or give duration")] = None
+    duration: Annotated[float | None, Number(above=0.0), Field(description="time to simulate; steps can be given instead")] = (
+        None
+    )
+    steps: Annotated[int | None, Whole(minimum=1), Field(description="number of steps; duration can be given instead")] = None
     every: Annotated[int | None, Whole(minimum=1), Field(description="steps between diagnostic samples")] = None
 
 
@@ -98,36 +100,40 @@ class EventSpec:
     """A change at a time: `set` maps paths, as `--set` takes them, to the values that hold from then on."""
 
     __pydantic_config__ = _CLOSED
-    at: Annotated[float, Number(minimum=0.0), Field(description="time of the change, reached exactly; 0 for what sliders move")]
-    set: Annotated[dict[str, Any], Settings(), Field(description="path: value, forces.linear_drag.coefficient: 0 say")]
+    at: Annotated[
+        float, Number(minimum=0.0), Field(description="time of the change, reached exactly; 0 for parameters of sliders")
+    ]
+    set: Annotated[dict[str, Any], Settings(), Field(description="path: value, for example forces.linear_drag.coefficient: 0")]
 
 
 @dataclass(frozen=True)
 class SpringTypeSpec:
-    """The parameters that all springs of one type share; each entry of springs: gives those that the type leaves out."""
+    """The parameters that all springs of one type share; each entry of springs: gives the other parameters."""
 
     __pydantic_config__ = _CLOSED
-    stiffness: Annotated[float | None, Number(minimum=0.0), Field(description="D [force length⁻¹]")] = None
-    damping: Annotated[float | None, Number(minimum=0.0), Field(description="c [force time length⁻¹]")] = None
-    prestretch: Annotated[float | None, Number(above=0.0), Field(description="placed length over rest length")] = None
+    stiffness: Annotated[float | None, Number(minimum=0.0), Field(description="stiffness D [force length⁻¹]")] = None
+    damping: Annotated[float | None, Number(minimum=0.0), Field(description="damping c [force time length⁻¹]")] = None
+    prestretch: Annotated[
+        float | None, Number(above=0.0), Field(description="length as placed, divided by the rest length")
+    ] = None
     color: Annotated[tuple[float, float, float] | None, _COLOR, Field(description="red, green, blue in 0…1")] = None
 
 
 @dataclass(frozen=True)
 class ModesSpec:
-    """Modes of the spring network that are followed: those of a lattice, [r, s], or of the whole network, [k] from below."""
+    """Modes of the spring network that are followed: modes of a lattice, [r, s], or of the whole network, [k] from below."""
 
     __pydantic_config__ = _CLOSED
     of: Annotated[str | None, Text(), Field(description="a lattice; absent: the scene's only one, or the whole network")] = None
     show: Annotated[
         tuple[tuple[int, int, int], ...],
         ListOf(Counts(), tuple(range(1, 13)), "modes"),
-        Field(description="mode numbers, [[1, 1], [2, 1]] say; absent: the four lowest"),
+        Field(description="mode numbers, for example [[1, 1], [2, 1]]; absent: the four lowest modes"),
     ] = ()
     along: Annotated[
         str | None, Text(("x", "y", "z")), Field(description="direction of the motion; absent: across the lattice")
     ] = None
-    after: Annotated[float, Number(minimum=0.0), Field(description="look from this time on [time]")] = 0.0
+    after: Annotated[float, Number(minimum=0.0), Field(description="time of the first sample [time]")] = 0.0
 
 
 @dataclass(frozen=True)
@@ -136,12 +142,14 @@ class PairSpec:
 
     __pydantic_config__ = _CLOSED
     between: Annotated[tuple[Any, Any], ListOf(Reference(), (2,), "particles or groups"), Field(description="the two")]
-    restitution: Annotated[float, Number(minimum=0.0, maximum=1.0), Field(description="e of a contact between them")]
+    restitution: Annotated[
+        float, Number(minimum=0.0, maximum=1.0), Field(description="restitution e of a contact between the two")
+    ]
 
 
 @dataclass(frozen=True, eq=False)
 class ContactsSpec:
-    """How hard spheres collide: the solver with its parameters, exceptions for pairs, and how a start in overlap is treated.
+    """Collisions of hard spheres: the solver with its parameters, exceptions for pairs, and the rule for overlaps at the start.
 
     `pairs` hold (first index, count) of the two groups in place of references once the scene is loaded.
     """

@@ -1,4 +1,4 @@
-"""Timeline: what a scene changes at a time, as phases that are scenes of their own, each checked before the first begins."""
+"""Timeline: changes of a scene at given times, as phases that are scenes of their own, each checked before the first begins."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -102,7 +102,7 @@ def _events(
         scene = replace(scene, forces=_acting(scene.forces))
         events.append(Event(at, changes.plain(), scene, location))
     if not all(event.live for event in events) and any(merges(scene) for scene in (spec, *(event.scene for event in events))):
-        what = "cannot be where spheres merge: a later phase would bring back what is gone"
+        what = "cannot be where spheres merge: a later phase would bring back merged spheres"
         faults.add(given[-1][2], "timeline", what)
         faults.raise_if_any()
     return tuple(events)
@@ -214,7 +214,7 @@ def _is_zero(value: Any) -> bool:
     return not any(value) if isinstance(value, tuple) else value == 0.0
 
 
-# --- steps across phases ------------------------------------------------------------------------------------------------
+# Steps across phases
 
 
 def whole_steps(span: float, dt: float) -> tuple[int, float]:

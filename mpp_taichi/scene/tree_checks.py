@@ -1,4 +1,4 @@
-"""Checks of gravity by a tree against the rest of a scene, made without compiling anything."""
+"""Checks of gravity by a tree against the other parts of a scene, without compilation."""
 
 from mpp_taichi import component
 from mpp_taichi.scene.faults import Faults
@@ -34,6 +34,6 @@ def check_tree(spec: SceneSpec, faults: Faults) -> None:
         faults.add(tree.location, key, f"tree {rule}")
     others = [f.name for f in spec.forces if f is not tree and is_pair_force(f.name)]
     if others:
-        faults.add(tree.location, key, f"tree sums gravity alone, not beside {', '.join(others)}, allowed: direct")
+        faults.add(tree.location, key, f"tree sums only gravity, not beside {', '.join(others)}, allowed: direct")
     if spec.contacts is not None and spec.contacts.solver.flag("contacts", "merges"):
         faults.add(tree.location, key, "tree does not know bodies that merge, allowed: direct")

@@ -1,10 +1,10 @@
 """Units of a scene: one length, one time and one mass, from which the constant of gravitation follows.
 
-Masses are held as G·M, because astronomy measures this product: that of the Sun is known to ten digits, G to five. With
+Masses are held as G·M, because astronomy measures this product: G·M of the Sun is known to ten digits, G to five. With
 `units: {length: AU, time: day, mass: Msun}` the constant comes out as Gauss's k² = 0.01720209895² to 1e-9.
 
-Sources: IAU 2012 resolution B2 (AU); GM of the Sun JPL DE405, of the Earth IERS 2010, of Jupiter alone JUP230, of the Moon
-DE421; CODATA 2018 (G); nominal radii IAU 2015 B3; Julian year of 365.25 d; parsec 648000/π AU.
+Sources: IAU 2012 resolution B2 (AU); GM of the Sun JPL DE405, of the Earth IERS 2010, of Jupiter without its moons JUP230, of
+the Moon DE421; CODATA 2018 (G); nominal radii IAU 2015 B3; Julian year of 365.25 d; parsec 648000/π AU.
 """
 
 import math

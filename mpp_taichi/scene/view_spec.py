@@ -28,27 +28,35 @@ class CameraSpec:
     """The place of the camera; None: chosen so that every particle is in view."""
 
     __pydantic_config__ = _CLOSED
-    position: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="of the eye")] = None
-    look_at: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="middle of the picture")] = None
+    position: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="position of the eye")] = None
+    look_at: Annotated[
+        tuple[float, float, float] | None, ListOf(Number()), Field(description="point in the middle of the picture")
+    ] = None
     up: Annotated[tuple[float, float, float] | None, ListOf(Number()), Field(description="direction that is up")] = None
-    field_of_view: Annotated[float, Number(minimum=1.0, maximum=170.0), Field(description="vertical, degrees")] = 45.0
+    field_of_view: Annotated[
+        float, Number(minimum=1.0, maximum=170.0), Field(description="vertical field of view, degrees")
+    ] = 45.0
     projection: Annotated[str, Text(("perspective", "orthographic")), Field(description="perspective or orthographic")] = (
         "perspective"
     )
-    height: Annotated[float | None, Number(above=0.0), Field(description="of an orthographic picture [length]")] = None
+    height: Annotated[float | None, Number(above=0.0), Field(description="height of an orthographic picture [length]")] = None
 
 
 @dataclass(frozen=True)
 class SpinSpec:
-    """How the surface of a body turns: by phase + 2π t / period about its axis."""
+    """The rotation of a body's surface: by phase + 2π t / period about its axis."""
 
     __pydantic_config__ = _CLOSED
-    period: Annotated[float, Number(), Field(description="of a turn about the axis; below 0 for the other way round [time]")]
+    period: Annotated[
+        float, Number(), Field(description="period of a turn about the axis; below 0 for the opposite direction [time]")
+    ]
     axis: Annotated[tuple[float, float, float], ListOf(Number()), Field(description="direction of the north pole")] = (0, 0, 1)
     phase: Annotated[
         float,
         Number(),
-        Field(description="at time 0: prime meridian from where the equator rises through the x–y plane, radians"),
+        Field(
+            description="angle at time 0 from the rising of the equator through the x–y plane to the prime meridian, radians"
+        ),
     ] = 0.0
 
 
@@ -60,26 +68,30 @@ class TextureSpec:
     file: Annotated[
         str | None, FileBeside(), Field(description="a picture beside the scene; longitude along its width, north on top")
     ] = None
-    pattern: Annotated[str | None, Text(PATTERNS), Field(description="or one of: " + ", ".join(PATTERNS))] = None
-    seed: Annotated[int, Whole(minimum=0, maximum=2**31), Field(description="of the pattern")] = 0
+    pattern: Annotated[str | None, Text(PATTERNS), Field(description="or a pattern: " + ", ".join(PATTERNS))] = None
+    seed: Annotated[int, Whole(minimum=0, maximum=2**31), Field(description="seed of the pattern")] = 0
 
 
 @dataclass(frozen=True)
 class BodyViewSpec:
-    """How a body, or a group, is drawn; display only, no motion changes.
+    """The appearance of a body or a group; display only, no motion changes.
 
     `around` is an index once the scene is loaded.
     """
 
     __pydantic_config__ = _CLOSED
-    radius_scale: Annotated[float, Number(above=0.0), Field(description="the radius is drawn so many times as large")] = 1.0
-    around: Annotated[Any, Reference(), Field(description="the body that distance_scale is measured from")] = None
+    radius_scale: Annotated[float, Number(above=0.0), Field(description="factor by which the radius is drawn larger")] = 1.0
+    around: Annotated[Any, Reference(), Field(description="the body from which distance_scale is measured")] = None
     distance_scale: Annotated[
-        float, Number(above=0.0), Field(description="drawn so many times as far from the body it is around, as moons may be")
+        float,
+        Number(above=0.0),
+        Field(description="factor by which the distance from the body `around` is drawn larger, for moons"),
     ] = 1.0
-    light: Annotated[bool, Flag(), Field(description="shines, and lights the others, which then cast shadows")] = False
-    texture: Annotated[TextureSpec | None, Field(description="its surface")] = None
-    spin: Annotated[SpinSpec | None, Field(description="how its surface turns")] = None
+    light: Annotated[bool, Flag(), Field(description="the body shines and lights other bodies, which then cast shadows")] = (
+        False
+    )
+    texture: Annotated[TextureSpec | None, Field(description="surface of the body")] = None
+    spin: Annotated[SpinSpec | None, Field(description="rotation of the surface")] = None
 
 
 @dataclass(frozen=True)
@@ -87,9 +99,13 @@ class LightSpec:
     """Light from afar, in which spheres cast shadows on one another."""
 
     __pydantic_config__ = _CLOSED
-    direction: Annotated[tuple[float, float, float], ListOf(Number()), Field(description="to where it comes from")]
+    direction: Annotated[
+        tuple[float, float, float], ListOf(Number()), Field(description="direction towards the source of the light")
+    ]
     angular_radius: Annotated[
-        float, Number(above=0.0, maximum=20.0), Field(description="of what it comes from, degrees; larger makes softer shadows")
+        float,
+        Number(above=0.0, maximum=20.0),
+        Field(description="angular radius of the source, degrees; a larger source makes softer shadows"),
     ] = 0.27
 
 
@@ -98,17 +114,17 @@ class SkySpec:
     """The background: stars from a seed, or a picture of the whole sky."""
 
     __pydantic_config__ = _CLOSED
-    stars: Annotated[int, Whole(minimum=0, maximum=100_000), Field(description="how many, all around")] = 0
-    seed: Annotated[int, Whole(minimum=0, maximum=2**31), Field(description="of the stars")] = 0
+    stars: Annotated[int, Whole(minimum=0, maximum=100_000), Field(description="number of stars in all directions")] = 0
+    seed: Annotated[int, Whole(minimum=0, maximum=2**31), Field(description="seed of the stars")] = 0
     file: Annotated[str | None, FileBeside(), Field(description="a picture: longitude along its width, north (+z) on top")] = (
         None
     )
-    brightness: Annotated[float, Number(minimum=0.0, maximum=100.0), Field(description="of stars and picture")] = 1.0
+    brightness: Annotated[float, Number(minimum=0.0, maximum=100.0), Field(description="brightness of stars and picture")] = 1.0
 
 
 @dataclass(frozen=True)
 class ColorScaleSpec:
-    """How a quantity becomes a colour."""
+    """The scale that turns a quantity into a colour."""
 
     __pydantic_config__ = _CLOSED
     map: Annotated[
@@ -119,10 +135,10 @@ class ColorScaleSpec:
     range: Annotated[
         tuple[float, float] | None,
         ListOf(Number(), (2,)),
-        Field(description="values at the two ends; absent: what has been seen since the first picture"),
+        Field(description="values at the two ends; absent: the range of the values since the first picture"),
     ] = None
     logarithmic: Annotated[bool, Flag(), Field(description="colours by the logarithm of positive values")] = False
-    label: Annotated[str, Text(), Field(description="of the legend; absent: the name of the quantity")] = ""
+    label: Annotated[str, Text(), Field(description="text of the legend; absent: the name of the quantity")] = ""
 
 
 @dataclass(frozen=True)
@@ -149,12 +165,14 @@ class ColorBySpec:
     kinetic_energy: Annotated[ColorScaleSpec | None, _ASKED, Field(description="½ m v²")] = None
     mass: Annotated[ColorScaleSpec | None, _ASKED, Field(description="m")] = None
     charge: Annotated[ColorScaleSpec | None, _ASKED, Field(description="q")] = None
-    radius: Annotated[ColorScaleSpec | None, _ASKED, Field(description="of the sphere, without display scales")] = None
+    radius: Annotated[ColorScaleSpec | None, _ASKED, Field(description="radius of the sphere, without display scales")] = None
     x: Annotated[ColorScaleSpec | None, _ASKED, Field(description="coordinate")] = None
     y: Annotated[ColorScaleSpec | None, _ASKED, Field(description="coordinate")] = None
     z: Annotated[ColorScaleSpec | None, _ASKED, Field(description="coordinate")] = None
     index: Annotated[ColorScaleSpec | None, _ASKED, Field(description="number in the list of all particles")] = None
-    group: Annotated[GroupColorsSpec | None, _ASKED, Field(description="which entry of particles: it is of")] = None
+    group: Annotated[
+        GroupColorsSpec | None, _ASKED, Field(description="number of the entry of particles: that placed the particle")
+    ] = None
 
 
 @dataclass(frozen=True)
@@ -181,12 +199,12 @@ class ArrowsSpec:
     time: Annotated[
         float | None,
         Number(above=0.0),
-        Field(description="that an arrow of a velocity stands for; absent: so that they fit the first picture"),
+        Field(description="time over which an arrow shows the way of a velocity; absent: a time that fits the first picture"),
     ] = None
     scale: Annotated[
         float | None,
         Number(above=0.0),
-        Field(description="length of an arrow over acceleration or force; absent: so that they fit the first picture"),
+        Field(description="length of an arrow over acceleration or force; absent: a ratio that fits the first picture"),
     ] = None
     of: Annotated[
         Any,
@@ -211,7 +229,11 @@ class AxesSpec:
     """The axes x, y, z with their letters."""
 
     __pydantic_config__ = _CLOSED
-    origin: Annotated[tuple[float, float, float], ListOf(Number()), Field(description="where they begin")] = (0.0, 0.0, 0.0)
+    origin: Annotated[tuple[float, float, float], ListOf(Number()), Field(description="point at which the axes begin")] = (
+        0.0,
+        0.0,
+        0.0,
+    )
     length: Annotated[float | None, Number(above=0.0), Field(description="absent: a round number that fits the picture")] = None
 
 
@@ -224,18 +246,18 @@ class GridSpec:
     spacing: Annotated[float | None, Number(above=0.0), Field(description="absent: a round number that fits the picture")] = (
         None
     )
-    lines: Annotated[int, Whole(minimum=1, maximum=500), Field(description="on each side of the middle")] = 5
-    at: Annotated[float, Number(), Field(description="of the plane on the third axis")] = 0.0
+    lines: Annotated[int, Whole(minimum=1, maximum=500), Field(description="lines on each side of the middle")] = 5
+    at: Annotated[float, Number(), Field(description="position of the plane on the third axis")] = 0.0
 
 
 @dataclass(frozen=True)
 class ViewSpec:
-    """What is drawn."""
+    """The picture: camera, colors and marks."""
 
     __pydantic_config__ = _CLOSED
-    camera: Annotated[CameraSpec, Field(description="where the picture is taken from")] = field(default_factory=CameraSpec)
+    camera: Annotated[CameraSpec, Field(description="camera of the picture")] = field(default_factory=CameraSpec)
     background: Annotated[tuple[float, float, float], _COLOR, Field(description="red, green, blue in 0…1")] = (0.02, 0.02, 0.05)
-    radius_scale: Annotated[float, Number(above=0.0), Field(description="of the spheres, display only")] = 1.0
+    radius_scale: Annotated[float, Number(above=0.0), Field(description="factor of the spheres' radii, display only")] = 1.0
     minimum_pixels: Annotated[float, Number(minimum=0.0), Field(description="smallest radius of a sphere")] = 1.5
     spring_width: Annotated[float, Number(above=0.0, maximum=100.0), Field(description="pixels")] = 2.0
     trails: Annotated[int, Whole(minimum=0, maximum=10_000), Field(description="frames of trail per particle, 0 = none")] = 0
@@ -245,19 +267,25 @@ class ViewSpec:
     )  # by (first index, count) once the scene is loaded
     light: Annotated[
         LightSpec | None,
-        Field(description="from afar, with shadows; absent, and no body a light: from the upper left, without shadows"),
+        Field(
+            description="distant light, with shadows; absent, and no body a light: light from the upper left, without shadows"
+        ),
     ] = None
-    sky: Annotated[SkySpec | None, Field(description="stars or a picture behind all; by the program's own renderer")] = None
+    sky: Annotated[
+        SkySpec | None, Field(description="stars or a picture behind the scene; only in the program's own renderer")
+    ] = None
     ambient: Annotated[
         float,
         Number(minimum=0.0, maximum=1.0),
-        Field(description="light on what no light reaches, where light or a body's light says where it is"),
+        Field(description="brightness of surfaces in shadow, where the scene has a light or a body that is a light"),
     ] = 0.03
-    color_by: Annotated[ColorBySpec | None, Field(description="colour of the particles by a quantity: {speed: {}} say")] = None
-    spring_color_by: Annotated[
-        SpringColorBySpec | None, Field(description="colour of the springs by a quantity: {strain: {}} say")
+    color_by: Annotated[
+        ColorBySpec | None, Field(description="colour of the particles by a quantity, for example {speed: {}}")
     ] = None
-    legend: Annotated[bool, Flag(), Field(description="what colours, arrows and grid mean, in numbers")] = True
+    spring_color_by: Annotated[
+        SpringColorBySpec | None, Field(description="colour of the springs by a quantity, for example {strain: {}}")
+    ] = None
+    legend: Annotated[bool, Flag(), Field(description="legend with the numbers of colours, arrows and grid")] = True
     arrows: Annotated[
         tuple[ArrowsSpec, ...],
         OneOrMore(),

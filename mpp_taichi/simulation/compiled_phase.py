@@ -162,7 +162,7 @@ class CompiledPhase:
         """The surfaces of the walls, in the order of ContactReport.wall_impulse."""
         return () if self.contacts is None else self.contacts.setup.enclosure.surfaces
 
-    # --- the state ------------------------------------------------------------------------------------------------------
+    # State
 
     def adopt(self, phase: Phase) -> None:
         """Take the numbers of another phase that has the same kernels."""
@@ -198,7 +198,7 @@ class CompiledPhase:
 
     def _forget(self) -> None:
         self.prepared = False
-        self.launcher.collect()  # counts of earlier steps do not belong to later ones
+        self.launcher.collect()  # counts of earlier steps do not belong to later steps
 
     def save(self) -> SavedFields:
         """The state now, for `restore`."""
@@ -212,7 +212,7 @@ class CompiledPhase:
             self.prepared = saved.prepared
         self.launcher.clear_trouble()
 
-    # --- steps ----------------------------------------------------------------------------------------------------------
+    # Steps
 
     def prepare(self, clock: Clock) -> None:
         """Compute the forces and the history that the next step begins with, unless they are there."""
@@ -240,7 +240,7 @@ class CompiledPhase:
         place = now.position + now.velocity * offset
         return now.moved(position=place, velocity=now.velocity, time=clock.time + offset, step=now.step)
 
-    # --- meters ---------------------------------------------------------------------------------------------------------
+    # Meters
 
     @cached_property
     def acceleration_meter(self) -> "AccelerationMeter":
@@ -257,7 +257,7 @@ class CompiledPhase:
         in_kernel = self.plan == "serial" and self.contacts is None and self.device.probes.loop_limit is None
         return PowerMeter(self.state, self.total_force, in_kernel=in_kernel)
 
-    # --- what stays constant --------------------------------------------------------------------------------------------
+    # Conserved quantities
 
     @property
     def conserves_energy(self) -> bool:
@@ -288,7 +288,7 @@ class CompiledPhase:
         periodic = self.contacts is not None and any(self.contacts.setup.enclosure.period)
         return self.conserves_momentum and not periodic and not self.state.merges
 
-    # --- end ------------------------------------------------------------------------------------------------------------
+    # Memory
 
     def destroy(self) -> None:
         """Give the device memory back."""

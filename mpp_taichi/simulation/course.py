@@ -1,4 +1,4 @@
-"""Course: the phases that a run goes through, on the host alone; without a timeline there is one phase."""
+"""Course: the phases that a run goes through, only on the host; without a timeline there is one phase."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -126,7 +126,7 @@ class Course:
             still = {known[slider.steps]: value for slider, value in left.items() if slider.steps in known}
             events.append(replace(event, scene=sliders.with_values(event.scene, still)) if still else event)
             made = moved_on(phase, events[-1]) if still else phase
-            # Where only sliders have moved, the kernels are those of the phase before, which may be another one now.
+            # Where only sliders have moved, the kernels belong to the phase before, which may be another phase now.
             phases.append(replace(made, kernels=phases[-1].kernels) if event.live else made)
         first = number if joins else number + 1
         if first - 1 + len(events) > MOVES_ALLOWED:

@@ -77,7 +77,7 @@ def stalled(now: Snapshot, particle: int, *, step: int, time: float) -> Stabilit
 
 
 def left_lattice(before: Snapshot, particle: int, reason: str, *, step: int, time: float) -> StabilityError:
-    """The error for a particle that leaves the range of its method; `reason` is the rest of the sentence."""
+    """The error for a particle that leaves the range of its method; `reason` completes the sentence."""
     error = StabilityError(f"step {step}, time {time:.9g}: {label(before, particle)} {reason}")
     error.step, error.time, error.particle = step, time, particle
     return error

@@ -8,7 +8,7 @@ MOMENTS_ALLOWED = 2000
 
 
 class History:
-    """Bookmarks in order of time; the oldest ones are dropped where there are too many, or they take too much memory."""
+    """Bookmarks in order of time; the oldest bookmarks are dropped where there are too many, or they take too much memory."""
 
     def __init__(
         self, simulation: Simulation, *, bytes_allowed: int = BYTES_ALLOWED, moments_allowed: int = MOMENTS_ALLOWED

@@ -77,7 +77,7 @@ class PhaseRunner:
         """Judge steps by the springs of these particles from now on."""
         self.guard = StepGuard(self.phase.spec, particles, self.phase.integrator, force=self._force)
 
-    # --- changes --------------------------------------------------------------------------------------------------------
+    # Changes of the scene
 
     def change(self, given: Mapping[str, Any]) -> None:
         """Change parameters from now on, path → value.
@@ -136,7 +136,7 @@ class PhaseRunner:
             yield
             self.accounts.measure(self.phase)
 
-    # --- back -----------------------------------------------------------------------------------------------------------
+    # Steps backwards
 
     def mark(self) -> Mark:
         """The state and its time, to `return_to` within the phase."""
@@ -170,7 +170,7 @@ class PhaseRunner:
         self.accounts.restore(bookmark.accounts)
         self.accounts.measure(self.phase)
 
-    # --- as an energy balance sees it -----------------------------------------------------------------------------------
+    # Members that the energy balance reads
 
     @property
     def time(self) -> float:

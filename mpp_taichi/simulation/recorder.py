@@ -1,13 +1,13 @@
-"""Recorder: an object that looks at a run from time to time."""
+"""Recorder: an object that takes samples of a run."""
 
 from typing import Any, Protocol
 
 
 class Recorder(Protocol):
-    """Looks at a simulation; the simulation is `Any` here, as its class imports this module."""
+    """Takes samples of a simulation; the simulation is `Any` here, as its class imports this module."""
 
     def steps_until_due(self, simulation: Any) -> int:
-        """How many steps may pass before the next look; 0 means now."""
+        """The number of steps that may pass before the next sample; 0 means now."""
 
     def record(self, simulation: Any) -> None:
-        """Look."""
+        """Take a sample."""

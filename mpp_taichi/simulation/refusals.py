@@ -47,7 +47,7 @@ def check_sines(spec: SceneSpec, forces: Sequence[Any], device: Device) -> None:
     for entry, force in zip(spec.forces, forces):
         if force.takes_sine and device.backend == "vulkan" and device.precision == "f64":
             raise PrecisionError(
-                f"{entry.name} takes a sine, which vulkan has in f32 alone; use --precision f32 or --backend cpu"
+                f"{entry.name} takes a sine, which vulkan has only in f32; use --precision f32 or --backend cpu"
             )
 
 

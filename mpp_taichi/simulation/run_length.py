@@ -32,7 +32,7 @@ def time_and_steps(
 
 
 def steps_to(span: float, steps: float, to_next_phase: float, dt: float) -> tuple[float, float, bool]:
-    """How a run comes to the end of its phase, or to its own end where that is nearer: after `span`, or after `steps`.
+    """The way of a run to the end of its phase, or to its own end where this is nearer: after `span`, or after `steps`.
 
     The whole steps, the length of a shorter last step, or 0, and whether it is the number of `steps` that ends the run.
     """

@@ -1,4 +1,4 @@
-"""Run loop: launches between the looks of recorders, through one phase after another."""
+"""Run loop: launches between the samples of the recorders, through one phase after another."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ from mpp_taichi.simulation.watched_launches import WatchedLaunches
 
 
 class RunLoop:
-    """Runs a simulation for a while: asks recorders when they are due, steps that far at most, and lets them look.
+    """Runs a simulation for a while: asks recorders when they are due, takes no more steps than that, and calls the recorders.
 
     `simulation` is handed to the recorders; `require_life` raises where the simulation cannot go on.
     """

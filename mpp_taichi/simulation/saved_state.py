@@ -1,7 +1,7 @@
 """Saved states: moments of a run that it can go back to, bit for bit.
 
 Each part of a run that changes as it goes on (the fields of a phase, the clock, the accounts) has `save()`, which copies all
-that it knows, hidden memory too, and `restore(saved)`. A moment of the run is what its parts have saved.
+that it knows, hidden memory too, and `restore(saved)`. A moment of the run consists of the saved data of its parts.
 """
 
 from dataclasses import dataclass

@@ -41,11 +41,11 @@ GPU_WORTH_WORK = 4_000_000  # work per step (see plans) from which `auto` looks 
 class Simulation:
     """A scene, compiled to one step and run on one device; with a timeline, to one step for each phase.
 
-    `scene` is a path, a mapping of the shape of the YAML, or a SceneSpec; `overrides` are those of `--set`. `replica_starts`
-    holds the starting snapshots of independent copies of the scene that run side by side, one thread each. `start` is a state
-    of the same particles to go on from instead of the scene's own, with its time and step count. `force` runs a step that is
-    beyond what the springs allow, `event_log` lets event-driven contacts note every collision. Raises SceneError,
-    ArgumentError, BackendError or CapacityError before anything is allocated, StabilityError when it is run.
+    `scene` is a path, a mapping of the shape of the YAML, or a SceneSpec; `overrides` are the texts of `--set`.
+    `replica_starts` holds the starting snapshots of independent copies of the scene that run side by side, one thread each.
+    `start` is a state of the same particles to go on from instead of the scene's own, with its time and step count. `force`
+    runs a step that is longer than the springs allow, `event_log` lets event-driven contacts note every collision. Raises
+    SceneError, ArgumentError, BackendError or CapacityError before anything is allocated, StabilityError when it is run.
 
     `phase` is the present phase, compiled; its parts (`spec`, `integrator`, `total_force`, `state`, …) are read through the
     simulation as well. `scene` is the whole scene, with its timeline and all that was set.
@@ -89,7 +89,7 @@ class Simulation:
         self.timings: Timings = self._launches.timings
         self.timings.setup_seconds = clock.perf_counter() - began
 
-    # --- time -----------------------------------------------------------------------------------------------------------
+    # Time
 
     @property
     def time(self) -> float:
@@ -111,7 +111,7 @@ class Simulation:
         self._clock.dt = dt
 
     def look_at_multiples_of(self, interval: float) -> None:
-        """Let steps that are only looks at free flight fall on multiples of `interval`, no rarer than so far."""
+        """Let samples of a free flight fall on multiples of `interval`, at least as often as so far."""
         if not self.launcher.takes_steps:
             self.dt = interval / math.ceil(interval / self.dt)
 
@@ -125,9 +125,9 @@ class Simulation:
     ) -> "Simulation":
         """Advance by `duration`, `until` a time, or by `steps`; without any of them as the scene's `run:` says.
 
-        A loop of: ask the recorders when they are due, step that far at most, check that every number is finite, let the
-        recorders look. If the end is no whole number of steps away, one shorter step reaches it exactly. The end of a phase is
-        reached in the same way, and the next phase begins at this time. A step beyond what the springs allow is refused with
+        A loop of: ask the recorders when they are due, step that far at most, check that every number is finite, call the
+        recorders. If the end is no whole number of steps away, one shorter step reaches it exactly. The end of a phase is
+        reached in the same way, and the next phase begins at this time. A step longer than the springs allow is refused with
         a StabilityError, see `check_step`.
         """
         self._require_life()
@@ -138,7 +138,7 @@ class Simulation:
 
     @property
     def step_advice(self) -> StepAdvice | None:
-        """How large a step springs and drag allow the particles as they were when the phase began; None for any step."""
+        """The largest step that springs and drag allow the particles as they were when the phase began; None for any step."""
         return self._runner.guard.advice(self.dt)
 
     def check_step(self, steps: int | None = None) -> None:
@@ -148,7 +148,7 @@ class Simulation:
         """
         self._runner.guard.check(self.dt, steps)
 
-    # --- changes, and the way back --------------------------------------------------------------------------------------
+    # Changes and steps backwards
 
     def set(self, changes: str | Mapping[str, Any], value: Any = None) -> None:
         """Change parameters from now on: a path and its value, or a mapping of several, as `timeline:` takes them.
@@ -207,7 +207,7 @@ class Simulation:
         self._require_life()
         self._runner.go_back(bookmark)
 
-    # --- looking --------------------------------------------------------------------------------------------------------
+    # Samples
 
     def snapshot(self, replica: int = 0) -> Snapshot:
         """Host copy of all particles now, float64 whatever the precision."""
@@ -233,7 +233,7 @@ class Simulation:
         return self._runner.mechanics()
 
     def diagnostics(self) -> dict[str, Any]:
-        """As `mechanics`; with an energy balance also dissipated_energy, work, energy_balance_residual and energy_turnover."""
+        """`mechanics`, and with an energy balance also dissipated_energy, work, energy_balance_residual and energy_turnover."""
         found = self.mechanics()
         if self.energy_balance is not None:
             found |= self.energy_balance.account(self._runner, found["total_energy"])
@@ -270,7 +270,7 @@ class Simulation:
 
         return notebook.html(self)
 
-    # --- what runs: the scene and its phases -----------------------------------------------------------------------------
+    # Scene and phases
 
     @property
     def course(self) -> Course:
@@ -284,7 +284,7 @@ class Simulation:
 
     @property
     def phases(self) -> tuple[Phase, ...]:
-        """Its phases; those before the first one of the course were never run."""
+        """The phases of the scene; phases before the first phase of the course were never run."""
         return self._runner.course.phases
 
     @property
@@ -314,7 +314,7 @@ class Simulation:
 
     @property
     def plan(self) -> str:
-        """How a step is run: serial, parallel or replicas."""
+        """The plan by which a step is run: serial, parallel or replicas."""
         return self.phase.plan
 
     @property
@@ -367,7 +367,7 @@ class Simulation:
         """Counts of the contacts."""
         return self._accounts.contact_report
 
-    # --- end ------------------------------------------------------------------------------------------------------------
+    # End of the run
 
     @property
     def is_alive(self) -> bool:

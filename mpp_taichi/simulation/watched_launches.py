@@ -18,7 +18,7 @@ GROWTH = 8  # times as many steps, at most, from one launch to the next
 
 @dataclass
 class Timings:
-    """Where the time of a run went, in seconds of the wall clock, and how many launches of steps there were.
+    """The parts of the time of a run, in seconds of the wall clock, and the number of launches of steps.
 
     setup_seconds     reading the scene, starting the device, allocating and filling the fields
     compile_seconds   first launches of each phase, which compile the kernels

@@ -1,1 +1,1 @@
-"""Solvers of the equations of an implicit step: Newton's method, and what solves its linear systems."""
+"""Solvers of the equations of an implicit step: Newton's method, and the solvers of its linear systems."""

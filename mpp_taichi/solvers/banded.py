@@ -136,7 +136,7 @@ class Banded:
         return 1, slope, indefinite
 
     def solve_parallel(self, state, time: float, g: float) -> tuple[int, float, bool]:
-        """Solve for all particles in a launch of one thread; returns what `solve_serial` returns."""
+        """Solve for all particles in a launch of one thread; returns the same as `solve_serial`."""
         indefinite = bool(self._solve(state, time, g))
         return 1, float(state.term_total[0][0]), indefinite
 

@@ -16,7 +16,7 @@ class ConjugateGradients:
 
     Where it finds a direction of negative curvature, the solver says so, and Newton uses a projected matrix.
 
-    Source: Hestenes & Stiefel, J. Res. Natl. Bur. Stand. 49 (1952) 409; the stopping rule is that of an inexact Newton method,
+    Source: Hestenes & Stiefel, J. Res. Natl. Bur. Stand. 49 (1952) 409; the stopping rule belongs to an inexact Newton method,
     Dembo, Eisenstat & Steihaug, SIAM J. Numer. Anal. 19 (1982) 400.
     """
 
@@ -30,7 +30,7 @@ class ConjugateGradients:
         count = self.matrix.total_force.particle_count
         return {name: ("vector", count) for name in ("preconditioned", "direction", "product")}
 
-    # The part of one particle in each sweep; the results are summed over the particles ------------------------------------
+    # The part of one particle in each sweep; the results are summed over the particles
 
     @ti.func
     def begin(self, state: Template, i):
@@ -64,7 +64,7 @@ class ConjugateGradients:
         """p = z + share·p."""
         state.direction[i] = state.preconditioned[i] + share * state.direction[i]
 
-    # One thread ------------------------------------------------------------------------------------------------------------
+    # One thread
 
     @ti.func
     def solve_serial(self, state: Template, first, time, g):
@@ -101,10 +101,10 @@ class ConjugateGradients:
                 iterations += 1
         return iterations, slope, indefinite
 
-    # All particles at once -------------------------------------------------------------------------------------------------
+    # All particles at once
 
     def solve_parallel(self, state, time: float, g: float) -> tuple[int, float, bool]:
-        """Solve with a launch for each sweep; returns what `solve_serial` returns."""
+        """Solve with a launch for each sweep; returns the same as `solve_serial`."""
         self._begin(state)
         squared = read_total(state)[0]
         goal, slope, iterations = squared * FORCING**2, 0.0, 0

@@ -33,7 +33,7 @@ class Newton:
     """
 
     def __init__(self, matrix: NewtonMatrix, linear: Any, tolerance: float | None):
-        """Bind the solver of the linear systems; the default tolerance is that of the precision of the run."""
+        """Bind the solver of the linear systems; the default tolerance belongs to the precision of the run."""
         precision = ti.lang.impl.current_cfg().default_fp
         self.matrix = matrix
         self.linear = linear
@@ -53,7 +53,7 @@ class Newton:
             **self.linear.fields(),
         }
 
-    # The part of one particle; the results are summed over the particles --------------------------------------------------
+    # The part of one particle; the results are summed over the particles
 
     @ti.func
     def displace(self, state: Template, i, ratio):
@@ -89,7 +89,7 @@ class Newton:
         noise = dot(state, noisy, noisy)
         return ti.Vector([dot(state, change, change), self.tolerance_squared * moved + self.floor_squared * noise])
 
-    # One thread ------------------------------------------------------------------------------------------------------------
+    # One thread
 
     @ti.func
     def solve_serial(self, state: Template, first, time, dt, b, g):
@@ -152,7 +152,7 @@ class Newton:
             status = GAVE_UP
         return status
 
-    # All particles at once -------------------------------------------------------------------------------------------------
+    # All particles at once
 
     def solve_parallel(self, state: Any, launch_force: Any, time: float, dt: float, b: float, g: float) -> bool:
         """Solve with a launch for each sweep; `launch_force(total_force, time)` sets the accelerations."""

@@ -1,4 +1,4 @@
-"""Advice: how large a step the integrator of a scene may take, what limits the step, and the warning or refusal beyond."""
+"""Advice: the largest step of the integrator of a scene, the limit that it obeys, and the warning or refusal beyond."""
 
 import copy
 import logging
@@ -34,7 +34,7 @@ class Method(Protocol):
 
 
 class StepAdvice:
-    """What a step `dt` of an integrator means for a network; each quantity is computed when it is first asked for."""
+    """The effects of a step `dt` of an integrator on a network; each quantity is computed when it is first read."""
 
     def __init__(self, network: SpringNetwork, method: Method, integrator: str, dt: float, begins: float = 0.0) -> None:
         """Keep the parts; `begins` is the time from which on the network is as given [time]."""
@@ -66,7 +66,7 @@ class StepAdvice:
         if self.is_unlimited:
             return "the method, which takes every step"
         if not self.network.swings:
-            return "the damping alone"
+            return "only the damping"
         if not self.network.converged:
             return "a bound of the frequency: its iteration did not converge"
         if self.limit == self.safe_limit:
@@ -128,7 +128,7 @@ class StepAdvice:
         steps.
 
         Raises:
-            StabilityError: the step is beyond what the integrator can take.
+            StabilityError: the step is longer than the integrator can take.
         """
         if self.dt <= WARNING_SHARE * self.safe_limit:
             return
@@ -235,7 +235,7 @@ def check_step(
     """`advise`, then warn or refuse; to be called again whenever masses, springs, drag, damping or the step have changed.
 
     Raises:
-        StabilityError: the step is beyond what the integrator can take, and `force` is not set.
+        StabilityError: the step is longer than the integrator can take, and `force` is not set.
     """
     advice = advise(spec, snapshot, method, dt, begins=begins)
     if advice is not None:

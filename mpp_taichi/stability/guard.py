@@ -23,7 +23,7 @@ class StepGuard:
         return springs is self.start.springs and method is self.method and drag_of(spec) == drag_of(self.spec)
 
     def advice(self, dt: float) -> StepAdvice | None:
-        """How large a step the springs and the drag allow; None where nothing limits the step."""
+        """The largest step that the springs and the drag allow; None where nothing limits the step."""
         if not self._asked:
             self._asked, self._advice = True, advise(self.spec, self.start, self.method, dt)
         return None if self._advice is None else self._advice.at(dt)

@@ -10,7 +10,7 @@ Amplification = Callable[[float, float], np.ndarray]
 
 # A step is stable where no eigenvalue is beyond 1 by more than the rounding of the matrix.
 ROUNDING = 1e-13
-ROUNDING_OF_ROOTS = 1e-6  # a double eigenvalue ±1 has a rounding error of the square root of that of the matrix
+ROUNDING_OF_ROOTS = 1e-6  # a double eigenvalue ±1 has a rounding error of the square root of the matrix's rounding error
 FIRST = 0.02  # angle per step at which a growth of fourth order in it, as RK2's y⁴/4, is larger than rounding
 STRIDE = 0.1
 FAR = 10.0  # beyond this angle the search goes on by a factor instead of a stride
@@ -19,7 +19,7 @@ FARTHEST = 1e8  # an integrator that is stable up to this angle has no limit
 
 
 def margins(matrix: np.ndarray) -> tuple[float, ...]:
-    """How far a step is from stable, by each criterion: where a margin is above 0, some oscillation grows.
+    """The distance of a step from stability, by each criterion: where a margin is above 0, some oscillation grows.
 
     A matrix of two rows is judged by determinant and trace (Jury), det ≤ 1 and |trace| ≤ 1 + det, which rounding hardly
     changes where two eigenvalues meet on the unit circle, as they do at every limit of a symplectic method. The matrix of a

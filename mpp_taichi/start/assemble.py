@@ -45,7 +45,7 @@ def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot
 
 
 def springs_of(spec: SceneSpec) -> Springs:
-    """The springs of a checked scene alone."""
+    """Only the springs of a checked scene."""
     layout = layout_of(spec)
     return _link(spec, layout, np.concatenate([group.rest_position for group in _place(spec, layout)]))
 

@@ -1,4 +1,4 @@
-"""State: the fields of a simulation on the device, of which only those are allocated that the scene needs."""
+"""State: the fields of a simulation on the device; only the fields that the scene needs are allocated."""
 
 import copy
 from collections.abc import Iterable, Mapping
@@ -23,7 +23,7 @@ SPRING_QUANTITIES = ("spring_start", "spring_neighbor", "spring_stiffness", "spr
 def half_springs(snapshot: Snapshot) -> dict[str, np.ndarray]:
     """The half-springs of all springs, sorted by the particle that each pulls at: compressed sparse rows.
 
-    Row i goes from spring_start[i] to spring_start[i+1]. Within a row the order is that of the scene, so that sums are
+    Row i goes from spring_start[i] to spring_start[i+1]. Within a row the order is the order of the scene, so that sums are
     repeatable.
     """
     springs = snapshot.springs
@@ -94,7 +94,7 @@ class State:
             raise TypeError(f"an effect needs {sorted(unknown)}, which State does not know")
         host = half_springs(snapshot) if needs & set(SPRING_QUANTITIES) else {}
         self.quantities: list[str] = []
-        self._rows: list[Row] = []  # what is to be allocated
+        self._rows: list[Row] = []  # the rows to be allocated
         self._layout = ti.Layout.SOA if streaming else ti.Layout.AOS
         self._declare_vectors(low, scratch_count)
         self._declare_quantities(needs, host)

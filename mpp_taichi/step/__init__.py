@@ -1,1 +1,1 @@
-"""One step: the kernels around it, and the plans that they run under."""
+"""The kernels around one step, and the plans by which they run."""

@@ -1,4 +1,4 @@
-"""Adaptive: one thread for each copy of a system takes steps of the method's own choice up to the time of a look."""
+"""Adaptive: one thread for each copy of a system takes steps of the method's own choice up to the time of a sample."""
 
 import taichi as ti
 
@@ -8,9 +8,9 @@ from mpp_taichi.step.launcher import Launcher
 
 @ti.data_oriented
 class Adaptive(Launcher):
-    """The plans serial and replicas of adaptive methods; `dt` is the time between two looks."""
+    """The plans serial and replicas of adaptive methods; `dt` is the time between two samples."""
 
-    _control: tuple[float, float] | None = None  # what the state's control field holds
+    _control: tuple[float, float] | None = None  # the values in the state's control field
 
     def begin(self, time: float, dt: float) -> None:
         """Take the state as the start of the first step, with the accuracy that the method's parameter asks for now."""

@@ -33,7 +33,7 @@ def settle_plan(
     work: int,
     replica_count: int,
 ) -> str:
-    """The plan of a step, from the plan that was asked for; `name` is what the scene calls the integrator.
+    """The plan of a step, from the requested plan; `name` is the integrator's name in the scene.
 
     Raises:
         UnsupportedError: the integrator does not run on this device.
@@ -49,7 +49,7 @@ def settle_plan(
     if total_force.by_tree:  # it is built and walked by all threads together
         if asked == "serial" or replica_count > 1:
             raise BackendError(
-                "newtonian_gravity with solver: tree has the parallel plan alone, for one copy; use solver: direct"
+                "newtonian_gravity with solver: tree has only the parallel plan, for one copy; use solver: direct"
             )
         plan = "parallel" if asked == "auto" else plan
     if plan not in plans.PLANS or (replica_count > 1) != (plan == "replicas"):

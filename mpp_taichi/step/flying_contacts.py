@@ -4,12 +4,12 @@ from mpp_taichi.step.launcher import Launcher
 
 
 class FlyingContacts(Launcher):
-    """Free flight from collision to collision; `dt` is the time between two looks."""
+    """Free flight from collision to collision; `dt` is the time between two samples."""
 
     takes_steps = False
 
     def launch(self, time: float, dt: float, first: int, last: int) -> None:
-        """From the time of the first look to the time of the last."""
+        """Advance from the time of the first sample to the time of the last sample."""
         self.contacts.advance(time + first * dt, (last - first) * dt)
 
     def launches_per_step(self) -> int | None:

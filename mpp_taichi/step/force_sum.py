@@ -39,7 +39,7 @@ class SerialForceSum(ForceSum):
             self._accumulate(force, time)
 
     def parallel_loops(self) -> int | None:
-        """None of a step: there the thread of the step sums."""
+        """No loops of a step: the thread of the step itself sums."""
         return 0
 
     @ti.kernel
@@ -64,7 +64,7 @@ class ParallelForceSum(ForceSum):
         self._accumulate(force, time)
 
     def parallel_loops(self) -> int | None:
-        """One, and those over pairs."""
+        """One loop, and the loops over pairs."""
         if not self.total_force.has_pairs:
             return 1
         return 1 + self.total_force.pair_loops(self.state) + self.state.has_fixed_axes
@@ -104,7 +104,7 @@ class LaunchedForceSum(ForceSum):
                 self._end_sum(force)
 
     def parallel_loops(self) -> int | None:
-        """Those over pairs, and the loops over particles that are not run on the calling thread; of a tree unknown."""
+        """The loops over pairs, and the loops over particles that do not run on the calling thread; unknown for a tree."""
         if self.total_force.by_tree:
             return None
         few = isinstance(self.loops, SerialLoops)

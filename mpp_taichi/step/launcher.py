@@ -3,7 +3,7 @@
 A new kind of step is one new file here. It holds a class named after the file (`own_state.py` holds `OwnState`) that extends
 `Launcher` and provides
 
-    launch             the steps first … last − 1 of a run; this alone is required
+    launch             the steps first … last − 1 of a run; only this member is required
     begin              where a first step needs something else than the integrator's own preparation
     set_up             where the launcher keeps something that follows from its parts
     launches_per_step  the number of parallel loops of a step, where it is known
@@ -11,7 +11,7 @@ A new kind of step is one new file here. It holds a class named after the file (
     look_ahead         where the motion goes on between two steps in another way than x + v t (set `moves_between_steps` too)
 
 The family of integrators that it runs names the file in its `launchers` (see integrators/_launchers.py); a kind of step for a
-contact solver is chosen in `choose.py`. No other file changes: all that others ask of a step is asked through the class below.
+contact solver is chosen in `choose.py`. No other file changes: other files use a step only through the class below.
 """
 
 from abc import ABC, abstractmethod
@@ -69,7 +69,7 @@ class Launcher(ABC):
     """
 
     takes_steps = True
-    """Whether a run consists of steps of dt, or dt is only the time between two looks of a free flight."""
+    """Whether a run consists of steps of dt, or dt is only the time between two samples of a free flight."""
     moves_between_steps = False
     """Whether `look_ahead` shows more than x + v t."""
     _numbers_of: float | None = None  # the dt whose step numbers the state has
@@ -87,10 +87,10 @@ class Launcher(ABC):
         self.set_up()
 
     def set_up(self) -> None:  # noqa: B027 — most kinds of step have nothing to do here
-        """Keep what follows from the parts."""
+        """Keep the values that follow from the parts."""
 
     def prepare(self, time: float, dt: float) -> None:
-        """Set everything that the first step expects to find, after the state was set from outside; `dt` is that of the run."""
+        """Set everything that the first step expects to find, after the state was set from outside; `dt` is the run's step."""
         self.integrator.adopt(self.state, dt)
         self.integrator.arrange(self.state)
         self.begin(time, dt)
@@ -129,7 +129,7 @@ class Launcher(ABC):
         """Show the positions and velocities a `share` of a step later, where the launcher `moves_between_steps`."""
         raise TypeError(f"{type(self).__name__} does not move between steps")
 
-    # --- what is asked of a step ------------------------------------------------------------------------------------------
+    # Cost of a step
 
     def launches_per_step(self) -> int | None:
         """Parallel loops started in one step: 0 where a launch holds many steps, None where the number is not known."""
@@ -143,7 +143,7 @@ class Launcher(ABC):
         return 1 + max(1, self.integrator.evaluations) * per_evaluation
 
     def facts(self) -> dict[str, Any]:
-        """What reports say of this kind of step, and of what it has done since it was prepared."""
+        """The entries of reports about this kind of step, and about its work since it was prepared."""
         return {
             "force_evaluations_per_step": self.integrator.evaluations_per_step,
             "launches_per_step": self.launches_per_step(),

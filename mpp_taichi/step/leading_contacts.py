@@ -5,10 +5,10 @@ from mpp_taichi.step.launcher import Launcher
 
 
 class LeadingContacts(Launcher):
-    """Steps of an adaptive method up to each contact and on from there; `dt` is the time between two looks."""
+    """Steps of an adaptive method up to each contact and on from there; `dt` is the time between two samples."""
 
     def set_up(self) -> None:
-        """The method's own steps, of which the begin alone is launched."""
+        """The method's own steps, of which only `begin` is launched."""
         self.steps = Adaptive(self.parts)
 
     def begin(self, time: float, dt: float) -> None:
@@ -16,7 +16,7 @@ class LeadingContacts(Launcher):
         self.steps.begin(time, dt)
 
     def launch(self, time: float, dt: float, first: int, last: int) -> None:
-        """Through the looks first + 1 … last."""
+        """Advance through the samples first + 1 … last."""
         self.contacts.lead(time + first * dt, dt, last - first)
 
     def launches_per_step(self) -> int | None:

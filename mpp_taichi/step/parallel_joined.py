@@ -9,7 +9,7 @@ from mpp_taichi.step.launcher import Launcher
 class ParallelJoined(Launcher):
     """The plan of large systems for methods whose steps begin and end with a drift; it saves one loop of each step.
 
-    The bits are those of steps that are launched one after the other.
+    The bits are the same as for steps that are launched one after the other.
     """
 
     def launch(self, time: float, dt: float, first: int, last: int) -> None:

@@ -9,13 +9,13 @@ from mpp_taichi.types import Template
 
 @ti.data_oriented
 class ParallelStaged(Launcher):
-    """The plan of large systems whose sums of forces do not fit into the kernel of a step, or whose stages are looked up.
+    """The plan of large systems whose sums of forces do not fit into the kernel of a step, or whose stages are in a table.
 
     Sums over pairs on a CPU are compiled in a mode of their own, and a tree is many kernels.
     """
 
     def set_up(self) -> None:
-        """Which of the integrator's ways through its stages these forces ask for."""
+        """Choose the integrator's way through its stages that these forces need."""
         self.joins = self.integrator.joins_steps(self.total_force)
         self.looks_up = self.integrator.looks_stages_up(self.total_force)
         self.sums = self.integrator.wants_sum(self.total_force)
@@ -41,7 +41,7 @@ class ParallelStaged(Launcher):
                     self._stage(time, dt, k + 1)
 
     def launches_per_step(self) -> int | None:
-        """Parallel loops of all stages and sums; stages of few particles are run by the calling thread alone."""
+        """Parallel loops of all stages and sums; stages of few particles are run only by the calling thread."""
         loops = self.force_sum.parallel_loops()
         if loops is not None and isinstance(self.loops, SerialLoops):
             return self.integrator.evaluations * loops if self.sums else 0

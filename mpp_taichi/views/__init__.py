@@ -1,1 +1,1 @@
-"""What is shown while a simulation runs."""
+"""Views: the pictures that are shown while a simulation runs."""

@@ -1,4 +1,4 @@
-"""What every view takes and gives: a `Frame` in, a picture (or a window) out."""
+"""The interface of every view: it takes a `Frame` and gives a picture or a window."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ class Frame:
     color        red, green, blue in 0…1 as displayed (sRGB), shape (particle_count, 3)
     between      particle indices of the two ends of each spring, shape (spring_count, 2)
     spring_color as `color`, shape (spring_count, 3)
-    center       what a camera without a target looks at [length]; the middle of the bounding box when None
+    center       point at which a camera without a target is directed [length]; the middle of the bounding box when None
     velocity     [length / time], shape (particle_count, 3); shows a camera without a position in which plane particles move
     acceleration [length / time²], shape (particle_count, 3); None where no view asks for it
     extra        one more line of caption, such as the energy error
@@ -97,4 +97,4 @@ class View(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Release what the view holds; harmless when called twice."""
+        """Release the resources of the view; harmless when called twice."""

@@ -67,9 +67,9 @@ class Screen:
 def spheres(
     center: np.ndarray, radius: np.ndarray, color: np.ndarray, screen: Screen, *, marks: np.ndarray | None = None
 ) -> np.ndarray:
-    """Rows for spheres, those in view only; `center` in scaled camera coordinates, colours linear, marks as in surfaces.py.
+    """Rows for the spheres in view; `center` in scaled camera coordinates, colours linear, marks as in surfaces.py.
 
-    A sphere that holds the camera is left out; one that reaches behind the near plane is boxed by the whole picture.
+    A sphere that holds the camera is left out; a sphere that reaches behind the near plane is boxed by the whole picture.
     """
     usable = (np.abs(center) < FAR).all(axis=1) & (radius > 0.0) & (radius < FAR) & (center[:, 2] + radius > NEAR)
     if not screen.orthographic:

@@ -13,7 +13,7 @@ from mpp_taichi.types import Template
 LIMB_DARKENING = 0.6  # of a body that shines: I(μ)/I(1) = 1 − u (1 − μ), about the Sun's in visible light
 HOT = 0.45  # share of white in the middle of a shining body
 GLOW = 0.35  # of the air and the eye around a light: GLOW (radius/distance)³ …
-GLOW_END = 1.5e-4  # … less half of what can be displayed, so that it ends
+GLOW_END = 1.5e-4  # … less half of the smallest displayed value, so that the glow ends
 AMBIENT, DIFFUSE, SPECULAR = 0.12, 0.88, 0.18  # in scenes without a shining body
 
 

@@ -192,7 +192,7 @@ def bounds(frame: Frame) -> tuple[np.ndarray, float]:
         center = np.array(frame.center, dtype=float)
     reach = float((np.linalg.norm(position - center, axis=1) + radius).max())
     if reach <= 2.0 * float(radius.max()):
-        reach *= 3.0  # one body alone: leave it room to move
+        reach *= 3.0  # a single body: leave it room to move
     return center, reach or 1.0
 
 

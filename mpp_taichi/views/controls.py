@@ -130,7 +130,7 @@ class Controls:
             camera.zoom(ZOOM_PER_SECOND ** (direction * seconds))
 
     def _watch_clicks(self, cursor: tuple[float, float], held: set[str], *, begins: bool, aspect: float) -> None:
-        """Notice clicks: the left button alone goes down and up again at one place."""
+        """Notice clicks: only the left button goes down and up again, at one place."""
         if not held & BUTTONS:
             self._clicked, self._pressed, self._taken = self._pressed or self._clicked, None, False
         elif begins:
@@ -142,7 +142,7 @@ class Controls:
             self._pressed = self._pressed if away < CLICK else None
 
     def take_click(self) -> tuple[float, float] | None:
-        """Where the user has clicked since the last call, in 0…1 from the lower left corner."""
+        """The place of the user's click since the last call, in 0…1 from the lower left corner."""
         clicked, self._clicked = self._clicked, None
         return clicked
 

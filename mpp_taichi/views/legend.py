@@ -31,7 +31,7 @@ def legend_lines(legend: Legend) -> list[str]:
 
 
 def draw_legend(picture: np.ndarray, legend: Legend, background: Background = DARK) -> None:
-    """Draw a legend into the lower left corner of a picture (height, width, 3), in place; the rest is cut off."""
+    """Draw a legend into the lower left corner of a picture (height, width, 3), in place; parts outside are cut off."""
     if not legend.entries and not legend.lines:
         return
     size = _text_height(picture)

@@ -62,7 +62,7 @@ def time_of_contact(surface: Template, x, v, radius, time, horizon):
 
 @ti.func
 def time_of_contact_falling(surface: Template, x, v, acceleration, radius, time, horizon):
-    """The same in a flight x + v s + acceleration s² / 2, which makes the distance to a curved surface a quartic."""
+    """Time of contact in a flight x + v s + acceleration s² / 2, which makes the distance to a curved surface a quartic."""
     result = ti.math.inf
     if ti.static(surface.kind == "plane"):
         speed = _along(surface, v - surface_velocity(surface, x))

@@ -31,7 +31,7 @@ def first_contact(gap, speed, acceleration, horizon):
 def first_contact_curved(q, u, reach, inside: Template, horizon):
     """First s in 0 … horizon at which |q + u s| crosses `reach` outwards (inside) or inwards (not inside), else infinity.
 
-    The discriminant is that of reach² − (the part of q across u)², which keeps a grazing contact's digits from far away.
+    The discriminant is computed from reach² − (the part of q across u)², which keeps a grazing contact's digits from far away.
     """
     result = ti.math.inf
     a, b, c = u.norm_sqr(), q.dot(u), q.norm_sqr() - reach * reach
@@ -58,7 +58,7 @@ def first_contact_curved(q, u, reach, inside: Template, horizon):
 
 @ti.func
 def first_contact_falling(q, u, a, reach, inside: Template, horizon):
-    """The same along q + u s + a s² / 2, where the squared distance is a quartic in s.
+    """The first contact along q + u s + a s² / 2, where the squared distance is a quartic in s.
 
     The quartic is split at the roots of its derivative, which are split at the roots of the next, so no contact is missed
     and every search is a bracketed one.
@@ -104,7 +104,7 @@ def _root_bound(c4, c3, c2, c1, c0):
 
 @ti.func
 def _turning_points(c3, c2, c1, c0, end):
-    """Roots of a cubic in 0 … end, ascending, as three numbers and then `end`; absent ones are `end`."""
+    """Roots of a cubic in 0 … end, ascending, as three numbers and then `end`; an absent root is `end`."""
     # Where the cubic's slope 3 c3 s² + 2 c2 s + c1 vanishes.
     first, second = end * 0, end * 0
     square = c2 * c2 - 3 * c3 * c1

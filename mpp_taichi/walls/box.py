@@ -13,7 +13,7 @@ class Box(Wall):
 
     lower: Vector = param(unit="length", help="corner where every coordinate is least")
     upper: Vector = param(unit="length", help="corner where every coordinate is greatest")
-    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e of a bounce")
+    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")
 
     def enclosure(self, dimensions: int, label: str) -> Enclosure:
         """Two planes for each axis."""

@@ -13,7 +13,7 @@ class Cylinder(Wall):
     axis: Vector = param(None, optional=True, help="direction of the axis, of any length; absent, and in the plane: z")
     radius: float = param(above=0.0, unit="length")
     inside: bool = param(True, help="whether the particles are inside")
-    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e of a bounce")
+    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")
 
     def enclosure(self, dimensions: int, label: str) -> Enclosure:
         """One cylinder."""

@@ -7,14 +7,14 @@ from mpp_taichi.walls._base import Enclosure, Wall
 
 @component
 class PeriodicBox(Wall):
-    """Periodic boundary: what leaves on one side comes in on the other, and sees the nearest copy of everything.
+    """Periodic boundary: a particle that leaves on one side comes in on the other, and feels the nearest copy of each particle.
 
     Spheres must be smaller than half of the shortest edge that repeats.
     """
 
     lower: Vector = param(unit="length", help="corner where every coordinate is least")
     upper: Vector = param(unit="length", help="corner where every coordinate is greatest")
-    axes: Axes = param((True, True, True), help="false along an axis that does not repeat")
+    axes: Axes = param((True, True, True), help="false for an axis along which the box does not repeat")
     repeats = True
 
     def enclosure(self, dimensions: int, label: str) -> Enclosure:

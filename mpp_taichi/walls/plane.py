@@ -13,8 +13,8 @@ class Plane(Wall):
 
     point: Vector = param(unit="length", help="any point of the plane, when the time is 0")
     normal: Vector = param(help="direction into the free side, of any length")
-    velocity: Vector = param((0.0, 0.0, 0.0), unit="length time⁻¹", help="of the plane")
-    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e of a bounce")
+    velocity: Vector = param((0.0, 0.0, 0.0), unit="length time⁻¹", help="velocity of the plane")
+    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")
 
     def enclosure(self, dimensions: int, label: str) -> Enclosure:
         """One plane."""

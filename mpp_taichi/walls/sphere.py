@@ -6,12 +6,12 @@ from mpp_taichi.walls._base import Enclosure, Surface, Wall
 
 @component
 class Sphere(Wall):
-    """Hollow sphere around the particles, or a solid one that they stay out of; in the plane a circle."""
+    """Hollow sphere around the particles, or a solid sphere that keeps them outside; in the plane a circle."""
 
     center: Vector = param(unit="length")
     radius: float = param(above=0.0, unit="length")
     inside: bool = param(True, help="whether the particles are inside")
-    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="e of a bounce")
+    restitution: float = param(1.0, minimum=0.0, maximum=1.0, help="restitution e of a bounce")
 
     def enclosure(self, dimensions: int, label: str) -> Enclosure:
         """One sphere."""

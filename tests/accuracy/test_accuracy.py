@@ -146,7 +146,7 @@ def test_what_does_not_converge_is_no_reference():
     random = np.random.default_rng(1)
     lost = planted(random.uniform(-1, 1, 6)).reference()
     assert not lost.trusted and not lost.positions_mean_something
-    assert lost.meaning == pytest.approx(0.5)  # the traces part after the second of three looks
+    assert lost.meaning == pytest.approx(0.5)  # the traces part after the second of three samples
     rounded = planted([1e-8, 1e-12, *random.uniform(-1e-14, 1e-14, 2)])
     assert rounded.is_enough and rounded.reference().trusted
     assert not planted([1e-8, 1e-8 + 1e-14]).is_enough  # two that agree by chance show nothing

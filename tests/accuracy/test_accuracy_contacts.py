@@ -151,5 +151,5 @@ def test_in_a_scene_with_contacts_it_is_their_solvers_that_are_asked_for(tmp_pat
 
 
 def test_contacts_with_steps_of_a_methods_own_choice_are_not_compared():
-    with pytest.raises(SceneError, match="located contacts have those of ias15: vary its tolerance"):
+    with pytest.raises(SceneError, match="located contacts use the steps of ias15: vary its tolerance"):
         pose(load_scene(gas(contacts={"hard_spheres": {"solver": "located"}}, integrator={"ias15": {}})))

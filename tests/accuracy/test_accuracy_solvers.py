@@ -152,7 +152,7 @@ def test_positions_are_as_far_off_as_the_accuracy_of_the_forces_says(runs, accur
 @pytest.mark.thorough
 def test_the_energy_of_a_run_by_a_tree_is_summed_pair_by_pair(runs):
     for name, (sample, expected) in runs.items():
-        # The last look is at the end; both sums round by some √N ulp of energies that are not larger than their parts.
+        # The last sample is at the end; both sums round by some √N ulp of energies that are not larger than their parts.
         assert sample.energy_errors[-1] == pytest.approx(expected, abs=1e-13), name
     coarse, fine = (runs[f"leapfrog+tree-{accuracy}"][0].energy for accuracy in ("1e-1", "1e-2"))
     assert coarse > fine

@@ -110,7 +110,7 @@ def test_contacts_that_one_backend_has_alone_are_not_judged_and_it_is_said_why(r
     assert main(["compare", str(scene), *words]) == 0
     found = json.loads((tmp_path / "compare.json").read_text(encoding="utf-8"))
     assert [row["verdict"] for row in found["rows"]] == ["not judged"] * 2
-    assert all("the CPU alone has event_driven contacts" in json.dumps(row) for row in found["rows"])
+    assert all("only the CPU has event_driven contacts" in json.dumps(row) for row in found["rows"])
 
 
 def test_a_worker_that_dies_or_cannot_says_why(tmp_path):

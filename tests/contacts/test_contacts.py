@@ -292,7 +292,7 @@ def test_what_takes_one_thread_is_refused_by_name_on_a_gpu(solver, count, reason
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("force", [None, {"uniform_gravity": {"acceleration": [0.0, 0.0, -1.0]}}], ids=["free", "gravity"])
 def test_a_state_is_up_to_date_whenever_it_is_looked_at(force):
-    """Steps one at a time, each looked at, one of them taken back and done again, end where a run without looks does."""
+    """Steps one at a time, each sampled, with one step undone and repeated, end where a run without samples ends."""
     random = np.random.default_rng(5)
     corners = np.stack(np.meshgrid(*[np.arange(7) * 2.2] * 3, indexing="ij"), -1).reshape(-1, 3)
     bodies = [

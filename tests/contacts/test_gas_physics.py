@@ -86,7 +86,7 @@ def test_speeds_become_those_of_maxwell_and_boltzmann(solver):
             rates.append(2 * (run.contact_report.pair_count - before) / 250 / 0.8)
             speeds = np.linalg.norm(run.snapshot().velocity, axis=1)
             passed += stats.kstest(speeds, lambda v: 1 - np.exp(-(v**2))).pvalue > 0.05
-        # Each look fails with a chance of 5 % (less, as the energy is fixed); 7 of 30 do with one of 6e-4.
+        # Each sample fails with a chance of 5 % (less, as the energy is fixed); 7 of 30 do with one of 6e-4.
         assert stats.binom.sf(6, looks, 0.05) < 1e-3 and passed >= looks - 6
         # Enskog's rate with the density that the walls leave to the centres; 4.86 by the box's own area.
         found, error = np.mean(rates), ERRORS * np.std(rates, ddof=1) / math.sqrt(looks)

@@ -45,7 +45,7 @@ def floor(height=0.0, **more):
 
 
 def test_a_graze_from_far_is_found_where_geometry_says_so():
-    """A thousand radii in a look: by b = R (1 ± 1e-9) spheres meet or not; the approach is v √(1 − b²/R²)."""
+    """A thousand radii between two samples: by b = R (1 ± 1e-9) spheres meet or not; the approach is v √(1 − b²/R²)."""
     reach, speed = 1.0, 1000.0
     with simulation([{"radius": 0.6, "position": [0, 0]}, {"radius": 0.4, "position": [9, 9]}]) as run:
         for off, meets in ((0.0, True), (0.8, True), (1.0 - 1e-9, True), (1.0 + 1e-9, False), (2.0, False)):
@@ -214,7 +214,7 @@ def test_a_ball_that_comes_to_rest_wants_a_contact_time_and_never_hangs():
     with simulation(ball, **options) as run:
         run.run(until=2.75)
         mark = run.mark()
-        with pytest.raises(StabilityError, match="100,000 contacts between two looks, .* try a contact_time") as caught:
+        with pytest.raises(StabilityError, match="100,000 contacts between two samples, .* try a contact_time") as caught:
             run.run(until=4.0)
         assert caught.value.time == 2.75 and run.snapshot().time == 2.75
         run.return_to(mark)
@@ -224,7 +224,7 @@ def test_a_ball_that_comes_to_rest_wants_a_contact_time_and_never_hangs():
         assert report.unresolved == 1 and report.wall_count == pytest.approx(1042, abs=8)
     with simulation(ball, **options, contacts={"event_limit": 10}) as run:
         run.run(until=2.75)
-        with pytest.raises(StabilityError, match="more than 10 contacts between two looks"):
+        with pytest.raises(StabilityError, match="more than 10 contacts between two samples"):
             run.run(until=3.0)
     contact_time = 1e-3
     with simulation(ball, **options, contacts={"contact_time": contact_time}) as run:
@@ -263,7 +263,7 @@ def test_no_contact_is_missed_where_many_things_attract_each_other():
 @pytest.mark.thorough
 @pytest.mark.parametrize("integrator", CUT_AT_CONTACTS)
 def test_looks_change_no_bit_and_lie_on_the_path_that_is_searched(integrator):
-    """A contact that comes after a look is left for later, and what is remembered of it comes back with a marked state."""
+    """A contact that comes after a sample is left for later, and what is remembered of it comes back with a marked state."""
     bodies = [
         {"radius": 0.2, "position": [-1, 0.5], "velocity": [0.3, -0.1]},
         {"radius": 0.3, "position": [1, 0.6], "mass": 2.0},
@@ -295,7 +295,7 @@ def test_looks_change_no_bit_and_lie_on_the_path_that_is_searched(integrator):
         assert all(np.array_equal(one, other) for one, other in zip(remembered, found))
         run.run(until=end)
         assert all(np.array_equal(one, other) for one, other in zip(after, run.state.save()[2:]))
-        # The path of the last step, at the last look; coefficients of a step, no larger than 10, are rounded.
+        # The path of the last step, at the last sample; coefficients of a step, no larger than 10, are rounded.
         clock, paths = run.state.clock.to_numpy(), run.contacts.paths
         share = (run.time - clock[0]) / clock[1]
         rows = paths.coefficient.to_numpy().reshape(-1, 2, 2)

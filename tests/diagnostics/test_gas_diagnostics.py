@@ -65,7 +65,7 @@ def test_a_gas_has_the_collision_rate_of_theory(gas_run):
     theory = gas_in_box.rate_in_box(250, (7.5, 5.0), 0.1, 1.0, 0.5)
     assert 0.2 / math.sqrt(21_000) < error / theory < 3.0 / math.sqrt(21_000)
     assert rate == pytest.approx(theory, abs=4 * error + 0.005 * theory)
-    mean_speed = math.sqrt(math.pi / 4)  # √(π k T / 2 m), k T = 1/2; over 350 looks it scatters by 0.2 % and less
+    mean_speed = math.sqrt(math.pi / 4)  # √(π k T / 2 m), k T = 1/2; over 350 samples it scatters by 0.2 % and less
     assert found["mean_free_path", ""] == pytest.approx(mean_speed / rate, rel=0.01)
 
 
@@ -88,11 +88,11 @@ def test_a_gas_of_one_speed_becomes_maxwells(gas_run):
     assert shown("speed_distribution_distance", {}, scene(), []) == pytest.approx(1 - math.exp(-1), rel=1e-6)
 
 
-# --- of looks that are made up --------------------------------------------------------------------------------------------
+# Invented samples
 
 
 def shown(name, parameters, described, looks):
-    """What a diagnostic says after the start of a scene and these looks: time, changes of the particles, report."""
+    """What a diagnostic says after the start of a scene and these samples: time, changes of the particles, report."""
     spec = load_scene(described)
     start = assemble(spec)
     diagnostic = measuring(name, **parameters)
@@ -183,7 +183,7 @@ def test_the_shortest_step_is_the_one_within_half_a_period():
 
 
 def test_totals_know_their_rate_and_their_scatter():
-    """Poisson counts at rate 50 in 400 looks of 0.1; their error is told to 1/√(2 · 9), allowed are four times that."""
+    """Poisson counts at rate 50 in 400 samples of 0.1; their error is told to 1/√(2 · 9), allowed are four times that."""
     total, counts = Total(), np.random.default_rng(1).poisson(5.0, 400)
     for look, count in enumerate(np.concatenate([[0], np.cumsum(counts)])):
         total.add(0.1 * look, float(count))

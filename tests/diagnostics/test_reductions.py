@@ -19,7 +19,7 @@ STEP = 1e-3
 
 
 def watched(name, motion, duration, *, step=STEP, **parameters):
-    """The result for x(t), v(t) on the second particle's z, looked at as seldom as the diagnostic allows; and the looks."""
+    """The result for x(t), v(t) on the second particle's z, from the fewest samples that the diagnostic allows; and their number."""
     diagnostic = measuring(name, of=(1, 1) if name == "position" else 1, axis="z", **parameters)
     time, looks, last = 0.0, 0, -1.0
     while last < duration:
@@ -44,7 +44,7 @@ def test_the_period_of_a_swing_is_found_with_few_looks(omega, level, phase):
     period, looks = watched("oscillation_period", swing(omega, level, 0.3, phase), 40.0 / omega, step=STEP / omega, about=level)
     # The cubic errs by (ω h)⁴/384 of the amplitude, ω h ≤ 0.1, at each end of some five periods.
     assert period == pytest.approx(2.0 * math.pi / omega, rel=1e-7)
-    assert looks < 600, "some 63 looks a period"
+    assert looks < 600, "some 63 samples in a period"
 
 
 def test_a_motion_that_does_not_rise_twice_has_no_period():

@@ -19,7 +19,7 @@ FORCE, FREQUENCY, PHASE = 0.4, 2.0, 0.3  # of the drive, along x
 BOB = 12  # index of the oscillator's bob
 STIFFNESS, SPRING_DAMPING, DRAG = 6.0, 0.3, 0.1
 TAKE_FRICTION = [name for name in KINDS_OF_STEP if declared(name, "takes_velocity")]
-PIECES = 8  # looks at the balance in one run
+PIECES = 8  # samples of the balance in one run
 
 
 def damped_and_driven(integrator, damping="axial", dt=0.01):

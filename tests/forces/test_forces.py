@@ -204,7 +204,7 @@ def test_massless_bodies_feel_gravity_and_exert_none():
 def test_a_drive_is_refused_by_name_where_there_is_no_sine_for_it(software_vulkan):
     """Vulkan's sine is of f32 alone: in f64 Taichi stops with an error of its own."""
     scene = kepler(forces=[{"harmonic_drive": {"force": [0, 0.1, 0], "angular_frequency": 1.0}}])
-    with pytest.raises(PrecisionError, match="harmonic_drive takes a sine, which vulkan has in f32 alone"):
+    with pytest.raises(PrecisionError, match="harmonic_drive takes a sine, which vulkan has only in f32"):
         Simulation(scene, backend="vulkan", precision="f64")
     ends = []
     for backend in ("vulkan", "cpu"):

@@ -111,7 +111,7 @@ def test_a_gas_leaves_room_for_what_is_placed_before(count, radius):
 
 def test_a_gas_without_room_beside_what_is_there_says_so():
     ball = make_group(1, position=[[3.0, 2.0, 0.0]], radius=1.0)
-    with pytest.raises(PlacementError, match="no room for 450 spheres of radius 0.15 beside what is placed before"):
+    with pytest.raises(PlacementError, match="no room for 450 spheres of radius 0.15 beside the particles placed before"):
         gas(2, count=450, radius=0.15, placed=[ball])
 
 

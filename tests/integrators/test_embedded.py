@@ -1,4 +1,4 @@
-"""Embedded pairs with a control of the step: SciPy's methods, samples between steps, motion without a scale, collisions."""
+"""Embedded pairs with control of the step: SciPy's beside them, samples between steps, motion without a scale, collisions."""
 
 import math
 
@@ -72,7 +72,7 @@ def test_every_force_and_looks_between_steps(name, tolerance, limit):
             assert np.abs(run.snapshot().position - everything_reference(run)).max() < limit
         assert run.snapshot().position[0, 2] == 0.0
         ends = run.integrator.times(run.state)
-        assert ends[0] > run.time, "a look within a step"
+        assert ends[0] > run.time, "a sample within a step"
 
 
 def test_looks_change_no_bit_and_a_mark_brings_all_back():
@@ -89,7 +89,7 @@ def test_looks_change_no_bit_and_a_mark_brings_all_back():
             run.run(steps=looks - looks // 2)
             assert np.array_equal(before.position, run.snapshot().position)
             own = (run.state.start_position, run.state.start_velocity, run.state.slope, run.state.clock)
-            # Slopes of looks are there where a look was.
+            # Slopes of samples are there where a sample was taken.
             taken = 13 * run.state.particle_count
             ends.append([each.to_numpy()[:taken].tobytes() for each in own])
     assert ends[0] == ends[1]

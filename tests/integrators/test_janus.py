@@ -152,7 +152,7 @@ def test_what_it_cannot_do_is_refused_in_one_line(software_vulkan):
         with pytest.raises(SceneError, match="order.*not allowed, must be 2 or 4 or 6"):
             load_scene(kepler(integrator="janus", order=order))
     drive = {"harmonic_drive": {"force": [1, 0, 0], "angular_frequency": 1.0}}
-    with pytest.raises(SceneError, match="janus: goes back bit for bit by forces of places alone, not by harmonic_drive"):
+    with pytest.raises(SceneError, match="janus: goes back bit for bit only with forces of positions, not with harmonic_drive"):
         load_scene(kepler(integrator="janus", forces=[drive]))
     dragged = everything(integrator="leapfrog")
     dragged["integrator"] = {"janus": {"dt": 0.01}}

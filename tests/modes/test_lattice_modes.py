@@ -59,7 +59,7 @@ def energies(snapshot):
 
 
 def upward_passages(times, values, rates):
-    """Times of the zeros of the cubics through values and rates between looks, by Newton's method."""
+    """Times of the zeros of the cubics through values and rates between samples, by Newton's method."""
     found = []
     for k in range(len(times) - 1):
         if values[k] < 0.0 <= values[k + 1]:
@@ -78,7 +78,7 @@ def test_modes_of_a_taut_membrane_are_those_of_the_lattice_and_keep_their_energy
     """Modes (1,1), (2,1) and (2,2) at 0.7 % of a spacing, side by side, for 20 periods of the slowest.
 
     The lengthening of the springs changes a frequency by order (A/d)²: 0.34 % for (1,1) at A = 0.1, 1.1 % for (2,1), measured,
-    so by 5e-6 at A = 0.002; leapfrog by (ω dt)²/24 = 7e-6 at most; the cubic between looks of 0.1 by
+    so by 5e-6 at A = 0.002; leapfrog by (ω dt)²/24 = 7e-6 at most; the cubic between samples of 0.1 by
     1.6e-4 of a radian in 126. What leaves a mode, most of it into the plane, is of order (A/d)², too: 1.5e-3
     of the energy at A = 0.005, measured.
     """

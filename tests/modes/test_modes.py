@@ -350,7 +350,7 @@ def test_a_run_shows_the_theory_and_its_own_step(swung):
     assert two["angular_frequency_measured"] is None and two["amplitude_max"] < 1e-12  # the sheet's symmetry keeps it out
     assert recorder.summary()["mode_leakage_max"] < 1e-3
     error = verdicts["mode_frequency_error(of=sheet, mode=(1, 1, 1))"]
-    # The two look at different times; a crossing is known to 1.6e-6/ω, a mean over 40 of them to a part in 1e-7.
+    # The two take samples at different times; a crossing is known to 1.6e-6/ω, a mean over 40 of them to a part in 1e-7.
     assert error.passed and error.value == pytest.approx(one["relative_frequency_error"], abs=1e-7)
     # What leaves the mode goes as the amplitude squared too: it is 1.95e-4 at 0.01.
     assert verdicts["mode_leakage(of=sheet, mode=(1, 1, 1))"].value == pytest.approx(1.95e-4 * 0.16, rel=0.5)

@@ -372,13 +372,13 @@ def test_what_a_tree_does_not_go_with_is_said(change, text):
 def test_other_pair_forces_are_refused():
     changed = scene()
     changed["forces"].append({"coulomb": {"coulomb_constant": 1.0}})
-    with pytest.raises(SceneError, match="tree sums gravity alone, not beside coulomb"):
+    with pytest.raises(SceneError, match="tree sums only gravity, not beside coulomb"):
         load_scene(changed)
 
 
 def test_plans_and_precisions_without_a_tree_are_refused():
     for options, error, text in (
-        ({"plan": "serial"}, BackendError, "parallel plan alone"),
+        ({"plan": "serial"}, BackendError, "only the parallel plan"),
         ({"precision": "ds"}, PrecisionError, "solver: tree"),
     ):
         with pytest.raises(error, match=text):

@@ -215,7 +215,7 @@ def test_a_hundredfold_stretch_keeps_its_energy_within_the_bound():
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("make", [hard_networks.random_cloth, hard_networks.mass_ratio, hard_networks.inverted_chain])
 def test_damped_networks_never_gain_energy(make):
-    """From one look to the next the energy falls, but for the wobble (ω dt)²/4 of the method; ω dt is below 0.15 in each."""
+    """From one sample to the next the energy falls, but for the wobble (ω dt)²/4 of the method; ω dt is below 0.15 in each."""
     with Simulation(make(damping=0.05), backend="cpu", precision="f64") as simulation:
         energies = [simulation.diagnostics()["total_energy"]]
         for _ in range(50):

@@ -51,7 +51,7 @@ def oscillator(*events, dt=0.001, velocity=0.0):
 
 
 class Notes:
-    """A recorder that looks after every step."""
+    """A recorder that takes a sample after every step."""
 
     def __init__(self):
         self.seen = []

@@ -73,7 +73,7 @@ class Grid:
 
 
 def _largest_in_cells(diameter: np.ndarray, extent: np.ndarray, period: np.ndarray) -> float:
-    """The largest diameter of spheres in cells: the one for which the fewest spheres are tested, in cells and big ones."""
+    """The largest diameter of spheres in cells, for which the fewest spheres are tested, in cells and big spheres."""
     sizes = np.unique(diameter)
     best, fewest = sizes[-1], np.inf
     for cut in np.unique(sizes[np.linspace(0, len(sizes) - 1, CUTS).astype(int)]):

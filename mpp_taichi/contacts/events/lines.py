@@ -21,7 +21,7 @@ class Lines:
         self._seldom: list[tuple[int, int, Any]] = []
 
     def field(self, kind: Any, components: int = 0, *, seldom: bool = False) -> Any:
-        """Make a scalar or vector for each sphere. The fields made first share the first line; `seldom` ones come last."""
+        """Make a scalar or vector for each sphere. The fields made first share the first line; `seldom` fields come last."""
         result = ti.Vector.field(components, kind) if components else ti.field(kind)
         real = ti.lang.impl.current_cfg().default_fp if kind is float else kind
         size = 8 if real == ti.f64 else 4

@@ -9,7 +9,7 @@ from mpp_taichi.contacts.events.queue import EventQueue
 from mpp_taichi.contacts.events.spheres import FlyingSpheres
 from mpp_taichi.device.fast_taichi.prefetch import prefetch
 
-TOGETHER = 4  # buckets of the queue that are looked at together
+TOGETHER = 4  # buckets of the queue that are read together
 MOST = 64  # spheres that are kept of these buckets
 # The memory of fewer spheres stays in the caches of one core.
 FEWEST = 16384
@@ -20,7 +20,7 @@ class LookAhead:
     """Fetches the lines of memory that the events of the next buckets will need.
 
     The reads of an event wait for each other: from the queue to the sphere, to its cell, to its neighbours. Here each kind of
-    read is made some buckets after the one that it depends on. The spheres and cells may change before the event happens, or
+    read is made some buckets after the read on which it depends. The spheres and cells may change before the event happens, or
     the guess of them may be wrong: results do not depend on a fetch. Only the lists of the buckets are walked with branches,
     since a mispredicted branch costs as much as a dozen fetches.
     """
@@ -40,11 +40,12 @@ class LookAhead:
         self.fetches = Fetches(spheres, cells, builder, is_worthwhile=self.is_worthwhile)
         self.last, self.noted = ti.field(ti.i32), ti.field(ti.i32)
         builder.place(self.last, self.noted)
-        # Spheres with an event in the buckets looked at last, and the cells around which they and their partners will look.
+        # Spheres with an event in the buckets that were read last, and the cells around which the next partners of these
+        # spheres, and of the spheres that they meet, are searched.
         self.sphere, self.around = ti.field(ti.i32), ti.field(ti.i32)
         builder.dense(ti.i, MOST).place(self.sphere)
         builder.dense(ti.i, 2 * MOST).place(self.around)
-        # What a crossing adds to the number of a cell, by its side + 1; at 0: no crossing.
+        # The number that a crossing adds to the number of a cell, by its side + 1; at 0: no crossing.
         self.shift = ti.field(ti.i32)
         builder.dense(ti.i, 1 + 2 * d).place(self.shift)
 
@@ -68,7 +69,7 @@ class LookAhead:
                 self._fetch_neighbours()
                 self._fetch_partners(bucket + 1 + 2 * TOGETHER)
 
-    # Step by step, for the events of a bucket ------------------------------------------------------------------------------
+    # Stages, each for all events of a bucket
 
     @ti.func
     def _first(self, bucket):
@@ -121,7 +122,7 @@ class LookAhead:
                 place += 1
         self.fetches.put_until(place)
 
-    # A sphere, and the cells around it -------------------------------------------------------------------------------------
+    # A sphere and the cells around the sphere
 
     @ti.func
     def _fetch(self, i):
@@ -136,7 +137,7 @@ class LookAhead:
 
     @ti.func
     def _cell(self, i):
-        """The cell around which sphere i looks for partners at its event: its own, or the cell that it crosses into."""
+        """The cell around which partners of sphere i are searched at its event: its own cell, or the cell that it enters."""
         return self.cells.cell[i] + self.shift[ti.max(self.queue.partner[i] - self.spheres.count, 0)]
 
     @ti.func

@@ -44,7 +44,7 @@ class EventQueue:
         builder.dense(ti.i, self.bucket_count).place(self.first)
         self.heap = ti.field(ti.i32)
         builder.dense(ti.i, self.count).place(self.heap)
-        # Notes: their sphere, and the next note of the bucket. Notes from `unused` on are a list of free ones; those
+        # Notes: their sphere, and the next note of the bucket. Notes from `unused` on are a list of free notes; notes
         # from `fresh` on are in no list yet. A window begins with a note for each sphere, and a change makes one at most.
         self.sphere, self.next = ti.field(ti.i32), ti.field(ti.i32)
         self.most = MOST_EVENTS * max(self.count, 8)
@@ -137,7 +137,7 @@ class EventQueue:
 
     @ti.func
     def _typical_wait(self, begin):
-        """Mean of the waits; while a few very long waits make up most of it, the mean of those no longer than it."""
+        """Mean of the waits; while a few very long waits make up most of it, the mean of the waits no longer than it."""
         longest, mean = ti.cast(ti.math.inf, self.wide), ti.cast(0, self.wide)
         looking = True
         while looking:

@@ -72,7 +72,7 @@ class StepPaths:
 
     @ti.func
     def bend_between(self, i, j):
-        """The same for the path of j relative to i, without the motion that both have in common."""
+        """Bound of |x″| for the path of j relative to i, without their common motion."""
         result = 0.0
         for m in range(2, self.degree + 1):
             result += m * (m - 1) * (self.coefficient[m * self.count + j] - self.coefficient[m * self.count + i]).norm()
@@ -80,7 +80,7 @@ class StepPaths:
 
     @ti.func
     def bend_along(self, i, n):
-        """The same for n·x."""
+        """Bound of |n·x″| for sphere i."""
         result = 0.0
         for m in range(2, self.degree + 1):
             result += m * (m - 1) * ti.abs(self.coefficient[m * self.count + i].dot(n))
@@ -93,7 +93,7 @@ class StepPaths:
 
     @ti.func
     def wall_blur(self, surface: Template, i, s, time):
-        """The same for the distance of sphere i from a surface, which may move."""
+        """Error of the distance of sphere i from a surface, which may move."""
         point = ti.Vector([surface.point[c] for c in ti.static(range(self.dimensions))], float)
         speed = _geometry.surface_velocity(surface, point).norm()
         extent = point.norm() + surface.radius + speed * ti.abs(time)
@@ -101,7 +101,7 @@ class StepPaths:
 
     @ti.func
     def last_wait(self, gap, rate, bend):
-        """The share in which the rest of a gap closes at a rate < 0, by the bound of `least_wait`."""
+        """The share of a step in which a gap closes at a rate < 0, by the bound of `least_wait`."""
         rest = ti.max(gap, 0.0)
         return 2.0 * rest / (ti.sqrt(rate * rate + 2.0 * bend * rest) - rate)
 

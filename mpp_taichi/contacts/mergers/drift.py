@@ -30,7 +30,7 @@ class MergingDrift:
     the outcome are entered. At the time t of the drift a sphere is at state.position + state.velocity · t, whether it has
     changed or not, so that no other sphere has to be moved before the end.
 
-    Meetings are looked for among all pairs, or on the cell grid with |x_j − x_i| ≤ r_i + r_j + (|v_i − v| + |v_j − v|) h,
+    Meetings are searched among all pairs, or on the cell grid with |x_j − x_i| ≤ r_i + r_j + (|v_i − v| + |v_j − v|) h,
     v the mean velocity: no meeting is missed, and the agenda is the same. If it has no more room, a piece of the drift
     ends at the last event, and another piece begins.
     """
@@ -123,7 +123,7 @@ class MergingDrift:
             h = rest
         return float(self._play_and_move(time, h))
 
-    # Looking for contacts ----------------------------------------------------------------------------------------------
+    # Search for contacts
 
     @ti.kernel
     def _prepare_search(self, h: float):
@@ -211,7 +211,7 @@ class MergingDrift:
                     if now + t <= h:
                         self.agenda.add(now + t, i, -1 - s)
 
-    # Resolving contacts --------------------------------------------------------------------------------------------------
+    # Resolution of contacts
 
     @ti.kernel
     def _play_and_move(self, time: float, h: float) -> float:

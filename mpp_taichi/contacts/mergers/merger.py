@@ -21,12 +21,12 @@ class Merger:
 
         M = m_i + m_j,  M V = m_i v_i + m_j v_j,  M X = m_i x_i + m_j x_j,  R^d = r_i^d + r_j^d
 
-    with d dimensions. s is the heavier sphere; of equally heavy spheres it is the one with the lower number. Along an axis on
-    which one of the two is held, the outcome is held at its place. The kinetic energy ½ m_i m_j / M (v_i − v_j)² is lost; along
-    an axis on which one sphere is held, the lost energy is that of the other sphere. The angular momentum
+    with d dimensions. s is the heavier sphere; of equally heavy spheres it is the sphere with the lower number. Along an axis
+    on which one of the two is held, the merged sphere is held at its place. The kinetic energy ½ m_i m_j / M (v_i − v_j)² is
+    lost; along an axis on which one sphere is held, the lost energy is the energy of the other sphere. The angular momentum
     m_i m_j / M (x_i − x_j) × (v_i − v_j) of the two about their centre is lost, because spheres have no spin here.
 
-    At the time t of a drift sphere i is at state.position[i] + state.velocity[i] · t, also if it is the outcome of a merger.
+    At the time t of a drift sphere i is at state.position[i] + state.velocity[i] · t, also if it is a merged sphere.
     """
 
     def __init__(self, setup: ContactSetup, state: Any, forces: Any, *, log_capacity: int) -> None:
@@ -81,7 +81,7 @@ class Merger:
 
     @ti.func
     def merge(self, i, j, time, t):
-        """Merge i and j, which meet at the time t of a drift that began at `time`; returns the one that goes on."""
+        """Merge i and j, which meet at the time t of a drift that began at `time`; returns the merged sphere."""
         s, g = i, j
         m_i, m_j = self.state.mass[i], self.state.mass[j]
         if m_j > m_i or (m_j == m_i and j < i):
@@ -146,7 +146,7 @@ class Merger:
         self.state.acceleration[g] = nothing
         self.state.merged_into[g] = s
 
-    # Potential energy --------------------------------------------------------------------------------------------------
+    # Potential energy
 
     @ti.func
     def _potential(self, i, other, time, t):

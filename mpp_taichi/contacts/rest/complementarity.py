@@ -64,7 +64,7 @@ class Complementarity:
     def prepare(self, impacts_only, h):
         """Set the steps of the active entries, 0 for the others, then the first velocities and the momentum.
 
-        With `impacts_only` impacts alone are active, and they have no compliance.
+        With `impacts_only` only impacts are active, and they have no compliance.
         """
         for _ in range(1):
             self.softness[0] = 0.0 if impacts_only == 1 else ti.cast(self.compliance, float) / (h * h)

@@ -25,7 +25,7 @@ class ContactRows:
     impact    1 if the entry is hit within the drift, faster than the resting speed
     impulse   along the normal, on i [momentum]; the two entries of a pair have the same bits
     given     impulse of the impact [momentum], `when` [time] after the start of the drift
-    resting   impulse of the contact over the drift, without that of the impact [momentum]
+    resting   impulse of the contact over the drift, without the impulse of the impact [momentum]
 
     The iteration of the next drift begins with the impulses of the contacts that persist.
     """
@@ -75,7 +75,7 @@ class ContactRows:
         for tree in self._trees:
             tree.destroy()
 
-    # Building; each func is a loop for the top level of a kernel, or for the inside of a serialized loop ---------------------
+    # Construction; each func is a loop for the top level of a kernel, or for the inside of a serial loop
 
     @ti.func
     def remember(self):
@@ -146,7 +146,7 @@ class ContactRows:
         self.given[c] = 0.0
         self.impact[c] = 0
 
-    # Reading an entry ------------------------------------------------------------------------------------------------------
+    # Access to an entry
 
     @ti.func
     def restitution_of(self, i, c):

@@ -18,7 +18,7 @@ TRIES = 12  # to build rows, each time for spheres twice as fast
 
 @ti.data_oriented
 class SerialPlan:
-    """One thread does the whole drift, and tests all pairs."""
+    """A single thread does the whole drift, and tests all pairs."""
 
     def __init__(self, step: RestingStep):
         """Bind the step."""

@@ -99,7 +99,7 @@ class RestingStep:
 
     @ti.func
     def begin_impacts(self, state: Template):
-        """Begin the problem of the impacts alone, none of which may approach."""
+        """Begin the problem with only the impacts, none of which may approach."""
         for i in range(self.particle_count):
             self.solver.base[i] = state.velocity[i]
             for c in range(self.rows.start[i], self.rows.start[i + 1]):
@@ -165,7 +165,7 @@ class RestingStep:
 
     @ti.func
     def begin_ways(self, state: Template, h):
-        """Begin the problem of the mean velocities: the old ones until the first impact of a sphere, then the new ones.
+        """Begin the problem of the mean velocities: old velocities until the first impact of a sphere, then new velocities.
 
         Contacts that yielded keep their overlap.
         """

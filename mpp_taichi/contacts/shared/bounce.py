@@ -132,5 +132,5 @@ class Bounce:
 
     @ti.func
     def wall_impulse(self, i, n, u, e):
-        """The same for a surface with the normal n, with u the velocity of i relative to the surface."""
+        """Impulse and kinetic energy of a bounce off a surface of normal n; u is i's velocity relative to the surface."""
         return impulse_along((n * n).dot(self.inverse_mass_of(i)), n.dot(u), e)

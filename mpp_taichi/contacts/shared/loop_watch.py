@@ -1,4 +1,4 @@
-"""How a thread on a device of many threads detects that the driver ended its loops early."""
+"""A watch by which a thread on a device of many threads detects that the driver ended its loops early."""
 
 import taichi as ti
 

@@ -24,7 +24,7 @@ def restitution_after(nominal, since, contact_time: Template):
 
 @ti.func
 def restitution_at(time, nominal, i, j, last_contact: Template, contact_time: Template):
-    """The same for a contact of spheres i and j at `time`, which is noted in the field `last_contact` of both.
+    """Restitution of a contact of spheres i and j at `time`, which is noted in the field `last_contact` of both.
 
     The field is neither read nor written where the rule is off. For a contact with a surface, j is i.
     """

@@ -9,7 +9,7 @@ from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
 
 @ti.data_oriented
 class AllPairsDrift:
-    """Looks at all pairs, plays their island and moves the spheres, in one launch."""
+    """Tests all pairs, plays their island and moves the spheres, in one launch."""
 
     def __init__(self, parts: SweepParts, player: IslandPlayer) -> None:
         """Bind the parts."""

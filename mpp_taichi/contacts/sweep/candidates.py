@@ -24,7 +24,7 @@ class Candidates:
     until some sphere has moved or sped up so far that its reach leads out of the skin.
 
     is_listed   whether the pairs of the grid are listed
-    partners    the list, or None for a sweep that uses the grid alone
+    partners    the list, or None for a sweep that uses only the grid
     """
 
     def __init__(self, slots: Slots, played: PlayedSpheres, planner: DriftPlanner, grid: Any, *, lists: bool) -> None:
@@ -55,10 +55,10 @@ class Candidates:
         else:
             self.grid.visit(k, task, first, second)
 
-    # Being good for a piece ----------------------------------------------------------------------------------------------
+    # Whether the candidates are valid for a piece
 
     def find(self, piece: Piece) -> None:
-        """See to it that the grid shows every pair that may touch in the piece, and that the slots hold the spheres."""
+        """Make the grid show every pair that may touch in the piece, and the slots hold the spheres."""
         if self._are_known(piece):
             return
         margins = piece.common, piece.time, piece.rounding
@@ -82,7 +82,7 @@ class Candidates:
                 self._common, self._skin, self._flown = piece.common, skin, 0.0
 
     def _are_known(self, piece: Piece) -> bool:
-        """Whether the listed pairs are good for this piece without a look at any sphere."""
+        """Whether the listed pairs are good for this piece without a test of any sphere."""
         is_there = self.is_listed and self.slots.holds and piece.is_uniform
         return is_there and piece.common <= WIDER * self._common and self._flown <= self._skin
 
@@ -98,7 +98,7 @@ class Candidates:
         """
         self.is_listed = False
 
-    # Sorting the slots -----------------------------------------------------------------------------------------------------
+    # Sorting the slots
 
     @ti.kernel
     def _remember_spheres(self):
@@ -108,7 +108,7 @@ class Candidates:
 
     @ti.kernel
     def _sort_slots(self):
-        """Move the spheres from their old slots, most of which are near the new ones, to where the grid has sorted them."""
+        """Move the spheres from their old slots to the places where the grid has sorted them, which are mostly near."""
         for k in range(self.particle_count):
             old = self.grid.order[k]
             self.played.position[k] = self.slots.position[old]

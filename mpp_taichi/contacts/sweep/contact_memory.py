@@ -60,7 +60,7 @@ class ContactMemory:
 
     @ti.func
     def restitution_without_note(self, nominal, i, second, t):
-        """The same for slot i and another slot, or a surface, second < 0; the contact is not noted."""
+        """The restitution for slot i and another slot, or a surface, second < 0; the contact is not noted."""
         last = ti.cast(0.0, float)
         if ti.static(self.is_kept):
             last = self.latest[i]

@@ -18,7 +18,7 @@ class DeviceIslands:
     spheres the one with the lowest number; the others are found in the next round. Labels sink along wishes, and to the labels
     of labels, until none changes. Each thread writes to the places of its own sphere or island, or all write the same number.
 
-    wish      (n,) a sphere whose island is to be joined with that of this sphere, or −1
+    wish      (n,) a sphere whose island is to be joined with the island of this sphere, or −1
     label     (n,) smallest index of the island that is known so far
     involved  (n,) 1: has a contact, or was joined to spheres that have one
     renewed   (n,) 1 at the label of an island that is to be played

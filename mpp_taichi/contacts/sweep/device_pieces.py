@@ -12,7 +12,7 @@ from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
 
 @ti.data_oriented
 class DevicePieces(PieceSteps):
-    """The island of a sphere begins as that of its first contact; its other members are found while it is played."""
+    """The island of a sphere begins as the two spheres of its first contact; its other members are found while it is played."""
 
     def __init__(self, parts: SweepParts, player: IslandPlayer, device_islands: DeviceIslands) -> None:
         """Bind the parts."""
@@ -26,7 +26,7 @@ class DevicePieces(PieceSteps):
         """Give the memory back."""
         self.device_islands.destroy()
 
-    # Looking for first contacts ----------------------------------------------------------------------------------------
+    # Search for first contacts
 
     def search(self, time: float, h: float) -> int:
         """Find the first contact of each sphere; returns about how many contacts there are."""
@@ -59,7 +59,7 @@ class DevicePieces(PieceSteps):
             if t <= h:
                 self.islands.offer(k, other, t)
 
-    # Playing islands ---------------------------------------------------------------------------------------------------
+    # Islands of a piece
 
     def play(self, time: float, h: float, *, is_first: bool) -> tuple[int, int]:
         """Form the islands that changed and play them; returns whether islands must be joined, and whether a margin failed."""
@@ -98,7 +98,7 @@ class DevicePieces(PieceSteps):
         """A shorter piece where a thread had so many contacts that the device ended its loops; else wider margins."""
         return self.planner.shorten(piece) if self._was_stopped else self.planner.widen(piece)
 
-    # The end of a piece ------------------------------------------------------------------------------------------------
+    # The end of a piece
 
     def commit(self, h: float) -> None:
         """Put all spheres of the state where they are at the end of the piece."""

@@ -195,7 +195,7 @@ class DriftPlanner:
         return self._with_margins(piece._replace(h=piece.h / 2.0, tries=0), 0.0)
 
     def widen(self, piece: Piece) -> Piece:
-        """The same piece with the remembered margins, or its first half where wider margins did not help or have no room."""
+        """The piece again with the remembered margins, or its first half where wider margins did not help or have no room."""
         farthest = float(self.farthest[0])
         if piece.tries >= 6 or farthest > 0.9 * self.room:
             return self.shorten(piece)

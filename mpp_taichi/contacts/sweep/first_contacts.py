@@ -1,4 +1,4 @@
-"""First contacts of a piece: when two spheres, or a sphere and a surface, meet if nothing else happens before."""
+"""First contacts of a piece: the time at which two spheres, or a sphere and a surface, meet if no other event comes before."""
 
 import taichi as ti
 
@@ -16,7 +16,7 @@ class FirstContacts:
 
     @ti.func
     def separation(self, i, j):
-        """From the start of slot i to the nearest image of that of slot j."""
+        """The vector from the start of slot i to the nearest image of the start of slot j."""
         return self.bounce.separation(self.slots.start_of(i), self.slots.start_of(j))
 
     @ti.func

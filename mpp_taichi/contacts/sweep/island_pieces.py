@@ -48,7 +48,7 @@ class IslandPieces(PieceSteps):
         return links, violations
 
     def retry(self, piece: Piece) -> Piece:
-        """The same piece with wider margins."""
+        """The piece again with wider margins."""
         return self.planner.widen(piece)
 
     def commit(self, h: float) -> None:
@@ -60,7 +60,7 @@ class IslandPieces(PieceSteps):
         else:
             self._commit(h)
 
-    # Looking for first contacts ----------------------------------------------------------------------------------------
+    # Search for first contacts
 
     @ti.kernel
     def _search(self, time: float, h: float, listed: Template) -> ti.i32:
@@ -110,7 +110,7 @@ class IslandPieces(PieceSteps):
         if t <= h:
             self.islands.link(k, other, t)
 
-    # Playing islands ---------------------------------------------------------------------------------------------------
+    # Islands of a piece
 
     @ti.kernel
     def _play_islands(self, time: float, h: float, listed: Template, is_first: ti.i32) -> ti.types.vector(2, ti.i32):
@@ -164,7 +164,7 @@ class IslandPieces(PieceSteps):
                 prefetch(self.slots.position, other)
                 prefetch(self.islands.island, other)
 
-    # The end of a piece ------------------------------------------------------------------------------------------------
+    # The end of a piece
 
     @ti.kernel
     def _commit(self, h: float):

@@ -31,7 +31,7 @@ class IslandPlayer:
         self.all_pairs = parts.slots.all_pairs
         self.looks_again = self.all_pairs and self.planner.shortest_period < math.inf
 
-    # From contact to contact ---------------------------------------------------------------------------------------------
+    # Events of an island
 
     @ti.func
     def play(self, root, time, h):
@@ -84,7 +84,7 @@ class IslandPlayer:
         if self.played.excursion[k] > self.slots.reach[k] - self.slots.radius[k]:
             self.planner.note_violation(self.slots.index(k), self.played.excursion[k])
 
-    # Predicting --------------------------------------------------------------------------------------------------------
+    # Prediction of events
 
     @ti.func
     def _predict(self, root, i, now, time, h):
@@ -158,11 +158,11 @@ class IslandPlayer:
     def _sight(self, i, j, speed):
         """For how long no other image of j can reach i than the image that is the nearest now.
 
-        All pairs of a periodic box are looked at again after this time.
+        All pairs of a periodic box are tested again after this time.
         """
         return (self.planner.shortest_period / 2.0 - self.slots.radius_of(i) - self.slots.radius_of(j)) / speed
 
-    # Between islands, and at the end of the piece ----------------------------------------------------------------------
+    # Contacts between islands, and the end of a piece
 
     @ti.func
     def see_other_island(self, k, other, h, _):

@@ -20,7 +20,7 @@ class Islands:
     first_time      (n,) its first contact if nothing else happens [time], with first_partner
     following       (n,) another sphere of the same island: one after the other, they form a ring
     pending         roots of the islands that are to be played, `count[PENDING]` of them
-    members         the spheres of pending islands, `count[MEMBERS]` in all: those of one island from `begin[root]` on,
+    members         the spheres of pending islands, `count[MEMBERS]` in all: the spheres of an island from `begin[root]` on,
                     `size[root]` of them, in an order on which no result may depend
     involved        the spheres of all islands, `count[INVOLVED]` of them
     links           pairs that were linked since the islands were last formed, `count[LINKS]` of them
@@ -31,7 +31,7 @@ class Islands:
     def __init__(self, particle_count: int, beside: Sequence[Any], indices: Sequence[Any], order: Any = None) -> None:
         """Allocate; needs a started Taichi.
 
-        beside    fields of floats that an event touches, to be placed beside those that are made here
+        beside    fields of floats that an event touches, to be placed beside the fields that are made here
         indices   the same, of integers
         order     numbers of the spheres, by which events at one time are ordered; None: their indices here
 
@@ -64,7 +64,7 @@ class Islands:
         """Give the memory back."""
         self._trees.destroy()
 
-    # Which spheres belong together -------------------------------------------------------------------------------------
+    # Search for the spheres of an island
 
     @ti.func
     def link(self, i, j, time):
@@ -194,7 +194,7 @@ class Islands:
         self.begin[0] = 0
         self.size[0] = self.particle_count
 
-    # The earliest event: a tournament over the members, whose inner nodes 1 … size − 1 keep the places of the winners ------
+    # The earliest event: a tournament over the members, whose inner nodes 1 … size − 1 keep the places of the winners
 
     @ti.func
     def start_tournament(self, root):

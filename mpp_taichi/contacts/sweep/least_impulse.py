@@ -135,7 +135,7 @@ class LeastImpulse:
 
     @ti.func
     def _solve_factored(self, rank):
-        """`trial` becomes the solution for the passive members alone."""
+        """`trial` becomes the solution for the passive members."""
         for r in range(rank):
             value = self.right[self.passive[r]]
             for s in range(r):

@@ -7,7 +7,7 @@ import taichi as ti
 from mpp_taichi.contacts.sweep.drift_planning import Piece
 from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
 
-TRIES = 64  # to do a piece with wider margins, then to do shorter ones
+TRIES = 64  # to do a piece with wider margins, then to do shorter pieces
 
 
 class PieceSteps(ABC):
@@ -38,7 +38,7 @@ class PieceSteps(ABC):
 class PieceDrift:
     """Plans a piece, searches it for contacts, and plays its islands until no two of them have to be joined.
 
-    Where a sphere left the margin within which its partners were looked for, the piece is done again.
+    Where a sphere left the margin within which its partners were searched, the piece is done again.
     """
 
     def __init__(self, parts: SweepParts, steps: PieceSteps) -> None:

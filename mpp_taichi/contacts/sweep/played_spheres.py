@@ -28,7 +28,7 @@ class PlayedSpheres:
     """
 
     def __init__(self, setup: ContactSetup, slots: Slots) -> None:
-        """Declare the fields; those of `numbers` and `integers` are left to be placed beside those of the islands."""
+        """Declare the fields; the fields of `numbers` and `integers` are placed later, beside the fields of the islands."""
         self.slots = slots
         self.position, self.velocity = (ti.Vector.field(setup.dimensions, float) for _ in range(2))
         self.clock, self.excursion = ti.field(float), ti.field(float)

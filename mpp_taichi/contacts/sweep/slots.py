@@ -15,7 +15,7 @@ class Slots:
     """Position, velocity, radius and reach of each sphere at the start of a piece, by slots of the cell grid.
 
     Slots that are near in memory hold spheres that are near in space; `index(k)` is the sphere in slot k. Few spheres, whose
-    pairs are all looked at, need no grid: there slot k is sphere k, and the state is read instead of these fields.
+    pairs are all tested, need no grid: there slot k is sphere k, and the state is read instead of these fields.
 
     Where nothing but contacts changes the motion (`ContactSetup.force_free`) the spheres can stay in their slots from one drift
     to the next, and the state is written only when it is asked for. Else the spheres are copied from the state before each
@@ -46,7 +46,7 @@ class Slots:
         """Give the memory back."""
         self._trees.destroy()
 
-    # Reading a slot ------------------------------------------------------------------------------------------------------
+    # Reading a slot
 
     @ti.func
     def index(self, k):
@@ -84,7 +84,7 @@ class Slots:
         together = self.reach[i] + self.reach[j]
         return separation.norm_sqr() <= together * together
 
-    # Copying from the state, and back --------------------------------------------------------------------------------------
+    # Copying from the state, and back
 
     @ti.kernel
     def take_radii(self):

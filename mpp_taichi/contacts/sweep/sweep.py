@@ -2,8 +2,8 @@
 
 Spheres whose predicted contacts lie within the drift form islands; an island is played through event by event, and
 islands in parallel. Where a sphere leaves a contact towards a sphere outside, the two islands are joined and played
-again from the start of the drift, until nothing joins: the result is that of one queue of all events, to round-off.
-Few spheres are one island from the beginning. Nothing depends on the number of threads.
+again from the start of the drift, until no islands join: the result equals, to round-off, the result of one queue of all
+events. Few spheres are one island from the beginning. Nothing depends on the number of threads.
 """
 
 from typing import Any

@@ -29,14 +29,14 @@ class SweepParts:
     memory       times of the last contacts
     islands      which spheres are played together, and in which order their events come
     planner      pieces of a drift, and margins
-    candidates   pairs that may touch in a piece; None where all pairs are looked at
+    candidates   pairs that may touch in a piece; None where all pairs are tested
     watch        whether a device ended the loops of a thread
     """
 
     def __init__(self, setup: ContactSetup, state: Any, *, all_pairs: bool, lists: bool = False, stay: bool = False) -> None:
         """Allocate for the spheres of `setup`, whose positions and velocities are fields of `state`.
 
-        all_pairs   all pairs are looked at, without a cell grid
+        all_pairs   all pairs are tested, without a cell grid
         lists       the pairs that the grid shows may be listed
         stay        spheres may stay in their slots after a drift
         """

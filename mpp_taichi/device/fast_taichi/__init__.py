@@ -1,8 +1,8 @@
-"""Parts that replace functions of Taichi 1.7.4, or add to it what it lacks, to make it faster.
+"""Parts that replace functions of Taichi 1.7.4, or add missing functions, to make it faster.
 
 `install` puts all of them in place, once for a process; device/backends.py calls it. The environment variable MPP_TAICHI_FAST
-turns them off: `off` turns off all, and names separated by commas turn off those. Any other version of Taichi than 1.7.4 runs
-with all of them off. Taichi then does the work in its own way: the results are right, and what the table measures is lost. The
+turns them off: `off` turns off all, and names separated by commas turn off these parts. Any other version of Taichi than 1.7.4 runs
+with all of them off. Taichi then does the work in its own way: the results are right, but the gains of the table are lost. The
 summary of a run, its `--json` object and `mpp-taichi info` say which parts are off. Bits may differ in sums of pairs only
 (lane_arithmetic).
 

@@ -3,7 +3,7 @@
 `opt_level` 0 leaves out Taichi's own optimisation (quick_compilation.py); `real_matrix_scalarize` False keeps vectors whole
 (explicit_vectors.py). An early form of the Taylor step, compiled with both, computed wrong numbers without a message. The pair
 sum, the tree and the steps of today give the same bits with both, but Taichi tests no such kernel. Therefore a mode always sets
-both options: of two modes, one inside the other, the inner mode alone holds, and no kernel is compiled with both.
+both options: of two modes, one inside the other, only the inner mode holds, and no kernel is compiled with both.
 
 Both options are part of the key under which Taichi's offline cache keeps a kernel.
 """
@@ -18,7 +18,7 @@ TAICHIS_OWN: Options = (1, True)
 
 
 class CompileMode:
-    """A context in which both options are those of the mode. Until a mode is given options, they are Taichi's own."""
+    """A context in which both options have the values of the mode; until a mode is given values, they are Taichi's own."""
 
     def __init__(self) -> None:
         """A mode that changes nothing."""

@@ -1,6 +1,6 @@
 """Launching a kernel again with other numbers, without the way through Taichi's Python that its first launch takes.
 
-Taichi 1.7.4 takes tens of microseconds from the call of a kernel to the device. It looks up for which objects the kernel was
+Taichi 1.7.4 takes tens of microseconds from the call of a kernel to the device. It finds for which objects the kernel was
 compiled, makes functions for every kind of argument, and asks the compiler for the result, which is already there. Worker
 threads that wait so long fall asleep, and waking them takes longer still: the forces of a thousand bodies took twice the time
 of their loops. The kernels of a class (`ti.data_oriented`) are bound as Python binds methods.

@@ -16,8 +16,8 @@ FEW = 4096  # particles: a loop of 15 ns for each is done in 60 µs
 class SerialLoops:
     """Within this context kernels are compiled as though each of their loops had `ti.loop_config(serialize=True)` before it.
 
-    A compiled kernel stays as it is, so the context is for kernels that are always launched within it. Their results are those
-    of parallel loops, provided that the iterations of each loop may come in any order.
+    A compiled kernel stays as it is, so the context is for kernels that are always launched within it. Their results equal
+    the results of parallel loops, provided that the iterations of each loop may come in any order.
     """
 
     depth = 0  # how many of these contexts are entered

@@ -1,4 +1,4 @@
-"""Which parts of fast_taichi are in use in this process, and which are off and why."""
+"""Switch: the parts of fast_taichi that are in use in this process, and the parts that are off, with the reasons."""
 
 import os
 from collections.abc import Mapping
@@ -76,7 +76,7 @@ def parts_off(text: str, version: tuple[int, ...]) -> tuple[tuple[str, ...], str
 
 
 def decide(text: str, version: tuple[int, ...]) -> set[str]:
-    """Settle for the rest of the process which parts are in use, and return their names."""
+    """Settle for the whole process which parts are in use, and return their names."""
     _parts.off, _parts.reason = parts_off(text, version)
     _parts.in_use = set(NAMES).difference(_parts.off)
     _parts.decided = True
@@ -84,12 +84,12 @@ def decide(text: str, version: tuple[int, ...]) -> set[str]:
 
 
 def facts() -> dict[str, Any]:
-    """What reports say about parts that are off; empty where all are on."""
+    """The entries of reports about parts that are off; empty where all are on."""
     return {"fast_taichi_off": list(_parts.off), "fast_taichi_reason": _parts.reason} if _parts.off else {}
 
 
 def line(found: Mapping[str, Any]) -> str:
-    """The same for a person; empty where all are on."""
+    """The parts that are off, as a text for a person; empty where all are on."""
     if not found.get("fast_taichi_off"):
         return ""
     names = "all" if len(found["fast_taichi_off"]) == len(NAMES) else ", ".join(found["fast_taichi_off"])

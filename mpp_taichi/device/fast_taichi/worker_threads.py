@@ -2,7 +2,7 @@
 
 Taichi 1.7.4 puts its threads to sleep after each loop, wakes them for the next loop, and lets the calling thread sleep
 meanwhile. This takes 25 to 60 µs a loop on a virtual machine, as long as 50,000 particles take to move. Here the calling thread
-takes its share of each loop, and the worker threads look for the next loop for a while before they sleep (worker_threads.c):
+takes its share of each loop, and the worker threads poll for the next loop for a while before they sleep (worker_threads.c):
 2 µs a loop. Taichi never fixed which thread takes which part of a loop, so the results stay the same.
 """
 
@@ -17,7 +17,7 @@ from typing import Any
 from mpp_taichi.device.fast_taichi import bitcode, switch
 
 SOURCE = Path(__file__).with_suffix(".c")
-PATIENCE = 50_000  # ns that a thread looks for a loop before it sleeps: the way through Python between two launches is shorter
+PATIENCE = 50_000  # ns that a thread polls for a loop before it sleeps: the way through Python between two launches is shorter
 
 
 def install() -> None:
