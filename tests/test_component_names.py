@@ -1,4 +1,4 @@
-"""No file but a component's own names the component: the rest of the program asks its flags."""
+"""No file names a component of another file: the rest of the program reads the flags of components."""
 
 import ast
 import re

@@ -1,4 +1,4 @@
-"""The documents are true: layers, files, definitions and links that they name are there."""
+"""The documents agree with the code: layers, files, definitions and links that they name exist."""
 
 import ast
 import re

@@ -1,4 +1,4 @@
-"""A scene pays for what it names: imports, memory, kernels. And a component is one file with no other edit."""
+"""A scene imports, allocates and compiles only its own components, and a component is one file."""
 
 import json
 import subprocess

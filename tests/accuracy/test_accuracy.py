@@ -1,4 +1,4 @@
-"""What accuracy costs: references that are as good as they say, orders, fronts, budgets, chaos, and a page that opens."""
+"""Studies of accuracy: errors of the references, orders, fronts of error and time, budgets, chaos, and the HTML page."""
 
 import html.parser
 import json
@@ -256,7 +256,7 @@ def test_the_sentence_says_what_the_rows_say(kepler_study):
     assert f"own setting (leapfrog, dt = 0.01) has the error {bound(own):.1e}: its step is {coarser:.0f}× coarser" in said
 
 
-def test_words_for_what_was_not_reached():
+def test_the_sentence_reports_errors_that_no_run_reached():
     rows = [
         front.StudyRow(
             Sample(Configuration("leapfrog", steps, "f64", "cpu"), 1.0 / steps, evaluations=steps, seconds=[1.0 * steps]),

@@ -1,4 +1,4 @@
-"""Adaptive methods in the accuracy study: their tolerances as a ladder, and IAS15 as the reference that round-off spares."""
+"""Adaptive methods in a study of accuracy: series of tolerances, and IAS15 as a reference with little round-off."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""`accuracy:` in a scene: what is chosen reaches the target, is kept, and repeats bit for bit."""
+"""`accuracy:` in a scene: the chosen method reaches the target, is stored, and repeats bit for bit."""
 
 import json
 import math
@@ -99,7 +99,7 @@ def test_a_step_that_misses_is_made_finer_until_it_does_not(chosen):
     assert configuration.steps == pytest.approx(steps, rel=0.1)
 
 
-def test_another_target_is_another_choice(chosen, monkeypatch):
+def test_a_changed_target_makes_a_new_choice(chosen, monkeypatch):
     monkeypatch.setattr(Study, "run", lambda self: (_ for _ in ()).throw(InterruptedError))
     with pytest.raises(InterruptedError):
         choose(load_scene(scene_of(1e-5)), chosen.folder)
@@ -145,7 +145,7 @@ def test_no_step_beyond_what_the_springs_allow_is_chosen(tmp_path):
         simulation.run()
 
 
-def test_offers_are_where_the_error_is_the_aim():
+def test_offered_steps_are_those_whose_error_equals_the_target():
     slow = [row(steps, 1.0 / steps**2, seconds=1e-3 * steps) for steps in (10, 100, 1000)]
     fast = [row(steps, 1.0 / steps**4, seconds=3e-3 * steps, integrator="pefrl") for steps in (3, 30)]
     never = [row(10, 1e-2, seconds=1e-9, integrator="euler")]

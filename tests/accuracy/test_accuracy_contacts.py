@@ -1,4 +1,4 @@
-"""What accuracy costs where spheres touch: solvers of contacts against event-driven flight."""
+"""Studies of accuracy with contacts: the contact solvers against event-driven flight."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""What accuracy costs where gravity has a choice of solvers: names, methods, errors of the tree, the scene's own."""
+"""Studies of accuracy with several solvers of gravity: names, methods, errors of the tree, the solver of the scene."""
 
 import dataclasses
 import json
@@ -193,7 +193,7 @@ def test_a_choice_brings_its_solver_with_it(accuracy, chosen):
         assert simulation.total_force.by_tree == (tree is not None)
 
 
-def test_trees_of_which_nothing_could_be_said_are_refused():
+def test_a_tree_is_refused_where_its_error_cannot_be_measured():
     box = {"walls": [{"box": {"lower": [-9, -9, -9], "upper": [9, 9, 9]}}], "contacts": {"hard_spheres": {"solver": "swept"}}}
     with pytest.raises(SceneError, match="solver: direct"):
         pose(load_scene(stars(20, accuracy=1e-3, **box)))

@@ -1,4 +1,4 @@
-"""What a digit costs on an eccentric orbit: energy errors over 100 orbits at equal numbers of force evaluations.
+"""Energy errors on an eccentric orbit over 100 orbits, at equal numbers of force evaluations.
 
 Two bodies on an ellipse of eccentricity 0.6 from pericentre; the largest |ΔE/E₀| after any step of 100 orbits. The figures of
 the table were computed apart from this program, to two digits.

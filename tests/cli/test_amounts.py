@@ -1,4 +1,4 @@
-"""What a run is asked for is bounded before anything is computed, and a signal ends a film between any two frames."""
+"""The size of a run is checked before the computation begins, and a signal ends a film between any two frames."""
 
 import os
 import shutil

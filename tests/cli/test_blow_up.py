@@ -1,4 +1,4 @@
-"""Runs that diverge are stopped where they start to, and go on from there; sound runs are left alone."""
+"""Runs that blow up are stopped at the step where the blow-up begins, and can continue; stable runs raise no alarm."""
 
 import json
 import math
@@ -116,7 +116,7 @@ def test_round_off_of_single_precision_raises_no_alarm(scene):
         assert watched(simulation, 5, steps=10 if many else min(2000, whole)) is None
 
 
-def test_what_lies_and_yields_may_rise_where_its_burden_is_taken():
+def test_a_sphere_that_rises_when_its_load_is_removed_raises_no_alarm():
     """Contacts give back ½ c F², which is no part of the energy that is watched, to a sphere that has none to turn over."""
     scene = {
         "dimensions": 2,

@@ -1,4 +1,4 @@
-"""`expect:` blocks are judged by what came out, in both directions, and `check` tells which scene failed and why."""
+"""`expect:` blocks are compared with the results, also with wrong results, and `check` reports the failed scenes."""
 
 import json
 import math

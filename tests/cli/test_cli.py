@@ -1,4 +1,4 @@
-"""The command line: what it writes where, with which exit code, and what it leaves behind when things go wrong."""
+"""The command line: its output, its files, its exit codes, and the files that remain after an error."""
 
 import json
 import os

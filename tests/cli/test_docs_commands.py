@@ -1,4 +1,4 @@
-"""Every command, Python block and scene that the README and docs/ show is tried: run for real, but short, in one process.
+"""Every command, Python block and scene of the README and of docs/ is run, shortened, in one process.
 
 What is changed of a command is in `SHORTER`; what cannot be run here is checked as far as it can be, by `PARSED_ONLY` and
 `without_running`, with the reason beside it. A command of a kind that is in neither fails.
@@ -204,7 +204,7 @@ def test_every_scene_is_on_the_page_of_scenes():
     assert "docs/scenes.md" in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_what_does_not_work_is_found(folder, monkeypatch, capsys):
+def test_planted_faults_of_a_page_are_found(folder, monkeypatch, capsys):
     """The reader itself: faults of every kind, planted in a page."""
     monkeypatch.chdir(folder)
     page = """

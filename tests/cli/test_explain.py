@@ -1,4 +1,4 @@
-"""`explain` counts and measures what really is: launches as Taichi's profiler sees them, shares that add up."""
+"""`explain` counts launches as Taichi's profiler does, and its shares of the time have the sum 1."""
 
 import json
 

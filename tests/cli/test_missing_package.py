@@ -1,4 +1,4 @@
-"""A Python that lacks a package: one line with the package, this Python and the cure, exit code 2, whichever it is."""
+"""A Python that lacks a package gets one line with the package, the Python and the remedy, and exit code 2."""
 
 import json
 import os

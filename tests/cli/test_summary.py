@@ -1,4 +1,4 @@
-"""What a person reads: errors only of what ought to stay, refusals in one line, columns that can be told apart."""
+"""The summary of a run: errors of conserved quantities only, refusals in one line, columns that are distinct."""
 
 import pytest
 import yaml

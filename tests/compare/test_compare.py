@@ -1,4 +1,4 @@
-"""The certificate of agreement: sound kernels differ from the reference by rounding, planted faults are called bugs."""
+"""The certificate of agreement: correct kernels differ from the reference by rounding; planted faults are reported as bugs."""
 
 import math
 from types import SimpleNamespace
@@ -388,7 +388,7 @@ def test_one_pair_among_a_million_is_missed(precision):
     assert found["verdict"] == "bug" and found["decided_by"]["particle"] == 17
 
 
-def test_what_is_no_number_is_a_bug(five):
+def test_a_nan_position_is_reported_as_a_bug(five):
     evidence = five.evidence(NumpyContender(five.spec, five.start, "f64"))
     evidence.places[-1, 3, 1] = np.nan
     found = plain(verdict(five.course.findings(evidence, "f64")))
@@ -451,7 +451,7 @@ def test_the_margin_is_as_rare_as_it_says():
     assert 0.0 < seen <= bound < 10.0 * seen
 
 
-def test_beyond_the_reference_there_is_a_named_refusal():
+def test_an_integrator_that_the_reference_lacks_is_refused_by_name():
     scene = {**cluster(5), "integrator": {"yoshida6": {"dt": 0.01}}}
     spec = load_scene(scene)
     with pytest.raises(BackendError, match="not by yoshida6"):

@@ -1,4 +1,4 @@
-"""The verb compare: rows, missing backends, exit codes, and a page that opens."""
+"""The verb compare: rows, missing backends, exit codes, and the HTML page."""
 
 import json
 import shutil

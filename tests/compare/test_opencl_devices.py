@@ -1,4 +1,4 @@
-"""OpenCL devices are told apart by driver version; what there is no kernel for is refused by name."""
+"""OpenCL devices are identified by their driver version; components without an OpenCL kernel are refused by name."""
 
 import dataclasses
 import os

@@ -1,4 +1,4 @@
-"""The forces of the OpenCL kernels are those of the textbook, whichever variant sums them; a fault in a kernel is seen."""
+"""The forces of the OpenCL kernels agree with the textbook in every variant of the sum; planted faults are found."""
 
 import pytest
 from opencl_models import FORCE_LIMITS, change_kernel, everything_error, gravity_error

@@ -1,4 +1,4 @@
-"""A run in OpenCL is the program's own, to the round-off that grows on the way: each integrator, forces alone and together."""
+"""Runs in OpenCL agree with runs of the program to round-off, for each integrator and each force."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Hard spheres in OpenCL bounce as the program's own pairwise step has it, off each other and off every kind of wall."""
+"""Hard spheres in OpenCL bounce as in the program's pairwise solver, off each other and off every kind of wall."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What a run with contacts writes, and what it says when it cannot."""
+"""Files of runs with contacts, and the messages where a file cannot be written."""
 
 import csv
 from pathlib import Path

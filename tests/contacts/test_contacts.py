@@ -1,4 +1,4 @@
-"""Contacts as a scene asks for them: the laws of impact on every solver, what a scene may say, what a run tells."""
+"""Contacts of scenes: the laws of impact for every solver, the keys of a scene, and the reports of a run."""
 
 import math
 
@@ -262,7 +262,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("change", "message"), FAULTS)
-def test_what_cannot_be_is_refused_in_one_line(change, message):
+def test_impossible_contacts_are_refused_in_one_line(change, message):
     scene = spheres([BALL | {"position": [0, 0, 0]}, BALL | {"position": [3, 0, 0]}], solver="swept") | change
     with pytest.raises(SceneError) as caught:
         assemble(load_scene(scene))

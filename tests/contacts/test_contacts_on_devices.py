@@ -1,4 +1,4 @@
-"""Contacts on a device of many threads, with software Vulkan for one: what the CPU does, and nothing is given up in silence."""
+"""Contacts on a parallel device, tested on software Vulkan: the results of the CPU, and no contact lost in silence."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Event-driven hard spheres against exact answers, and against themselves backwards."""
+"""Event-driven hard spheres against exact solutions, and against their own backward runs."""
 
 import numpy as np
 import pytest
@@ -169,7 +169,7 @@ def cubic(count_per_side, packing):
     return x, (packing * 6 / np.pi) ** (1 / 3) / 2
 
 
-def test_an_elastic_gas_runs_backwards_and_its_bits_do_not_depend_on_who_looks():
+def test_an_elastic_gas_is_reversible_and_samples_change_no_bit():
     """32 balls in a periodic box; the return error is within what the motion multiplies round-off by."""
     rng = np.random.default_rng(1)
     x = np.stack(np.meshgrid(*[np.arange(4) + 0.5] * 3, indexing="ij"), -1).reshape(-1, 3)[::2]
@@ -196,7 +196,7 @@ def test_an_elastic_gas_runs_backwards_and_its_bits_do_not_depend_on_who_looks()
 
 
 @pytest.mark.thorough
-def test_looking_ahead_changes_no_bit(monkeypatch):
+def test_prefetching_changes_no_bit(monkeypatch):
     """What is fetched early for large numbers of spheres is only fetched: a few move the same with and without."""
     rng = np.random.default_rng(7)
     x = np.stack(np.meshgrid(*[np.arange(20) + 0.5] * 2, indexing="ij"), -1).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""Contacts located on the steps of adaptive methods: against closed forms, at any speed, and where they cannot be."""
+"""Contacts located on the steps of adaptive methods: closed forms, any speed, and refused scenes."""
 
 import math
 
@@ -315,7 +315,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize("change, message", REFUSED)
-def test_what_it_cannot_do_is_refused_in_one_line(change, message):
+def test_scenes_that_the_located_solver_does_not_support_are_refused_in_one_line(change, message):
     with pytest.raises(SceneError) as caught:
         load_scene(scene([{"radius": 0.1, "position": [1, 1]}]) | change)
     assert message in str(caught.value) and len(caught.value.faults) == 1

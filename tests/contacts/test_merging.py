@@ -1,4 +1,4 @@
-"""Spheres that merge: one body with the mass, momentum and volume of both, at the exact time; the other is gone."""
+"""Spheres that merge: the merged body has the mass, momentum and volume of both, at the exact time."""
 
 import dataclasses
 import json
@@ -92,7 +92,7 @@ def mass_order(there, i, j):
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("precision", UNIT)
 @pytest.mark.parametrize("dimensions", [2, 3])
-def test_two_become_one_with_mass_momentum_volume_and_centre_of_mass_of_both(dimensions, precision):
+def test_a_merger_keeps_mass_momentum_volume_and_centre_of_mass(dimensions, precision):
     mass, radius = np.array([0.7, 3.1]), np.array([0.3, 0.2])
     start = np.array([[-1.0, 0.1, 0.0], [1.0, -0.2, 0.1]]) * (np.arange(3) < dimensions)
     velocity = np.array([[2.0, 0.3, 0.1], [-1.5, 0.2, -0.2]]) * (np.arange(3) < dimensions)
@@ -118,7 +118,7 @@ def test_two_become_one_with_mass_momentum_volume_and_centre_of_mass_of_both(dim
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("integrator", ["leapfrog", "symplectic_euler", "velocity_verlet"])
-def test_nothing_tunnels_and_a_miss_is_none(integrator):
+def test_fast_spheres_that_meet_merge_and_spheres_that_miss_do_not(integrator):
     """Two drift through each other's place by 10⁵ radii in a step; a pair that misses by 10⁻⁹ of a radius stays two."""
     reach, miss = 0.02, 1e-9 * 0.01
     pair = lambda y, offset: bodies_of(  # noqa: E731
@@ -327,7 +327,7 @@ def test_energy_balances_to_first_order_of_the_step():
             assert residuals[-1] < force * speed * dt
 
 
-def test_the_same_becomes_of_two_bodies_as_in_rebound():
+def test_mergers_of_two_bodies_agree_with_rebound():
     """REBOUND notices a merger at the end of a step, so places differ by what a step does; masses, momenta, radii agree."""
     mass, radius = [1.0, 1e-3, 1e-4], [0.02, 0.05, 0.04]
     start = [[0.0, 0, 0], [1.0, 0, 0], [-1.0, 0.03, 0.01]]

@@ -1,4 +1,4 @@
-"""Pairwise contacts: what overlaps after a step bounces by Eq. 9 and is moved apart, the same however pairs are found."""
+"""Pairwise contacts: overlapping spheres bounce by Eq. 9 and are separated, the same for each search of pairs."""
 
 import numpy as np
 import pytest
@@ -83,7 +83,7 @@ def test_few_pairs_come_in_the_order_of_their_numbers_too():
     assert len(results) == 1
 
 
-def test_it_overlaps_and_says_so():
+def test_the_largest_overlap_before_separation_is_reported():
     """The largest overlap seen is that before spheres are moved apart; a fast ball tunnels."""
     backends.start("cpu", "f64", threads=2)
     state = Places(np.array([[0.0, 0.0], [4.0, 0.0]]), np.array([[3.0, 0.0], [0.0, 0.0]]))

@@ -1,4 +1,4 @@
-"""A pile of spheres that yield a little: it gains no energy, comes to rest without drag, and its forces balance."""
+"""A pile of slightly soft spheres: it gains no energy, comes to rest without drag, and its forces balance."""
 
 import numpy as np
 import pytest

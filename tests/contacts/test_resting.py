@@ -1,4 +1,4 @@
-"""Spheres that rest on each other: columns and piles do not sink, gain nothing, and come to rest; single impacts are exact."""
+"""Resting spheres: columns and piles do not sink, gain no energy, and come to rest; single impacts are exact."""
 
 import numpy as np
 import pytest
@@ -175,7 +175,7 @@ def test_a_drift_solves_the_complementarity_problem(corner):
     assert np.sum(mass[:, None] * after**2) < np.sum(mass[:, None] * velocity**2)
 
 
-def test_numbers_do_not_matter(corner):
+def test_the_result_does_not_depend_on_the_numbering_of_the_spheres(corner):
     random = np.random.default_rng(6)
     place = np.array([(4 + 1.1 * a + 0.5 * b, 0.6 + b * 1.02) for b in range(3) for a in range(3)])
     place += random.uniform(-0.02, 0.02, place.shape)
@@ -189,7 +189,7 @@ def test_numbers_do_not_matter(corner):
     assert np.abs(corner.spheres.read()[0][:9] - first[order]).max() < 1e3 * TOLERANCE
 
 
-def test_what_cannot_be_solved_is_counted(corner):
+def test_contacts_without_a_solution_are_counted(corner):
     """Three in a row, the outer ones immovable and too close: nothing can take the one between out of both."""
     corner.place([(10.0, 10.0), (10.9, 10.0), (11.8, 10.0)], mass=[np.inf, 1.0, np.inf])
     corner.solver.drift(corner.spheres, 0.0, STEP)

@@ -1,4 +1,4 @@
-"""Groups of touching spheres, resolved together: exact outcomes, symmetry, numbering, and an end in every case."""
+"""Groups of touching spheres that are resolved together: exact outcomes, symmetry, numbering, and termination."""
 
 import numpy as np
 import pytest

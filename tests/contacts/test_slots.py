@@ -1,4 +1,4 @@
-"""Spheres that stay in their slots: the next drift is planned by what the last one measured of them."""
+"""Spheres that stay in their slots: each drift is planned from the measurements of the drift before."""
 
 import numpy as np
 import pytest
@@ -47,7 +47,7 @@ def test_the_longest_way_is_measured_also_of_spheres_that_bounce(at_rest):
     assert min(ways) == pytest.approx(0.25, rel=1e-12) and sweep.collect().pair_count >= 2
 
 
-def test_a_ball_made_fast_from_outside_hits_the_next_one(at_rest):
+def test_a_ball_whose_velocity_is_set_between_drifts_hits_the_next_ball(at_rest):
     """Slow drifts first, whose margins show no ball eight radii ahead; then one that goes ten radii."""
     state, sweep = at_rest
     kick(state, sweep, 50, [0.1, 0.0, 0.0])

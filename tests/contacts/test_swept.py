@@ -1,4 +1,4 @@
-"""Swept contacts: every contact of a drift at its exact time, in its order, and none missed."""
+"""Swept contacts: every contact of a drift occurs at its exact time and in order, and no contact is missed."""
 
 from dataclasses import replace
 
@@ -106,7 +106,7 @@ def test_nothing_tunnels_at_a_thousand_radii_a_step(all_pairs):
 
 @pytest.mark.sampled(2)
 @BOTH
-def test_walls_fold_the_way_at_any_speed(all_pairs):
+def test_a_coordinate_between_walls_is_a_triangle_wave_at_any_speed(all_pairs):
     """Between walls a coordinate is a triangle wave. Each of up to some 7000 bounces rounds by a few ulps of the edge."""
     backends.start("cpu", "f64", threads=2)
     edges = np.array([7.0, 5.0, 3.0])

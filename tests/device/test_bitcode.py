@@ -1,4 +1,4 @@
-"""Bitcode that is kept with its sources was made from them."""
+"""The bitcode files were compiled from the source files beside them."""
 
 import hashlib
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Of two compile modes, one inside the other, the inner mode alone holds."""
+"""Of two nested compile modes, only the inner mode applies."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The parts around Taichi: listed in one table, installed in one place, and off where the user or Taichi's version says so."""
+"""The parts around Taichi: one table, one place of installation, and a switch for the user."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""A program that starts or resets Taichi by itself: a Simulation computes in its own precision, or says that it has ended.
+"""Programs that start or reset Taichi by themselves: a Simulation keeps its own precision, or reports its end.
 
 Each case is a process of its own, as a fault here may end the interpreter.
 """

@@ -1,4 +1,4 @@
-"""Kernels of a program beside this package do what they do with Taichi alone."""
+"""Kernels of other programs behave beside this package as with Taichi alone."""
 
 import pytest
 

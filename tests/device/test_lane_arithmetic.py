@@ -1,4 +1,4 @@
-"""Products and sums rounded once, and inverse roots, of whole vector registers."""
+"""Fused products and sums with one rounding, and inverse roots, of whole vector registers."""
 
 import sys
 from fractions import Fraction

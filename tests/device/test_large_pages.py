@@ -1,4 +1,4 @@
-"""Large pages: Linux gives them to Taichi's fields where it lets programs ask."""
+"""Large pages: Taichi's fields are in large pages where Linux provides them on request."""
 
 import platform
 import re
@@ -51,7 +51,7 @@ def test_a_simulation_of_many_particles_asks_for_them(side, monkeypatch):
 
 
 @pytest.mark.parametrize("missing", ["platform", "library"])
-def test_where_there_are_none_everything_goes_on(missing, monkeypatch):
+def test_runs_work_without_large_pages(missing, monkeypatch):
     def refuse(*_):
         raise OSError
 

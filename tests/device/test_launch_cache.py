@@ -1,4 +1,4 @@
-"""Kernels that are launched again go the short way, and do what Taichi's own way does."""
+"""Repeated launches of kernels skip Taichi's general preparation, and have the same results."""
 
 import gc
 

@@ -1,4 +1,4 @@
-"""Loops of few particles on the calling thread: in the order of their iterations, and with the bits of parallel ones."""
+"""Short loops on the calling thread: the order of the iterations, and the bits of parallel loops."""
 
 import numpy as np
 import pytest

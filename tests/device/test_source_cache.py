@@ -1,4 +1,4 @@
-"""What Taichi's front end remembers is what it would have found."""
+"""The cached results of Taichi's front end are the results that it would compute again."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The variables of a user that Taichi reads have no effect on runs, and are there afterwards."""
+"""Variables of the user that Taichi reads have no effect on runs, and are restored afterwards."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""A count of threads or processes is checked before any of them starts."""
+"""The number of threads or processes is checked before any of them starts."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""A folder for caches that cannot be made or written to costs time, and nothing else."""
+"""Without a writable folder for caches, runs take longer, and have the same results."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The threads that share a kernel's loops do every block once, whatever their number, and end with Taichi."""
+"""The worker threads compute each block of a loop once, for any number of threads, and end with Taichi."""
 
 import os
 import subprocess
@@ -89,7 +89,7 @@ def test_every_block_is_done_once_and_in_its_loop(threads):
         np.testing.assert_array_equal(counted.to_numpy(), value)
 
 
-def test_they_are_as_many_as_wanted_and_leave_with_taichi(threads):
+def test_the_requested_number_of_threads_starts_and_ends_with_taichi(threads):
     import taichi as ti
 
     assert become(threads - 1)

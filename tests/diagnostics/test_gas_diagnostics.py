@@ -1,4 +1,4 @@
-"""Diagnostics of gases: against what is known of their input, and against kinetic theory in short event-driven runs."""
+"""Diagnostics of gases against known inputs, and against kinetic theory in short event-driven runs."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""How near particles are to their nearest neighbours, beside SciPy's tree and the law of chance."""
+"""Distances of particles to their nearest neighbours, against SciPy's tree and the distribution of random points."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Energy balance: kinetic + potential + dissipated − work = constant to the order of every method; drive; numerical damping."""
+"""Energy balance: its error has the order of every method; drives; numerical damping."""
 
 import json
 import math
@@ -277,7 +277,7 @@ def test_what_is_no_single_oscillation_is_not_given_a_share():
     assert "fewer than" in measured(oscillator("rk4", 1.0), 40.0)["problem"]
 
 
-def test_an_error_that_swings_is_called_no_damping():
+def test_an_oscillating_energy_error_is_not_reported_as_damping():
     """Leapfrog's energy swings with the motion and comes back."""
     found = measured(oscillator("leapfrog", 0.1), 100.0)
     assert found["per_time"] is None and "swings" in found["problem"]
@@ -332,7 +332,7 @@ def test_an_expectation_asks_for_the_balance_and_judges_it(tmp_path):
     assert "dissipated_energy" in found and found["status"] == "failed"
 
 
-def test_who_does_not_ask_pays_nothing():
+def test_a_run_without_energy_balance_does_not_import_its_module():
     code = (
         "import sys\nfrom mpp_taichi import Simulation\n"
         f"simulation = Simulation({lone_bob()!r}, backend='cpu', precision='f64')\n"
@@ -343,7 +343,7 @@ def test_who_does_not_ask_pays_nothing():
     assert done.stdout.splitlines()[-1] == "False False None"
 
 
-def test_a_drive_of_nobody_is_refused_by_line():
+def test_a_drive_of_an_unknown_particle_is_refused_at_its_key():
     with pytest.raises(SceneError, match=r"forces\[1\].harmonic_drive.of: no particle is called 'bop', did you mean 'bob'"):
         Simulation(lone_bob(of="bop"), backend="cpu")
 

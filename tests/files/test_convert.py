@@ -1,4 +1,4 @@
-"""Files of other programs, in and out: they come over to the last digit; what is wrong in them has a line and a column."""
+"""Conversion of files of other programs: every digit is kept, and faults are reported with line and column."""
 
 import json
 

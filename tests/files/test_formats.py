@@ -1,4 +1,4 @@
-"""Extended XYZ, H5MD, tipsy: the libraries of others read what is written; what others write is read; bad files are told."""
+"""Extended XYZ, H5MD and tipsy: other libraries read the written files, and faulty files are reported."""
 
 import contextlib
 import importlib.util

@@ -1,4 +1,4 @@
-"""Arrows of accelerations and forces: the program's own forces at the moment shown, which no run notices."""
+"""Arrows of accelerations and forces: the forces of the program at the time of the picture, without effect on the run."""
 
 import re
 from contextlib import nullcontext
@@ -347,7 +347,7 @@ def test_halves_side_by_side_have_their_own_forces(tmp_path, monkeypatch):
         ("speed", "7:11: view.arrows: must be a mapping"),
     ],
 )
-def test_what_cannot_be_is_told_with_its_place(tmp_path, arrows, fault):
+def test_faulty_arrows_are_refused_at_their_place(tmp_path, arrows, fault):
     path = tmp_path / "a.yaml"
     text = "particles:\n  - body: {name: sun, mass: 1, position: [0, 0, 0]}\nforces: []\nintegrator: {leapfrog: {dt: 0.1}}\n"
     path.write_text(f"{text}run: {{duration: 1}}\nview:\n  arrows: {arrows}\n", encoding="utf-8")
@@ -356,7 +356,7 @@ def test_what_cannot_be_is_told_with_its_place(tmp_path, arrows, fault):
     assert re.sub(r"^.*?a\.yaml:", "", str(caught.value)).startswith(fault), caught.value
 
 
-def test_old_scenes_and_lists_of_none():
+def test_scenes_without_a_list_of_arrows_show_velocities_and_an_empty_list_shows_none():
     for said, found in (({}, ["velocity"]), (None, ["velocity"]), ({"time": 0.3}, ["velocity"]), ([], [])):
         assert [each.quantity for each in load_scene({**kepler(), "view": {"arrows": said}}).view.arrows] == found
     assert load_scene(kepler()).view.arrows == ()

@@ -1,4 +1,4 @@
-"""Every force of the catalogue: gradient of its potential, third law, dissipation; a new file is tested by being there."""
+"""Every force of the package: gradient of its potential, third law, dissipation; a new file is tested automatically."""
 
 from dataclasses import replace
 

@@ -52,7 +52,7 @@ def test_a_rocket_that_is_burnt_out_flies_on():
     assert np.array_equal(ends[0].velocity, ends[1].velocity)
 
 
-def test_a_push_into_no_direction_is_refused():
+def test_a_thrust_with_direction_zero_is_refused():
     forces = [{"thrust": {"exhaust_speed": 1, "flow": 1, "direction": [0, 0, 0]}}]
     scene = {"particles": [{"body": {"mass": 1, "position": [0, 0, 0]}}], "forces": forces}
     with pytest.raises(SceneError, match=r"forces\[0\].thrust.direction: must not be \[0, 0, 0\]"):

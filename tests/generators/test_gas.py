@@ -1,4 +1,4 @@
-"""Gases and racks: nothing overlaps, everything asked for is there, and velocities are what was asked for."""
+"""Gases and racks: no overlaps, the requested number of particles, and the requested velocities."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Bodies placed by the elements of their orbits, against REBOUND's own conversion and the laws of the orbit."""
+"""Bodies placed by their orbital elements, against REBOUND's conversion and the laws of the orbit."""
 
 import math
 

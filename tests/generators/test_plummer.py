@@ -1,4 +1,4 @@
-"""Plummer's sphere: its density, its velocities and its place."""
+"""Plummer's sphere: its density, its velocities and its position."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Leapfrog with steps of its own: order, bounded energy, cost and smooth frames, beside the one with a fixed step."""
+"""Adaptive leapfrog: order, bounded energy, cost and smooth frames, against leapfrog with a fixed step."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Hermite's schemes: jerk and snap of every force, order, near symmetry in time, plans, and what is refused."""
+"""Hermite's schemes: jerk and snap of every force, order, near symmetry in time, plans, and refused scenes."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""IAS15 against closed forms, against REBOUND's, and where adaptive steps stall, collide or see nothing but round-off."""
+"""IAS15 against closed forms and REBOUND's IAS15, and in cases where adaptive steps are difficult."""
 
 import math
 

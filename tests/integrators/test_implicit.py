@@ -1,4 +1,4 @@
-"""Implicit methods: springs of any stiffness, steps of any length, solvers that agree, and failures that are told."""
+"""Implicit methods: springs of any stiffness, steps of any length, agreement of the solvers, and reported failures."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Every integrator of the catalogue: order, reversibility, energy, damping; a new file is tested by being there."""
+"""Every integrator of the package: order, reversibility, energy, damping; a new file is tested automatically."""
 
 import math
 

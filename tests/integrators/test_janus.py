@@ -1,4 +1,4 @@
-"""JANUS: back to the very bits through chaos, the orders and errors of its tables, and where its lattice ends."""
+"""JANUS: exact reversal of chaotic motion, the orders and errors of its tables, and the end of its lattice."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""How near a planet may come to the two stars of Kepler-16: many phases and distances in one launch."""
+"""The smallest stable distance of a planet from the stars of Kepler-16: many phases and distances in one launch."""
 
 from pathlib import Path
 

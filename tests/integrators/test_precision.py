@@ -1,4 +1,4 @@
-"""The ladder f32, f32c, ds, f64: what each keeps, that no compiler takes it away, and what is refused."""
+"""The precisions f32, f32c, ds and f64: their errors, the effect of compilers, and refused methods."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""A method takes the step of the run, which may be changed after the scene was read, and no step of its own."""
+"""A method has no step of its own: it uses the step of the run, which may change after the scene was read."""
 
 import numpy as np
 import pytest

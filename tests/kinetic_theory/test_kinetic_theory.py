@@ -1,4 +1,4 @@
-"""Kinetic theory of hard disks and spheres against virial coefficients, published simulations, and independent statistics."""
+"""Kinetic theory of hard disks and spheres against virial coefficients, published simulations and statistics."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Waves and modes of lattices of springs against lattice theory, and what becomes of them without tension."""
+"""Waves and modes of lattices of springs against lattice theory, with and without tension."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Modes of spring networks: frequencies against matrices and closed forms, zero-frequency modes, and what a run shows."""
+"""Modes of spring networks: frequencies against matrices and closed forms, zero-frequency modes, and modes along a run."""
 
 import csv
 import json
@@ -440,7 +440,7 @@ def test_the_command_line_tells_modes_and_mechanisms(tmp_path, capsys):
     assert "damping predicted at the lowest ω" in err and "no energy lost" in err
 
 
-def test_bad_wishes_are_refused_before_anything_runs(tmp_path, capsys, monkeypatch):
+def test_faulty_modes_are_refused_before_the_run(tmp_path, capsys, monkeypatch):
     def faults(**modes):
         with pytest.raises(SceneError) as caught:
             load_scene(sheet(modes=modes))
@@ -522,7 +522,7 @@ def test_the_highest_frequency_of_a_network_too_large_to_solve_is_the_one_that_i
     assert row["relative_frequency_error"] == pytest.approx(math.asin(0.015) / 0.015 - 1.0, rel=1e-6)
 
 
-def test_pairs_of_numbers_without_a_lattice_mean_the_only_one():
+def test_mode_numbers_without_a_lattice_apply_to_the_only_lattice():
     spec = load_scene(SCENES / "membrane.yaml")
     named = find_modes(spec, assemble(spec), of="sheet", show=[(1, 1, 1), (2, 1, 1), (1, 2, 1)])
     unnamed = find_modes(spec, assemble(spec), show=[(1, 1, 1), (2, 1, 1), (1, 2, 1)])

@@ -1,4 +1,4 @@
-"""The cell grid finds exactly the pairs that brute force finds, each once, in an order that threads do not change."""
+"""The cell grid finds the pairs of a search over all pairs, each once, in an order that is independent of threads."""
 
 import hashlib
 
@@ -210,7 +210,7 @@ def test_the_order_is_that_of_cell_and_index_whatever_the_threads():
 
 
 @pytest.mark.parametrize("precision", ["f32", "f64"])
-def test_spheres_that_are_lost_or_points_do_not_stop_a_grid(precision):
+def test_nan_positions_and_point_particles_do_not_stop_the_grid(precision):
     """What is no number is found out after the step, with its particle; until then the grid has to bear it."""
     random = np.random.default_rng(3)
     backends.start("cpu", precision, threads=2)

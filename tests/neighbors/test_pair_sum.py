@@ -132,7 +132,7 @@ def test_potential_energy_is_float64_in_any_precision(precision):
     np.testing.assert_allclose(launcher.energies.to_numpy(), expected, rtol=rounding(70, ti.f64))
 
 
-def test_any_shape_of_force_runs_in_lanes(precision, monkeypatch):
+def test_forces_of_any_shape_are_evaluated_in_lanes(precision, monkeypatch):
     monkeypatch.setattr(lane_arithmetic, "in_hardware", lambda *_, **__: False)
     assert is_elementwise(Gravity.shape)
     assert not is_elementwise(Screened.shape)

@@ -1,4 +1,4 @@
-"""The pair sum that evaluates each pair once: the same forces, both ways, for any number of bodies and threads."""
+"""The pair sum that evaluates each pair once: the same forces for any number of bodies and threads."""
 
 import numpy as np
 import pytest
@@ -76,7 +76,7 @@ def test_bodies_at_one_place_leave_the_others_alone(monkeypatch, has_root):
             assert bad == {first, second}
 
 
-def test_few_bodies_and_such_as_merge_take_the_other_sum(monkeypatch):
+def test_few_bodies_and_merging_bodies_are_summed_without_symmetry(monkeypatch):
     monkeypatch.setattr(lane_arithmetic, "in_hardware", lambda *_, **__: False)  # which only a launch of its own would use
     for precision in started("f64"):
         launcher = launcher_of((Gravity(0.0),), bodies_of(SYMMETRIC_COUNT - 1, 3, precision), precision)

@@ -1,4 +1,4 @@
-"""Gravity by a tree: forces against the direct sum in NumPy, over what trees find hard; bits, energy, refusals."""
+"""Gravity by a tree: forces against the direct sum in NumPy in difficult cases; bits, energy, refusals."""
 
 import numpy as np
 import pytest
@@ -141,7 +141,7 @@ def test_a_softened_node_is_expanded_with_its_softening(tree, kind):
     np.testing.assert_allclose(tree.potentials()[rows], 0.5 * mass[rows] * well, rtol=1e-4)
 
 
-def test_momentum_is_kept_to_the_accuracy(tree):
+def test_the_momentum_of_forces_by_a_tree_is_conserved_to_the_accuracy(tree):
     """Nodes act on bodies and bodies not on nodes: Σ m a is no zero, but errors of many bodies cancel further."""
     position, mass = bodies("plummer")
     found = tree.place(position, mass, 1e-3).accelerations()

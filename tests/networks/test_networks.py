@@ -1,4 +1,4 @@
-"""Lattices, their links and spring types: what a page of YAML makes of them, and what it is warned of."""
+"""Lattices, their links and spring types: the particles and springs of a scene, and its warnings."""
 
 import logging
 

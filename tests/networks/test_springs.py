@@ -1,4 +1,4 @@
-"""Springs by their laws: the oscillator in its three regimes for every integrator, and networks that are hard to keep."""
+"""Springs: the oscillator in its three regimes for every integrator, and difficult networks."""
 
 import logging
 import math

@@ -1,4 +1,4 @@
-"""Networks at rest under their weight against a nonlinear truss computation that shares nothing with the program."""
+"""Networks at rest under their weight against an independent nonlinear truss computation."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Plots: axes with round ticks, curves that grow where they should, and files that hold every number."""
+"""Plots: axes with round ticks, curves that contain every value, and files that contain every number."""
 
 import re
 import xml.etree.ElementTree as ElementTree

@@ -1,4 +1,4 @@
-"""`inspect:` along a run: what is recorded, what is computed for it, and how panels and scene share a picture."""
+"""`inspect:` along a run: recorded samples, computed quantities, and panels beside the scene."""
 
 import csv
 import math

@@ -1,4 +1,4 @@
-"""Quantities that panels plot, against numbers worked out by hand."""
+"""Quantities of panels against numbers that were computed by hand."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What is recorded of a gas: the histogram of speeds and the log of collisions, in every format."""
+"""Recorders of gases: the histogram of speeds and the log of collisions, in every format."""
 
 import csv
 import math

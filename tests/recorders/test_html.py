@@ -1,4 +1,4 @@
-"""A run as one HTML page: what it holds is the run, to a bound that is told; a browser shows it where the camera says."""
+"""The HTML page of a run: its data equal the run to a stated bound, and a browser draws them at the right places."""
 
 import io
 import math

@@ -1,4 +1,4 @@
-"""Massless particles have no part in the energy of the whole: what a step too large does to them is found all the same."""
+"""Massless particles have no share of the total energy: a blow-up of their motion is found all the same."""
 
 import json
 

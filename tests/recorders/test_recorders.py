@@ -1,4 +1,4 @@
-"""Recorders write what happened, when it was due, in numbers that a reader gets back exactly."""
+"""Recorders: they record the state at the right times, and a reader gets back exact numbers."""
 
 import csv
 import math

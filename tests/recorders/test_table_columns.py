@@ -1,4 +1,4 @@
-"""A scene names the columns of its table, and they hold what its panels and the particles have."""
+"""The columns of a table that a scene names hold the quantities of panels and particles."""
 
 import csv
 

@@ -1,4 +1,4 @@
-"""Films: what is written can be played, and no encoder, however broken, costs more than the film."""
+"""Films: every film plays, and a broken encoder affects the film alone."""
 
 import os
 import signal

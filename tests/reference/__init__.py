@@ -1,1 +1,1 @@
-"""Plain NumPy physics, written apart from the program, to hold it against."""
+"""Physics in plain NumPy, written independently of the program, for comparison with its results."""

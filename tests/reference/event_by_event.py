@@ -1,4 +1,4 @@
-"""Hard spheres event by event, all pairs each time: slow, short, and nothing in common with the program."""
+"""Hard spheres event by event, with a search over all pairs for each event: slow, short, and independent of the program."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Hard spheres event by event, the plain way: look at everything, fly to the earliest contact, let it bounce, look again."""
+"""Hard spheres event by event: find the earliest contact, move to it, resolve it, and search again."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A new component is one new file: scenes are checked by its flags, and no list elsewhere is edited."""
+"""A new component is one new file: scenes are checked by its flags, without a change of other files."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Expressions compute what Python computes, nothing else, and say at which character they fail."""
+"""Expressions compute the same numbers as Python, refuse other syntax, and report the place of a fault."""
 
 import math
 

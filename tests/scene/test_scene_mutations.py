@@ -1,4 +1,4 @@
-"""Every broken scene ends in a SceneError or CapacityError that says where, quickly and without eating memory."""
+"""Every broken scene ends in a SceneError or CapacityError with its place, in a short time and little memory."""
 
 import json
 import os

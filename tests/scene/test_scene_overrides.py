@@ -1,4 +1,4 @@
-"""Overrides: what `--set` and `overrides=` can change, and what they refuse."""
+"""Overrides: the changes that `--set` and `overrides=` can make, and the changes that they refuse."""
 
 import pytest
 
@@ -81,7 +81,7 @@ def test_later_overrides_win():
     assert load_scene(SCENE, overrides=["seed=1", "seed=2"]).seed == 2
 
 
-def test_only_the_first_equals_sign_parts():
+def test_an_override_is_split_at_its_first_equals_sign():
     assert load_scene(SCENE, overrides=["title='a=b'"]).title == "a=b"
 
 

@@ -1,4 +1,4 @@
-"""What a YAML text means here: the traps of YAML 1.1, places of faults, extends, and what a checked scene holds."""
+"""The reader of scenes: the traps of YAML 1.1, places of faults, `extends`, and the contents of a checked scene."""
 
 import subprocess
 import sys

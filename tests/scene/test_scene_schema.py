@@ -1,4 +1,4 @@
-"""The JSON Schema: fresh, valid, and of one mind with the checks on every bundled scene."""
+"""The JSON Schema: up to date, valid, and in agreement with the checks on every bundled scene."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Units: the constant of gravitation of a scene's units, against Gauss, Kepler and SI."""
+"""Units: the gravitational constant in the units of a scene, against Gauss, Kepler and SI."""
 
 import math
 

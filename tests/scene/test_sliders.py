@@ -1,4 +1,4 @@
-"""Sliders: a parameter moved while a scene runs acts on the next step, compiles nothing, and can be repeated from the log."""
+"""Sliders: a parameter that moves during a run acts on the next step, without compilation, and the log repeats the run."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Sliders with contacts, on a graphics device and with methods that choose their steps: the same bits, nothing compiled."""
+"""Sliders with contacts, on a graphics device and with adaptive methods: the same bits, without compilation."""
 
 import numpy as np
 import pytest

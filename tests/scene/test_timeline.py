@@ -1,4 +1,4 @@
-"""A timeline: parameters change at exactly their time, and each phase is a scene of its own, compiled by itself."""
+"""A timeline: parameters change at exactly their time, and each phase is compiled as a scene of its own."""
 
 import copy
 import json

@@ -1,4 +1,4 @@
-"""Every bundled scene keeps what its `expect:` block states."""
+"""Every bundled scene fulfils its `expect:` block."""
 
 import json
 from pathlib import Path

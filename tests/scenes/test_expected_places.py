@@ -1,4 +1,4 @@
-"""Places that scenes expect, computed anew by SciPy and Newton's method, and how far one per cent of each force moves them."""
+"""Positions in `expect:` blocks, computed again by SciPy and Newton's method, and their change by one per cent of a force."""
 
 from functools import cache
 from pathlib import Path

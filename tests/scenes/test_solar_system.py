@@ -1,4 +1,4 @@
-"""The solar system of scenes/solar_system.yaml beside JPL's ephemeris DE421, which knows more physics than Newton's."""
+"""The scene solar_system against JPL's ephemeris DE421, which includes general relativity."""
 
 import csv
 import math

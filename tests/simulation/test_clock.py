@@ -1,4 +1,4 @@
-"""The clock of a run: time is counted in whole steps, and there is one length of the step."""
+"""The clock of a run: it counts whole steps, and there is one length of the step."""
 
 import inspect
 import math

@@ -1,4 +1,4 @@
-"""Whom a run that ended in NaN names: the particles that it began with."""
+"""The message of a run that ended in NaN names particles by their numbers at the start."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""How methods and contact solvers are launched is read in one place; all others ask the launcher."""
+"""One file decides how methods and contact solvers are launched; other files ask the launcher."""
 
 import ast
 

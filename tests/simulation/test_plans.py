@@ -1,4 +1,4 @@
-"""One text of the step: every plan and backend gives the same trajectory, and the same run twice the same bits."""
+"""Plans and backends: every plan gives the same trajectory, and repeated runs give the same bits."""
 
 import subprocess
 import sys

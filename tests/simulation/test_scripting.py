@@ -1,4 +1,4 @@
-"""Python in place of a script engine: parameters that change while a simulation runs, results as arrays, and how they show."""
+"""Python scripts: parameters that change during a run, results as arrays, and their display."""
 
 import io
 from html.parser import HTMLParser
@@ -89,7 +89,7 @@ def test_before_the_first_step_all_of_the_scene_may_change(stone):
     assert stone.snapshot().position.tolist() == [[0.0, 0.0, 5.0]] and not stone.scene.timeline
 
 
-def test_a_going_on_from_a_state_is_changed_at_its_time(stone):
+def test_a_run_that_continues_from_a_state_applies_the_timeline_at_its_times(stone):
     stone.run(until=2.0)
     state = stone.snapshot()
     with mpp.Simulation(falling(), backend="cpu", start=state) as simulation:

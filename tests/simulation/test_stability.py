@@ -1,4 +1,4 @@
-"""Numbers that are not finite are found where they are born, on every backend; nothing is silently wrong."""
+"""Numbers that are not finite are found at the step where they arise, on every backend."""
 
 import numpy as np
 import pytest
@@ -116,7 +116,7 @@ def test_compensation_is_reported_as_it_is(software_vulkan):
     assert not backends.start("vulkan", "f32").probes.compensation
 
 
-def test_f64_is_f64_where_it_is_promised(software_vulkan):
+def test_f64_runs_compute_in_double_precision_on_every_backend_that_has_it(software_vulkan):
     for backend in ("cpu", "vulkan"):
         with Simulation(kepler(0.0, dt=0.001), backend=backend, precision="f64") as simulation:
             energy = simulation.diagnostics()["total_energy"]

@@ -1,4 +1,4 @@
-"""The step advisor: frequencies against eigenvalues of matrices made another way, limits against what runs really do."""
+"""The step advisor: frequencies against eigenvalues of independent matrices, limits against real runs."""
 
 import json
 import math

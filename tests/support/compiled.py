@@ -1,4 +1,4 @@
-"""Forces compiled by themselves, to be asked for accelerations and energies at any place."""
+"""Forces that are compiled alone, to evaluate their accelerations and energies at any position."""
 
 import numpy as np
 import taichi as ti

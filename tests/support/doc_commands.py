@@ -1,4 +1,4 @@
-"""What the Markdown pages tell a reader to type: shell commands, Python and YAML, each with its page and line."""
+"""The shell commands, Python blocks and YAML blocks of the Markdown pages, each with its page and line."""
 
 import re
 import shlex

@@ -1,4 +1,4 @@
-"""Spring networks that break careless programs, as mappings of the shape of the YAML; every one takes an integrator.
+"""Spring networks that are difficult for numerical methods, as mappings of scenes, for any integrator.
 
 `integrator` is a name, `dt` its step, `damping` that of every spring. Without damping each of them conserves its energy.
 """

@@ -1,4 +1,4 @@
-"""Reads a page of `record --html` back, by the description of its format alone."""
+"""Reads a page of `record --html`, from the description of its format alone."""
 
 import base64
 import json

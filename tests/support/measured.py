@@ -1,4 +1,4 @@
-"""Samples that are made up, and the diagnostics that a key of `expect:` stands for."""
+"""Synthetic samples, and the diagnostics of a key of `expect:`."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,4 +1,4 @@
-"""Frames to draw and look at, shared by the tests of the views."""
+"""Frames for the tests of the views."""
 
 from dataclasses import replace
 

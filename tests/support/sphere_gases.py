@@ -1,4 +1,4 @@
-"""Spheres for the contact solvers, from arrays: a state, a setup, a box of walls, and places without overlap."""
+"""Spheres for the contact solvers, from arrays: a state, a setup, a box of walls, and positions without overlap."""
 
 import numpy as np
 import taichi as ti

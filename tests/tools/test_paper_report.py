@@ -1,4 +1,4 @@
-"""The paper report: marks follow from numbers, runs agree with the paper, and the page stands alone."""
+"""The paper report: marks follow from numbers, runs agree with the paper, and the page needs no other file."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""The camera sees everything, and keys and mouse move it as the help says."""
+"""The camera: it shows the whole scene, and keys and mouse move it as the help describes."""
 
 import math
 
@@ -87,7 +87,7 @@ def test_printed_camera_is_the_same_camera(projection: str) -> None:
     assert again.visible_height == pytest.approx(camera.visible_height, rel=1e-4)
 
 
-def test_dragging_follows_the_hand() -> None:
+def test_the_picture_follows_a_dragged_mouse() -> None:
     camera = Camera(FRONT, frame_of([0, 0, 0], 1.0), aspect=1.5)
     near, height = np.array([0.0, 0.0, 1.0]), camera.visible_height
     camera.rotate(0.05, 0.0)

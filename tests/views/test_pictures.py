@@ -1,4 +1,4 @@
-"""What `view:` asks for is in the picture: display scales, surfaces, light and shadow, sky, colours, arrows, axes and grid."""
+"""Every key of `view:` in the picture: display scales, surfaces, light, shadow, sky, colours, arrows, axes and grid."""
 
 import math
 from dataclasses import replace
@@ -317,7 +317,7 @@ def test_light_from_afar_comes_from_its_direction_and_makes_shadows(cpu) -> None
     np.testing.assert_array_equal(shaded[66, :80], alone[66, :80])
 
 
-def test_what_shines_needs_no_light_and_glows(cpu) -> None:
+def test_a_light_source_is_bright_without_other_light_and_has_a_glow(cpu) -> None:
     picture = draw(
         frame_of([0, 0, 0], 0.5, (1, 0.6, 0.2)), view_spec(PARALLEL, bodies={(0, 1): BodyViewSpec(light=True)}), SIZE
     )

@@ -1,4 +1,4 @@
-"""Pictures: what is where, how large, what hides what; the same twice, on every backend and at every scale."""
+"""Pictures: positions, sizes and hidden parts; the same twice, on every backend and at every scale."""
 
 import math
 import os

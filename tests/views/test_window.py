@@ -1,4 +1,4 @@
-"""The window under a display in memory: keys and mouse do what the help says, and every way out ends cleanly."""
+"""The window on a virtual display: keys and mouse act as the help describes, and every way to close it ends cleanly."""
 
 import ctypes
 import ctypes.util

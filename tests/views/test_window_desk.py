@@ -1,4 +1,4 @@
-"""The window as a laboratory: sliders, picking, following, the way back; without a display, and once with a real one."""
+"""The window: sliders, picking, following, stepping back; without a display, and once with a real display."""
 
 import math
 
@@ -58,7 +58,7 @@ class Hand:
         return float(np.float32(self.places.get(name, old_value)))
 
 
-def test_a_slider_that_nobody_touches_moves_nothing_whatever_its_digits():
+def test_an_untouched_slider_changes_no_digit_of_its_value():
     for value in (0.1, 1 / 3, 2.9584e-4, 1e7, 0.0):
         for logarithmic in (False, True)[: 1 + (value > 0)]:
             knob = Knob("k", "k", 0.5 * value, 2.0 * value or 1.0, logarithmic, lambda value=value: value)

@@ -1,4 +1,4 @@
-"""Keys and drags of a real window, one after the other in one run, each by what it does to the run, the camera or the picture.
+"""Keys and drags of a real window, in sequence in one run, with their effects on the run, the camera or the picture.
 
 Where the camera is, is what K prints. The other keys of the help are driven in test_window.py, test_window_desk.py and
 test_window_scenes.py.

@@ -1,4 +1,4 @@
-"""Another scene in the same window: chosen from a list by keys or a click; one that cannot be run leaves the old one going."""
+"""Another scene in the same window: chosen from a list by keys or a click; after a faulty choice the old scene continues."""
 
 import json
 import re

@@ -1,15 +1,16 @@
-"""docs/performance.md from what the benchmarks wrote: a table of ratios of each, every bar, and the machine."""
+"""Writes docs/performance.md from the results of the benchmarks: tables of ratios, all bars, and the machine."""
 
 INTRODUCTION = """\
 # Performance
 
-Every number of this page was measured by one command, which wrote it as well:
+One command measured every number of this page, and wrote the page:
 
     python tools/measure_performance.py
 
-Speed is a ratio to another program on the same machine, measured in turns in one run; medians. Above 1 this program is the
-faster one. What is missing (a compiler, a package, a device) has no column. Losses are in the tables as wins are, and all bars
-at the end.
+A column "speed ÷ X" is the speed of this program divided by the speed of the program X on the same machine. The two programs
+are measured in alternation in one run, and the number is a ratio of medians. Above 1, this program is faster. A program that is
+missing on the machine (for lack of a compiler, a package or a device) has no column. The tables contain all results, whether
+this program is faster or slower. The last table compares the results with their limits.
 """
 GPU = """\
 ## On a GPU
@@ -20,13 +21,14 @@ GPU = """\
     python -m mpp_taichi compare scenes/cloth.yaml --backends cuda,vulkan,opencl --scaling
     python -m mpp_taichi accuracy scenes/cluster.yaml --backends cuda --precisions f64,ds,f32c,f32
 
-These measure it where there is one: the certificate first, then rates, shares of the measured peak and steps per second from 2
-particles to the largest that fit. The tests run the same verbs on the backends of a CPU.
+These commands measure the performance on a machine with a GPU: first the certificate, then the rates, the shares of the
+measured peak, and the steps per second from 2 particles to the largest number that fits into memory. The tests run the same
+verbs on the backends of a CPU.
 """
 
 
 def page(found, commands):
-    """The text; `found` maps the names of benchmarks to what they wrote, `commands` to how they were called."""
+    """The text of the page. `found` maps the name of a benchmark to its results, and `commands` maps it to its command line."""
     parts = [INTRODUCTION + "\n" + _machine(found)]
     for name, (title, tables) in SECTIONS.items():
         if name in found:
@@ -34,30 +36,30 @@ def page(found, commands):
     comparisons = [found[name] for name in sorted(found) if name.startswith("compare")]
     parts += [_comparison(each, commands[f"compare {each['scene']}"]) for each in comparisons]
     on_gpu = any(row["status"] == "ok" and not row["on_processor"] for each in comparisons for row in each["rows"])
-    parts.append(GPU.format(sentence="Its rows are above." if on_gpu else "**Not run on a GPU.**"))
+    parts.append(GPU.format(sentence="The rows of the GPU are in the tables above." if on_gpu else "**Not run on a GPU.**"))
     parts.append(_bars(found))
     return "\n\n".join(part.strip() for part in parts) + "\n"
 
 
 def table(head, rows):
-    """Markdown; numbers to the right."""
+    """A table in Markdown, with the numbers aligned to the right."""
     lines = [f"| {' | '.join(head)} |", f"|{'|'.join('---' if k == 0 else '---:' for k in range(len(head)))}|"]
     return "\n".join([*lines, *(f"| {' | '.join(str(cell) for cell in row)} |" for row in rows)])
 
 
 def ratio(value):
-    """`0.86`, `12`; a dash where there is none."""
+    """A ratio with two digits, such as `0.86` or `12`; a dash for a missing ratio."""
     return "–" if value is None else f"{value:.2g}" if value < 10 else f"{value:.0f}"
 
 
 def size(value):
-    """`3.2 G`, `870 k`."""
+    """A large number with a prefix, such as `3.2 G` or `870 k`."""
     scale, unit = next((each for each in ((1e9, "G"), (1e6, "M"), (1e3, "k")) if value >= each[0]), (1.0, ""))
     return f"{value / scale:.3g} {unit}".strip()
 
 
 def duration(seconds):
-    """`1.2 ms`."""
+    """A time with its unit, such as `1.2 ms`; a dash for a missing time."""
     if seconds is None:
         return "–"
     scale, unit = next((each for each in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")) if seconds >= each[0]), (1e-9, "ns"))
@@ -79,7 +81,15 @@ def _pairs(results):
             for count, row in sizes.items()
             for best in [max((row["composed"], row["gather"]), key=lambda each: each["per_second"])]
         ]
-        yield table([f"{precision}: N", "pairs/s", *(f"÷ {OPPONENTS[name]}" for name in others), "off"], rows)
+        yield table(
+            [
+                f"{precision}: N",
+                "pairs/s",
+                *(f"speed ÷ {OPPONENTS[name]}" for name in others),
+                "largest error ÷ mean acceleration",
+            ],
+            rows,
+        )
 
 
 def _opencl(results):
@@ -89,7 +99,7 @@ def _opencl(results):
         for case in results
         for ours, theirs in [(case["rows"]["ours"], case["rows"]["opencl"])]
     ]
-    yield table(["step of", "N", "", "ours", "OpenCL", "speed ÷ OpenCL", "its kernel"], rows)
+    yield table(["scene", "N", "precision", "time of a step", "time in OpenCL", "speed ÷ OpenCL", "OpenCL kernel"], rows)
 
 
 def _steps(results):
@@ -99,10 +109,15 @@ def _steps(results):
         for row in results["steps"]
         for us in [row["microseconds_per_step"]]
     ]
-    yield table(["bodies", "a step", "REBOUND", "time ÷ REBOUND", "time ÷ hand-written"], rows)
+    yield table(
+        ["bodies", "time of a step", "time in REBOUND", "time ÷ time in REBOUND", "time ÷ time of hand-written kernel"], rows
+    )
     kinds = ("process", "import_libraries", "import_mpp_taichi", "scene_to_first_step")
     starts = [[label, *(duration(times[kind]) for kind in kinds)] for label, times in results["start"].items()]
-    yield table(["start of sun_earth", "whole process", "libraries", "import", "scene to first step"], starts)
+    yield table(
+        ["start of sun_earth", "whole process", "import of libraries", "import of mpp_taichi", "from scene to first step"],
+        starts,
+    )
 
 
 def _tree(results):
@@ -113,7 +128,9 @@ def _tree(results):
             for count, row in sizes.items()
             for tree in [row["tree 0.001"]]
         ]
-        yield table([f"{precision}: N", "a force", "speed ÷ direct", "error, median", "99 %"], rows)
+        yield table(
+            [f"{precision}: N", "time of all forces", "speed ÷ direct sum", "error, median", "error, 99th percentile"], rows
+        )
 
 
 def _springs(results):
@@ -126,7 +143,10 @@ def _springs(results):
         for case in results
         for ours in [case["rows"]["ours"]]
     ]
-    yield table(["springs", "", "a step", "half-springs/s", *(f"÷ {named[name]}" for name in others)], rows)
+    yield table(
+        ["springs, order", "precision", "time of a step", "half-springs/s", *(f"speed ÷ {named[name]}" for name in others)],
+        rows,
+    )
 
 
 def _contacts(results):
@@ -140,7 +160,16 @@ def _contacts(results):
         for other, row in case["rows"].items()
         if row is not swept
     ]
-    head = ["spheres", "", "a step of swept", "particle-steps/s", "beside", "speed ÷ that", "overlap, radii", "of that"]
+    head = [
+        "spheres",
+        "precision",
+        "time of a step of swept",
+        "particle-steps/s",
+        "other solver",
+        "speed ÷ other solver",
+        "largest overlap (radii)",
+        "largest overlap of other solver",
+    ]
     yield table(head, rows)
 
 
@@ -154,7 +183,17 @@ def _events(results):
         if row["contender"] == "ours"
         for other in [theirs.get((row["dimensions"], row["count"]))]
     ]
-    yield table(["spheres", "collisions/s", "cost, first = 1", "÷ REBOUND", "largest overlap", "REBOUND's"], rows)
+    yield table(
+        [
+            "dimensions, spheres",
+            "collisions/s",
+            "cost per collision ÷ first row",
+            "speed ÷ REBOUND",
+            "largest overlap",
+            "largest overlap in REBOUND",
+        ],
+        rows,
+    )
 
 
 SECTIONS = {
@@ -180,7 +219,16 @@ def _comparison(found, command):
         for row in found["rows"]
         for timed in [row["status"] == "ok" and row["step_seconds"] is not None]
     ]
-    head = ["backend", "", "certificate", "compile", "again", "a step", "rate", "of peak"]
+    head = [
+        "backend",
+        "precision",
+        "certificate",
+        "compilation",
+        "compilation from cache",
+        "time of a step",
+        "rate",
+        "share of peak",
+    ]
     title = f"## Backends: {found['title']}, {found['particle_count']:,} particles"
     remarks = "".join(f"\n\n{text[0].upper()}{text[1:]}." for text in found["warnings"])
     return f"{title}\n\n    {command}\n\n{table(head, rows)}{remarks}"
@@ -215,4 +263,5 @@ def _bars(found):
         for bar in found[name]["bars"]
     ]
     held = sum(row[-1] == "held" for row in rows)
-    return f"## Bars\n\n{held} of {len(rows)} held.\n\n{table(['', 'bar', 'limit', 'measured', ''], rows)}"
+    head = ["benchmark", "bar", "limit", "measured", "result"]
+    return f"## Bars\n\n{held} of {len(rows)} results keep their limit.\n\n{table(head, rows)}"
