@@ -11,6 +11,7 @@ from mpp_taichi.integrators._trouble import Trouble, not_finite
 from mpp_taichi.types import Template
 
 
+@ti.data_oriented
 class Adaptive(Integrator):
     """A method that takes steps as long as its error control allows, and shows the state at other times by a polynomial.
 

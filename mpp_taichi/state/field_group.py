@@ -24,7 +24,7 @@ class FieldGroup:
         for count, *parts in rows:
             for part in parts:
                 fields = part if isinstance(part, tuple) else (part,)
-                width = 4 if _number_type(fields[0]) in (ti.f32, ti.i32, ti.u32) else 8
+                width = _bytes_each(fields[0])
                 if width not in builders:
                     builders[width] = ti.FieldsBuilder()
                 place = builders[width] if count is None else builders[width].dense(ti.i, count)
@@ -37,6 +37,7 @@ class FieldGroup:
             tree.destroy()
 
 
-def _number_type(field: Any) -> Any:
-    """Type of the numbers of a field that is not placed yet; `dtype` knows the type only afterwards."""
-    return field._get_field_members()[0].ptr.get_dt()
+def _bytes_each(field: Any) -> int:
+    """Bytes of each number of a field that is not placed yet; `field.dtype` is known only afterwards."""
+    name: str = field._get_field_members()[0].ptr.get_dt().to_string()  # such as "f64"
+    return int(name[1:]) // 8

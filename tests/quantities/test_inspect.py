@@ -73,8 +73,8 @@ def test_what_is_recorded_is_the_motion_and_changes_nothing(scene: Path):
         recorder.save(Path("panels.csv"))
         recorder.restart()
         assert recorder.inspector.samples.count == 0
-        wrong = load_scene(str(scene), overrides=["inspect=[{y: {mode_amplitude: {mode: [9]}}}]"])
-        simulation.spec = replace(simulation.spec, inspect=wrong.inspect)
+    wrong = ["inspect=[{y: {mode_amplitude: {mode: [9]}}}]"]
+    with Simulation(str(scene), backend="cpu", precision="f64", overrides=wrong) as simulation:
         with pytest.raises(SceneError, match=r"inspect\[0\].y.mode_amplitude: modes: there is no mode 9"):
             Inspector(simulation)
     found = table(Path("panels.csv"))

@@ -228,11 +228,14 @@ def test_what_cannot_be_a_page_is_said_in_one_line(tmp_path, monkeypatch, capsys
     cases = [
         (["--html", "page.mp4"], 2, "--html page.mp4: the suffix must be one of .html"),
         (["--html", "file/page.html"], 5, "file/page.html"),
-        (["--html", "page.html", "--fps", "1000", "--duration", "20000"], 6, "more than a page can hold, allowed: 10,000,000"),
+        (["--html", "page.html", "--fps", "1000", "--duration", "20000"], 6, "20,000,000 frames, allowed: 1,000,000"),
     ]
     for words, code, said in cases:
         assert main(["record", scene, *words, "-q"]) == code
         assert said in capsys.readouterr().err
+    ring = ["record", str(ROOT / "scenes" / "ring.yaml"), "--html", "page.html", "--fps", "100", "--duration", "600", "-q"]
+    assert main(ring) == 6  # 20 million places of particles are allowed
+    assert "60,000 frames of 3,073 particles are more than a page can hold, allowed: 6,508" in capsys.readouterr().err
     assert [each.name for each in tmp_path.iterdir()] == ["file"]
 
 
