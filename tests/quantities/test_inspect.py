@@ -2,7 +2,6 @@
 
 import csv
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from mpp_taichi.errors import SceneError
 from mpp_taichi.recorders.inspection import InspectionRecorder
 from mpp_taichi.recorders.inspector import Inspector
 from mpp_taichi.recorders.table import TableRecorder
-from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import CameraSpec, RecordSpec, ViewSpec
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.views._base import Frame
