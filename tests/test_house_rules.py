@@ -137,6 +137,18 @@ def test_a_class_is_abstract_or_final():
     assert not wrong
 
 
+def test_a_name_stands_for_one_class():
+    """Components are left out: the class of a component is named after its file, whatever its kind."""
+    marked, seen, twice = set(), {}, []
+    for kind in component.KINDS:
+        marked |= {component.class_name_of(name) for name in component.names(kind)}
+    for path in sorted((ROOT / "mpp_taichi").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef) and node.name not in marked and seen.setdefault(node.name, path) != path:
+                twice.append(f"{node.name} in {path.relative_to(ROOT)} and in {seen[node.name].relative_to(ROOT)}")
+    assert not twice
+
+
 def test_super_is_called_in_exceptions_only():
     classes = Classes()
     for name, node in classes.nodes.items():

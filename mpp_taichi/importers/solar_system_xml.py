@@ -29,7 +29,7 @@ def read(text: str, source: str) -> dict[str, Any]:
     Axes are tilted towards +y, as the Earth's axis is where x is the direction of the equinox. SceneError with line and column
     where the text is no such file.
     """
-    reader = _Reader(source)
+    reader = _SystemReader(source)
     try:
         reader.parser.Parse(text.encode("utf-8"), True)
     except expat.ExpatError as error:
@@ -50,7 +50,7 @@ def read(text: str, source: str) -> dict[str, Any]:
     }
 
 
-class _Reader:
+class _SystemReader:
     """Reads the elements one after the other."""
 
     def __init__(self, source: str) -> None:

@@ -24,7 +24,9 @@ class Adaptive(Integrator):
     for each replica, so that one compilation serves all its values.
     """
 
-    launchers = Launchers(serial="adaptive", replicas="adaptive", parallel="", cpu_only=True)  # its loops have no bound
+    launchers = Launchers(
+        serial="adaptive_steps", replicas="adaptive_steps", parallel="", cpu_only=True
+    )  # its loops have no bound
     path_degree = 0  # of the polynomials that `write_paths` writes; 0: it writes none
     CONTROL = 2
     CLOCK = 3

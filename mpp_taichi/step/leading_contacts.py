@@ -1,6 +1,6 @@
 """Leading contacts: a contact solver that takes the steps of an adaptive method, and cuts them at contacts."""
 
-from mpp_taichi.step.adaptive import Adaptive
+from mpp_taichi.step.adaptive_steps import AdaptiveSteps
 from mpp_taichi.step.launcher import Launcher
 
 
@@ -9,7 +9,7 @@ class LeadingContacts(Launcher):
 
     def set_up(self) -> None:
         """The method's own steps, of which only `begin` is launched."""
-        self.steps = Adaptive(self.parts)
+        self.steps = AdaptiveSteps(self.parts)
 
     def begin(self, time: float, dt: float) -> None:
         """Take the state as the start of the method's first step."""

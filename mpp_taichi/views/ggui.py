@@ -81,8 +81,8 @@ class GguiScene:
         self._window, self._spec = window, spec
         self._canvas, self._scene = window.get_canvas(), window.get_scene()
         self._camera = ti.ui.Camera()
-        self._particles = _Points(with_radius=True)
-        self._lines: dict[float, _Points] = {}
+        self._particles = _PointBuffer(with_radius=True)
+        self._lines: dict[float, _PointBuffer] = {}
         self.appearance = Appearance(spec, dimensions)
         self.shift = (0.0, 0.0)  # of the picture to the right and up, in halves of its height
         self._canvas.set_background_color(tuple(spec.background))
@@ -164,14 +164,14 @@ class GguiScene:
         return np.where(seen[:, 2] > 0.0, pixels * distance / focal * height / width, 0.0)
 
     def _draw_lines(self, ends: np.ndarray, color: np.ndarray, width: float, camera: Camera) -> None:
-        points = self._lines.setdefault(width, _Points(with_radius=False))
+        points = self._lines.setdefault(width, _PointBuffer(with_radius=False))
         count = points.put(self._placed(ends, camera), color, None)
         if count > 0:
             thick = max(width, THINNEST)
             self._scene.lines(points.position, width=thick, per_vertex_color=points.color, vertex_count=count)
 
 
-class _Points:
+class _PointBuffer:
     """Fields of one size that grows; GGUI compiles its copies anew for every field, so they are kept."""
 
     def __init__(self, *, with_radius: bool) -> None:

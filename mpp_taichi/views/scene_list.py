@@ -11,7 +11,7 @@ HINT = "arrows and Enter, or a click; N or Esc: close"
 Box = tuple[float, float, float, float]
 
 
-class Gui(Protocol):
+class ListGui(Protocol):
     """The functions of GGUI's panel that the list uses."""
 
     def button(self, text: str) -> bool:
@@ -75,7 +75,7 @@ class SceneList:
         first = min(max(0, self.marked - rows // 2), max(0, len(self.names) - rows))
         return self.names[first : first + rows]
 
-    def draw(self, gui: Gui, height: int) -> None:
+    def draw(self, gui: ListGui, height: int) -> None:
         """Put the list into a window of GGUI."""
         for name in self.visible(height):
             mark = ">" if name == self.names[self.marked] else " "

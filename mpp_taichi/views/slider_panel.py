@@ -48,7 +48,7 @@ class Knob:
         return f"{self.label} = {self.read():.4g}{scale}###{self.path}"
 
 
-class Gui(Protocol):
+class SliderGui(Protocol):
     """The functions of GGUI's panel that the sliders use."""
 
     def slider_float(self, text: str, old_value: float, minimum: float, maximum: float) -> float:
@@ -72,7 +72,7 @@ class SliderPanel:
         width, height = min(WIDTH, size[0] - 16), ROW * len(self.knobs) + HEAD
         return 8 / size[0], top / size[1], width / size[0], height / size[1]
 
-    def draw(self, gui: Gui) -> dict[str, float]:
+    def draw(self, gui: SliderGui) -> dict[str, float]:
         """Put the sliders into a window of GGUI; returns the parameters that were moved, with their new values."""
         moved = {}
         for knob in self.knobs:

@@ -33,7 +33,7 @@ class WindowPanels:
         self._size: tuple[int, int] | None = None
         self._sheet: Sheet | None = None
         self._last = np.zeros(0)
-        self._points = _Points()
+        self._points = _PlotPoints()
         self._ground = _Ground()
 
     def division(self, size: tuple[int, int]) -> Division | None:
@@ -110,7 +110,7 @@ class _Ground:
         self.color.from_numpy(np.array(colors, np.float32) / 255.0)
 
 
-class _Points:
+class _PlotPoints:
     """The pixels of a picture that differ from the rectangles below it."""
 
     def __init__(self) -> None:

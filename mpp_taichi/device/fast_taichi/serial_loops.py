@@ -35,7 +35,7 @@ def on_cpu() -> bool:
     return ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
 
 
-class _Reader:
+class _LoopReader:
     """Taichi's reading of a `for` statement; before an outermost loop it asks whether the loop must be serial."""
 
     def __init__(self, transformer: Any) -> None:
@@ -58,5 +58,5 @@ def install() -> None:
     """Replace Taichi's reading of loops, so that `SerialLoops` has its effect."""
     from taichi.lang.ast.ast_transformer import ASTTransformer
 
-    ASTTransformer.build_For = staticmethod(_Reader(ASTTransformer))
+    ASTTransformer.build_For = staticmethod(_LoopReader(ASTTransformer))
     SerialLoops.counted = 1

@@ -1,4 +1,4 @@
-"""Adaptive: one thread for each copy of a system takes steps of the method's own choice up to the time of a sample."""
+"""Adaptive steps: one thread for each copy of a system takes steps of the method's own choice up to the time of a sample."""
 
 import taichi as ti
 
@@ -7,7 +7,7 @@ from mpp_taichi.step.launcher import Launcher
 
 
 @ti.data_oriented
-class Adaptive(Launcher):
+class AdaptiveSteps(Launcher):
     """The plans serial and replicas of adaptive methods; `dt` is the time between two samples."""
 
     _control: tuple[float, float] | None = None  # the values in the state's control field
