@@ -22,6 +22,7 @@ FINEST_LATTICE = 2.0**20  # parts of a box
 ROUNDINGS = 8  # of a coordinate on its way to a cell, a generous count
 
 
+@ti.data_oriented
 class SphereGrid:
     """Abstract: spheres in the order of their cells, and of their index within a cell, whatever the number of threads.
 

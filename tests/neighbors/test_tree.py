@@ -242,7 +242,7 @@ def test_every_leaf_is_reached_once(leaves):
 
 
 def test_a_tree_sums_nothing_beside_others(tree):
-    with pytest.raises(TypeError, match="gravity alone"):
+    with pytest.raises(TypeError, match="sums only gravity"):
         TotalForce((tree.force, NewtonianGravity(strength=1.0)), 10, 3)
 
 
