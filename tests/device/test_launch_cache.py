@@ -208,3 +208,19 @@ def test_a_class_without_the_mark_is_refused():
 
     with pytest.raises(Exception, match="data_oriented"):
         Unmarked().one()
+
+
+def test_a_class_overrides_a_property_of_a_base_class_that_was_marked_by_taichi():
+    from taichi.lang import kernel_impl
+
+    class Base:
+        @property
+        def number(self):
+            return 1
+
+    class Special(kernel_impl.data_oriented(Base)):
+        @property
+        def number(self):
+            return 2
+
+    assert ti.data_oriented(Special)().number == 2

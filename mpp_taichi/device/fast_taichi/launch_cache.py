@@ -129,7 +129,9 @@ def _binding(plain: Callable, bound: Callable) -> Callable:
 
     @functools.wraps(plain)
     def data_oriented(cls: Any) -> Any:
-        if not is_ours(cls):
+        # A base class that was marked before the installation looks up attributes in Taichi's way, and its properties would
+        # win over those of this class.
+        if not is_ours(cls) or cls.__getattribute__ is not object.__getattribute__:
             return plain(cls)
         others = [value for value in vars(cls).values() if isinstance(value, (property, staticmethod))]
         if any(hasattr(getattr(value, "fget", None) or value, "_is_wrapped_kernel") for value in others):
