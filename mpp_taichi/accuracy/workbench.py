@@ -76,7 +76,7 @@ class Machine:
         if self._counts_collisions:
             return self._counted
         declared = self.integrator.evaluations_per_step
-        return float(declared) if declared else max(1.0, self._counted)
+        return max(1.0, self._counted) if declared is None else float(declared)
 
     def configuration(self, steps: int, tolerance: float | None = None) -> Configuration:
         """The configuration of so many steps, or of so many samples of an adaptive method, by default at its own tolerance."""
