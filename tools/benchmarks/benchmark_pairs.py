@@ -18,14 +18,13 @@ often share one core for some milliseconds, and the clock then measures the sche
 import argparse
 import ctypes
 import os
-import shutil
-import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
+from c_reference import compile_c
 from pair_contenders import numba_contender, rebound_contender
 from verdicts import finish
 
@@ -34,7 +33,7 @@ SOFTENING = 1.0 / 64
 SIZES = (1024, 2048, 4096, 8192, 16384)
 SMALLEST_SAMPLE = 0.05  # seconds of repeated calls that one sample of the clock covers
 PAUSE = 0.01  # seconds between contenders, for the spinning threads of OpenMP to go to sleep
-C_FLAGS = "-O3 -march=native -mprefer-vector-width=512 -ffast-math -fopenmp -shared -fPIC".split()
+C_FLAGS = "-O3 -march=native -mprefer-vector-width=512 -ffast-math -fopenmp -fPIC".split()
 NUMPY_ROWS = 32  # rows of one block; a few arrays of 32 × N fit the cache
 LIMITS = {"f32": 1e-5, "f64": 1e-13}  # of the largest difference from float64 NumPy, relative to the mean acceleration
 # Speed of ours over theirs, at every size.
@@ -73,19 +72,11 @@ def numpy_sum(position, mass, rows):
 
 def compile_reference(folder):
     """The C library and a line on it, or None and the reason why there is none."""
-    compiler = next((path for name in ("gcc", "cc") if (path := shutil.which(name))), None)
-    if compiler is None:
-        return None, "no gcc or cc here"
-    library = Path(folder) / "reference_pairs.so"
-    command = [compiler, *C_FLAGS, str(ROOT / "tools" / "reference_pairs.c"), "-o", str(library), "-lm"]
-    for attempt in (command, [part for part in command if not part.startswith("-mprefer")]):
-        result = subprocess.run(attempt, capture_output=True, text=True)
-        if result.returncode == 0:
-            version = subprocess.run([compiler, "--version"], capture_output=True, text=True).stdout.splitlines()[0]
-            loaded = ctypes.CDLL(str(library))
-            loaded.instruction_set.restype = ctypes.c_char_p
-            return loaded, f"{version}, {loaded.instruction_set().decode()}, {' '.join(C_FLAGS)}"
-    return None, f"{compiler} fails: {result.stderr.strip().splitlines()[0]}"
+    library, version = compile_c("reference_pairs.c", C_FLAGS, folder, without=["-mprefer-vector-width=512"])
+    if library is None:
+        return None, version
+    library.instruction_set.restype = ctypes.c_char_p
+    return library, f"{version}, {library.instruction_set().decode()}, {' '.join(C_FLAGS)}"
 
 
 def c_contender(library, position, mass, precision, threads):

@@ -7,7 +7,7 @@
  * 14 bits and two steps for f64 (AVX-512); 11.5 bits and one or three steps (AVX2). Plain C leaves it to the compiler.
  * Sizes must be multiples of 128; the caller pads with bodies of no mass.
  *
- * Build: cc -O3 -march=native -mprefer-vector-width=512 -ffast-math -fopenmp -shared -fPIC
+ * Build: cc -O3 -march=native -mprefer-vector-width=512 -ffast-math -fopenmp -fPIC -c, and linked without -ffast-math (c_reference.py)
  */
 #include <math.h>
 #include <stdint.h>

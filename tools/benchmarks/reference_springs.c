@@ -8,7 +8,7 @@
  * Half-springs lie in compressed sparse rows; each particle sums its own row, so no atomics. Vectors are padded to four
  * numbers. One parallel region holds all steps.
  *
- * Build: cc -O3 -march=native -ffast-math -fopenmp -shared -fPIC
+ * Build: cc -O3 -march=native -ffast-math -fopenmp -fPIC -c, and linked without -ffast-math (c_reference.py)
  */
 #include <math.h>
 #include <stdint.h>

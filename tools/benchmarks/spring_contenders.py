@@ -2,19 +2,16 @@
 
 import ctypes
 import functools
-import shutil
-import subprocess
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
+from c_reference import compile_c
 
-ROOT = Path(__file__).parents[2]
 DT = 0.01
 CHECKED_STEPS = 10
 SMALLEST_SAMPLE = 0.02  # seconds of repeated steps that one sample of the clock covers
-C_FLAGS = "-O3 -march=native -ffast-math -fopenmp -shared -fPIC".split()
+C_FLAGS = "-O3 -march=native -ffast-math -fopenmp -fPIC".split()
 
 
 def sheet(spring_count, order):
@@ -253,15 +250,7 @@ def steps_per_sample(contender):
 
 def compile_reference(folder):
     """The C library and a line on it, or None and the reason why there is none."""
-    compiler = next((path for name in ("gcc", "cc") if (path := shutil.which(name))), None)
-    if compiler is None:
-        return None, "no gcc or cc here"
-    library = Path(folder) / "reference_springs.so"
-    command = [compiler, *C_FLAGS, str(ROOT / "tools" / "reference_springs.c"), "-o", str(library), "-lm"]
-    for flags in (command, [part for part in command if part != "-fopenmp"]):
-        result = subprocess.run(flags, capture_output=True, text=True)
-        if result.returncode == 0:
-            version = subprocess.run([compiler, "--version"], capture_output=True, text=True).stdout.splitlines()[0]
-            loaded = ctypes.CDLL(str(library))
-            return loaded, f"{version}, {' '.join(C_FLAGS)}, up to {loaded.largest_thread_count()} threads"
-    return None, f"{compiler} fails: {result.stderr.strip().splitlines()[0]}"
+    library, version = compile_c("reference_springs.c", C_FLAGS, folder, without=["-fopenmp"])
+    if library is None:
+        return None, version
+    return library, f"{version}, {' '.join(C_FLAGS)}, up to {library.largest_thread_count()} threads"
