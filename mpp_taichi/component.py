@@ -14,7 +14,7 @@ import importlib.util
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +59,11 @@ class Declaration:
     summary: str
     parameters: tuple[Parameter, ...]
     path: Path
-    flags: Mapping[str, Any]  # attributes with literal values, of the class and of the classes that it derives from
+
+    @property
+    def flags(self) -> Mapping[str, Any]:
+        """The attributes with literal values, of the class and of the classes that it derives from; read when first asked."""
+        return _read_flags(self.path, self.class_name)
 
 
 def param(default: Any = REQUIRED, **description: Any) -> Any:
@@ -152,15 +156,19 @@ def _find(kind: str, name: str) -> Declaration | None:
 @cache
 def _read(kind: str, path: Path) -> Declaration | None:
     """The component that a file declares; None where it declares no component."""
-    tree = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+    tree = _tree(path)
     wanted = class_name_of(path.stem)
     for node in tree.body:
         if isinstance(node, ast.ClassDef) and node.name == wanted and "component" in map(ast.unparse, node.decorator_list):
             found = tuple(p for statement in node.body if (p := _read_parameter(statement)) is not None)
             base = ast.unparse(node.bases[0]) if node.bases else ""
-            flags = _read_flags(path, wanted)
-            return Declaration(kind, path.stem, wanted, base, ast.get_docstring(node) or "", found, path, flags)
+            return Declaration(kind, path.stem, wanted, base, ast.get_docstring(node) or "", found, path)
     return None
+
+
+@lru_cache(maxsize=32)  # a class and its flags are often read one after the other; all trees would take tens of megabytes
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
 
 
 def _read_parameter(statement: ast.stmt) -> Parameter | None:
@@ -180,7 +188,7 @@ def _read_parameter(statement: ast.stmt) -> Parameter | None:
 @cache
 def _read_flags(path: Path, class_name: str) -> Mapping[str, Any]:
     """The attributes of a class that have literal values, read from its file and from the files of its base classes."""
-    tree = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+    tree = _tree(path)
     found = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == class_name)
     flags: dict[str, Any] = {}
     for base in map(ast.unparse, found.bases):

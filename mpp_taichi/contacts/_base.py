@@ -16,11 +16,13 @@ TOUCHING_POWER = 2 / 3
 class ContactSolver:
     """A contact solver; it is bound to the spheres of a scene and to their fields.
 
+    launched_by     the file of `step/` whose launcher runs a scene with this solver
     drifts          whether it moves the spheres along straight lines, and resolves contacts on the way: `drift`
     flies           whether it moves the spheres itself for any time, without steps: `advance`
     leads           whether it takes the steps of an adaptive method, and cuts them at contacts: `lead`
     integrator      the adaptive method of a solver that leads; set before `bind`
     merges          whether it makes one sphere of two spheres that touch
+    any_frame       whether it reads differences of positions and of velocities only, so that the state may be in a moving frame
     order           of the global error in dt; None where the solver does not run at steps whose length is chosen
     can_log, logs   whether it can log every contact, and whether it does, for `take_log`; `logs` is set before `bind`
     forces          the TotalForce that acts on the spheres, or None; set before `bind`
@@ -30,10 +32,12 @@ class ContactSolver:
     setup           the spheres and surfaces that it was bound to, with its own restitution and contact time
     """
 
+    launched_by = "drifting_contacts"
     drifts = False
     flies = False
     leads = False
     merges = False
+    any_frame = False
     order: int | None = None
     can_log = False
     logs = False

@@ -111,7 +111,7 @@ def _file_of(parts: StepParts, plan: str) -> str:
     """The file of this folder whose launcher runs these parts."""
     contacts, integrator, total_force = parts.contacts, parts.integrator, parts.total_force
     if contacts is not None:
-        return "flying_contacts" if contacts.flies else "leading_contacts" if contacts.leads else "drifting_contacts"
+        return contacts.launched_by
     name: str = getattr(integrator.launchers, plan)
     if name != "parallel":
         return name

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from mpp_taichi.device.heavy_loops import heavy_index, loop_grain
+from mpp_taichi.device.heavy_loops import is_heavy, loop_grain
 from mpp_taichi.types import Template
 from mpp_taichi.views._coverage import cover_pixel, cover_row
 from mpp_taichi.views._display import displayed, dither
@@ -76,7 +76,7 @@ def draw_pixels(
         # Tiles need different times, and other programs use the cores too: each thread takes the next free tile.
         grain, threads = ti.static(loop_grain(), ti.lang.impl.current_cfg().cpu_max_num_threads)
         for q in range(threads * grain):
-            if heavy_index(q, grain) >= 0:
+            if is_heavy(q, grain):
                 turn = ti.atomic_add(taken[0], 1)
                 while turn < tiles.shape[0]:
                     top, left = corner(drawing, tiles[turn])

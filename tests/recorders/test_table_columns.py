@@ -44,6 +44,20 @@ def test_a_table_has_the_columns_that_the_scene_names(tmp_path):
     assert len(table) == 5
 
 
+def test_the_columns_of_every_table_are_the_quantities_of_the_same_names():
+    axes = [(name, axis) for name in ("momentum", "angular_momentum") for axis in "xyz"]
+    plain = ("time", "kinetic_energy", "potential_energy", "total_energy", "relative_energy_error")
+    asked = [*plain, *({name: {"axis": axis}} for name, axis in axes)]
+    scene = {**kepler(0.3), "record": {"table": {"columns": asked}}}
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        table = TableRecorder(5, asked_columns(simulation))
+        simulation.run(steps=40, recorders=[table])
+    measured = np.array([row["asked"] for row in table.rows])
+    fixed = [[row[name] for name in plain] + [row[name]["xyz".index(axis)] for name, axis in axes] for row in table.rows]
+    assert measured.tolist() == np.array(fixed).tolist()
+    assert np.ptp(measured[:, 4]) > 0.0
+
+
 def test_a_table_without_named_columns_measures_no_quantity():
     with Simulation(kepler(0.3), backend="cpu", precision="f64") as simulation:
         assert asked_columns(simulation) is None

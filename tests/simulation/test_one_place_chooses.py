@@ -6,7 +6,7 @@ from mpp_taichi import component
 from mpp_taichi.component import PACKAGE_FOLDER
 from mpp_taichi.device import backends
 
-ASKED = {"launchers", "flies", "leads"}
+ASKED = {"launched_by", "launchers", "flies", "leads"}
 """Attributes of integrators and contact solvers that say how their steps are launched."""
 FORMER = {"implicit", "own_state", "quickly_compiled", "writes_vectors", "keeps_force", "on_cpu_only"}
 """Flags that the attribute `launchers` replaces."""
@@ -30,9 +30,11 @@ def test_no_file_asks_what_the_launchers_know():
     assert [(file, read) for file, read in readers(FORMER) if "integrator" in read or "made" in read] == []
 
 
-def test_every_method_names_launchers_that_are_there():
+def test_every_method_and_contact_solver_names_launchers_that_are_there():
     backends.import_taichi()
     for name in component.names("integrators"):
         launchers = component.load("integrators", name).launchers
         for file in (launchers.serial, launchers.replicas, launchers.parallel):
             assert file in ("", "parallel") or (PACKAGE_FOLDER / "step" / f"{file}.py").is_file()
+    for name in component.names("contacts"):
+        assert (PACKAGE_FOLDER / "step" / f"{component.load('contacts', name).launched_by}.py").is_file()

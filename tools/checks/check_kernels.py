@@ -1,8 +1,11 @@
 """Linter for Taichi code: rules whose breach gives wrong numbers or confusing errors, and that no general linter knows.
 
-Usage: python tools/checks/check_kernels.py [FOLDER]. Prints `file:line: rule` for each breach; exit code 1 if there is any.
+    python tools/checks/check_kernels.py [FOLDER]
+
+Prints `file:line: rule` for each breach; exit code 1 if there is any.
 """
 
+import argparse
 import ast
 import sys
 from collections.abc import Iterator
@@ -16,8 +19,10 @@ FIELD_MAKERS = {"field", "Vector.field", "Matrix.field", "ndarray"}
 
 def main() -> int:
     """Check every module of the package, or of the folder named on the command line."""
-    root = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parents[2] / "mpp_taichi"
-    breaches = [breach for path in sorted(root.rglob("*.py")) for breach in check(path)]
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).parents[2] / "mpp_taichi")
+    folder = parser.parse_args().folder
+    breaches = [breach for path in sorted(folder.rglob("*.py")) for breach in check(path)]
     sys.stdout.write("".join(f"{breach}\n" for breach in breaches))
     return 1 if breaches else 0
 

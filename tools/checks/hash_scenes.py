@@ -70,7 +70,7 @@ def cases() -> Iterator[tuple[str, Any, dict[str, Any]]]:
             ("both", {**BODIES, "springs": SPRINGS}),
         ):
             for plan in ("serial", "parallel"):
-                for precision in ("f64", "f32", "f32c", "ds") if label == "both" else ("f64", "f32"):
+                for precision in ("f64", "f32", "f32c", "ds", "df64") if label == "both" else ("f64", "f32"):
                     yield (
                         f"method {name} {label} {plan} {precision}",
                         {**scene, "integrator": integrator},

@@ -1,4 +1,4 @@
-"""Assemble what the package keeps as bitcode of LLVM beside its sources, where they have changed.
+"""Assemble the bitcode of LLVM that the package keeps beside its sources, where a source has changed.
 
     apt-get install clang-15
     python tools/make/assemble_bitcode.py
@@ -6,6 +6,7 @@
 Taichi 1.7 holds LLVM 15 and reads pointers that have a type, so LLVM 14 or 15 has to write them, and no later one.
 """
 
+import argparse
 import hashlib
 import subprocess
 from pathlib import Path
@@ -25,7 +26,8 @@ def target(source):
 
 
 def main():
-    """Write each file that is not there, in place of the one before."""
+    """Write each file that is not there, in place of the file before."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args()
     for source, options in SOURCES.items():
         if target(source).exists():
             continue

@@ -68,15 +68,15 @@ class OverlapBounces:
             if distance > 0.0:
                 n = separation / distance
             w_i, w_j = self.bounce.inverse_mass[i], self.bounce.inverse_mass[j]
-            u = self.state.velocity[j] - self.state.velocity[i]
-            if n.dot(u) < 0.0:
+            v_i, v_j = self.state.velocity[i], self.state.velocity[j]
+            if n.dot(v_j - v_i) < 0.0:
                 nominal = self.bounce.restitution_of(i, j)
                 e, elastic = restitution_at(time, nominal, i, j, self.last_contact, self.contact_time)
-                result = self.bounce.pair_impulse(i, j, n, u, e)
-                self.state.velocity[i] = self.state.velocity[i] - result[0] * (w_i * n)
-                self.state.velocity[j] = self.state.velocity[j] + result[0] * (w_j * n)
+                result = self.bounce.pair_impulse(i, j, n, v_i, v_j, e)
+                self.state.velocity[i] = self.bounce.after(i, v_i, n, result, -1)
+                self.state.velocity[j] = self.bounce.after(j, v_j, n, result, 1)
                 self.tally.begin(i)
-                self.tally.add_pair(i, result[0], distance, result[1], elastic)
+                self.tally.add_pair(i, result[0], distance, result[2], elastic)
                 self.tally.keep(chunk, i)
             yielding = (n * n).dot(w_i + w_j)
             if yielding > 0.0:
@@ -104,15 +104,15 @@ class OverlapBounces:
                     self.tally.see_overlap(i, -gap / self.bounce.radius[i])
                 n = _geometry.normal(self.bounce.surfaces[s], x, time)
                 w = self.bounce.inverse_mass[i]
-                u = self.state.velocity[i] - _geometry.surface_velocity(self.bounce.surfaces[s], x)
+                v, surface_velocity = self.state.velocity[i], _geometry.surface_velocity(self.bounce.surfaces[s], x)
                 yielding = (n * n).dot(w)
-                if n.dot(u) < 0.0 and yielding > 0.0:
+                if n.dot(v - surface_velocity) < 0.0 and yielding > 0.0:
                     nominal = ti.static(self.bounce.surfaces[s].restitution)
                     e, elastic = restitution_at(time, nominal, i, i, self.last_contact, self.contact_time)
-                    result = self.bounce.wall_impulse(i, n, u, e)
-                    self.state.velocity[i] = self.state.velocity[i] + result[0] * (w * n)
+                    result = self.bounce.wall_impulse(i, n, v, surface_velocity, e)
+                    self.state.velocity[i] = self.bounce.after(i, v, n, result, 1)
                     self.tally.begin(i)
-                    self.tally.add_wall(i, s, result[0], result[1], elastic)
+                    self.tally.add_wall(i, s, result[0], result[2], elastic)
                     self.tally.keep(chunk, i)
                 if yielding > 0.0:
                     self.state.position[i] = self.state.position[i] - (gap / yielding) * (w * n)

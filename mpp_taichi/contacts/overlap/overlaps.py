@@ -7,7 +7,7 @@ import taichi as ti
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts.overlap.overlap_bounces import OverlapBounces
 from mpp_taichi.contacts.shared.contact_counts import CHUNKS
-from mpp_taichi.device.heavy_loops import heavy_index, loop_grain
+from mpp_taichi.device.heavy_loops import is_heavy, loop_grain
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.plain_rows import is_plain, visit_rows
 from mpp_taichi.types import Template
@@ -190,7 +190,7 @@ class Overlaps:
         if ti.static(len(self.bounce.surfaces) > 0):
             grain = ti.static(loop_grain())
             for q in range(CHUNKS * grain):
-                chunk = heavy_index(q, grain)
-                if chunk >= 0:
+                if is_heavy(q, grain):
+                    chunk = q // grain
                     for i in range(self.tally.begin_of(chunk), self.tally.begin_of(chunk + 1)):
                         self.bounces.bounce_off_walls(chunk, i, time)
