@@ -21,6 +21,7 @@ def findings(study: Study, target: float) -> dict[str, Any]:
         "span": study.problem.span,
         "whole_span": study.whole,
         "quantity": study.quantity,
+        "quantity_because": study.reason,
         "reference": None if reference is None else reference.facts(),
         "chaos": None if chaos is None else chaos.facts(),
         "remarks": study.remarks,
@@ -29,7 +30,7 @@ def findings(study: Study, target: float) -> dict[str, Any]:
         "resumed_samples": study.store.resumed,
         "rows": [row_facts(row) for row in rows],
         "verdict": said,
-        "sentence": sentence(said),
+        "sentence": sentence(said, study.reason),
     }
 
 

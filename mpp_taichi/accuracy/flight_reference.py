@@ -46,5 +46,6 @@ def fly(machine: Machine, budget: Budget) -> tuple[ReferenceSolution, Sample] | 
         trusted=largest < MEANING,
         differences=[pair[0] for pair in differences],
         meaning=min((time for time in lost if time is not None), default=None),
+        by_rounding=True,
     )
     return found, sample

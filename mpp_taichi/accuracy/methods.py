@@ -18,6 +18,7 @@ from mpp_taichi.stability import advise
 LIMIT_SHARE = 0.95  # of the largest step that springs and drag allow
 ITERATIONS = 6.0  # forces of an implicit step, until they have been counted
 FEWEST_STEPS = 2.0
+GENERAL_BASES = ("Integrator", "Adaptive")  # classes from which methods of many families are derived
 LOOKS = 64  # samples of energies and positions in a run; the steps of a reference are a multiple of this number
 
 
@@ -27,6 +28,9 @@ class StudyMethod:
 
     evaluations    forces per step; a guess for implicit methods, 1 for adaptive methods
     fewest_steps   over the span that springs and drag allow
+    family         of methods that share their code; a method without relatives is a family of its own
+    slow_to_compile  takes many times as long to compile as other methods
+    promising_for  kinds of scenes for which the method is made, see families
     controlled_by  the parameter that controls the accuracy of an adaptive method; empty for other methods
     tolerance      the default of this parameter
     """
@@ -37,6 +41,9 @@ class StudyMethod:
     implicit: bool
     evaluations: float
     fewest_steps: int
+    family: str = ""
+    slow_to_compile: bool = False
+    promising_for: tuple[str, ...] = ()
     controlled_by: str = ""
     tolerance: float | None = None
 
@@ -55,7 +62,7 @@ def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, StudyMetho
     import_taichi()
     if problem.spec.contacts is not None:
         order = orders()
-        return {name: StudyMethod(name, order[name], True, False, 1.0, 1) for name in solvers(problem.spec)}
+        return {name: StudyMethod(name, order[name], True, False, 1.0, 1, name) for name in solvers(problem.spec)}
     found = {}
     own, layout = problem.spec.integrator.name, layout_of(problem.spec)
     for name in dict.fromkeys((own, *component.names("integrators"))):
@@ -84,7 +91,10 @@ def _method(problem: Problem, name: str) -> StudyMethod:
     control = (made.controlled_by, float(getattr(made, made.controlled_by))) if made.controlled_by else ()
     is_implicit = made.evaluations_per_step is None and not control
     evaluations = ITERATIONS if is_implicit else 1.0 if control else max(1.0, float(made.evaluations_per_step))
-    return StudyMethod(name, made.order, bool(made.symplectic), is_implicit, evaluations, fewest, *control)
+    base = component.declaration("integrators", name).base
+    family = name if base in GENERAL_BASES else base
+    flags = (bool(made.slow_to_compile), tuple(made.promising_for))
+    return StudyMethod(name, made.order, bool(made.symplectic), is_implicit, evaluations, fewest, family, *flags, *control)
 
 
 def for_reference(found: dict[str, StudyMethod]) -> list[StudyMethod]:
@@ -94,15 +104,16 @@ def for_reference(found: dict[str, StudyMethod]) -> list[StudyMethod]:
     """
     direct = [method for method in found.values() if not force_solvers.by_tree(method.name)]
     halved = [method for method in direct if not method.implicit and not method.adaptive]
-    return sorted(halved, key=_promise, reverse=True)
+    return sorted(halved, key=promise, reverse=True)
 
 
 def rank(found: dict[str, StudyMethod], method: StudyMethod) -> int:
     """The number of more promising methods of the same order; sorted by it, the best method of every order comes first."""
-    return sum(other.order == method.order and _promise(other) > _promise(method) for other in found.values())
+    return sum(other.order == method.order and promise(other) > promise(method) for other in found.values())
 
 
-def _promise(method: StudyMethod) -> tuple[int, bool, float]:
+def promise(method: StudyMethod) -> tuple[int, bool, float]:
+    """A key that grows with the promise of a method: the order, then symplectic methods, then the forces per step."""
     return method.order, method.symplectic, method.evaluations
 
 

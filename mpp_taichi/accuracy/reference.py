@@ -1,13 +1,16 @@
 """Reference: a run so fine that a finer one no longer differs, with the difference as its error bar.
 
 The available method of the highest order runs in f64 with N, 2N, 4N … steps. Let d be the difference of the final positions
-of two successive runs, and r the ratio of the last two d. If errors fall by r at each halving, the error of the finer run of
-a pair is d / (r − 1): less than d where r ≥ 2. The error bar is d, and more where r is smaller; where d no longer falls,
-because of round-off, the bar is the larger of the last two d.
+of two successive runs. The finer run of the pair with the least d is the reference, since finer steps may only add rounding
+errors. If errors fall by r at each halving, its error is d / (r − 1): less than d where r ≥ 2. The error bar is d, and more
+where r is smaller, or much smaller than the order of the method says, since then rounding errors count, and those of two runs
+may nearly cancel. The bar is at least as large as the difference of the reference from every run with finer steps.
 
 The bar is trusted only where d was seen to fall, or is at the level of round-off: a single pair of runs proves nothing.
 """
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,12 +18,13 @@ import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.contact_methods import exact_solvers
-from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.sample import MeasuredError, Sample
 from mpp_taichi.accuracy.workbench import Machine, Trace
 
 ROUND_OFF = 1e-13  # of the size of the system: smaller differences are close to rounding
 FALLING = 2.0  # the least ratio of differences at a halved step that shows convergence
+SUSPICIOUS = 0.25  # part of the expected fall 2^order: a difference that fell by less is probably one of rounding errors
+LUCK = 4.0  # times a difference of two rounding errors, which may nearly cancel: a bar that either seldom exceeds
 FLOOR = 1e-9  # differences that stop falling below this value do so by rounding, above it for another reason
 MEANING = 1e-3  # of the size of the system: an error above which positions have no meaning
 
@@ -33,7 +37,8 @@ class ReferenceSolution:
     bar          largest error over particles at the end, relative to size; bar_rms the root mean square error
     trusted      whether convergence has confirmed the bar
     differences  of each pair of runs, relative to size, coarse to fine
-    meaning      time until which the pair differs by less than MEANING [time]; None if it does to the end
+    meaning      time until which the runs differ by less than MEANING [time]; None if they do to the end
+    by_rounding  whether the runs differ by the growth of rounding errors alone, so that no other run would agree for longer
     """
 
     integrator: str
@@ -46,6 +51,7 @@ class ReferenceSolution:
     trusted: bool
     differences: list[float] = field(default_factory=list)
     meaning: float | None = None
+    by_rounding: bool = False
     control: str = ""  # of an adaptive method, as in Configuration
     tolerance: float | None = None
 
@@ -60,6 +66,11 @@ class ReferenceSolution:
     def positions_mean_something(self) -> bool:
         """Whether chaos leaves the final positions a meaning, so that they can be compared."""
         return self.trusted and self.bar < MEANING
+
+    @property
+    def horizon(self) -> float | None:
+        """Time before the end at which the positions lose their meaning [time]; None where that was not found."""
+        return self.meaning if self.by_rounding and not self.positions_mean_something else None
 
     @property
     def told(self) -> str:
@@ -95,11 +106,15 @@ def lost_at(coarse: Trace, fine: Trace, size: float) -> float | None:
 
 
 class Convergence:
-    """Runs with repeatedly halved steps: `add` each run, until the differences are small: `is_enough`."""
+    """Runs with repeatedly halved steps: `add` each run, until the differences are small: `is_enough`.
 
-    def __init__(self, problem: Problem, order: int) -> None:
+    enough      an error bar below which no finer run is wanted
+    next_steps  steps of the next run
+    """
+
+    def __init__(self, order: int, steps: int, *, enough: float = 0.0) -> None:
         """Begin without a run."""
-        self.problem, self.order = problem, order
+        self.order, self.next_steps, self.enough = order, steps, enough
         self.runs: list[tuple[Sample, Trace]] = []
         self.differences: list[tuple[float, float]] = []
         self.size = 0.0
@@ -108,55 +123,61 @@ class Convergence:
         """Add the next run, of twice the steps."""
         self.size = size_of(trace) or 1.0
         if self.runs:
-            before, now = self.runs[-1][0].end, sample.end
-            assert before is not None and now is not None
-            self.differences.append(distance(before, now, self.size))
+            self.differences.append(distance(_end(self.runs[-1]), _end((sample, trace)), self.size))
         self.runs.append((sample, trace))
 
     @property
     def is_enough(self) -> bool:
-        """Whether a finer run would show nothing new: at round-off, or no longer falling although small."""
+        """Whether finer runs would show nothing new: a bar that is small enough, or differences that no longer fall.
+
+        Below FLOOR one difference that does not fall is enough; above it two differences that rise in turn, after differences
+        so small that positions have a meaning.
+        """
         found = [largest for largest, _ in self.differences]
-        if not found:
+        if len(found) < 2:
             return False
-        stalls = len(found) > 1 and found[-1] > found[-2] / FALLING and found[-2] < FLOOR
-        return stalls or (found[-1] < ROUND_OFF and len(found) > 1)
+        if found[-1] < ROUND_OFF or (found[-2] < FLOOR and found[-1] > found[-2] / FALLING):
+            return True
+        rises = len(found) > 2 and found[-3] < found[-2] < found[-1]
+        known = self.reference()
+        return known.positions_mean_something and (rises or known.bar <= self.enough)
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether the runs so far give positions that can be compared."""
+        return bool(self.differences) and self.reference().positions_mean_something
 
     def reference(self) -> ReferenceSolution:
-        """The finer run of the last pair, or of the pair before it if that pair agreed better, with its bar."""
-        found = self.differences
-        best = len(found) - 1
-        if len(found) > 1 and found[-2][0] < found[-1][0]:
-            best -= 1
-        sample, trace = self.runs[best + 1] if found else self.runs[-1]
+        """The finer run of the pair that agrees best, with its bar."""
+        found = [largest for largest, _ in self.differences]
+        best = min(range(len(found)), key=found.__getitem__, default=-1)
+        sample, _ = self.runs[best + 1]
         bar = tuple(self._bar(best, part) for part in (0, 1))
-        end = sample.end
-        assert end is not None
         return ReferenceSolution(
             integrator=sample.configuration.integrator,
             order=self.order,
             steps=sample.configuration.steps,
-            end=end,
+            end=_end(self.runs[best + 1]),
             size=self.size,
             bar=bar[0],
             bar_rms=bar[1],
             trusted=self._is_trusted(best),
-            differences=[largest for largest, _ in found],
+            differences=found,
             meaning=self._meaning(),
         )
 
     def _bar(self, best: int, part: int) -> float:
-        if not self.differences:
+        if best < 0:
             return float("inf")
-        found = [pair[part] for pair in self.differences]
-        neighbors = found[max(0, best - 1) : best + 2]
-        here = max(found[best], np.finfo(float).eps)
-        if best < len(found) - 1:  # the next pair did not agree better: round-off
-            return max(here, found[best + 1])
-        if len(neighbors) < 2 or neighbors[0] >= FALLING * here:
-            return here
-        ratio = neighbors[0] / here
-        return max(max(neighbors), here / max(ratio - 1.0, 0.1))
+        here = max(self.differences[best][part], np.finfo(float).eps)
+        end = _end(self.runs[best + 1])
+        later = [distance(end, _end(run), self.size)[part] for run in self.runs[best + 2 :]]
+        before = self.differences[best - 1][part] if best else math.inf
+        if later:
+            return max([here, *later])
+        if before >= FALLING * here:  # by less than the order says where the rounding errors of both runs count as well
+            return here if before >= SUSPICIOUS * 2.0**self.order * here else min(before, LUCK * here)
+        return max(before, here, here / max(before / here - 1.0, 0.1))
 
     def _is_trusted(self, best: int) -> bool:
         found = [largest for largest, _ in self.differences]
@@ -176,21 +197,31 @@ class Convergence:
         return longest if self.differences else None
 
 
-def converge(machine: Machine, start: int, budget: Budget, *, share: float, add: Any) -> Convergence:
-    """Run with `start` steps, then twice as many and so on, until they converge or the share of the budget is spent.
+def converge(
+    convergence: Convergence,
+    machine: Machine,
+    budget: Budget,
+    *,
+    share: float,
+    add: Callable[[Sample], None],
+    until: Callable[[], bool] = lambda: False,
+) -> None:
+    """Halve the steps until the runs converge or the share of the budget is spent, or `until` holds.
 
     `add` is called with each sample. A first step that is unstable is replaced by a finer one.
     """
-    convergence, steps = Convergence(machine.problem, machine.order), start
-    while True:
-        predicted = steps * machine.seconds_per_step
-        if convergence.runs and predicted > budget.left(share):
-            return convergence
+    while not (convergence.is_enough or until()):
+        if convergence.runs and convergence.next_steps * machine.budget_per_step > budget.left(share):
+            return
         budget.check()
-        sample, trace = machine.run(machine.configuration(steps), budget, follow=True)
+        sample, trace = machine.run(machine.configuration(convergence.next_steps), budget, follow=True)
         add(sample)
         if trace is not None:
             convergence.add(sample, trace)
-        if convergence.is_enough:
-            return convergence
-        steps *= 2
+        convergence.next_steps *= 2
+
+
+def _end(run: tuple[Sample, Trace]) -> np.ndarray:
+    end = run[0].end
+    assert end is not None
+    return end

@@ -86,14 +86,16 @@ def circumstances(found: dict[str, Any]) -> list[str]:
         span += f", the first part of the scene's {found['whole_span']:.6g}"
     lines = [f"{span}; {found['particle_count']:,} particles."]
     if reference is None:
-        lines.append("There is no reference: the budget ended before.")
+        lines.append(f"There is no reference: {found['quantity_because']}.")
     else:
         shown = f"its end positions are good to {reference['bar']:.0e} of the system's size ({reference['size']:.4g})"
         if not reference["trusted"]:
             shown = f"it was not shown to have converged; two of its runs differ by {reference['bar']:.0e} of the system's size"
         lines.append(f"Reference: {reference['integrator']}, f64, {reference['steps']:,} steps; {shown}.")
         if reference["meaning"] is not None:
-            lines.append(f"Positions mean something until t = {reference['meaning']:.4g}; beyond that, energies are compared.")
+            lines.append(f"Positions of two of its runs agree until t = {reference['meaning']:.4g}.")
+    if found["quantity"] == "energy":
+        lines.append(f"Energies are compared: {found['quantity_because']}.")
     if chaos is not None and chaos["lyapunov_time"] is not None:
         lines.append(
             f"The motion is chaotic: Lyapunov time {chaos['lyapunov_time']:.3g}. Round-off reaches a thousandth of the "

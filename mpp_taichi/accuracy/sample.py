@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+CLEAR = 2.0  # times the bar of a reference: larger errors are stated as numbers
+
 
 @dataclass(frozen=True)
 class Configuration:
@@ -41,7 +43,7 @@ class Sample:
 
     evaluations   force evaluations of the whole run; for an implicit method the iterations of its solver
     status        "ok"; "diverged" or "refused", and `reason` says why
-    seconds       of the steps without samples, one number for each repeat
+    seconds       of the steps without samples on a quiet machine, see StepClock; one number for each repeat
     energy_errors over the run, one for each of `times`
     end           positions at the end, (particle_count, 3) [length]; None for a run that did not reach the end
     """
@@ -86,25 +88,35 @@ class Sample:
 
 @dataclass(frozen=True)
 class MeasuredError:
-    """An error: its `value`, or, where it is below the error bar of the reference, only this bar, `at_most`."""
+    """An error: its `value`, or, where the error of the reference may be half of it, only a bound of it, `at_most`."""
 
     value: float | None
     at_most: float | None = None
 
     @staticmethod
     def against(value: float | None, bar: float) -> "MeasuredError":
-        """The error, which has a value where it is above the bar."""
+        """The error of a run that differs by `value` from a reference whose own error is at most `bar`.
+
+        The error is between value − bar and value + bar. From twice the bar on, `value` is at least half and at most twice the
+        error; below, only the upper bound is stated.
+        """
         if value is None or not math.isfinite(value):
             return MeasuredError(None)
-        return MeasuredError(value) if value > bar else MeasuredError(None, bar)
+        return MeasuredError(value) if value > CLEAR * bar else MeasuredError(None, value + bar)
 
     @property
     def bound(self) -> float:
-        """The value, or else the bar, or else infinity."""
+        """The value, or else the bound, or else infinity."""
         return self.value if self.value is not None else self.at_most if self.at_most is not None else math.inf
 
     def __str__(self) -> str:
-        """`2.1e-07`, `≤ 1e-13`, or a dash."""
+        """`2.1e-07`, `≤ 2e-13`, the bound rounded up, or a dash."""
         if self.value is not None:
             return f"{self.value:.1e}"
-        return "–" if self.at_most is None else f"≤ {self.at_most:.0e}"
+        return "–" if self.at_most is None else f"≤ {rounded_up(self.at_most):.0e}"
+
+
+def rounded_up(value: float) -> float:
+    """The smallest number of one digit that is at least `value` > 0, apart from rounding of the number itself."""
+    power = math.floor(math.log10(value))
+    return math.ceil(value / 10.0**power * (1.0 - 1e-12)) * 10.0**power

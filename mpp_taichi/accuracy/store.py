@@ -18,7 +18,7 @@ from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.device.availability import TAICHI_VERSION, availability
 from mpp_taichi.errors import OutputError
 
-FORMAT = 2
+FORMAT = 3
 
 
 def identity(problem: Problem, asked_span: float, version: str) -> dict[str, Any]:

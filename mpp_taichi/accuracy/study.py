@@ -1,44 +1,37 @@
-"""Study: the cost of accuracy in one scene — reference, chaos, sweep and repeats, within a budget of wall time."""
+"""Study: the cost of accuracy in one scene — reference, chaos, sweep and repeats, within a budget of processor time."""
 
-import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from mpp_taichi.accuracy import chaos as chaos_of
-from mpp_taichi.accuracy import flight_reference, radau_reference
 from mpp_taichi.accuracy.budget import Budget, OutOfTime
-from mpp_taichi.accuracy.chaos import Chaos
+from mpp_taichi.accuracy.chaos import ROUND_OFF, Chaos
 from mpp_taichi.accuracy.contact_methods import exact_solvers
+from mpp_taichi.accuracy.families import promised
 from mpp_taichi.accuracy.force_solvers import split
-from mpp_taichi.accuracy.front import ENERGY_BAR, StudyRow, time_front
+from mpp_taichi.accuracy.front import ENERGY_BAR, QUANTITIES, StudyRow, time_front
 from mpp_taichi.accuracy.ladder import COARSEST, Ladder
-from mpp_taichi.accuracy.methods import LOOKS, StudyMethod, equal_cost, first_steps, for_reference, methods
+from mpp_taichi.accuracy.methods import LOOKS, StudyMethod, equal_cost, methods
 from mpp_taichi.accuracy.problem import Problem
-from mpp_taichi.accuracy.reference import ReferenceSolution, converge
+from mpp_taichi.accuracy.reference import ReferenceSolution
+from mpp_taichi.accuracy.reference_search import DEVICE as REFERENCE
+from mpp_taichi.accuracy.reference_search import ReferenceSearch
 from mpp_taichi.accuracy.sample import Configuration, MeasuredError, Sample
 from mpp_taichi.accuracy.store import Store
-from mpp_taichi.accuracy.sweep import StepSweep, timed
-from mpp_taichi.accuracy.workbench import Machine, Workbench
-from mpp_taichi.errors import BackendError, MppError
+from mpp_taichi.accuracy.sweep import StepSweep
+from mpp_taichi.accuracy.workbench import Workbench
+from mpp_taichi.errors import BackendError
 
-log = logging.getLogger(__name__)
-
-REFERENCE = ("cpu", "f64")
-REFERENCE_SHARE = 0.3  # of the budget
-LEAST_REFERENCE_SHARE = 0.15
-CHAOS_SHARE = 0.5  # of the time left for the first backend and precision
+FIRST_SHARE_OF_AIM = 0.8  # the same where one error is aimed at
 FIRST_SHARE = 0.65  # of the budget, until the end of the first backend and precision, where others follow
 ALL_SHARE = 0.96  # of the budget; the rest is for writing the report
 WORTH_RETURNING = 0.2  # of the budget: a larger rest is spent on ladders that were cut short
+REPEATS_SHARE_OF_AIM = 0.1
 REPEATS_SHARE = 0.25  # of the time for a backend and precision
 OWN_SHARE = 1.0 / 60.0  # of the budget, for one run with the scene's own setting; only a part of a longer scene is studied
 FEWEST_OWN_STEPS = 64
-WELL_KNOWN = 1e-12  # an error bar below which no better reference is tried
-WITHIN_AIM = 0.1  # of an aim: no better reference is tried below this error bar
-WELL_BEFORE = 0.6  # of the time at which positions lose their meaning: earlier, the effect of round-off is still small
-FEWEST_COLLISIONS = 10  # in the part of a run with contacts that is studied
 AROUND = 100.0  # times an aim: steps with larger errors are not tried
 MOST_ROUNDED = 4  # methods that are tried in a second precision: the best of the first
+FEWEST_ROUNDED = 16  # particles, below which f32 is as slow as f64
 ROUNDED_ERROR = 1e-8  # of runs in f64: above it a run in f32 may be as accurate
 
 
@@ -64,20 +57,29 @@ class Study:
     """
 
     def __init__(
-        self, problem: Problem, store: Store, budget: Budget, wishes: StudyWishes, tell: Callable[[str], None] = lambda _: None
+        self,
+        problem: Problem,
+        store: Store,
+        budget: Budget,
+        wishes: StudyWishes,
+        tell: Callable[[str], None] = lambda _: None,
+        after_sweep: Callable[["Study", Workbench], None] = lambda *_: None,
     ) -> None:
-        """Begin without a run; the store may hold the span over which the scene was studied before."""
+        """Begin without a run; the store may hold the span over which the scene was studied before.
+
+        `after_sweep` is called with each workbench at the end of its runs, while its methods are compiled.
+        """
+        self._after_sweep = after_sweep
         self.whole = problem.span
         self.problem = problem if store.span is None else problem.shortened(store.span)
         self.store, self.budget, self.wishes, self.tell = store, budget, wishes, tell
         self.methods = methods(problem, wishes.integrators or ())
         self.own = self.methods[problem.own_method]
-        self.reference: ReferenceSolution | None = None
-        self.chaos: Chaos | None = None
+        self.search = ReferenceSearch(*(self.problem, store, budget, self.methods), wished=wishes.reference, tell=tell)
         self.status = "unfinished"
         self.cut: dict[tuple[str, str], int] = {}  # ladders of steps that the budget cut short
         self._remarks: list[str] = []
-        self.conserves_energy = False
+        self._keeps_energy = False
 
     def run(self) -> None:
         """Run the study; after the end of the budget, or an exception, the next call continues it."""
@@ -100,12 +102,47 @@ class Study:
         return [*self._remarks, *short]
 
     @property
+    def reference(self) -> ReferenceSolution | None:
+        """The positions from which errors are measured."""
+        return self.search.reference
+
+    @property
+    def chaos(self) -> Chaos | None:
+        """The separation of neighbouring trajectories."""
+        return self.search.chaos
+
+    @property
+    def conserves_energy(self) -> bool:
+        """Whether the scene keeps its energy, as far as a run has shown it."""
+        return self._keeps_energy or self.search.conserves_energy
+
+    @property
     def quantity(self) -> str | None:
-        """The quantity that is compared: positions where their final values have a meaning, else a conserved energy."""
+        """The quantity that is compared, or None where nothing can be compared.
+
+        Energies where the wishes say so, or where they name no quantity and a time before the end was found at which positions
+        lose their meaning; else positions, once their reference is known.
+        """
         asked = self.wishes.quantity
         if asked != "energy" and self.reference is not None and self.reference.positions_mean_something:
             return "position"
-        return "energy" if self.conserves_energy and asked != "position" else None
+        by_energy = asked == "energy" or (asked is None and self.search.horizon is not None)
+        return "energy" if by_energy and self.conserves_energy else None
+
+    @property
+    def reason(self) -> str:
+        """Why this quantity is compared, or why nothing can be compared; one clause for a person."""
+        asked, horizon, reference = self.wishes.quantity, self.search.horizon, self.reference
+        kept = "" if self.conserves_energy else ", and the scene does not keep its energy"
+        if asked == "energy":
+            return "energies were asked for" if kept == "" else "the scene does not keep its energy"
+        if reference is None:
+            return "the budget ended before the first run was done"
+        if reference.positions_mean_something:
+            return "positions at the end are known" if asked is None else "positions were asked for"
+        if horizon is not None:
+            return f"positions mean nothing beyond t = {horizon:.4g}, before the end{kept if asked is None else ''}"
+        return f"the budget ended before the reference was known ({reference.told}); a longer budget goes on"
 
     def rows(self) -> list[StudyRow]:
         """Every sample with its errors, as far as the reference shows them; in the order of method, precision and step."""
@@ -138,29 +175,74 @@ class Study:
     def _error(self, sample: Sample) -> float:
         return float("inf") if self.quantity is None else self.error(sample, self.quantity).bound
 
+    def allowed(self, target: float, quantity: str) -> float:
+        """The error that is allowed for the part of the run that is studied, where a target is set for the whole run.
+
+        Errors of positions grow up to quadratically, errors of energies linearly.
+        """
+        part = self.problem.span / self.whole
+        return target * part ** (2 if quantity == "position" else 1)
+
+    @property
+    def _aim(self) -> float | None:
+        """The only error of interest in the part of the run that is studied, or None."""
+        aim = self.wishes.aim
+        return None if aim is None else self.allowed(aim, self.quantity or self.wishes.quantity or QUANTITIES[0])
+
     # Stages of the study
 
     def _go(self) -> None:
         with Workbench(self.problem, backend=REFERENCE[0], precision=REFERENCE[1]) as bench:
             self._choose_span(bench)
             if self.wishes.quantity == "energy":
-                self.conserves_energy = bench.machine(self.own.name).simulation.phase.conserves_energy
+                self._keeps_energy = bench.machine(self.own.name).simulation.phase.conserves_energy
             else:
                 self._find_reference(bench)
-                self._find_chaos(bench)
+            if self.quantity is None:
+                return
             first, *others = self.wishes.devices
             if first == REFERENCE:
-                self._sweep(bench, self._names(), begin=0.0, end=FIRST_SHARE if others else ALL_SHARE)
-        if self.quantity is None:
-            return
-        self._sweep_each([device for device in self.wishes.devices if device != REFERENCE])
-        if any(self.cut.values()) and self.budget.left(ALL_SHARE) > WORTH_RETURNING * self.budget.seconds:
+                self._sweep(bench, self._names(), begin=0.0, end=self._first_share(others))
+        self._sweep_each([device for device in self.wishes.devices if device != REFERENCE and self._is_worth(device[1])])
+        if (
+            self.wishes.aim is None
+            and any(self.cut.values())
+            and self.budget.left(ALL_SHARE) > WORTH_RETURNING * self.budget.seconds
+        ):
             self._sweep_each([device for device in self.wishes.devices if self.cut.get(device)])
+
+    def _find_reference(self, bench: Workbench) -> None:
+        try:
+            self.search.aim = self._aim
+            self.search.find(bench)
+            if self.wishes.aim is None:
+                self.search.find_chaos(bench)
+        finally:
+            self.problem = self.search.problem
+        if self.reference is not None:
+            self.tell(f"reference: {self.reference.told}")
+        if self.quantity is None:
+            self._remarks.append(self.reason)
+        elif self.quantity == "energy":
+            self.tell(f"energies are compared: {self.reason}")
+
+    def _first_share(self, others: Sequence[tuple[str, str]]) -> float:
+        """The share of the budget at the end of the first backend and precision."""
+        if not any(self._is_worth(precision) for _, precision in others):
+            return ALL_SHARE
+        return FIRST_SHARE if self.wishes.aim is None else FIRST_SHARE_OF_AIM
+
+    def _is_worth(self, precision: str) -> bool:
+        """Whether runs of a precision other than f64 may reach the aim, and may be faster; or none is in f64."""
+        aim = self._aim
+        if aim is None or REFERENCE not in self.wishes.devices:
+            return True
+        return aim > ROUND_OFF.get(precision, 0.0) and self.problem.start.particle_count >= FEWEST_ROUNDED
 
     def _sweep_each(self, devices: Sequence[tuple[str, str]]) -> None:
         """Divide the remaining budget among backends and precisions; a backend that does not start is left out."""
         for number, (backend, precision) in enumerate(devices):
-            begin = self.budget.spent / self.budget.seconds
+            begin = self.budget.used
             end = begin + (ALL_SHARE - begin) / (len(devices) - number)
             names = self._names() if (backend, precision) == REFERENCE else self._best_names()
             try:
@@ -185,7 +267,7 @@ class Study:
         """Methods for another precision: the wanted methods, else the scene's own and the front's where rounding permits."""
         if self.wishes.integrators is not None:
             return self._names()
-        found = [self.own.name]
+        found = [self.own.name] if self.wishes.aim is None else []
         for row in time_front(self.rows(), self.quantity or "energy"):
             if row.error(self.quantity or "energy").bound > ROUNDED_ERROR:
                 found.append(row.sample.configuration.integrator)
@@ -195,155 +277,34 @@ class Study:
         """Shorten a scene that takes too long for dozens of runs; the store remembers the span, whatever the next budget is."""
         if self.store.span is None:
             machine = bench.machine(split(self.own.name)[0])  # the reference is without a tree
-            own_seconds = self._own_steps * machine.seconds_per_step
+            own_seconds = self._own_steps * machine.budget_per_step
             allowed = OWN_SHARE * self.budget.seconds
             if own_seconds > allowed:
                 least = min(1.0, FEWEST_OWN_STEPS / self.problem.own_steps)
-                self._look_at(bench, self.problem.shortened(self.problem.span * max(least, allowed / own_seconds)))
+                part = max(least, allowed / own_seconds)
+                self.problem = self.search.problem = self.problem.shortened(self.problem.span * part)
+                bench.shorten(self.problem)
             self.store.span = self.problem.span
         if self.problem.span < self.whole:
             self.tell(
                 f"studying the first t = {self.problem.span:.6g} of {self.whole:.6g}: all of it does not fit the budget often"
             )
 
-    def _find_reference(self, bench: Workbench) -> None:
-        known = self.store.notes.get("reference")
-        if known is not None and known["trusted"]:
-            asked = (known["control"], known["tolerance"])
-            kept = self.store.get(Configuration(known["integrator"], known["steps"], REFERENCE[1], REFERENCE[0], *asked))
-            if kept is not None and kept.end is not None:
-                self.reference = ReferenceSolution(**known, end=kept.end)
-                self.conserves_energy = kept.energy is not None
-                return
-        exact = next((name for name in exact_solvers() if name in self.methods), None)
-        if exact is not None and self._fly(bench, exact):
-            return
-        machine, steps = self._reference_machine(bench)
-        if known is not None and known["integrator"] == machine.name:
-            steps = max(steps, known["steps"] // 2)
-
-        def add(sample: Sample) -> None:
-            timed(machine, sample, self.budget)
-            self.store.add(sample)
-            self.conserves_energy = sample.energy is not None
-
-        # However long the compiler took, some time must be left to halve a step twice.
-        share = max(REFERENCE_SHARE, self.budget.spent / self.budget.seconds + LEAST_REFERENCE_SHARE)
-        found = converge(machine, steps, self.budget, share=share, add=add)
-        if found.runs:
-            self.reference = self._finer(bench, found.reference())
-            self.store.notes["reference"] = self.reference.facts()
-            self.tell(f"reference: {self.reference.told}")
-            if not self.reference.trusted:
-                self._remarks.append(
-                    "the reference was not shown to have converged; a longer budget, or a second call, goes on"
-                )
-
-    def _fly(self, bench: Workbench, exact: str) -> bool:
-        """Use exact flight as the reference, over the part of the run in which round-off does not decide the collisions.
-
-        Where too little happens in that part, it is the whole, for energies. Whether the scene can be flown at all.
-        """
-        try:
-            machine, whole = bench.machine(exact), self.problem
-        except BackendError:
-            raise
-        except MppError as error:
-            self.tell(f"no event-driven flight here: {error}")
-            return False
-        while (found := flight_reference.fly(machine, self.budget)) is not None:
-            reference, sample = found
-            part = WELL_BEFORE * reference.meaning if reference.meaning else self.problem.span / LOOKS
-            if reference.trusted or sample.evaluations < FEWEST_COLLISIONS:
-                break
-            self._look_at(bench, self.problem.shortened(part))
-        if found is not None and not reference.trusted:
-            self._look_at(bench, whole)
-            found = flight_reference.fly(machine, self.budget)
-        if found is None:
-            return False
-        self.reference, sample = found
-        timed(machine, sample, self.budget)
-        self.store.add(sample)
-        self.conserves_energy = sample.energy is not None
-        self.store.notes["reference"] = self.reference.facts()
-        self.tell(f"reference: {self.reference.told}")
-        if self.problem.span < whole.span:
-            self.tell(f"studying the first t = {self.problem.span:.6g}, in which no round-off grows to be seen")
-        return True
-
-    def _look_at(self, bench: Workbench, problem: Problem) -> None:
-        """Study this part of the run from now on."""
-        self.problem = problem
-        bench.shorten(problem)
-        self.store.span = problem.span
-
-    def _finer(self, bench: Workbench, known: ReferenceSolution) -> ReferenceSolution:
-        """Replace the reference by the solution of `radau_reference`, where round-off limits the known one and time is left."""
-        enough = WELL_KNOWN if self.wishes.aim is None else self.wishes.aim * WITHIN_AIM
-        if not known.trusted or known.bar <= enough or radau_reference.method() not in self.methods:
-            return known
-        if self.wishes.reference is not None or 2.0 * self.budget.spent > FIRST_SHARE * self.budget.seconds:
-            return known
-        try:
-            machine = bench.machine(radau_reference.method())
-        except BackendError:
-            raise
-        except MppError as error:
-            log.info("%s is no reference here: %s", radau_reference.method(), error)
-            return known
-
-        def add(sample: Sample) -> None:
-            timed(machine, sample, self.budget)
-            self.store.add(sample)
-
-        if len(radau_reference.TOLERANCES) * LOOKS * machine.seconds_per_step > self.budget.left(FIRST_SHARE):
-            return known
-        return radau_reference.finer(machine, known, self.budget, add=add)
-
-    def _reference_machine(self, bench: Workbench) -> tuple[Machine, int]:
-        """The most promising method that the scene allows."""
-        promising = for_reference(self.methods) if self.problem.spec.contacts is None else [self.own]
-        if self.wishes.reference is not None:
-            promising = [self.methods[self.wishes.reference]]
-        for method in promising:
-            try:
-                return bench.machine(method.name), first_steps(self.problem, method, self.own)
-            except BackendError:
-                raise
-            except MppError as error:
-                log.info("%s is no reference here: %s", method.name, error)
-        raise MppError("no integrator of the catalogue can serve as a reference for this scene")
-
-    def _find_chaos(self, bench: Workbench) -> None:
-        known = self.store.notes.get("chaos")
-        if known is not None:
-            self.chaos = Chaos(known["lyapunov_time"], known["rise"], known["span"])
-            return
-        if self.reference is None or self.problem.spec.contacts is not None:
-            return
-        if self.reference.tolerance is None:
-            method = self.methods[self.reference.integrator]
-            steps = max(first_steps(self.problem, method, self.own), self.reference.steps // 4)
-            machine = bench.machine(method.name)
-        else:
-            machine, steps = self._reference_machine(bench)
-        if 2.0 * max(steps, chaos_of.PIECES) * machine.seconds_per_step < CHAOS_SHARE * self.budget.left(FIRST_SHARE):
-            self.chaos = chaos_of.measure(machine, steps, self.reference.size, self.budget)
-            self.store.notes["chaos"] = vars(self.chaos)
-
     def _sweep(self, bench: Workbench, names: list[str], *, begin: float, end: float) -> None:
         if self.quantity is None:
             return
         self.tell(f"{bench.backend} {bench.precision}: {', '.join(names)}")
-        sweep = StepSweep(bench, self.store, self.budget, self.methods, self._error)
+        known = (self.store, self.budget, self.methods, self._error)
+        sweep = StepSweep(bench, *known, promised=promised(self.problem, self.methods), aim=self._aim)
         for machine in bench.machines.values():
             sweep.learn(machine)
         ladders = [self._ladder(self.methods[name]) for name in names]
-        sweep.climb(ladders, share=end - REPEATS_SHARE * (end - begin), first=self.own.name)
+        repeats = REPEATS_SHARE if self.wishes.aim is None else REPEATS_SHARE_OF_AIM
+        sweep.climb(ladders, share=end - repeats * (end - begin), first=self.own.name)
         sweep.repeat(share=end)
         self.store.save()
         self.cut[bench.backend, bench.precision] = sweep.left_out
+        self._after_sweep(self, bench)
 
     def _ladder(self, method: StudyMethod) -> Ladder:
         anchor = equal_cost(self.problem, method, self.own)
@@ -351,8 +312,8 @@ class Study:
         if self.quantity == "position" and self.reference is not None:
             floor = self.reference.bar
         coarsest = COARSEST
-        if self.wishes.aim is not None:
-            floor, coarsest = max(floor, self.wishes.aim), min(COARSEST, AROUND * self.wishes.aim)
+        if (aim := self._aim) is not None:
+            floor, coarsest = max(floor, aim), min(COARSEST, AROUND * aim)
         fewest = float(method.fewest_steps)
         patient, tolerance = self.problem.spec.contacts is not None, method.tolerance
         steps = (method.name, method.order, anchor, fewest)

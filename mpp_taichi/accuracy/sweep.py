@@ -1,10 +1,18 @@
-"""Sweep: the rungs of many ladders on one workbench, the cheapest first; then repeats, interleaved, for the times."""
+"""Sweep: the rungs of many ladders on one workbench; then repeats, interleaved, for the times.
+
+The scene's own method begins. Then every method that is made for the scene's kind has two rungs, then one method of each
+family, and only then the cheapest rung of any ladder is next. Where one error is aimed at, methods that are far slower than
+the fastest that reached it are left: of families that are far slower no other method is compiled.
+"""
 
 import logging
-from collections.abc import Callable
+import math
+import statistics
+from collections.abc import Callable, Collection, Iterable
 
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.contact_methods import exact_solvers
+from mpp_taichi.accuracy.families import representatives
 from mpp_taichi.accuracy.force_solvers import by_tree
 from mpp_taichi.accuracy.ladder import Ladder
 from mpp_taichi.accuracy.methods import StudyMethod, rank
@@ -18,8 +26,14 @@ log = logging.getLogger(__name__)
 REPEATS = 5
 LONG_SECONDS = 0.2  # of a run whose time is used although samples were taken on the way
 DEAREST = 0.12  # part of the budget that one run may take
-LONG_COMPILE = 8.0  # ratio of the compile times of implicit and adaptive methods to the compile times of other methods
+LONGEST_COMPILE = 12.0  # ratio of the compile time of a method that says it is slow to that of others
+COMPILE_SECONDS = 1.0  # of a simple method, until one has been compiled
+LONG_COMPILE = 2.5  # ratio of the compile times of implicit and adaptive methods to the compile times of other methods
 FIRST_ORDER_LAST = 8.0  # methods of first order are begun late, as if they cost this many times as much
+LAST_STAGE = 3
+CLIMBING_SHARE = 0.2  # of the share of a sweep, in which nothing more is compiled
+TRIAL_RUNGS = 2  # of a ladder, until every family has been tried
+WORTH = 4.0  # times the shortest time in which an aim was reached: slower runs, and methods of slower families, are left out
 HOPELESS = 100.0  # a rung is skipped when another row is as good with fewer force evaluations by this factor
 
 
@@ -33,11 +47,17 @@ class StepSweep:
         budget: Budget,
         methods: dict[str, StudyMethod],
         error_of: Callable[[Sample], float],
+        *,
+        promised: Collection[str] = (),
+        aim: float | None = None,
     ) -> None:
-        """Begin without a run."""
-        self.bench, self.store, self.budget, self.methods, self.error_of = bench, store, budget, methods, error_of
+        """Begin without a run; `promised` are the methods made for the scene, `aim` the only error of interest."""
+        self.promised, self.aim = promised, aim
+        self.bench, self.store, self.budget, self.methods, self._error_of = bench, store, budget, methods, error_of
         self.seconds_per_evaluation: dict[bool, float] = {}  # by whether a tree sums
         self.left_out = 0
+        self._names: set[str] = set()
+        self._errors: dict[str, float] = {}
 
     def configuration(self, ladder: Ladder, rung: int) -> Configuration:
         """The configuration of a run on this workbench."""
@@ -51,21 +71,32 @@ class StepSweep:
         Raises:
             OutOfTime: all of the budget is spent.
         """
-        waiting = list(ladders)
+        waiting, self._names = list(ladders), {ladder.integrator for ladder in ladders}
+        trial = representatives([self.methods[ladder.integrator] for ladder in ladders])
         while waiting:
             self.budget.check()
             offers = []
             for ladder in list(waiting):
                 rungs = self._recall(ladder)
-                if not rungs:
+                if not rungs or (ladder.integrator not in trial and not self._is_worth(ladder)):
                     waiting.remove(ladder)
+                    continue
                 offers += [(self._expected(ladder, rung), ladder, rung) for rung in rungs]
             if not offers:
                 return
-            begun = [offer for offer in offers if offer[1].integrator == first and not offer[1].errors]
-            seconds, ladder, rung = min(begun or offers, key=lambda offer: offer[0] * self._dearness(offer[1]))
-            dear = self._run_seconds(ladder, rung) > DEAREST * self.budget.seconds
-            if dear or seconds > self.budget.left(share):
+
+            def turn(offer: tuple[float, Ladder, int]) -> tuple[int, bool, bool, float]:
+                seconds, ladder, _ = offer
+                stage = self._stage(ladder, first, trial)
+                if stage == LAST_STAGE:
+                    return stage, False, False, seconds * self._dearness(ladder)
+                method = self.methods[ladder.integrator]  # splittings compile fastest
+                return stage, method.implicit or method.adaptive, not method.symplectic, seconds
+
+            seconds, ladder, rung = min(offers, key=turn)
+            if self._is_slow(ladder, rung):
+                ladder.close(rung)
+            elif self._run_seconds(ladder, rung) > DEAREST * self.budget.seconds or seconds > self._left(ladder, share):
                 ladder.close(rung)
                 self.left_out += 1
             else:
@@ -83,7 +114,7 @@ class StepSweep:
 
     def learn(self, machine: Machine) -> None:
         """Learn the time of a force evaluation from a run."""
-        self.seconds_per_evaluation[by_tree(machine.name)] = machine.seconds_per_step / machine.evaluations
+        self.seconds_per_evaluation[by_tree(machine.name)] = machine.budget_per_step / machine.evaluations
 
     def measure(self, configuration: Configuration) -> Sample:
         """Run once, and keep the sample; for a method that the scene does not allow the sample holds the reason."""
@@ -103,6 +134,52 @@ class StepSweep:
 
     # Internals
 
+    def _left(self, ladder: Ladder, share: float) -> float:
+        """The seconds left for a rung: compilations leave a part of the share to the methods that are compiled."""
+        return self.budget.left(share if self._is_compiled(ladder.integrator) else (1.0 - CLIMBING_SHARE) * share)
+
+    def _stage(self, ladder: Ladder, first: str, trial: Collection[str]) -> int:
+        """When a ladder has its turn: the scene's own method, the promised methods, one of each family, then the cheapest."""
+        if ladder.integrator == first and not ladder.errors:
+            return 0
+        if len(ladder.errors) >= TRIAL_RUNGS:
+            return LAST_STAGE
+        name = ladder.integrator
+        if name in self.promised and (self._is_compiled(name) or not self.methods[name].slow_to_compile):
+            return 1
+        return 2 if name in trial or name in self.promised else LAST_STAGE
+
+    def _is_worth(self, ladder: Ladder) -> bool:
+        """Whether a method is to be tried: it has begun, or a method of its family is nearly as fast as the fastest so far."""
+        family = self.methods[ladder.integrator].family
+        relatives = [each for each in self._mine() if self._family(each) == family]
+        if ladder.errors or self.aim is None or ladder.integrator in self.promised or not relatives:
+            return True
+        return self._best_seconds(relatives) <= WORTH * self._best_seconds(self.store)
+
+    def _is_slow(self, ladder: Ladder, rung: int) -> bool:
+        """Whether a rung would take much longer than a run that reached the aim."""
+        if self.aim is None or not self._is_compiled(ladder.integrator):
+            return False
+        machine = self.bench.machine(ladder.integrator)
+        return ladder.steps(rung) * machine.seconds_per_step > WORTH * self._best_seconds(self.store)
+
+    def _best_seconds(self, samples: Iterable[Sample]) -> float:
+        """The shortest time in which a sample reached the aim; infinite where none did."""
+        tried = [each for each in samples if each.configuration.integrator in self._names]  # others are the reference's
+        reached = [each for each in tried if self.aim is not None and self._error(each) <= self.aim]
+        return min((each.median_seconds or math.inf for each in reached), default=math.inf)
+
+    def _error(self, sample: Sample) -> float:
+        key = sample.configuration.key
+        if key not in self._errors:  # the reference stays the same during a sweep
+            self._errors[key] = self._error_of(sample)
+        return self._errors[key]
+
+    def _family(self, sample: Sample) -> str:
+        method = self.methods.get(sample.configuration.integrator)
+        return "" if method is None else method.family
+
     def _recall(self, ladder: Ladder) -> list[int]:
         """The open rungs, after the samples of the store have been noted."""
         while True:
@@ -118,7 +195,7 @@ class StepSweep:
 
     def _try(self, ladder: Ladder, rung: int, waiting: list[Ladder]) -> None:
         sample = self.measure(self.configuration(ladder, rung))
-        log.info("%s: error %.1e", sample.configuration.key, self.error_of(sample))
+        log.info("%s: error %.1e", sample.configuration.key, self._error(sample))
         if sample.status == "refused":
             waiting.remove(ladder)
         else:
@@ -126,12 +203,12 @@ class StepSweep:
 
     def _note(self, ladder: Ladder, rung: int, sample: Sample) -> None:
         """Note a sample in its ladder, which ends where other methods are as good at far lower cost."""
-        error = self.error_of(sample)
+        error = self._error(sample)
         ladder.note(rung, error)
         others = [
             each for each in self._mine() if each.configuration.integrator not in exact_solvers()
         ]  # no method with steps can compete with exact flight
-        if any(sample.evaluations > HOPELESS * each.evaluations and self.error_of(each) <= error for each in others):
+        if any(sample.evaluations > HOPELESS * each.evaluations and self._error(each) <= error for each in others):
             ladder.closed_above = True
 
     def _mine(self) -> list[Sample]:
@@ -146,7 +223,7 @@ class StepSweep:
     def _run_seconds(self, ladder: Ladder, rung: int) -> float:
         method, steps = self.methods[ladder.integrator], ladder.steps(rung)
         if self._is_compiled(method.name):
-            return steps * self.bench.machine(method.name).seconds_per_step
+            return steps * self.bench.machine(method.name).budget_per_step
         known = self.seconds_per_evaluation
         guess = max(known.values(), default=0.0)
         return steps * method.evaluations * known.get(by_tree(method.name), guess)
@@ -155,8 +232,13 @@ class StepSweep:
         return name in self.bench.machines
 
     def _compile_seconds(self, name: str) -> float:
-        slow = LONG_COMPILE if self.methods[name].implicit or self.methods[name].adaptive else 1.0
-        return slow * self.bench.expected_compile_seconds()
+        known = [machine.compile_seconds / self._slowness(machine.name) for machine in self.bench.machines.values()]
+        return self._slowness(name) * (statistics.median(known) if known else COMPILE_SECONDS)
+
+    def _slowness(self, name: str) -> float:
+        """The compile time of a method over that of simple methods, roughly."""
+        method = self.methods[name]
+        return LONGEST_COMPILE if method.slow_to_compile else LONG_COMPILE if method.implicit or method.adaptive else 1.0
 
     def _dearness(self, ladder: Ladder) -> float:
         """The rank by which new ladders are begun: the best method of each order comes before the second best."""

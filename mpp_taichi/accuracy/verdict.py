@@ -5,7 +5,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from mpp_taichi.accuracy.front import StudyRow, evaluation_front, price_of_a_digit, time_front
+from mpp_taichi.accuracy.sample import MeasuredError, rounded_up
 
+TEN = 10.0  # times less and more time, of which the sentence says the error
 ALIKE = 1.1  # ratio of times that medians on a busy machine cannot distinguish
 
 
@@ -15,6 +17,7 @@ def verdict(rows: Sequence[StudyRow], quantity: str | None, target: float) -> di
     time_per_digit, evaluations_per_digit   factors for ten times less error, along the front
     choice       the row to take for the target, see `choice`; absent where none reaches it
     best         the smallest error of all rows, where no row reaches the target
+    faster, slower  the smallest error in a tenth of the time of the choice, and in ten times its time; absent without a row
     own          the scene's own setting: its error, and `step_ratio`, the factor by which its step could be longer (above 1)
                  or must be shorter (below 1) for the target, from the errors of its own method
     """
@@ -31,6 +34,9 @@ def verdict(rows: Sequence[StudyRow], quantity: str | None, target: float) -> di
         found[f"{name}_front"] = [row.sample.configuration.key for row in rows_of_front]
     if (chosen := choice(rows, quantity, target)) is not None:
         found["choice"] = _described(chosen, quantity)
+        for name, times in (("faster", 1.0 / TEN), ("slower", TEN)):
+            if (other := _best_within(rows, quantity, times * (chosen.seconds or math.inf))) is not None:
+                found[name] = _described(other, quantity)
     elif ends := time_front(rows, quantity):
         found["best"] = _described(ends[-1], quantity)
     own = next((row for row in rows if row.is_own), None)
@@ -48,6 +54,12 @@ def choice(rows: Sequence[StudyRow], quantity: str, target: float) -> StudyRow |
     fastest = min(row.seconds or math.inf for row in reached)
     alike = [row for row in reached if (row.seconds or math.inf) <= ALIKE * fastest]
     return min(alike, key=lambda row: (row.error(quantity).bound, row.sample.evaluations, row.seconds))
+
+
+def _best_within(rows: Sequence[StudyRow], quantity: str, seconds: float) -> StudyRow | None:
+    """The row with the smallest error among the rows that take at most so many seconds."""
+    affordable = [row for row in time_front(rows, quantity) if (row.seconds or math.inf) <= seconds]
+    return min(affordable, key=lambda row: row.error(quantity).bound, default=None)
 
 
 def step_ratio(own: StudyRow, rows: Sequence[StudyRow], quantity: str, target: float) -> float | None:
@@ -86,11 +98,11 @@ def _described(row: StudyRow, quantity: str) -> dict[str, Any]:
     }
 
 
-def sentence(found: dict[str, Any]) -> str:
-    """The verdict for a person."""
+def sentence(found: dict[str, Any], because: str = "") -> str:
+    """The verdict for a person; `because` is the reason why a quantity is compared, or none can be."""
     quantity = found["quantity"]
     if quantity is None:
-        return "nothing can be compared: no positions at the end are known well enough, and the scene does not keep its energy"
+        return f"nothing can be compared: {because}"
     parts = []
     if found["time_per_digit"] is not None:
         forces = found["evaluations_per_digit"]
@@ -102,12 +114,26 @@ def sentence(found: dict[str, Any]) -> str:
             f"for {target} of {quantity} take {choice['integrator']} in {choice['precision']} with {choice['setting']}, "
             f"{duration(choice['seconds'])}"
         )
+        parts.append(_other_times(found))
     elif best := found.get("best"):
         error = best["error"] if best["error"] is not None else best["error_at_most"]
         parts.append(f"nothing that was tried reaches {target} of {quantity}; {best['integrator']} came to {error:.1e}")
     if own := found.get("own"):
         parts.append(_own(own, found))
     return "; ".join(part for part in parts if part) or "too little was measured to say what accuracy costs"
+
+
+def _other_times(found: dict[str, Any]) -> str:
+    """The smallest errors of runs that take a tenth, and ten times, the time of the chosen run."""
+    said = []
+    for name, words in (("faster", "a tenth of this time"), ("slower", "ten times this time")):
+        if (other := found.get(name)) and other["key"] != found["choice"]["key"]:
+            said.append(f"{words} buys {_error(other)} ({other['integrator']} in {other['precision']}, {other['setting']})")
+    return ", ".join(said)
+
+
+def _error(described: dict[str, Any]) -> str:
+    return str(MeasuredError(described["error"], described["error_at_most"]))
 
 
 def _own(own: dict[str, Any], found: dict[str, Any]) -> str:
@@ -117,7 +143,7 @@ def _own(own: dict[str, Any], found: dict[str, Any]) -> str:
         return f"{setting} does not hold"
     if own["error"] is None and own["error_at_most"] is None:
         return ""
-    error = f"{own['error']:.1e}" if own["error"] is not None else f"at most {own['error_at_most']:.0e}"
+    error = f"{own['error']:.1e}" if own["error"] is not None else f"at most {rounded_up(own['error_at_most']):.0e}"
     if own["step_ratio"] is None:
         relation = f"misses {target}" if own["error"] is not None and own["error"] > found["target"] else f"reaches {target}"
         return f"{setting} {relation}: its error is {error}"

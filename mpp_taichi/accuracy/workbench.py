@@ -15,6 +15,7 @@ from mpp_taichi.accuracy.force_solvers import with_force_solver
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import Problem, with_integrator
 from mpp_taichi.accuracy.sample import Configuration, Sample
+from mpp_taichi.accuracy.step_clock import LaunchTime, StepClock
 from mpp_taichi.device import backends
 from mpp_taichi.energy.energy_error import ratio, relative_error
 from mpp_taichi.errors import MppError
@@ -46,13 +47,15 @@ class Machine:
 
     def __init__(self, problem: Problem, integrator: str, *, backend: str, precision: str) -> None:
         """Compile, by one step and one sample; MppError where the scene does not allow the method."""
-        began = clock.perf_counter()
+        began = clock.process_time()
         self.problem, self.name = problem, integrator
         spec = with_integrator(problem.spec, integrator, problem.own_dt)
         self.simulation = Simulation(spec, backend=backend, precision=precision)
         self.integrator, self.contacts = self.simulation.integrator, self.simulation.contacts
         self.backend, self.precision = backend, precision
-        launcher = self.simulation.launcher
+        launcher, device = self.simulation.launcher, self.simulation.device
+        threads = device.threads if self.simulation.phase.plan == "parallel" else 1
+        self.clock = StepClock(threads if device.on_cpu else 0)
         self._is_adaptive, self._counts_collisions = bool(self.integrator.controlled_by), not launcher.takes_steps
         self._solves = "linear_solver" in launcher.facts()
         self.energy_meter = self._direct_meter() if self.simulation.total_force.by_tree else self.simulation.phase.energy_meter
@@ -62,13 +65,18 @@ class Machine:
         self._launch(0.0, problem.own_dt, 1)
         self._look(0.0, 0)
         self._begin(problem.own_dt)
-        self.compile_seconds = clock.perf_counter() - began
+        self.compile_seconds = clock.process_time() - began
         self.seconds_per_step = self._try_out()
 
     @property
     def order(self) -> int:
         """The order of the global error."""
         return self.integrator.order
+
+    @property
+    def budget_per_step(self) -> float:
+        """Seconds of a budget that a step takes: the processor time of all threads."""
+        return self.seconds_per_step * self.clock.parallelism
 
     @property
     def evaluations(self) -> float:
@@ -143,7 +151,7 @@ class Machine:
         return sample, trace
 
     def time(self, configuration: Configuration, budget: Budget) -> float:
-        """Seconds of the steps, without samples."""
+        """Seconds of the steps on a quiet machine, without samples; see StepClock."""
         dt = self.problem.span / configuration.steps
         self._begin(dt, configuration.tolerance)
         return self._advance(0, configuration.steps, dt, budget)[0]
@@ -173,25 +181,30 @@ class Machine:
         if self.contacts is not None:
             self.contacts.collect()
 
-    def _launch(self, time: float, dt: float, steps: int) -> float:
+    def _launch(self, time: float, dt: float, steps: int) -> LaunchTime:
         ti = backends.import_taichi()
         ti.sync()
-        began = clock.perf_counter()
-        self.simulation.launcher.advance(time, dt, 0, steps)
-        ti.sync()
-        return clock.perf_counter() - began
+
+        def launch() -> None:
+            self.simulation.launcher.advance(time, dt, 0, steps)
+            ti.sync()
+
+        return self.clock.time(launch)
+
+    def _launch_seconds(self, time: float, dt: float, steps: int) -> float:
+        return self.clock.seconds(self._launch(time, dt, steps))
 
     def _try_out(self) -> float:
         """Seconds per step, from launches of more and more steps until the clock can resolve them."""
         if self._is_adaptive:
-            return TRIAL * self._launch(0.0, self.problem.span / LOOKS / TRIAL, 1)
+            return TRIAL * self._launch_seconds(0.0, self.problem.span / LOOKS / TRIAL, 1)
         steps, limit = 1, self.simulation.phase.launch_limit
         dt = self.problem.own_dt if self._solves or self.contacts else TINY * self.problem.own_dt
         if self.contacts is not None:  # beyond the span the motion may fail
             limit = min(limit, max(4, int(self.problem.span / dt)))
-        while (seconds := self._launch(0.0, dt, steps)) < 2e-3 and 4 * steps <= limit:
+        while (seconds := self._launch_seconds(0.0, dt, steps)) < 2e-3 and 4 * steps <= limit:
             steps *= 4
-        return min(seconds, self._launch(0.0, dt, steps)) / steps
+        return min(seconds, self._launch_seconds(0.0, dt, steps)) / steps
 
     def _learn(self, seconds_per_step: float, seconds: float) -> None:
         """Keep the shortest time of a step, since a busy machine only adds; the steps of implicit methods differ in length."""
@@ -207,9 +220,12 @@ class Machine:
             if self.contacts is not None:
                 most = min(most, STEPS_WITH_CONTACTS)
             count = min(stop - done, most)
-            took = self._launch(done * dt, dt, count)
+            launch = self._launch(done * dt, dt, count)
+            took = self.clock.seconds(launch)
             seconds += took
             self._learn(took / count, took)
+            if self.backend != "cpu":
+                budget.wait(launch.waited)
             done += count
             if self.contacts is not None:
                 found = self.contacts.collect()
@@ -272,19 +288,13 @@ class Workbench:
         """Begin without a compiled method."""
         self.problem, self.backend, self.precision = problem, backend, precision
         self.machines: dict[str, Machine] = {}
-        self.compile_seconds: list[float] = []
 
     def machine(self, integrator: str) -> Machine:
         """A compiled method; MppError where the scene does not allow it."""
         if integrator not in self.machines:
             made = Machine(self.problem, integrator, backend=self.backend, precision=self.precision)
             self.machines[integrator] = made
-            self.compile_seconds.append(made.compile_seconds)
         return self.machines[integrator]
-
-    def expected_compile_seconds(self) -> float:
-        """The expected seconds to compile the next method."""
-        return float(np.median(self.compile_seconds)) if self.compile_seconds else 2.0
 
     def shorten(self, problem: Problem) -> None:
         """Continue with a shorter span of the same scene."""

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=span_of_time,
         default=BUDGET_SECONDS,
         metavar="60s",
-        help="wall time that the study may take: 60s, 10min, 1h",
+        help="processor time that the study may take, of all threads together: 60s, 10min, 1h",
     )
     parser.add_argument(
         "--target",
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=names,
         default=["f64", "f32"],
         metavar="P,Q",
-        help="precisions to try, of f64,ds,f32c,f32; absent: f64,f32",
+        help="precisions to try, of f64,df64,ds,f32c,f32; absent: f64,f32",
     )
     parser.add_argument("--backends", type=names, default=["cpu"], metavar="B,C", help="backends to try; absent: cpu")
     parser.add_argument(
@@ -70,7 +70,8 @@ def execute(arguments: argparse.Namespace) -> int:
     from mpp_taichi.scene.load import load_scene
 
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
-    wishes = _wishes(arguments, "integrators" if spec.contacts is None else "contacts")
+    asked = None if spec.accuracy is None else spec.accuracy.quantity
+    wishes = _wishes(arguments, "integrators" if spec.contacts is None else "contacts", asked)
     problem = pose(spec, arguments.until)
     from mpp_taichi.cli._signals import Interrupted, Interruption
     from mpp_taichi.recorders._lock import OutputLock
@@ -133,7 +134,7 @@ def _report(found: dict[str, Any], study: "Study", arguments: argparse.Namespace
         put(f"\nwrote {', '.join(found['files'])}")
 
 
-def _wishes(arguments: argparse.Namespace, kind: str) -> "StudyWishes":
+def _wishes(arguments: argparse.Namespace, kind: str, quantity: str | None) -> "StudyWishes":
     """The methods to try: integrators, or the solvers of a scene with contacts."""
     from mpp_taichi.accuracy.study import StudyWishes
     from mpp_taichi.device.availability import BACKENDS
@@ -144,7 +145,7 @@ def _wishes(arguments: argparse.Namespace, kind: str) -> "StudyWishes":
             if _without_tree(name) not in known:
                 raise UsageError(f"--{option} {name}: allowed are {', '.join(known)}")
     devices = [(backend, precision) for backend in arguments.backends for precision in arguments.precisions]
-    return StudyWishes(arguments.integrators, devices)
+    return StudyWishes(arguments.integrators, devices, quantity=quantity)
 
 
 def _without_tree(name: str) -> str:

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
+from counted_budget import CountedBudget
 from PIL import Image
 from scipy.integrate import solve_ivp
 
@@ -19,6 +20,7 @@ from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.ladder import Ladder
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.reference import Convergence, converge
+from mpp_taichi.accuracy.reference_search import MOST_BUDGETS
 from mpp_taichi.accuracy.sample import Configuration, MeasuredError, Sample
 from mpp_taichi.accuracy.store import Store, identity
 from mpp_taichi.accuracy.study import Study, StudyWishes
@@ -98,7 +100,8 @@ def kepler_study(tmp_path_factory):
 def test_the_reference_is_as_close_to_the_closed_form_as_its_bar_says(kepler_study):
     reference = kepler_study.found["reference"]
     (samples,) = kepler_study.out.glob("samples-*.json")
-    name = f"{reference['integrator']}-f64-cpu-{reference['steps']}.npy"
+    asked = f"-{reference['control']}-{reference['tolerance']:.6g}" if reference["tolerance"] else ""
+    name = f"{reference['integrator']}-f64-cpu-{reference['steps']}{asked}.npy"
     end = np.load(samples.with_suffix("") / name)
     true = np.linalg.norm(end - kepler_end(SPAN), axis=1).max() / reference["size"]
     assert reference["trusted"]
@@ -111,9 +114,11 @@ def test_a_coarse_reference_is_found_out_and_its_bar_still_holds():
     with_leapfrog = machine_of({**kepler(ECCENTRICITY, dt=0.01), "run": {"duration": SPAN}}, "leapfrog")
     budget = Budget(1e9)
     with_leapfrog.seconds_per_step = 1.0
-    alone = converge(with_leapfrog, 64, budget, share=1e-12, add=lambda sample: None).reference()
+    runs = Convergence(2, 64)
+    converge(runs, with_leapfrog, budget, share=1e-12, add=lambda sample: None)
+    alone = runs.reference()
     assert not alone.trusted and math.isinf(alone.bar) and not alone.positions_mean_something
-    coarse = Convergence(with_leapfrog.problem, 2)
+    coarse = Convergence(2, 64)
     for steps in (64, 128, 256):
         coarse.add(*with_leapfrog.run(with_leapfrog.configuration(steps), budget, follow=True))
     reference = coarse.reference()
@@ -122,10 +127,9 @@ def test_a_coarse_reference_is_found_out_and_its_bar_still_holds():
     assert not reference.positions_mean_something
 
 
-def planted(errors, *, looks=3):
+def planted(errors, *, looks=3, order=4):
     """A convergence whose runs end so far from the truth, in a system of size 1."""
-    problem = pose(load_scene({**kepler(dt=0.01), "run": {"duration": 1.0}}))
-    found = Convergence(problem, 4)
+    found = Convergence(order, 64)
     places = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     for number, error in enumerate(errors):
         end = places + np.array([error, 0.0, 0.0])
@@ -142,6 +146,29 @@ def test_bars_hold_for_any_rate_of_convergence(falls):
     assert reference.trusted == (falls >= 2.0)
 
 
+def test_the_best_pair_is_the_reference_where_finer_steps_only_add_rounding_errors():
+    """Errors fall sixteenfold to 2e-8 and then grow by √2 with each halving, with random signs, as of a sum of roundings."""
+    signs, errors = np.random.default_rng(5).choice([-1.0, 1.0], 20), [1e-3 * 16.0**-k for k in range(4)]
+    errors += [2e-8 * math.sqrt(2.0) ** k * sign for k, sign in enumerate(signs)]
+    runs = next(number for number in range(2, len(errors)) if planted(errors[:number]).is_enough)
+    found = planted(errors[:runs])
+    reference = found.reference()
+    best = [64 * 2**k for k in range(runs)].index(reference.steps)
+    assert runs <= best + 5  # of 24
+    assert abs(errors[best]) <= reference.bar < 1e-6
+    apart = [abs(error - errors[best]) for error in errors[best + 1 : runs]]
+    assert reference.bar >= max(apart, default=0.0) * (1.0 - 1e-6)
+    assert reference.trusted and reference.differences[best - 1] == min(reference.differences)
+
+
+def test_a_difference_that_falls_by_less_than_the_order_says_is_no_bar_by_itself():
+    """Errors of an eighth-order method on two stiff springs, where the last two are rounding errors that nearly cancel."""
+    reference = planted([2.3e-4, 8.6e-7, 2.5e-8, 4.6e-8], order=8).reference()
+    assert reference.bar >= 4.6e-8 > reference.differences[-1]
+    errors = [1e-3 / 256.0**k for k in range(4)]  # as the order says: the last difference is the bar
+    assert planted(errors, order=8).reference().bar == pytest.approx(errors[2] - errors[3])
+
+
 def test_what_does_not_converge_is_no_reference():
     random = np.random.default_rng(1)
     lost = planted(random.uniform(-1, 1, 6)).reference()
@@ -156,9 +183,22 @@ def test_what_does_not_converge_is_no_reference():
 def test_errors_below_the_bar_are_never_numbers(kepler_study):
     bar = kepler_study.found["reference"]["bar"]
     errors = [row["errors"]["position"] for row in kepler_study.rows if row["status"] == "ok"]
-    assert any(error["value"] is None and error["at_most"] == bar for error in errors)
-    assert all(error["value"] is None or error["value"] > bar for error in errors)
-    assert str(MeasuredError.against(3e-14, 1e-13)) == "≤ 1e-13" and str(MeasuredError.against(3e-12, 1e-13)) == "3.0e-12"
+    assert any(error["value"] is None and error["at_most"] >= bar for error in errors)
+    assert all(error["value"] is None or error["value"] > 2.0 * bar for error in errors)
+    assert str(MeasuredError.against(3e-14, 1e-13)) == "≤ 2e-13" and str(MeasuredError.against(3e-12, 1e-13)) == "3.0e-12"
+    assert str(MeasuredError.against(0.0, 1e-15)) == "≤ 1e-15"
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.3, 0.999, 1.001, 1.999, 2.001, 5.0])
+@pytest.mark.parametrize("error_of_reference", [-1.0, 1.0])
+def test_a_stated_error_is_half_to_twice_the_true_error_whatever_the_error_of_the_reference_is(apart, error_of_reference):
+    """On a line: the reference lies a bar away from the truth, to either side; the run lies `apart` bars from the reference."""
+    bar = 1e-9
+    told, true = MeasuredError.against(apart * bar, bar), abs(apart + error_of_reference) * bar
+    if told.value is None:
+        assert true * (1.0 - 1e-12) <= told.at_most <= 3.0 * bar
+    else:
+        assert told.value / 2.0 <= true <= 2.0 * told.value
 
 
 # --- what is measured -------------------------------------------------------------------------------------------------
@@ -169,7 +209,8 @@ def test_errors_fall_with_the_order_of_the_method(kepler_study, integrator):
     # Below these errors the next term, of dt² more in symmetric methods and 7 dt more in rk4, moves the slope by less than 0.1;
     # thirty times the bar of the reference leaves 3 % in doubt, 0.015 of a slope over one decade of steps.
     largest = {"leapfrog": 1e-3, "yoshida4": 1e-4, "rk4": 1e-6}[integrator]
-    least = 30.0 * kepler_study.found["reference"]["bar"]
+    # Runs of up to 10⁵ steps round by a few 1e-14, and thirty times as much is 1e-12.
+    least = max(30.0 * kepler_study.found["reference"]["bar"], 1e-12)
     mine = [row for row in kepler_study.rows if row["integrator"] == integrator and row["status"] == "ok"]
     points = [(row["dt"], error) for row in mine if (error := row["errors"]["position"]["value"]) and least < error < largest]
     assert max(error for _, error in points) > 99.0 * min(error for _, error in points)
@@ -183,7 +224,8 @@ def test_evaluations_are_forces_times_steps_and_times_are_medians(kepler_study):
         if row["integrator"] in per_step:  # the reference is there as well
             assert row["evaluations"] == per_step[row["integrator"]] * row["steps"]
         assert row["median_seconds"] == np.median(row["seconds"])
-        assert row["dt"] * row["steps"] == pytest.approx(SPAN, rel=1e-15)
+        if row["tolerance"] is None:  # the steps of an adaptive method are its samples
+            assert row["dt"] * row["steps"] == pytest.approx(SPAN, rel=1e-15)
 
 
 def test_a_run_that_blows_up_is_a_row_with_the_reason():
@@ -247,7 +289,8 @@ def test_the_sentence_says_what_the_rows_say(kepler_study):
     fastest = min(row["median_seconds"] for row in rows if bound(row) <= 1e-6)
     alike = [row for row in rows if bound(row) <= 1e-6 and row["median_seconds"] <= 1.1 * fastest]
     best = min(alike, key=bound)
-    assert f"for 1e-6 of position take {best['integrator']} in f64 with dt = {best['dt']:.3g}, " in said
+    setting = f"dt = {best['dt']:.3g}" if best["tolerance"] is None else f"{best['control']} = {best['tolerance']:.3g}"
+    assert f"for 1e-6 of position take {best['integrator']} in f64 with {setting}, " in said
     assert duration(best["median_seconds"]) in said
     own = next(row for row in rows if row["is_own"])
     assert own["integrator"] == "leapfrog" and own["steps"] == 700
@@ -272,6 +315,26 @@ def test_the_sentence_reports_errors_that_no_run_reached():
     assert "misses 1e-6" in said
     assert step_ratio(rows[0], rows, "position", 1e-3) == pytest.approx(math.sqrt(1e-3 / 1e-2))
     assert "nothing can be compared" in sentence(verdict(rows, None, 1e-6))
+
+
+def test_the_sentence_says_what_ten_times_less_and_more_time_would_buy():
+    rows = [
+        front.StudyRow(
+            Sample(Configuration("leapfrog", steps, "f64", "cpu"), 1.0 / steps, evaluations=steps, seconds=[1e-3 * steps]),
+            *[MeasuredError(1.0 / steps**2)] * 5,
+        )
+        for steps in (20, 30, 300, 2500, 4000)
+    ]
+    from mpp_taichi.accuracy.verdict import verdict
+
+    found = verdict(rows, "position", 2e-5)
+    assert found["choice"]["error"] == 1.0 / 300**2
+    assert found["faster"]["error"] == 1.0 / 30**2 and found["slower"]["error"] == 1.0 / 2500**2
+    said = sentence(found)
+    assert "a tenth of this time buys 1.1e-03 (leapfrog in f64, dt = 0.0333)" in said
+    assert "ten times this time buys 1.6e-07 (leapfrog in f64, dt = 0.0004)" in said
+    alone = verdict(rows[2:3], "position", 2e-5)
+    assert "faster" not in alone and "this time buys" not in sentence(alone)
 
 
 def test_ladders_end_where_nothing_is_gained():
@@ -319,22 +382,6 @@ def test_a_study_goes_on_where_it_ended(kepler_copy, monkeypatch):
     assert errors == {row["key"]: row["errors"] for row in kepler_copy.rows}  # the same bits
 
 
-class CountedBudget(Budget):
-    """A budget whose time goes on by a second each time it is asked, so that a test needs no clock."""
-
-    def __init__(self, seconds):
-        super().__init__(seconds)
-        self.asked = 0
-
-    @property
-    def spent(self):
-        return float(self.asked)
-
-    def check(self):
-        self.asked += 1
-        super().check()
-
-
 def test_a_study_ends_with_its_budget_and_keeps_what_there_is(tmp_path):
     problem = pose(load_scene({**kepler(ECCENTRICITY, dt=0.01), "run": {"duration": SPAN}}))
     store = Store(tmp_path, identity(problem, SPAN, "test"))
@@ -350,11 +397,12 @@ def test_a_study_ends_with_its_budget_and_keeps_what_there_is(tmp_path):
 
 def test_a_run_is_left_when_the_budget_is_spent(tmp_path):
     problem = pose(load_scene({**kepler(ECCENTRICITY, dt=0.01), "run": {"duration": SPAN}}))
-    budget = CountedBudget(30.0)  # less than the 64 launches of a run
+    budget = CountedBudget(10.0)  # with MOST_BUDGETS of it for the reference, less than the 64 launches of a run
     study = Study(problem, Store(tmp_path, identity(problem, SPAN, "test")), budget, StudyWishes(reference="leapfrog"))
     study.run()
-    assert study.status == "out of time" and budget.spent == 30.0
+    assert study.status == "out of time" and budget.spent == MOST_BUDGETS * 10.0
     assert study.rows() == [] and study.quantity is None
+    assert study.reason == "the budget ended before the first run was done"
 
 
 def test_another_scene_machine_or_version_is_another_store(tmp_path):
@@ -413,7 +461,7 @@ def test_an_orbit_is_not_chaotic():
 def test_beyond_the_horizon_energies_are_compared(tmp_path):
     problem = pose(load_scene(three_bodies(400.0)))
     store = Store(tmp_path, identity(problem, 400.0, "test"))
-    study = Study(problem, store, CountedBudget(1000.0), StudyWishes(("leapfrog",), (("cpu", "f64"),), reference="leapfrog"))
+    study = Study(problem, store, CountedBudget(1000.0), StudyWishes(("leapfrog",), (("cpu", "f64"),)))
     study.run()
     assert study.quantity == "energy" and not study.reference.positions_mean_something
     assert study.reference.meaning < 400.0 and study.chaos.lyapunov_time is not None

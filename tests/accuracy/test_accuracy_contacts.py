@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 import yaml
+from counted_budget import CountedBudget
 
 from mpp_taichi import SceneError
 from mpp_taichi.accuracy.budget import Budget
@@ -35,25 +36,9 @@ def gas(**more):
 def study_of(scene, folder, solvers, *, asks=1e9):
     problem = pose(load_scene(scene))
     store = Store(folder, identity(problem, problem.span, "test"))
-    study = Study(problem, store, CountedBudget(asks), StudyWishes(solvers, (("cpu", "f64"),)))
+    study = Study(problem, store, CountedBudget(asks, seconds=1e9), StudyWishes(solvers, (("cpu", "f64"),)))
     study.run()
     return study
-
-
-class CountedBudget(Budget):
-    """A budget that ends after so many questions, whatever the clock says."""
-
-    def __init__(self, asks):
-        super().__init__(1e9)
-        self.asked, self.asks = 0, asks
-
-    @property
-    def spent(self):
-        return 1e9 * self.asked / self.asks
-
-    def check(self):
-        self.asked += 1
-        super().check()
 
 
 def machine_of(scene, name):

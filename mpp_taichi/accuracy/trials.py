@@ -1,0 +1,105 @@
+"""Trials: runs of the fastest offers with the steps at which they are expected to reach a target."""
+
+import math
+import statistics
+from dataclasses import dataclass
+
+from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.front import QUANTITIES, StudyRow
+from mpp_taichi.accuracy.methods import LOOKS
+from mpp_taichi.accuracy.offers import Offer, offers_for
+from mpp_taichi.accuracy.sample import Configuration, MeasuredError
+from mpp_taichi.accuracy.study import Study
+from mpp_taichi.accuracy.workbench import Workbench
+
+SAFETY = 0.7  # of the target: the error for which the step is interpolated
+TOO_GOOD = 3.0  # an error smaller than the target by this factor: a coarser step is tried as well
+TRIALS = 3  # runs with the chosen step, each corrected by the result of the last
+MOST_TRIED, ALIKE = 3, 1.5  # offers that are run, unless they seem slower than the first by more than this factor
+REPEATS = 3
+LOOKS_OF_ADAPTIVE = 1000  # samples in a run of a method that needs no step
+
+
+@dataclass(frozen=True)
+class Trial:
+    """An offer that reached the target: its setting, with its step [time], its error and the seconds of its steps."""
+
+    offer: Offer
+    configuration: Configuration
+    dt: float
+    error: MeasuredError
+    seconds: float
+
+
+class Trials:
+    """The trials of one target, made on each workbench while its methods are compiled."""
+
+    def __init__(self, target: float) -> None:
+        """Begin without a trial."""
+        self.target = target
+        self.reached: list[Trial] = []
+        self.offers: list[Offer] = []
+
+    def allowed(self, study: Study) -> float:
+        """The difference from the reference within which a run reaches the target, whatever the reference's own error is.
+
+        Negative where the error of the reference is as large as the target.
+        """
+        quantity = study.quantity
+        if quantity is None:
+            return -1.0
+        allowed = study.allowed(self.target, quantity)
+        return allowed if quantity != QUANTITIES[0] or study.reference is None else allowed - study.reference.bar
+
+    def run(self, study: Study, bench: Workbench) -> None:
+        """Try the fastest offers of the methods of a workbench."""
+        allowed = self.allowed(study)
+        if study.quantity is None or allowed <= 0.0:
+            return
+        rows = [row for row in study.rows() if _is_candidate(study, row, bench)]
+        offers = sorted(offers_for(rows, study.quantity, SAFETY * allowed), key=lambda offer: offer.seconds)
+        self.offers += offers
+        tried = 0
+        for offer in offers:
+            best = min((trial.seconds for trial in self.reached), default=math.inf)
+            if tried == MOST_TRIED or offer.seconds > ALIKE * best:
+                return
+            if (found := try_offer(study, bench, offer, allowed)) is not None:
+                self.reached.append(found)
+                tried += 1
+
+
+def _is_candidate(study: Study, row: StudyRow, bench: Workbench) -> bool:
+    """Whether a run was made on a workbench, with a method that may be chosen; runs of the reference are in the store too."""
+    configuration = row.sample.configuration
+    here = (configuration.backend, configuration.precision) == (bench.backend, bench.precision)
+    return here and configuration.integrator in (study.wishes.integrators or study.methods)
+
+
+def try_offer(study: Study, bench: Workbench, offer: Offer, allowed: float) -> Trial | None:
+    """Run an offer, again with a finer or coarser step if its error is too large or far too small; None if it fails."""
+    method, fineness, quantity = study.methods[offer.integrator], offer.fineness, study.quantity or QUANTITIES[0]
+    power = offer.power if method.adaptive else method.order
+    budget = Budget(study.budget.seconds)
+    reached: tuple[float, Trial] | None = None
+    machine = bench.machine(offer.integrator)
+    for _ in range(TRIALS):
+        steps, tolerance = (LOOKS, 1.0 / fineness) if method.adaptive else (math.ceil(fineness), None)
+        configuration = machine.configuration(steps, tolerance)
+        sample, _ = machine.run(configuration, budget)
+        error = study.error(sample, quantity)
+        if sample.status == "ok" and error.bound <= allowed:
+            dt = study.whole / LOOKS_OF_ADAPTIVE if method.adaptive else study.problem.span / steps
+            if reached is None or fineness < reached[0]:
+                seconds = statistics.median(machine.time(configuration, budget) for _ in range(REPEATS))
+                reached = fineness, Trial(offer, configuration, dt, error, seconds)
+        is_close = error.bound <= allowed and (error.value is None or error.value > allowed / TOO_GOOD)
+        if power is None or not math.isfinite(error.bound) or is_close or (reached and error.bound > allowed):
+            break
+        wanted = fineness * (error.bound / (SAFETY * allowed)) ** (1.0 / power)
+        if not method.adaptive:
+            wanted = max(wanted, float(method.fewest_steps))  # a coarser step would be unstable
+        if wanted == fineness:
+            break
+        fineness = wanted
+    return reached and reached[1]
