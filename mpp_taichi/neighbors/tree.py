@@ -1,11 +1,13 @@
 """Tree gravity: the sum of Newtonian gravity over a tree, to a tolerance of the relative error, in O(N log N)."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.neighbors.tree_estimate import GROUP
+from mpp_taichi.neighbors.tree_check import TreeCheck
+from mpp_taichi.neighbors.tree_estimate import GROUP, TreeEstimate
 from mpp_taichi.neighbors.tree_gather import TreeGather
 from mpp_taichi.neighbors.tree_nodes import TreeNodes
 from mpp_taichi.neighbors.tree_order import TreeOrder
@@ -40,11 +42,16 @@ class TreeSum:
         self.accuracy = DEFAULT_ACCURACY if force.accuracy is None else force.accuracy
         self.particle_count = particle_count
         self.dimensions = dimensions
-        on_cpu = ti.lang.impl.current_cfg().arch == ti.cpu
+        config = ti.lang.impl.current_cfg()
+        on_cpu = config.arch == ti.cpu
+        self.rounding = 2.0 ** (-24 if config.default_fp == ti.f32 else -53)
         padded = -(-particle_count // GROUP) * GROUP
         self.order = TreeOrder(particle_count, padded, dimensions, on_cpu=on_cpu)
         self.nodes = TreeNodes(self.order)
-        self.walk: Any = TreeWalk(self.order, self.nodes) if on_cpu else TreeGather(self.order, self.nodes)
+        self.estimate = TreeEstimate(self.order, self.nodes)
+        walk: Any = TreeWalk if on_cpu else TreeGather
+        self.walk = walk(self.order, self.nodes, self.estimate)
+        self.check = TreeCheck(self.order, self.estimate, self.walk.total)
         self.longest_loop = self.nodes.node_count + padded  # steps of a walk that opens each node
 
     def is_symmetric(self, state: Any) -> bool:
@@ -57,7 +64,7 @@ class TreeSum:
 
     def destroy(self) -> None:
         """Free the memory."""
-        for part in (self.walk, self.nodes, self.order):
+        for part in (self.walk, self.estimate, self.nodes, self.order):
             part.destroy()
 
     def add_accelerations(self, state: Any) -> None:
@@ -85,7 +92,10 @@ class TreeSum:
         self.nodes.build()
         softening = self.force.softening / self.order.length
         tolerance = NODE_TOLERANCE[self.dimensions] * (self.accuracy / self.nodes.depth) ** NODE_EXPONENT
-        self.walk.run(softening, tolerance, potential=potential)
+        self.estimate.estimate(softening * softening, tolerance, self.rounding / self.accuracy)
+        walk = partial(self.walk.run, softening, potential=potential)
+        walk()
+        self.check.repeat(walk, self.accuracy)
         return True
 
     @ti.kernel

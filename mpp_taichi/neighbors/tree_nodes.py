@@ -47,7 +47,7 @@ def preorder(leaf_count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[
 class TreeNodes:
     """The numbers of the nodes that a walk reads, in the frame of `TreeOrder`; each is a flat field with a row for each node.
 
-    shape    center of mass, radius, bound of the octupole (tree_estimate.py)
+    shape    center of mass, radius, bound of the octupole, likely octupole (tree_estimate.py)
     moments  center of mass, mass, 3 Q (upper triangle), 1.5 tr Q, with Q = Σ m δ δᵀ about the center of mass
     box      lower and upper corner
     """
@@ -62,7 +62,7 @@ class TreeNodes:
         self.depth = max(math.log2(self.leaf_count), 1.0)
         self.pairs = tuple((a, b) for a in range(d) for b in range(a, d))
         self.second_count = len(self.pairs)
-        self.shape_width = d + 2
+        self.shape_width = d + 3
         self.moment_width = d + 2 + self.second_count
         self.box_width = 2 * d
         self.skip, self.first_leaf, self.leaves, self.level_node = (ti.field(ti.i32) for _ in range(4))
@@ -179,6 +179,10 @@ class TreeNodes:
             self.moments[node * self.moment_width + d + 1 + k] = 3.0 * second[k]
             if ti.static(pair[0] == pair[1]):
                 trace += second[k]
+        spread = 0.0  # Σ (Q_ij / tr Q)², from 1/d to 1
+        if trace > 0.0:
+            for k, pair in ti.static(enumerate(self.pairs)):
+                spread += (1.0 if ti.static(pair[0] == pair[1]) else 2.0) * (second[k] / trace) ** 2
         for axis in ti.static(range(d)):
             self.moments[node * self.moment_width + axis] = center[axis]
             self.shape[node * self.shape_width + axis] = center[axis]
@@ -188,6 +192,7 @@ class TreeNodes:
         self.moments[node * self.moment_width + d + 1 + self.second_count] = 1.5 * trace
         self.shape[node * self.shape_width + d] = radius
         self.shape[node * self.shape_width + d + 1] = trace * radius  # no less than Σ m |δ|³
+        self.shape[node * self.shape_width + d + 2] = ti.static(math.sqrt(2.0)) * trace * radius * spread**2
 
     @ti.func
     def center(self, node):
@@ -208,6 +213,11 @@ class TreeNodes:
     def octupole(self, node):
         """The bound b tr Q of the octupole, with which the error of a node grows."""
         return self.shape[node * self.shape_width + self.dimensions + 1]
+
+    @ti.func
+    def likely_octupole(self, node):
+        """The likely octupole o, which is smaller than the bound."""
+        return self.shape[node * self.shape_width + self.dimensions + 2]
 
     @ti.func
     def corner(self, node, side: Template):

@@ -1,9 +1,11 @@
 """Tree order: bodies sorted along Hilbert's curve, in the frame that the tree works in.
 
-The frame has its origin at the mean position. Its unit of length is a power of two above the largest coordinate, so that
-products of many lengths stay within the range of f32. Hilbert's curve visits 2^20 cells along each axis, and each step of the
-curve leads to a neighbour cell: bodies that follow each other on the curve are near each other. Source of the index: Skilling,
-AIP Conf. Proc. 707 (2004) 381.
+The unit of length of the frame is a power of two above the largest coordinate, so that products of many lengths stay within the
+range of f32. The frame changes no separation of two bodies, not even by a rounding: a product with a power of two is exact, and
+along each axis the origin moves only where no coordinate is more than twice another; differences from the mean are then exact
+(Sterbenz, Floating-Point Computation, 1974, theorem 4.3.1). Hilbert's curve visits 2^20 cells along each axis, and each step of
+the curve leads to a neighbour cell: bodies that follow each other on the curve are near each other. Source of the index:
+Skilling, AIP Conf. Proc. 707 (2004) 381.
 """
 
 import math
@@ -12,7 +14,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.device.heavy_loops import CPU_GRAIN, heavy_index
+from mpp_taichi.device.heavy_loops import CPU_GRAIN, is_heavy
 from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
@@ -57,9 +59,8 @@ class TreeOrder:
             (self.scan_count + 1, self.scan),
             (padded_count * dimensions, self.position),
             (padded_count, self.mass),
-            (CHUNKS * (2 * dimensions + 1), self.partial),
+            (CHUNKS * (3 * dimensions + 1), self.partial),
         )
-        self.center = np.zeros(3)
         self.length = 1.0
         self.mass_unit = 1.0
 
@@ -71,25 +72,29 @@ class TreeOrder:
         """Sort the bodies; False, without a sort, where a position or a mass is not finite."""
         d = self.dimensions
         self._sum_up(position, mass)
-        sums = self.partial.to_numpy().reshape(CHUNKS, 2 * d + 1).astype(float)
-        total_mass = float(sums[:, d].sum())
-        center = sums[:, :d].sum(0) / self.particle_count
-        if not (np.isfinite(center).all() and math.isfinite(total_mass)):
+        sums = self._partial_rows()
+        total_mass = float(sums[:, 3 * d].sum())
+        mean = sums[:, :d].sum(0) / self.particle_count
+        if not (np.isfinite(mean).all() and math.isfinite(total_mass)):
             return False
-        self.center[:d] = center
-        self._deviate(position, *self.center)
-        deviations = self.partial.to_numpy().reshape(CHUNKS, 2 * d + 1).astype(float)
-        mean = float(deviations[:, :d].sum(0).max()) / self.particle_count
-        largest = float(deviations[:, d : 2 * d].max())
-        self.length = _power_of_two(largest)
+        lowest, highest = sums[:, d : 2 * d].min(0), sums[:, 2 * d : 3 * d].max(0)
+        mean = np.clip(mean, lowest, highest)
+        self._deviate(position, *_in_space(mean))
+        deviation = float(self._partial_rows()[:, :d].sum(0).max()) / self.particle_count
+        largest = float(np.maximum(highest - mean, mean - lowest).max())
+        origin = np.where(_is_narrow(lowest, highest), mean, 0.0)
+        self.length = _power_of_two(float(np.maximum(highest - origin, origin - lowest).max()))
         self.mass_unit = _power_of_two(total_mass)
-        width = min(largest, WIDEST_FRAME * mean) or 1.0
-        self._place(position, *self.center, 1.0 / self.length, 0.5 * self.length / width)
+        width = min(largest, WIDEST_FRAME * deviation) or 1.0
+        self._place(position, *_in_space(mean), 0.5 / width)
         for word in reversed(range(self.words)):
             for shift in range(0, 30, DIGIT_BITS):
                 self._sort(word, shift)
-        self._gather(position, mass, *self.center, 1.0 / self.length, 1.0 / self.mass_unit)
+        self._gather(position, mass, *_in_space(origin), 1.0 / self.length, 1.0 / self.mass_unit)
         return True
+
+    def _partial_rows(self) -> np.ndarray:
+        return self.partial.to_numpy().reshape(CHUNKS, -1).astype(float)
 
     @ti.func
     def _begin(self, part, parts):
@@ -99,44 +104,43 @@ class TreeOrder:
     @ti.kernel
     def _sum_up(self, position: Template, mass: Template):
         for q in range(CHUNKS * self.grain):
-            chunk = heavy_index(q, self.grain)
-            if chunk >= 0:
+            if is_heavy(q, self.grain):
+                chunk = q // self.grain
                 total = ti.Vector.zero(float, self.dimensions)
+                lowest, highest = total + ti.math.inf, total - ti.math.inf
                 weight = 0.0
                 for i in range(self._begin(chunk, CHUNKS), self._begin(chunk + 1, CHUNKS)):
                     total += position[i]
+                    lowest, highest = ti.min(lowest, position[i]), ti.max(highest, position[i])
                     weight += mass[i]
-                row = chunk * (2 * self.dimensions + 1)
+                row = chunk * (3 * self.dimensions + 1)
                 for axis in ti.static(range(self.dimensions)):
                     self.partial[row + axis] = total[axis]
-                self.partial[row + self.dimensions] = weight
+                    self.partial[row + self.dimensions + axis] = lowest[axis]
+                    self.partial[row + 2 * self.dimensions + axis] = highest[axis]
+                self.partial[row + 3 * self.dimensions] = weight
 
     @ti.kernel
     def _deviate(self, position: Template, x: float, y: float, z: float):
         center = ti.Vector([x, y, z])
         for q in range(CHUNKS * self.grain):
-            chunk = heavy_index(q, self.grain)
-            if chunk >= 0:
+            if is_heavy(q, self.grain):
+                chunk = q // self.grain
                 total = ti.Vector.zero(float, self.dimensions)
-                largest = ti.Vector.zero(float, self.dimensions)
                 for i in range(self._begin(chunk, CHUNKS), self._begin(chunk + 1, CHUNKS)):
                     for axis in ti.static(range(self.dimensions)):
-                        way = ti.abs(position[i][axis] - center[axis])
-                        total[axis] += way
-                        largest[axis] = ti.max(largest[axis], way)
-                row = chunk * (2 * self.dimensions + 1)
+                        total[axis] += ti.abs(position[i][axis] - center[axis])
                 for axis in ti.static(range(self.dimensions)):
-                    self.partial[row + axis] = total[axis]
-                    self.partial[row + self.dimensions + axis] = largest[axis]
+                    self.partial[chunk * (3 * self.dimensions + 1) + axis] = total[axis]
 
     @ti.kernel
-    def _place(self, position: Template, x: float, y: float, z: float, inverse_length: float, stretch: float):
-        """Set the key of each body; `stretch` maps the frame to half the cells of an axis."""
+    def _place(self, position: Template, x: float, y: float, z: float, stretch: float):
+        """Set the key of each body; `stretch` maps the half width of the cells to half of them."""
         center = ti.Vector([x, y, z])
         for i in range(self.particle_count):
             cell = ti.Vector.zero(ti.u32, self.dimensions)
             for axis in ti.static(range(self.dimensions)):
-                share = (position[i][axis] - center[axis]) * inverse_length * stretch + 0.5
+                share = (position[i][axis] - center[axis]) * stretch + 0.5
                 inside = ti.max(0.0, ti.min(share * (1 << AXIS_BITS), (1 << AXIS_BITS) - 1.0))
                 cell[axis] = ti.cast(inside, ti.u32)
             index = self._hilbert(cell)
@@ -181,24 +185,24 @@ class TreeOrder:
         for k in range(self.sorter_count * self.buckets):
             self.tally[k] = 0
         for q in range(self.sorter_count * self.grain):
-            sorter = heavy_index(q, self.grain)
-            if sorter >= 0:
+            if is_heavy(q, self.grain):
+                sorter = q // self.grain
                 row = sorter * self.buckets
                 for slot in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
                     digit = ti.cast((self.key[word][slot] >> shift) & ti.cast(self.buckets - 1, ti.u32), ti.i32)
                     self.tally[row + digit] = self.tally[row + digit] + 1
         share = ti.static(self.buckets // self.scan_count)
         for q in range(self.scan_count * self.grain):
-            part = heavy_index(q, self.grain)
-            if part >= 0:
+            if is_heavy(q, self.grain):
+                part = q // self.grain
                 total = 0
                 for bucket in range(part * share, (part + 1) * share):
                     for sorter in range(self.sorter_count):
                         total += self.tally[sorter * self.buckets + bucket]
                 self.scan[part + 1] = total
         for q in range(self.scan_count * self.grain):
-            part = heavy_index(q, self.grain)
-            if part >= 0:
+            if is_heavy(q, self.grain):
+                part = q // self.grain
                 slot = 0
                 for earlier in range(part):
                     slot += self.scan[earlier + 1]
@@ -209,8 +213,8 @@ class TreeOrder:
                         self.tally[k] = slot
                         slot += here
         for q in range(self.sorter_count * self.grain):
-            sorter = heavy_index(q, self.grain)
-            if sorter >= 0:
+            if is_heavy(q, self.grain):
+                sorter = q // self.grain
                 row = sorter * self.buckets
                 for slot in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
                     digit = ti.cast((self.key[word][slot] >> shift) & ti.cast(self.buckets - 1, ti.u32), ti.i32)
@@ -226,12 +230,12 @@ class TreeOrder:
 
     @ti.kernel
     def _gather(self, position: Template, mass: Template, x: float, y: float, z: float, per_length: float, per_mass: float):
-        center = ti.Vector([x, y, z])
+        origin = ti.Vector([x, y, z])
         for slot in range(self.padded_count):
             if slot < self.particle_count:
                 i = self.order[slot]
                 for axis in ti.static(range(self.dimensions)):
-                    self.position[axis * self.padded_count + slot] = (position[i][axis] - center[axis]) * per_length
+                    self.position[axis * self.padded_count + slot] = (position[i][axis] - origin[axis]) * per_length
                 self.mass[slot] = mass[i] * per_mass
             else:
                 # Outside the frame, and at different places, so that no distance is 0.
@@ -243,3 +247,15 @@ class TreeOrder:
 def _power_of_two(size: float) -> float:
     """The least power of two above a size; 1 where there is none."""
     return math.ldexp(1.0, math.frexp(size)[1]) if size > 0.0 else 1.0
+
+
+def _is_narrow(lowest: np.ndarray, highest: np.ndarray) -> np.ndarray:
+    """Along which axes all coordinates have one sign, and none is more than twice another."""
+    near, far = np.minimum(abs(lowest), abs(highest)), np.maximum(abs(lowest), abs(highest))
+    return (lowest * highest > 0.0) & (far <= 2.0 * near)
+
+
+def _in_space(vector: np.ndarray) -> tuple[float, float, float]:
+    """The components of a vector, with zeros up to the third."""
+    x, y, z = (*vector.tolist(), 0.0)[:3]
+    return x, y, z

@@ -15,14 +15,15 @@ import taichi as ti
 from mpp_taichi.arithmetic.inverse_distance import inverse_root, softened_square
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors
 from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
-from mpp_taichi.device.heavy_loops import CPU_GRAIN, heavy_index
-from mpp_taichi.neighbors.tree_estimate import GROUP, TreeEstimate
+from mpp_taichi.device.heavy_loops import CPU_GRAIN, is_heavy
+from mpp_taichi.neighbors.tree_estimate import GROUP
 from mpp_taichi.neighbors.tree_nodes import LEAF
 from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
 CHUNKS_PER_THREAD = 16  # pieces of the work; a thread takes the next piece when it is free
 LIST = 256  # entries of a list, an even number; a full list is summed. A list of nodes takes 23 KiB of the cache
+LISTED_BODIES = 1024  # with which a list of runs is full, too: round-off of a sum grows with the number of its terms
 
 
 @ti.data_oriented
@@ -33,14 +34,14 @@ class TreeWalk:
     well    (padded_count,) −φ, where the potential was asked for
     """
 
-    def __init__(self, order: Any, nodes: Any) -> None:
-        """Allocate for the bodies of a TreeOrder and their TreeNodes."""
+    def __init__(self, order: Any, nodes: Any, estimate: Any) -> None:
+        """Allocate for the bodies of a TreeOrder, their TreeNodes and TreeEstimate."""
         config = ti.lang.impl.current_cfg()
         self.order, self.nodes = order, nodes
         self.dimensions = order.dimensions
         self.padded_count = order.padded_count
         self.group_count = order.padded_count // GROUP
-        self.field = TreeEstimate(order, nodes)
+        self.estimate = estimate
         self.lane_count = min(GROUP, VECTOR_BYTES // (4 if config.default_fp == ti.f32 else 8))
         self.tile_count = GROUP // self.lane_count
         self.chunk_count = CHUNKS_PER_THREAD * config.cpu_max_num_threads
@@ -55,12 +56,10 @@ class TreeWalk:
 
     def destroy(self) -> None:
         """Free the memory."""
-        self.field.destroy()
         self._memory.destroy()
 
-    def run(self, softening: float, tolerance: float, *, potential: bool) -> None:
-        """Compute the accelerations, and the potential where `potential`."""
-        self.field.estimate(softening * softening, tolerance)
+    def run(self, softening: float, *, potential: bool) -> None:
+        """Compute the accelerations of the pending groups, and the potential where `potential`."""
         with explicit_vectors():
             self._walk(softening * softening, potential)
 
@@ -69,10 +68,11 @@ class TreeWalk:
     @ti.kernel
     def _walk(self, softening_squared: float, potential: Template):
         for q in range(self.chunk_count * CPU_GRAIN):
-            chunk = heavy_index(q, CPU_GRAIN)
-            if chunk >= 0:
+            if is_heavy(q, CPU_GRAIN):
+                chunk = q // CPU_GRAIN
                 for group in range(self._begin(chunk), self._begin(chunk + 1)):
-                    self._serve(chunk * LIST, group, softening_squared, potential)
+                    if self.estimate.pending[group] == 1:
+                        self._serve(chunk * LIST, group, softening_squared, potential)
 
     @ti.func
     def _begin(self, chunk):
@@ -85,29 +85,33 @@ class TreeWalk:
         d = ti.static(self.dimensions)
         width = ti.static(self.nodes.moment_width)
         begin = group * GROUP
-        corner = self.field.group_node(group) * self.nodes.box_width
+        corner = self.estimate.group_node(group) * self.nodes.box_width
         lower = [self.nodes.box[corner + axis] for axis in ti.static(range(d))]
         upper = [self.nodes.box[corner + d + axis] for axis in ti.static(range(d))]
-        limit = self.field.limit[group]
+        limit = self.estimate.limit[group]
         for tile in range(self.tile_count):
             self._sum_group(begin, begin + tile * self.lane_count, softening_squared, potential)
         node = 0
+        variance = 0.0
         while node < self.nodes.node_count:
             cells = 0
             runs = 0
+            bodies = 0
             last_end = -1
-            while node < self.nodes.node_count and cells < LIST and runs < LIST:
+            while node < self.nodes.node_count and cells < LIST and runs < LIST and bodies < LISTED_BODIES:
                 shape = node * self.nodes.shape_width
                 squared = 0.0
                 for axis in ti.static(range(d)):
                     x = self.nodes.shape[shape + axis]
                     way = ti.max(lower[axis] - x, x - upper[axis], 0.0)
                     squared += way * way
+                distance = ti.sqrt(softened_square(squared, softening_squared))
                 radius, octupole = self.nodes.shape[shape + d], self.nodes.shape[shape + d + 1]
-                if self.field.is_far(squared, radius, octupole, limit, softening_squared):
+                if self.estimate.is_far(squared, distance, radius, octupole, limit):
                     for k in ti.static(range(width)):
                         self.cells[(entry + cells) * width + k] = self.nodes.moments[node * width + k]
                     cells += 1
+                    variance += self.estimate.variance_of(distance, self.nodes.shape[shape + d + 2])
                     node = self.nodes.skip[node]
                 else:
                     if self.nodes.leaves[node] == 1:
@@ -120,6 +124,7 @@ class TreeWalk:
                             last_end = first + LEAF
                             self.runs[(entry + runs) * 2 + 1] = last_end
                             runs += 1
+                            bodies += LEAF
                     node += 1
             if cells % 2 == 1:  # nodes are summed in twos: add a node without mass, for which the even LIST has room
                 for k in ti.static(range(width)):
@@ -130,6 +135,7 @@ class TreeWalk:
             for tile in range(self.tile_count):
                 slot = begin + tile * self.lane_count
                 self._sum_lists(slot, entry, cells, runs, softening_squared, potential)
+        self.estimate.variance[group] = variance
 
     # The sums, with a lane for each body
 

@@ -282,7 +282,7 @@ def test_a_thread_for_each_body_sums_what_groups_of_them_do():
     position, mass = bodies("plummer")
     tree = Tree().place(position, mass, softening=0.01)
     together = tree.accelerations(), tree.potentials()
-    tree.sum.walk = TreeGather(tree.sum.order, tree.sum.nodes)
+    tree.sum.walk = TreeGather(tree.sum.order, tree.sum.nodes, tree.sum.estimate)
     size = np.linalg.norm(together[0], axis=1)[:, None]
     # Sums of some hundred terms, each rounded by some 2^-53.
     assert np.max(np.abs(tree.accelerations() - together[0]) / size) < 1e-12

@@ -24,42 +24,15 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tools" / "benchmarks")]  # so that it also runs from a checkout
 
+from tree_bodies import KINDS, bodies, exact  # noqa: E402
 from verdicts import finish  # noqa: E402
 
 SIZES = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 LARGEST_DIRECT = 30_000
 SAMPLE = 500
-KINDS = ("sphere", "plummer", "disc")
 FMM_TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)  # of fmm3dpy, largest first
 ANGLES = (1.0, 0.7, 0.5, 0.35)  # of pytreegrav, largest first
 BAR = 30.0  # times the direct sum's speed, at 1,000,000 bodies and an accuracy of 1e-3
-
-
-def bodies(kind, count):
-    """Positions and masses near 1/N, the same in both precisions."""
-    random = np.random.default_rng(count)
-    direction = random.normal(size=(count, 3))
-    direction /= np.linalg.norm(direction, axis=1)[:, None]
-    if kind == "sphere":
-        position = direction * random.random(count)[:, None] ** (1 / 3)
-    elif kind == "plummer":
-        position = direction / np.sqrt(random.random(count) ** (-2 / 3) - 1.0)[:, None]
-    else:
-        angle, radius = 2.0 * np.pi * random.random(count), np.sqrt(random.random(count))
-        position = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.01 * random.normal(size=count)], 1)
-    mass = (0.5 + random.random(count)) / count
-    return tuple(array.astype(np.float32).astype(np.float64) for array in (position, mass))
-
-
-def exact(position, mass, rows):
-    """Accelerations of some bodies, pair by pair in float64."""
-    result = np.empty((len(rows), 3))
-    for k, i in enumerate(rows):
-        d = position - position[i]
-        squared = np.einsum("ij,ij->i", d, d)
-        squared[i] = np.inf
-        result[k] = (mass / (squared * np.sqrt(squared))) @ d
-    return result
 
 
 def program(position, mass, accuracies):
@@ -145,7 +118,7 @@ def benchmark(kind, size, accuracies, options, clock, direct_rate):
     """Rows of one size, and the direct sum's pairs per second."""
     position, mass = bodies(kind, size)
     rows = np.random.default_rng(1).choice(size, min(size, SAMPLE), replace=False)
-    reference = exact(position, mass, rows)
+    reference, _ = exact(position, mass, rows)
 
     def error_of(found):
         errors = np.linalg.norm(found[rows] - reference, axis=1) / np.linalg.norm(reference, axis=1)
