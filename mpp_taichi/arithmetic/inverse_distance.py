@@ -7,21 +7,25 @@ and vectors of lanes alike.
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.double_single import DoubleSingle, inverse_of_root
+from mpp_taichi.arithmetic.traced import traced
+from mpp_taichi.types import Template
+
 
 @ti.func
-def softened_square(squared, softening_squared):
+def softened_square(squared, softening_squared: Template):
     """ρ² = |d|² + ε². A loop calls this where it needs no 1/ρ, or takes several inverse roots by one division."""
     return squared + softening_squared
 
 
-@ti.func
+@traced
 def inverse_root(squared):
-    """1/√s for one number s, or for each lane of a vector: a square root, then a division."""
-    return 1.0 / ti.sqrt(squared)
+    """1/√s for one number s, a double-single number, or each lane of a vector: a square root, then a division."""
+    return inverse_of_root(squared) if isinstance(squared, DoubleSingle) else 1.0 / ti.sqrt(squared)
 
 
 @ti.func
-def inverse_distance(squared, softening_squared):
+def inverse_distance(squared, softening_squared: Template):
     """u = 1/ρ = 1/√(|d|² + ε²), from |d|² and ε²."""
     return inverse_root(softened_square(squared, softening_squared))
 

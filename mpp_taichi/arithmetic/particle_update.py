@@ -1,12 +1,16 @@
 """Drift, kick and push of a particle, x += h v, v += h a and x += c a; and the differences of two particles that forces see.
 
-The precisions f32c and ds carry low parts beside positions and velocities (low_parts.py). Each function here updates or reads
-both where the state has them, so that an integrator is one text for all precisions.
+The precisions f32c, ds and df64 carry low parts beside positions and velocities (low_parts.py). Each function here updates or
+reads both where the state has them, so that an integrator is one text for all precisions. In df64 accelerations and separations
+are double-single numbers (double_single.py).
 """
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.double_single import DoubleSingle, DoubleSingleVector
+from mpp_taichi.arithmetic.force_numbers import in_two_parts
 from mpp_taichi.arithmetic.low_parts import scaled_and_added
+from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.types import Template
 
 
@@ -41,8 +45,10 @@ def kick_particle(state: Template, i, time, entry, acceleration: Template):
     if ti.static(state.carries_low):
         parts = state.step_parts[entry]
         for k in ti.static(range(state.dimensions)):
-            high, low = state.velocity[i][k], state.velocity_low[i][k]
-            state.velocity[i][k], state.velocity_low[i][k] = scaled_and_added(state, high, low, parts, acceleration[k])
+            high, low = state.velocity[i][k], with_low_product(state.velocity_low[i][k], parts[0], acceleration[k])
+            state.velocity[i][k], state.velocity_low[i][k] = scaled_and_added(
+                state, high, low, parts, high_part(acceleration[k])
+            )
     else:
         for k in ti.static(range(state.dimensions)):
             state.velocity[i][k] = kicked(state.velocity[i][k], acceleration[k], time)
@@ -54,16 +60,69 @@ def push_particle(state: Template, i, number, entry, acceleration: Template):
     if ti.static(state.carries_low):
         parts = state.step_parts[entry]
         for k in ti.static(range(state.dimensions)):
-            high, low = state.position[i][k], state.position_low[i][k]
-            state.position[i][k], state.position_low[i][k] = scaled_and_added(state, high, low, parts, acceleration[k])
+            high, low = state.position[i][k], with_low_product(state.position_low[i][k], parts[0], acceleration[k])
+            state.position[i][k], state.position_low[i][k] = scaled_and_added(
+                state, high, low, parts, high_part(acceleration[k])
+            )
     else:
         for k in ti.static(range(state.dimensions)):
             state.position[i][k] = state.position[i][k] + number * acceleration[k]
 
 
-@ti.func
-def separation(state: Template, i, j):
+@traced
+def high_part(number):
+    """The high part of a double-single number; a number of one part itself."""
+    return number.high if isinstance(number, DoubleSingle) else number
+
+
+@traced
+def with_low_product(low, factor, number):
+    """low + factor × low part of the number; `low` where the number has one part."""
+    return low + factor * number.low if isinstance(number, DoubleSingle) else low
+
+
+@traced
+def step_number(state, number, entry):
+    """A number of the step for a force to compute with: in df64 the number of `entry` in state.step_parts."""
+    if not in_two_parts(state):
+        return number
+    parts = ti.lang.impl.subscript(None, state.step_parts, entry)
+    return DoubleSingle(state, *(ti.lang.impl.subscript(None, parts, k) for k in range(2)))
+
+
+@traced
+def both_parts(state, high, low, i):
+    """The vector i of two fields, one for the high and one for the low parts."""
+    entries = [ti.lang.impl.subscript(None, field, i) for field in (high, low)]
+    axes = range(state.dimensions)
+    return DoubleSingleVector(DoubleSingle(state, *(ti.lang.impl.subscript(None, each, k) for each in entries)) for k in axes)
+
+
+@traced
+def velocity_seen(state, i):
+    """v_i as forces see it."""
+    if in_two_parts(state) and state.velocity_has_low:
+        return both_parts(state, state.velocity, state.velocity_low, i)
+    return ti.lang.impl.subscript(None, state.velocity, i)
+
+
+@traced
+def separation(state, i, j):
     """x_j − x_i as forces see it. Where they see low parts, it is accurate however far from the origin both particles are."""
+    if not in_two_parts(state):
+        return _rounded_separation(state, i, j)
+    ends = [both_parts(state, state.position, state.position_low, end) for end in (i, j)]
+    return ends[1] - ends[0]
+
+
+@traced
+def approach(state, i, j):
+    """v_j − v_i as forces see it, with the low parts of both velocities where forces see low parts."""
+    return velocity_seen(state, j) - velocity_seen(state, i) if in_two_parts(state) else _rounded_approach(state, i, j)
+
+
+@ti.func
+def _rounded_separation(state: Template, i, j):
     result = state.position[j] - state.position[i]
     if ti.static(state.forces_see_low):
         result += state.position_low[j] - state.position_low[i]
@@ -71,8 +130,7 @@ def separation(state: Template, i, j):
 
 
 @ti.func
-def approach(state: Template, i, j):
-    """v_j − v_i as forces see it, with the low parts of both velocities where forces see low parts."""
+def _rounded_approach(state: Template, i, j):
     result = state.velocity[j] - state.velocity[i]
     if ti.static(state.forces_see_low and state.velocity_has_low):
         result += state.velocity_low[j] - state.velocity_low[i]

@@ -23,7 +23,13 @@ from mpp_taichi.forces._base import PairForce
 
 
 def pair_solver(
-    pairs: Sequence[PairForce], particle_count: int, dimensions: int, *, merges: bool, derivatives: int
+    pairs: Sequence[PairForce],
+    particle_count: int,
+    dimensions: int,
+    *,
+    merges: bool,
+    derivatives: int,
+    two_parts: bool = False,
 ) -> tuple[str, Any]:
     """Name and solver of the sum of these forces, of which there is at least one.
 
@@ -31,7 +37,12 @@ def pair_solver(
     """
     named = [force.solver for force in pairs if force.solver != "direct"]
     name = named[0] if named else "direct"
-    return name, SOLVERS[name](pairs, particle_count, dimensions, merges, derivatives)
+    solver = SOLVERS[name](pairs, particle_count, dimensions, merges, derivatives)
+    if two_parts:
+        from mpp_taichi.neighbors.two_part_pairs import TwoPartPairs
+
+        solver = TwoPartPairs(solver)
+    return name, solver
 
 
 # The imports are local, so that a scene loads only the solver that it asks for.

@@ -6,12 +6,15 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi import component
+from mpp_taichi.arithmetic.force_numbers import along_free_axes, in_two_parts, where, wide_number, zero_vector
 from mpp_taichi.arithmetic.inverse_distance import (
     change_of_inverse_distance,
     inverse_root,
     second_change_of_inverse_distance,
 )
-from mpp_taichi.arithmetic.particle_update import wide_velocity
+from mpp_taichi.arithmetic.particle_update import velocity_seen, wide_velocity
+from mpp_taichi.arithmetic.traced import traced
+from mpp_taichi.device.fast_taichi.vector_fields import put_vector
 from mpp_taichi.forces._base import BondForce, ExternalForce, Force, PairForce
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -44,11 +47,19 @@ class TotalForce:
     """
 
     def __init__(
-        self, forces: tuple[Force, ...], particle_count: int, dimensions: int, *, merges: bool = False, derivatives: int = 0
+        self,
+        forces: tuple[Force, ...],
+        particle_count: int,
+        dimensions: int,
+        *,
+        merges: bool = False,
+        derivatives: int = 0,
+        two_parts: bool = False,
     ):
         """Sort the forces by the loop that they need; `merges` says whether bodies may merge.
 
         `derivatives` says which derivatives of the acceleration are summed too: the jerk (1), or the jerk and the snap (2).
+        `two_parts` says that sums are double-single numbers.
         """
         self.derivatives = derivatives
         self.forces = forces
@@ -64,7 +75,7 @@ class TotalForce:
             from mpp_taichi.forces._pair_solver import pair_solver  # only for scenes that have pairs
 
             self.pair_solver, self.pair_sum = pair_solver(
-                pairs, particle_count, dimensions, merges=merges, derivatives=derivatives
+                pairs, particle_count, dimensions, merges=merges, derivatives=derivatives, two_parts=two_parts
             )
         self.by_tree = self.pair_solver == "tree"
         others = [force for force in forces if not isinstance(force, PairForce) and not force.depends_on_velocity]
@@ -120,15 +131,15 @@ class TotalForce:
 
         `first` is the first particle of the replica, from which the springs count their particles.
         """
-        result = ti.Vector.zero(float, state.dimensions)
+        result = zero_vector(state)
         for force in ti.static(self.external):
             if ti.static(force.depends_on_velocity == velocity_dependent):
-                result += force.accelerate(state, i, state.velocity[i], time)
+                result += force.accelerate(state, i, velocity_seen(state, i), time)
         for bond in ti.static(self.bonds):
             if ti.static(bond.depends_on_velocity == velocity_dependent):
                 result += self.row_sum(state, first, i, bond, False) * (1.0 / state.mass[i])
         if ti.static(state.has_fixed_axes):
-            result = ti.select(state.free[i] != 0.0, result, 0.0)  # a product would give NaN for F/0 of a fixed particle
+            result = along_free_axes(state, i, result)  # a product would give NaN for F/0 of a fixed particle
         return result
 
     @ti.func
@@ -137,31 +148,37 @@ class TotalForce:
 
         Of springs only the friction changes, which is linear in velocity and needs neither stiffness nor length.
         """
-        result = ti.Vector.zero(float, state.dimensions)
+        result = zero_vector(state)
         for force in ti.static(self.external):
             if ti.static(force.depends_on_velocity):
-                before = state.velocity[i]
-                after = before + h * slopes.velocity[i]
+                before = velocity_seen(state, i)
+                after = before + h * velocity_seen(slopes, i)
                 result += force.accelerate(state, i, after, time) - force.accelerate(state, i, before, time)
         for bond in ti.static(self.bonds):
             if ti.static(bond.depends_on_velocity):
                 result += self.row_sum(slopes, first, i, bond, True) * (h / state.mass[i])
         if ti.static(state.has_fixed_axes):
-            result = ti.select(state.free[i] != 0.0, result, 0.0)
+            result = along_free_axes(state, i, result)
         return result
 
     @ti.func
     def half_spring(self, state: Template, i, j, h, bond: Template, friction: Template):
         """Force of half-spring h on particle i, or only its friction."""
-        result = ti.Vector.zero(float, state.dimensions)
+        result = zero_vector(state)
         if ti.static(friction):
             result += bond.friction(state, i, j, h)
         else:
             result += bond.force(state, i, j, h)
         return result
 
+    @traced
+    def row_sum(self, state, first, i, bond, friction):
+        """Force on particle i from its half-springs."""
+        row = self.row_sum_in_turn if in_two_parts(state) else self.row_sum_in_lanes
+        return row(state, first, i, bond, friction)
+
     @ti.func
-    def row_sum(self, state: Template, first, i, bond: Template, friction: Template):
+    def row_sum_in_lanes(self, state: Template, first, i, bond: Template, friction: Template):
         """Force on particle i from its half-springs: four at a time, with a sum for each lane, then the remaining half-springs.
 
         LLVM makes vector instructions of the four lanes, above all of square roots and divisions. The order of the sum depends
@@ -185,6 +202,14 @@ class TotalForce:
         return total
 
     @ti.func
+    def row_sum_in_turn(self, state: Template, first, i, bond: Template, friction: Template):
+        """`row_sum` of double-single numbers, one half-spring after the other."""
+        total = zero_vector(state)
+        for h in range(state.spring_start[i - first], state.spring_start[i - first + 1]):
+            total += self.half_spring(state, i, first + state.spring_neighbor[h], h, bond, friction)
+        return total
+
+    @ti.func
     def accumulate(self, state: Template, first, time, shape: Template):
         """state.acceleration = the sum of all forces that do not depend on velocity."""
         if ti.static(shape == "serial" and self.sets_pairs):
@@ -203,8 +228,7 @@ class TotalForce:
         """state.acceleration = external forces and springs."""
         for i in range(first, first + self.particle_count):
             if ti.static(self.has_pairs_alone):
-                for k in ti.static(range(self.dimensions)):
-                    state.acceleration[i][k] = 0.0
+                put_vector(state.acceleration, i, zero_vector(state))
             else:
                 state.acceleration[i] = self.local_acceleration(state, first, i, time, False)
             if ti.static(self.derivatives > 0):
@@ -219,7 +243,7 @@ class TotalForce:
         if ti.static(state.has_fixed_axes):
             for i in range(first, first + self.particle_count):
                 for k in ti.static(range(self.dimensions)):
-                    state.acceleration[i][k] = ti.select(state.free[i][k] != 0.0, state.acceleration[i][k], 0.0)
+                    state.acceleration[i][k] = where(state.free[i][k] != 0.0, state.acceleration[i][k], 0.0)
                 if ti.static(self.derivatives > 0):
                     state.jerk[i] = ti.select(state.free[i] != 0.0, state.jerk[i], 0.0)
                 if ti.static(self.derivatives > 1):
@@ -271,12 +295,12 @@ class TotalForce:
             if ti.static(not force.conserves_energy):
                 # A particle without mass is fixed here, and no force does work on it.
                 if state.mass[i] > 0.0:
-                    acceleration = force.accelerate(state, i, state.velocity[i], time)
+                    acceleration = force.accelerate(state, i, velocity_seen(state, i), time)
                     power = ti.cast(0.0, state.wide)
                     velocity = wide_velocity(state, i)
                     for k in ti.static(range(state.dimensions)):
-                        power += ti.cast(acceleration[k], state.wide) * velocity[k]
-                    power *= ti.cast(state.mass[i], state.wide)
+                        power += wide_number(state, acceleration[k]) * velocity[k]
+                    power *= wide_number(state, state.mass[i])
                     if ti.static(force.depends_on_velocity):
                         dissipated -= power
                     else:

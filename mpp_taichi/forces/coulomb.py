@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.force_numbers import parameter, where, wide_number
 from mpp_taichi.component import component, param
 from mpp_taichi.forces._inverse_square import InverseSquareForce
 from mpp_taichi.types import Template
@@ -22,11 +23,13 @@ class Coulomb(InverseSquareForce):
     has_derivatives = True
     proportional_to_charge = True
     singular_at_zero_distance = True
+    takes_two_parts = True
 
     @ti.func
     def response(self, state: Template, i):
         """Charge over mass, −k q_i / m_i, and 0 for a neutral particle even where it has no mass."""
-        return ti.select(state.charge[i] != 0.0, -self.coulomb_constant * state.charge[i] / state.mass[i], 0.0)
+        ratio = -parameter(state, self.coulomb_constant) * state.charge[i] / state.mass[i]
+        return where(state.charge[i] != 0.0, ratio, 0.0)
 
     @ti.func
     def source(self, state: Template, j):
@@ -36,9 +39,5 @@ class Coulomb(InverseSquareForce):
     @ti.func
     def potential(self, state: Template, i, j, inverse_distance):
         """Energy k q_i q_j / ρ."""
-        return (
-            self.coulomb_constant
-            * ti.cast(state.charge[i], state.wide)
-            * ti.cast(state.charge[j], state.wide)
-            * inverse_distance
-        )
+        k = wide_number(state, parameter(state, self.coulomb_constant))
+        return k * wide_number(state, state.charge[i]) * wide_number(state, state.charge[j]) * inverse_distance

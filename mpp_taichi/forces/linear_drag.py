@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.force_numbers import parameter
 from mpp_taichi.component import component, param
 from mpp_taichi.forces._base import ExternalForce
 from mpp_taichi.types import Template
@@ -16,11 +17,12 @@ class LinearDrag(ExternalForce):
     conserves_energy = False
     depends_on_velocity = True
     is_linear_drag = True
+    takes_two_parts = True
 
     @ti.func
     def accelerate(self, state: Template, i, velocity, time):
         """−c v / m."""
-        return -(ti.cast(self.coefficient, float) / state.mass[i]) * velocity
+        return -(parameter(state, self.coefficient) / state.mass[i]) * velocity
 
     @ti.func
     def damping_rate(self, state: Template, i, time):

@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.force_numbers import root, where, wide_number
 from mpp_taichi.arithmetic.particle_update import approach, separation, wide_position, wide_velocity
 from mpp_taichi.component import component, param
 from mpp_taichi.forces._base import BondForce
@@ -22,6 +23,7 @@ class Spring(BondForce):
     )
     has_derivatives = True
     acts_on_springs = True
+    takes_two_parts = True
 
     @property
     def needs(self) -> frozenset:
@@ -48,13 +50,13 @@ class Spring(BondForce):
         """
         d = separation(state, i, j)
         squared = d.dot(d)
-        length = ti.sqrt(squared)
+        length = root(squared)
         tension = state.spring_stiffness[h] * (length - state.spring_rest_length[h])
         along = tension / length
         if ti.static(self.damping == "axial"):
             closing = approach(state, i, j).dot(d)
             along = (tension * length + state.spring_damping[h] * closing) / squared
-        result = ti.select(squared > 0.0, along, 0.0) * d
+        result = where(squared > 0.0, along, 0.0) * d
         if ti.static(self.damping == "full"):
             result += state.spring_damping[h] * approach(state, i, j)
         return result
@@ -68,7 +70,7 @@ class Spring(BondForce):
             d = separation(state, i, j)
             squared = d.dot(d)
             along = state.spring_damping[h] * u.dot(d) / squared
-            result = ti.select(squared > 0.0, along, 0.0) * d
+            result = where(squared > 0.0, along, 0.0) * d
         return result
 
     @ti.func
@@ -144,8 +146,8 @@ class Spring(BondForce):
     def potential(self, state: Template, i, j, h):
         """½ D (|d| − L)²."""
         d = wide_position(state, j) - wide_position(state, i)
-        stretch = ti.sqrt(d.dot(d)) - ti.cast(state.spring_rest_length[h], state.wide)
-        return 0.5 * ti.cast(state.spring_stiffness[h], state.wide) * stretch * stretch
+        stretch = ti.sqrt(d.dot(d)) - wide_number(state, state.spring_rest_length[h])
+        return 0.5 * wide_number(state, state.spring_stiffness[h]) * stretch * stretch
 
     @ti.func
     def dissipation(self, state: Template, i, j, h):
@@ -155,4 +157,4 @@ class Spring(BondForce):
         squared, along, speed = d.dot(d), d.dot(u), u.dot(u)
         if ti.static(self.damping == "axial"):
             speed = ti.select(squared > 0.0, along * along / squared, 0.0)
-        return ti.cast(state.spring_damping[h], state.wide) * speed
+        return wide_number(state, state.spring_damping[h]) * speed

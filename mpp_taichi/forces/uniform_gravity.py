@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.force_numbers import parameter, parameter_vector, wide_number
 from mpp_taichi.arithmetic.particle_update import wide_position
 from mpp_taichi.component import Vector, component, param
 from mpp_taichi.forces._base import ExternalForce
@@ -16,12 +17,13 @@ class UniformGravity(ExternalForce):
     needs = frozenset({"mass"})
     has_derivatives = True
     is_uniform = True
+    takes_two_parts = True
     proportional_to_mass = True
 
     @ti.func
     def accelerate(self, state: Template, i, velocity, time):
         """Return g."""
-        return ti.Vector([self.acceleration[k] for k in range(state.dimensions)], float)
+        return parameter_vector(state, self.acceleration)
 
     @ti.func
     def derivatives(self, state: Template, i, time):
@@ -34,5 +36,6 @@ class UniformGravity(ExternalForce):
         result = ti.cast(0.0, state.wide)
         position = wide_position(state, i)
         for k in ti.static(range(state.dimensions)):
-            result -= ti.cast(state.mass[i], state.wide) * self.acceleration[k] * position[k]
+            pull = wide_number(state, parameter(state, self.acceleration[k]))
+            result -= wide_number(state, state.mass[i]) * pull * position[k]
         return result

@@ -18,7 +18,7 @@ from mpp_taichi.arithmetic.low_parts import added
 from mpp_taichi.arithmetic.particle_update import separation, wide_position
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors, require_components_apart
 from mpp_taichi.device.fast_taichi.lane_arithmetic import VECTOR_BYTES, inverse_roots, multiply_add
-from mpp_taichi.device.heavy_loops import CPU_GRAIN, heavy_index
+from mpp_taichi.device.heavy_loops import CPU_GRAIN, is_heavy
 from mpp_taichi.neighbors._pair_groups import grouped
 from mpp_taichi.neighbors.symmetric_pairs import SymmetricPairs, adds_in_parallel
 from mpp_taichi.types import Template
@@ -233,8 +233,8 @@ class AllPairs:
         """
         if ti.static(self.has_work):
             for block in range(self.thread_count * CPU_GRAIN):
-                thread = heavy_index(block, CPU_GRAIN)
-                if thread >= 0:
+                if is_heavy(block, CPU_GRAIN):
+                    thread = block // CPU_GRAIN
                     begin = thread * self.tile_count // self.thread_count
                     end = (thread + 1) * self.tile_count // self.thread_count
                     for tile in range(begin, end):

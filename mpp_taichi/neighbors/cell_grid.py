@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.device.heavy_loops import heavy_index, loop_grain
+from mpp_taichi.device.heavy_loops import is_heavy, loop_grain
 from mpp_taichi.neighbors._levels import BINS, BINS_PER_OCTAVE
 from mpp_taichi.neighbors._sphere_grid import CHUNKS, SphereGrid
 from mpp_taichi.state.field_group import FieldGroup
@@ -41,8 +41,8 @@ class CellGrid(SphereGrid):
     def _measure(self, position: Template, reach: Template) -> ti.types.vector(8, ti.f64):
         grain = ti.static(loop_grain())
         for q in range(CHUNKS * grain):
-            chunk = heavy_index(q, grain)
-            if chunk >= 0:
+            if is_heavy(q, grain):
+                chunk = q // grain
                 lower = ti.Vector([ti.math.inf] * self.dimensions, float)
                 upper = -lower
                 least, largest = ti.math.inf, 0.0
@@ -83,15 +83,15 @@ class CellGrid(SphereGrid):
         # Each sorter takes a run of spheres, so that the spheres of a bucket stay in the order of their index.
         grain = ti.static(loop_grain())
         for q in range(self.sorter_count * grain):
-            sorter = heavy_index(q, grain)
-            if sorter >= 0:
+            if is_heavy(q, grain):
+                sorter = q // grain
                 for i in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
                     bucket = self._bucket_of(position[i], reach[i] + skin, largest)
                     self.key[i] = bucket
                     self.tally[sorter * buckets + bucket] = self.tally[sorter * buckets + bucket] + 1
         for q in range(self.scan_count * grain):
-            part = heavy_index(q, grain)
-            if part >= 0:
+            if is_heavy(q, grain):
+                part = q // grain
                 total = 0
                 for bucket in range(self._part(part, buckets), self._part(part + 1, buckets)):
                     for sorter in range(self.sorter_count):
@@ -103,8 +103,8 @@ class CellGrid(SphereGrid):
                 self.scan[0] = 0
             self.scan[part + 1] = self.scan[part + 1] + self.scan[part]
         for q in range(self.scan_count * grain):
-            part = heavy_index(q, grain)
-            if part >= 0:
+            if is_heavy(q, grain):
+                part = q // grain
                 slot = self.scan[part]
                 for bucket in range(self._part(part, buckets), self._part(part + 1, buckets)):
                     self.start[bucket] = slot
@@ -116,8 +116,8 @@ class CellGrid(SphereGrid):
                 if part == self.scan_count - 1:
                     self.start[buckets] = slot
         for q in range(self.sorter_count * grain):
-            sorter = heavy_index(q, grain)
-            if sorter >= 0:
+            if is_heavy(q, grain):
+                sorter = q // grain
                 for i in range(self._begin(sorter, self.sorter_count), self._begin(sorter + 1, self.sorter_count)):
                     k = sorter * buckets + self.key[i]
                     slot = self.tally[k]

@@ -19,7 +19,7 @@ from mpp_taichi.arithmetic.inverse_distance import (
 )
 from mpp_taichi.device.fast_taichi.explicit_vectors import explicit_vectors, is_elementwise, require_components_apart
 from mpp_taichi.device.fast_taichi.lane_arithmetic import multiply_add
-from mpp_taichi.device.heavy_loops import CPU_GRAIN, heavy_index
+from mpp_taichi.device.heavy_loops import CPU_GRAIN, is_heavy
 from mpp_taichi.neighbors.all_pairs import AllPairs
 from mpp_taichi.types import Template
 
@@ -162,8 +162,8 @@ class PairDerivatives:
     @ti.kernel
     def _accumulate_on_cpu(self, state: Template):
         for block in range(self.pairs.thread_count * CPU_GRAIN):
-            thread = heavy_index(block, CPU_GRAIN)
-            if thread >= 0:
+            if is_heavy(block, CPU_GRAIN):
+                thread = block // CPU_GRAIN
                 begin = thread * self.tile_count // self.pairs.thread_count
                 end = (thread + 1) * self.tile_count // self.pairs.thread_count
                 for tile in range(begin, end):

@@ -3,7 +3,7 @@
 import taichi as ti
 
 from mpp_taichi.device.fast_taichi.prefetch import prefetch
-from mpp_taichi.device.heavy_loops import heavy_index, loop_grain
+from mpp_taichi.device.heavy_loops import is_heavy, loop_grain
 from mpp_taichi.neighbors._sphere_grid import CHUNKS
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.neighbors.plain_rows import is_plain, visit_rows
@@ -53,8 +53,8 @@ class PartnerList:
     def _write(self, plain: Template) -> ti.i32:
         grain = ti.static(loop_grain())
         for q in range(CHUNKS * grain):
-            chunk = heavy_index(q, grain)
-            if chunk >= 0:
+            if is_heavy(q, grain):
+                chunk = q // grain
                 begin = chunk * self.room
                 place, last = begin, begin + self.room - 1  # the last place may be written, but never counts
                 for slot in range(self.grid.begin_of(chunk), self.grid.begin_of(chunk + 1)):
@@ -98,8 +98,8 @@ class PartnerList:
         """Write the earlier partners: all pairs, sorted by their later slot."""
         grain = ti.static(loop_grain())
         for q in range(self.sharer_count * grain):
-            part = heavy_index(q, grain)
-            if part >= 0:
+            if is_heavy(q, grain):
+                part = q // grain
                 first, end = self._share(part), self._share(part + 1)
                 for slot in range(first, end):
                     self.earlier[slot] = 0
@@ -117,8 +117,8 @@ class PartnerList:
             self.earlier[self.particle_count] = place
         # From the last slot back, so that at the end `earlier` holds the first place of each slot.
         for q in range(self.sharer_count * grain):
-            part = heavy_index(q, grain)
-            if part >= 0:
+            if is_heavy(q, grain):
+                part = q // grain
                 first, end = self._share(part), self._share(part + 1)
                 for back in range(1, end + 1):
                     slot = end - back

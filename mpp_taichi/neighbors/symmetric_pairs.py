@@ -6,7 +6,7 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.inverse_distance import inverse_distance, softened_square
 from mpp_taichi.device.fast_taichi.lane_arithmetic import inverse_roots, multiply_add
-from mpp_taichi.device.heavy_loops import CPU_GRAIN, heavy_index
+from mpp_taichi.device.heavy_loops import CPU_GRAIN, is_heavy
 from mpp_taichi.state.field_group import FieldGroup
 from mpp_taichi.types import Template
 
@@ -64,8 +64,8 @@ class SymmetricPairs:
     def sum_accelerations(self, state: Template, sets: Template):
         """Add all accelerations, or set them where `sets`, in two loops; the second is parallel where `adds_in_parallel`."""
         for q in range(self.chunk_count * CPU_GRAIN):
-            chunk = heavy_index(q, CPU_GRAIN)
-            if chunk >= 0:
+            if is_heavy(q, CPU_GRAIN):
+                chunk = q // CPU_GRAIN
                 for k in range(self.dimensions * self.row):
                     self._store(self.sums, chunk * self.dimensions * self.row + k, ti.Vector.zero(float, self.lanes))
                 for turn in range(self.turns):  # to and fro, because later blocks have more tiles before them

@@ -1,4 +1,4 @@
-"""What the ladder of precisions costs and what it keeps: energy floor and time of f32, f32c, ds and f64.
+"""What the ladder of precisions costs and what it keeps: energy floor and time of f32, f32c, ds, df64 and f64.
 
     python tools/benchmarks/benchmark_precision.py [--counts 3 256 4096] [--repeats 15] [--threads 2] [--json FILE]
 
@@ -25,7 +25,7 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))  # so that it also runs from a checkout
 
-PRECISIONS = ("f32", "f32c", "ds", "f64")
+PRECISIONS = ("f32", "f32c", "ds", "df64", "f64")
 LADDERS = {3: (256, 1024, 4096, 16384, 65536, 262144), 256: (32, 128, 512, 2048), 4096: (16, 64, 256, 1024)}  # steps of a run
 SPANS = {3: 6.3259139829262116775890, 256: 0.25, 4096: 0.25}
 TURNS = {3: 4, 256: 2, 4096: 1}

@@ -1,0 +1,70 @@
+"""Constants, roots, choices and vectors for the formulas of forces, as numbers of one part or of two parts.
+
+Where the forces of a state have low parts (precision df64), values are double-single numbers (double_single.py); elsewhere
+they are plain numbers of the run's precision. The functions are Python functions that run while a kernel is compiled.
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.arithmetic.double_single import DoubleSingle, DoubleSingleVector, constant, root_of_number, zeros
+from mpp_taichi.arithmetic.traced import traced
+
+
+def in_two_parts(state: Any) -> bool:
+    """Whether the forces of a state have low parts."""
+    return bool(state.forces_see_low and state.forces_have_low)
+
+
+@traced
+def parameter(state: Any, value: Any) -> Any:
+    """A parameter of a force, fixed or live, as a number to compute with."""
+    if not in_two_parts(state):
+        return ti.cast(value, float)
+    if isinstance(value, DoubleSingle):
+        return DoubleSingle(state, value.high, value.low)
+    return constant(state, value)
+
+
+@traced
+def parameter_vector(state: Any, values: Any) -> Any:
+    """The first components of a parameter of three components, as many as the state has dimensions."""
+    numbers = [parameter(state, values[k]) for k in range(state.dimensions)]
+    return DoubleSingleVector(numbers) if in_two_parts(state) else ti.lang.matrix.make_matrix(numbers, float)
+
+
+@traced
+def zero_vector(state: Any) -> Any:
+    """A vector of zeros, to be added to."""
+    return zeros(state) if in_two_parts(state) else ti.Vector.zero(float, state.dimensions)
+
+
+@traced
+def root(number: Any) -> Any:
+    """√number."""
+    return root_of_number(number) if isinstance(number, DoubleSingle) else ti.sqrt(number)
+
+
+@traced
+def where(condition: Any, number: Any, other: Any) -> Any:
+    """The number where a condition holds, else another number; neither needs to be finite where it is not taken."""
+    return number.where(condition, other) if isinstance(number, DoubleSingle) else ti.select(condition, number, other)
+
+
+@traced
+def along_free_axes(state: Any, i: Any, vector: Any) -> Any:
+    """The components of a vector along the axes that are free to particle i, and 0 along the others."""
+    free = ti.lang.impl.subscript(None, state.free, i)
+    if not isinstance(vector, DoubleSingleVector):
+        return ti.select(free != 0.0, vector, 0.0)
+    axes = range(vector.n)
+    return DoubleSingleVector(vector[k].where(ti.lang.impl.subscript(None, free, k) != 0.0, 0.0) for k in axes)
+
+
+@traced
+def wide_number(state: Any, number: Any) -> Any:
+    """Both parts of a number of the forces as one number of `state.wide`, the widest float of the device."""
+    if not isinstance(number, DoubleSingle):
+        return ti.cast(number, state.wide)
+    return ti.cast(number.high, state.wide) + ti.cast(number.low, state.wide)
