@@ -47,6 +47,7 @@ class EventDriven(ContactSolver):
         10_000_000, minimum=1, help="contacts of a thousand spheres between two samples; a run with more ends with an error"
     )
 
+    launched_by = "flying_contacts"
     flies = True
     order = 0
     in_turn = "it takes one event after the other from a queue"

@@ -39,7 +39,9 @@ class Located(ContactSolver):
     )
     event_limit: int = param(100_000, minimum=1, help="contacts between two samples; a run with more ends with an error")
 
+    launched_by = "leading_contacts"
     leads = True
+    any_frame = True
     in_turn = "an adaptive method leads it, a step at a time"
     memory = ("due", "last_contact", *StepPaths.BOUNDS)
 

@@ -94,3 +94,39 @@ def test_what_overlaps_meets_now_if_it_approaches_and_not_while_it_recedes():
     later = (1 + np.sqrt(1 - 0.08)) / 2
     # The second sphere's surface moves at 0.1: towards the first one, and slower than the last one.
     assert np.allclose(found.to_numpy(), [0.0, np.inf, later, 0.05, 0.0, np.inf], rtol=4e-16, atol=0)
+
+
+@pytest.mark.parametrize("inside", [True, False])
+@pytest.mark.parametrize("kind", ["cylinder", "sphere"])
+def test_normals_of_curved_walls_are_of_unit_length_and_across_the_axis_however_far_away(kind, inside):
+    """Along the axis up to 10⁶ radii away. A normal is rounded by some four units of 2⁻⁵³: see the bounds."""
+    backends.start("cpu", "f64")
+    import taichi as ti
+
+    from mpp_taichi.walls._base import unit_vector
+    from mpp_taichi.walls._geometry import normal
+
+    axis = unit_vector((0.3, -0.5, 0.81), "axis")
+    surface = Surface(kind, (0.1, 0.2, 0.3), axis, 1.0, inside, (0.0, 0.0, 0.0), 1.0, kind)
+    rng = np.random.default_rng(4)
+    across = np.cross(rng.normal(size=(COUNT, 3)), axis)
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    far = rng.uniform(-1e6, 1e6, COUNT) if kind == "cylinder" else np.zeros(COUNT)
+    x = np.array(surface.point) + across + np.outer(far, axis)
+    places, found = ti.Vector.field(3, float, COUNT), ti.Vector.field(3, float, COUNT)
+    places.from_numpy(x)
+
+    @ti.kernel
+    def fill():
+        for i in range(COUNT):
+            found[i] = normal(surface, places[i], 0.0)
+
+    fill()
+    n = found.to_numpy().astype(np.longdouble)
+    # The norm is rounded by at most 1 + 3/2 units (root, and half of the errors of squares and sums), the quotient by 1.
+    assert np.abs(np.linalg.norm(n, axis=1) - 1).max() < 4 * 2.0**-53
+    if kind == "cylinder":
+        # Five roundings of a·q, one of q, two of the quotient, each of at most 2⁻⁵³ of a length that is at most 1.
+        assert np.abs(n @ np.array(axis, np.longdouble)).max() < 8 * 2.0**-53
+    sign = -1 if inside else 1
+    assert np.abs(sign * n - across).max() < 8 * 2.0**-53 * (1 + np.abs(x).max())

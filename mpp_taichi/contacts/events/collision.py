@@ -8,7 +8,7 @@ import taichi as ti
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts.events.cells import EventCells
 from mpp_taichi.contacts.events.spheres import FlyingSpheres
-from mpp_taichi.contacts.shared.bounce import impulse_along
+from mpp_taichi.contacts.shared.impulse import impulse_between, pushed
 from mpp_taichi.contacts.shared.restitution import restitution_after
 from mpp_taichi.walls._geometry import gap, normal, surface_velocity
 
@@ -71,15 +71,16 @@ class Collision:
 
     @ti.func
     def pair(self, i, j, time):
-        """Let two spheres bounce at `time`, with the impulse of `impulse_along`; returns whether time still goes on."""
+        """Let two spheres bounce at `time`, with the impulse of `impulse_between`; returns whether time still goes on."""
         last = ti.max(self._last_contact(i), self._last_contact(j))
         self._begin(i, time)
         self._begin(j, time)
         q = self.cells.nearest_image(self.spheres.position[i] - self.spheres.position[j])
         distance = q.norm()
         n = q / distance
-        speed = n.dot(self.spheres.velocity[i] - self.spheres.velocity[j])
-        softness = (n * n).dot(self.spheres.inverse_mass(i) + self.spheres.inverse_mass(j))
+        v_i, v_j = self.spheres.velocity[i], self.spheres.velocity[j]
+        w_i, w_j = self.spheres.inverse_mass(i), self.spheres.inverse_mass(j)
+        speed, softness = n.dot(v_i - v_j), (n * n).dot(w_i + w_j)
         nominal = self.table[self.spheres.material[i], self.spheres.material[j]]
         e, elastic = restitution_after(nominal, time - last, self.contact_time)
         self._count_elastic(elastic)
@@ -88,10 +89,10 @@ class Collision:
             self.spheres.radius(i) + self.spheres.radius(j) - distance, ti.min(self.spheres.radius(i), self.spheres.radius(j))
         )
         if speed < 0 and softness > 0:
-            found = impulse_along(softness, speed, e)
-            impulse, lost = found[0], found[1]
-            self.spheres.velocity[i] += self.spheres.inverse_mass(i) * n * impulse
-            self.spheres.velocity[j] -= self.spheres.inverse_mass(j) * n * impulse
+            found = impulse_between(n, v_i, v_j, w_i, w_j, e)
+            impulse, lost = found[0], found[2]
+            self.spheres.velocity[i] = pushed(v_i, w_i, n, impulse, found[1], 1)
+            self.spheres.velocity[j] = pushed(v_j, w_j, n, impulse, found[1], -1)
             self.pair_count[None] += 1
             self.virial[None] += ti.cast(impulse * distance, self.spheres.wide)
             self.dissipated[None] += ti.cast(lost, self.spheres.wide)
@@ -113,14 +114,14 @@ class Collision:
                 nominal, depth = ti.cast(surface.restitution, float), -gap(surface, x, self.spheres.radius(i), now)
         e, elastic = restitution_after(nominal, time - last, self.contact_time)
         self._count_elastic(elastic)
-        speed = n.dot(self.spheres.velocity[i] - velocity)
-        softness = (n * n).dot(self.spheres.inverse_mass(i))
+        v, inverse_mass = self.spheres.velocity[i], self.spheres.inverse_mass(i)
+        speed, softness = n.dot(v - velocity), (n * n).dot(inverse_mass)
         self._note_overlap(depth, self.spheres.radius(i))
         self.impulse[None] = 0.0
         if speed < 0 and softness > 0:
-            found = impulse_along(softness, speed, e)
-            impulse, lost = found[0], found[1]
-            self.spheres.velocity[i] += self.spheres.inverse_mass(i) * n * impulse
+            found = impulse_between(n, v, velocity, inverse_mass, ti.Vector.zero(float, self.spheres.dimensions), e)
+            impulse, lost = found[0], found[2]
+            self.spheres.velocity[i] = pushed(v, inverse_mass, n, impulse, found[1], 1)
             self.wall_count[None] += 1
             self.wall_impulse[w] += ti.cast(impulse, self.spheres.wide)
             self.dissipated[None] += ti.cast(lost, self.spheres.wide)

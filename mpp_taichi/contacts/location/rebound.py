@@ -54,16 +54,15 @@ class Rebound:
         if distance > 0.0 and gap <= TWICE * blur:
             n = separation / distance
             v_i, v_j = self.state.velocity[i], self.state.velocity[j]
-            u = v_j - v_i
-            if n.dot(u) < -self.bounce.slowest * (v_i.norm() + v_j.norm()):
+            if n.dot(v_j - v_i) < -self.bounce.slowest * (v_i.norm() + v_j.norm()):
                 nominal = self.bounce.restitution_of(i, j)
                 e, elastic = restitution_at(time, nominal, i, j, self.state.last_contact, self.contact_time)
-                impulse = self.bounce.pair_impulse(i, j, n, u, e)
+                impulse = self.bounce.pair_impulse(i, j, n, v_i, v_j, e)
                 if impulse[0] > 0.0:
-                    self.state.velocity[i] = v_i - impulse[0] * self.bounce.inverse_mass[i] * n
-                    self.state.velocity[j] = v_j + impulse[0] * self.bounce.inverse_mass[j] * n
+                    self.state.velocity[i] = self.bounce.after(i, v_i, n, impulse, -1)
+                    self.state.velocity[j] = self.bounce.after(j, v_j, n, impulse, 1)
                     self.tally.begin(i)
-                    self.tally.add_pair(i, impulse[0], distance, impulse[1], elastic)
+                    self.tally.add_pair(i, impulse[0], distance, impulse[2], elastic)
                     self.tally.keep(0, i)
                     self._see_overlap(-gap, ti.min(self.bounce.radius[i], self.bounce.radius[j]))
                     result = 1
@@ -78,15 +77,14 @@ class Rebound:
         gap = _geometry.gap(self.surfaces[k], x, self.bounce.radius[i], now)
         if gap <= TWICE * self.paths.wall_blur(self.surfaces[k], i, s, now):
             n = _geometry.normal(self.surfaces[k], x, now)
-            u = v - w
-            if n.dot(u) < -self.bounce.slowest * (v.norm() + w.norm()):
+            if n.dot(v - w) < -self.bounce.slowest * (v.norm() + w.norm()):
                 nominal = ti.static(self.surfaces[k].restitution)
                 e, elastic = restitution_at(time, nominal, i, i, self.state.last_contact, self.contact_time)
-                impulse = self.bounce.wall_impulse(i, n, u, e)
+                impulse = self.bounce.wall_impulse(i, n, v, w, e)
                 if impulse[0] > 0.0:
-                    self.state.velocity[i] = v + impulse[0] * self.bounce.inverse_mass[i] * n
+                    self.state.velocity[i] = self.bounce.after(i, v, n, impulse, 1)
                     self.tally.begin(i)
-                    self.tally.add_wall(i, k, impulse[0], impulse[1], elastic)
+                    self.tally.add_wall(i, k, impulse[0], impulse[2], elastic)
                     self.tally.keep(0, i)
                     self._see_overlap(-gap, self.bounce.radius[i])
                     result = 1

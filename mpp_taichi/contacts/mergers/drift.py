@@ -10,7 +10,7 @@ from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.contacts.mergers.merge_events import Agenda
 from mpp_taichi.contacts.mergers.merger import Merger
-from mpp_taichi.contacts.shared.bounce import impulse_along
+from mpp_taichi.contacts.shared.impulse import impulse_between, pushed
 from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 from mpp_taichi.neighbors.cell_grid import CellGrid
 from mpp_taichi.walls import _geometry
@@ -275,16 +275,15 @@ class MergingDrift:
             if s == surface:
                 x, v = self.merger.place(i, t), self.state.velocity[i]
                 n = _geometry.normal(self.surfaces[s], x, time + t)
-                u = v - _geometry.surface_velocity(self.surfaces[s], x)
+                surface_velocity = _geometry.surface_velocity(self.surfaces[s], x)
                 e = ti.static(self.surfaces[s].restitution)
                 w = self.state.free[i] / self.state.mass[i]
-                yielding, approach = (n * n).dot(w), n.dot(u)
-                if yielding > 0.0:
-                    impulse = impulse_along(yielding, approach, e)
-                    after = v + impulse[0] * (w * n)
+                if (n * n).dot(w) > 0.0:
+                    impulse = impulse_between(n, v, surface_velocity, w, ti.Vector.zero(float, n.n), e)
+                    after = pushed(v, w, n, impulse[0], impulse[1], 1)
                     self.state.velocity[i] = after
                     self.state.position[i] = x - after * t
                     self.tally.begin(i)
-                    self.tally.add_wall(i, s, impulse[0], impulse[1], 0)
+                    self.tally.add_wall(i, s, impulse[0], impulse[2], 0)
                     self.tally.keep(0, i)
                     self.log.note(time + t, i, -1 - s, ti.abs(impulse[0]))

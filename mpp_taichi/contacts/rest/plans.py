@@ -74,7 +74,7 @@ class SerialPlan:
                     result[1] += outcome[0]
                     result[2] += outcome[1]
                     if phase == 0:
-                        self.step.end_impacts()
+                        self.step.end_impacts(state)
                     elif phase == 1:
                         self.step.end_rest()
                     phase += 1
@@ -176,7 +176,7 @@ class ParallelPlan:
                 break
         self._prepare_impacts(h)
         outcome = self.step.solver.solve_parallel(h)
-        self._end_impacts()
+        self._end_impacts(state)
         return outcome
 
     @ti.func
@@ -242,8 +242,8 @@ class ParallelPlan:
         self.step.spread_restitution()
 
     @ti.kernel
-    def _end_impacts(self):
-        self.step.end_impacts()
+    def _end_impacts(self, state: Template):
+        self.step.end_impacts(state)
 
     @ti.kernel
     def _begin_rest(self, state: Template, h: float, after_impacts: int):

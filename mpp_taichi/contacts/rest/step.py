@@ -8,6 +8,7 @@ from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.rest.complementarity import CHUNK, Complementarity
 from mpp_taichi.contacts.rest.contact_rows import ContactRows
+from mpp_taichi.contacts.shared.impulse import impulse_between, pushed
 from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
 
@@ -134,17 +135,34 @@ class RestingStep:
         return e
 
     @ti.func
-    def end_impacts(self):
-        """Give impacts 1 + e times the impulses that ended their approach."""
+    def end_impacts(self, state: Template):
+        """Give impacts 1 + e times the impulses that ended their approach; the velocity after a lone impact is rounded once."""
         for i in range(self.particle_count):
             change = ti.Vector.zero(float, self.dimensions)
+            v, w = state.velocity[i], self.rows.inverse_mass[i]
+            alone = self._has_one_impact(i)
             for c in range(self.rows.start[i], self.rows.start[i + 1]):
                 if self.rows.impact[c] == 1:
-                    given = (1.0 + self._restitution(i, c)) * self.rows.impulse[c]
+                    e, n, j = self._restitution(i, c), self.rows.normal[c], self.rows.other[c]
+                    given = (1.0 + e) * self.rows.impulse[c]
+                    if alone and (j < 0 or self._has_one_impact(ti.max(j, 0))):
+                        other_w = self.rows.inverse_mass[ti.max(j, 0)] * ti.cast(j >= 0, float)
+                        found = impulse_between(n, v, self.rows.velocity_of_other(state.velocity, c), w, other_w, e)
+                        given = found[0]
+                        self.solver.base[i] = pushed(v, w, n, given, found[1], 1)
+                    else:
+                        change += given * n
                     self.rows.given[c] = given
                     self.rows.impulse[c] = 0.0
-                    change += given * self.rows.normal[c]
-            self.solver.base[i] = self.solver.base[i] + self.rows.inverse_mass[i] * change
+            self.solver.base[i] = self.solver.base[i] + w * change
+
+    @ti.func
+    def _has_one_impact(self, i):
+        """Whether sphere i has a single impact in this drift, or does not move by its impacts."""
+        impacts = 0
+        for c in range(self.rows.start[i], self.rows.start[i + 1]):
+            impacts += self.rows.impact[c]
+        return impacts == 1 or self.rows.inverse_mass[i].max() == 0.0
 
     @ti.func
     def begin_rest(self, state: Template, h, after_impacts):

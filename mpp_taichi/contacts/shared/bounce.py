@@ -1,9 +1,10 @@
-"""Formulas of one contact: time of contact of two spheres, impulse on two spheres or off a surface."""
+"""The spheres of a setup on the device, and the formulas of one contact: its time, its impulse, the velocities after it."""
 
 import numpy as np
 import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.contacts.shared.impulse import impulse_between, pushed
 from mpp_taichi.neighbors.periodic import nearest_image
 from mpp_taichi.types import Template
 from mpp_taichi.walls import _geometry
@@ -11,21 +12,6 @@ from mpp_taichi.walls._roots import first_contact_curved
 
 ROUNDINGS = 4.0  # of the velocities; a slower approach is round-off
 SLACK = 1e-5  # of a squared distance; more than round-off, even in f32
-
-
-@ti.func
-def impulse_along(yielding, separating, e):
-    """Impulse along the normal of a contact [momentum], and the kinetic energy that it takes [energy]; 0 if nothing yields.
-
-    yielding     Σ_k n_k² (w_ik + w_jk), the sum of the inverse masses along the normal n [1 / mass]
-    separating   speed at which the two part along n before the contact, negative as they approach [length / time]
-    e            restitution
-    """
-    result = ti.Vector.zero(float, 2)
-    if yielding > 0.0:
-        result[0] = -(1.0 + e) * separating / yielding
-        result[1] = (1.0 - e) * (1.0 + e) * separating * separating / (2.0 * yielding)
-    return result
 
 
 @ti.data_oriented
@@ -125,12 +111,16 @@ class Bounce:
         return self.restitution[one, other]
 
     @ti.func
-    def pair_impulse(self, i, j, n, u, e):
-        """Impulse along n and the kinetic energy that it takes, with u = v_j − v_i; 0 where neither sphere can move."""
-        yielding = (n * n).dot(self.inverse_mass_of(i) + self.inverse_mass_of(j))
-        return impulse_along(yielding, n.dot(u), e)
+    def pair_impulse(self, i, j, n, v_i, v_j, e):
+        """The result of `impulse_between` for i and j with n from i to j: the impulse acts on j, and its opposite on i."""
+        return impulse_between(n, v_j, v_i, self.inverse_mass_of(j), self.inverse_mass_of(i), e)
 
     @ti.func
-    def wall_impulse(self, i, n, u, e):
-        """Impulse and kinetic energy of a bounce off a surface of normal n; u is i's velocity relative to the surface."""
-        return impulse_along((n * n).dot(self.inverse_mass_of(i)), n.dot(u), e)
+    def wall_impulse(self, i, n, v, surface_velocity, e):
+        """The result of `impulse_between` for sphere i and a surface of normal n."""
+        return impulse_between(n, v, surface_velocity, self.inverse_mass_of(i), ti.Vector.zero(float, n.n), e)
+
+    @ti.func
+    def after(self, i, v, n, impulse, sign: Template):
+        """The velocity v of sphere i after `sign` times an impulse, the result of one of the functions above."""
+        return pushed(v, self.inverse_mass_of(i), n, impulse[0], impulse[1], sign)

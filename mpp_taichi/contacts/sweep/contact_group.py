@@ -4,6 +4,7 @@ import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.shared.field_trees import FieldTrees
+from mpp_taichi.contacts.shared.impulse import impulse_between, pushed
 from mpp_taichi.types import Template
 
 ROUND_OFF = 64  # roundings that a relative speed may have gathered; a slower approach counts as no approach
@@ -101,13 +102,24 @@ class ContactGroup:
         return result
 
     @ti.func
-    def push(self, state: Template, c, impulse, lost):
-        """Give both spheres of a contact an impulse along its normal, which takes the energy `lost`."""
+    def bounce(self, state: Template, c, e):
+        """Let the spheres of a contact bounce as if it were alone, with the restitution e."""
         n = self.normal[c]
         i, j = self.first[c], self.second[c]
-        state.velocity[i] = state.velocity[i] + self.inverse_mass[i] * n * impulse
+        other_velocity, other_inverse_mass = n * self.surface_speed[c], ti.Vector.zero(float, self.dimensions)
         if j >= 0:
-            state.velocity[j] = state.velocity[j] - self.inverse_mass[j] * n * impulse
+            other_velocity, other_inverse_mass = state.velocity[j], self.inverse_mass[j]
+        found = impulse_between(n, state.velocity[i], other_velocity, self.inverse_mass[i], other_inverse_mass, e)
+        self.push(state, c, found[0], found[1], found[2])
+
+    @ti.func
+    def push(self, state: Template, c, impulse, impulse_low, lost):
+        """Give both spheres of a contact an impulse along its normal, of two parts, which takes the energy `lost`."""
+        n = self.normal[c]
+        i, j = self.first[c], self.second[c]
+        state.velocity[i] = pushed(state.velocity[i], self.inverse_mass[i], n, impulse, impulse_low, 1)
+        if j >= 0:
+            state.velocity[j] = pushed(state.velocity[j], self.inverse_mass[j], n, impulse, impulse_low, -1)
         self.impulse[c] = self.impulse[c] + impulse
         self.lost[c] = self.lost[c] + lost
         self.hits[c] = self.hits[c] + 1

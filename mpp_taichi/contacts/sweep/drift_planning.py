@@ -11,7 +11,7 @@ from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.shared.contact_counts import CHUNKS
 from mpp_taichi.contacts.shared.field_trees import FieldTrees
 from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
-from mpp_taichi.device.heavy_loops import heavy_index, loop_grain
+from mpp_taichi.device.heavy_loops import is_heavy, loop_grain
 from mpp_taichi.types import Template
 
 SLACK = 1.25  # margin over the way of a sphere at its present speed: contacts make some spheres faster
@@ -251,8 +251,8 @@ class DriftPlanner:
     def _measure_all(self, position: Template, velocity: Template):
         grain = ti.static(loop_grain())
         for q in range(self.chunks * grain):
-            chunk = heavy_index(q, grain)
-            if chunk >= 0:
+            if is_heavy(q, grain):
+                chunk = q // grain
                 self.measure_chunk(chunk, position, velocity, 0.0)
 
     @ti.func

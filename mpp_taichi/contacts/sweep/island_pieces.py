@@ -11,7 +11,7 @@ from mpp_taichi.contacts.sweep.island_player import IslandPlayer
 from mpp_taichi.contacts.sweep.piece_drift import PieceSteps
 from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
 from mpp_taichi.device.fast_taichi.prefetch import prefetch
-from mpp_taichi.device.heavy_loops import heavy_index, loop_grain
+from mpp_taichi.device.heavy_loops import is_heavy, loop_grain
 from mpp_taichi.types import Template
 
 TOGETHER = 8  # islands whose memory is fetched at once
@@ -75,8 +75,8 @@ class IslandPieces(PieceSteps):
         if ti.static(listed):
             grain = ti.static(loop_grain())
             for q in range(CHUNKS * grain):
-                chunk = heavy_index(q, grain)
-                if chunk >= 0:
+                if is_heavy(q, grain):
+                    chunk = q // grain
                     begin, end = self.tally.begin_of(chunk), self.tally.begin_of(chunk + 1)
                     for k in range(begin, end):
                         if (k - begin) % BLOCK == 0:
@@ -124,8 +124,8 @@ class IslandPieces(PieceSteps):
         else:
             grain = ti.static(loop_grain())
             for q in range((self.islands.count[self.islands.PENDING] + TOGETHER - 1) // TOGETHER * grain):
-                part = heavy_index(q, grain)
-                if part >= 0:
+                if is_heavy(q, grain):
+                    part = q // grain
                     first = part * TOGETHER
                     end = ti.min(first + TOGETHER, self.islands.count[self.islands.PENDING])
                     self._fetch_ahead(first, end)
@@ -170,8 +170,8 @@ class IslandPieces(PieceSteps):
     def _commit(self, h: float):
         grain = ti.static(loop_grain())
         for q in range(CHUNKS * grain):
-            chunk = heavy_index(q, grain)
-            if chunk >= 0:
+            if is_heavy(q, grain):
+                chunk = q // grain
                 self._commit_chunk(chunk, h)
 
     @ti.kernel
@@ -179,8 +179,8 @@ class IslandPieces(PieceSteps):
         """Commit to the slots, and summarize the motion while the spheres are in the cache."""
         grain = ti.static(loop_grain())
         for q in range(CHUNKS * grain):
-            chunk = heavy_index(q, grain)
-            if chunk >= 0:
+            if is_heavy(q, grain):
+                chunk = q // grain
                 way = self._commit_chunk(chunk, h)
                 self.planner.measure_chunk(chunk, self.slots.position, self.slots.velocity, way)
         return self.planner.whole()

@@ -54,26 +54,27 @@ class PairRule:
         n = separation / distance
         a, b = self.slots.index(i), self.slots.index(j)
         e, elastic = self.memory.restitution(self.bounce.restitution_of(a, b), i, j, t)
-        result = self.bounce.pair_impulse(a, b, n, self.played.velocity[j] - self.played.velocity[i], e)
-        self.played.velocity[i] = self.played.velocity[i] - result[0] * (self.bounce.inverse_mass_of(a) * n)
-        self.played.velocity[j] = self.played.velocity[j] + result[0] * (self.bounce.inverse_mass_of(b) * n)
-        self.tally.add_pair(i, result[0], distance, result[1], elastic)
+        v_i, v_j = self.played.velocity[i], self.played.velocity[j]
+        result = self.bounce.pair_impulse(a, b, n, v_i, v_j, e)
+        self.played.velocity[i] = self.bounce.after(a, v_i, n, result, -1)
+        self.played.velocity[j] = self.bounce.after(b, v_j, n, result, 1)
+        self.tally.add_pair(i, result[0], distance, result[2], elastic)
         if not result[0] > 0.0:
             self.tally.fail(i, 1)
 
     @ti.func
     def _bounce_off_wall(self, i, surface, t, time):
         n = ti.Vector.zero(float, self.bounce.dimensions)
-        u = self.played.velocity[i]
+        v, w = self.played.velocity[i], ti.Vector.zero(float, self.bounce.dimensions)
         nominal = 1.0
         for s in ti.static(range(len(self.bounce.surfaces))):
             if s == surface:
                 n = _geometry.normal(self.bounce.surfaces[s], self.played.position[i], time + t)
-                u -= _geometry.surface_velocity(self.bounce.surfaces[s], n)
+                w = _geometry.surface_velocity(self.bounce.surfaces[s], n)
                 nominal = ti.static(self.bounce.surfaces[s].restitution)
         e, elastic = self.memory.restitution(nominal, i, i, t)
-        result = self.bounce.wall_impulse(self.slots.index(i), n, u, e)
-        self.played.velocity[i] = self.played.velocity[i] + result[0] * (self.bounce.inverse_mass_of(self.slots.index(i)) * n)
-        self.tally.add_wall(i, surface, result[0], result[1], elastic)
+        result = self.bounce.wall_impulse(self.slots.index(i), n, v, w, e)
+        self.played.velocity[i] = self.bounce.after(self.slots.index(i), v, n, result, 1)
+        self.tally.add_wall(i, surface, result[0], result[2], elastic)
         if not result[0] > 0.0:
             self.tally.fail(i, 1)

@@ -135,8 +135,7 @@ class Reflections:
         if size == 1 and testing == 0:
             e = (1 - ending) * self.group.restitution[root]
             if self.speed[root] < 0.0:
-                stop = -self.speed[root] / self.group.coupling(root, root)
-                self.group.push(state, root, (1.0 + e) * stop, -0.5 * (1.0 - e * e) * stop * self.speed[root])
+                self.group.bounce(state, root, e)
         elif size > self.least.capacity:
             outcome = -size
         else:
@@ -166,5 +165,5 @@ class Reflections:
                     if self.least.impulse[p] > 0.0:
                         lost = 0.5 * (1.0 - e * e) * self.least.impulse[p] * self.least.right[p]
                         stop = self.least.impulse[p] / self.least.size[p]
-                        self.group.push(state, self.least.member[p], (1.0 + e) * stop, lost)
+                        self.group.push(state, self.least.member[p], (1.0 + e) * stop, 0.0, lost)
         return outcome
