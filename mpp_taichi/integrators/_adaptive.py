@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.device import bulk_copy
 from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.integrators._launchers import Launchers
 from mpp_taichi.integrators._trouble import Trouble, not_finite
@@ -27,6 +28,7 @@ class Adaptive(Integrator):
     launchers = Launchers(
         serial="adaptive_steps", replicas="adaptive_steps", parallel="", cpu_only=True
     )  # its loops have no bound
+    steps_about_center = True
     path_degree = 0  # of the polynomials that `write_paths` writes; 0: it writes none
     CONTROL = 2
     CLOCK = 3
@@ -55,20 +57,25 @@ class Adaptive(Integrator):
 
     def set_control(self, state: Any) -> None:
         """Write the accuracy into the state, before a run begins."""
-        state.control.from_numpy(np.tile(np.array(self.control()), state.replica_count))
+        kind = ti.lang.util.to_numpy_type(state.wide)
+        bulk_copy.write([state.control], [np.tile(np.array(self.control(), kind), state.replica_count)])
 
     def times(self, state: Any) -> np.ndarray:
         """Time at which the last step ended, of each replica [time]."""
-        clock = state.clock.to_numpy().reshape(-1, self.CLOCK)
-        return np.asarray(clock[:, 0] + clock[:, 1], dtype=float)
+        clock = self._clock(state)
+        return clock[:, 0] + clock[:, 1]
 
     def lengths(self, state: Any) -> np.ndarray:
         """Length of the last step of each replica [time]."""
-        return np.asarray(state.clock.to_numpy().reshape(-1, self.CLOCK)[:, 1], dtype=float)
+        return self._clock(state)[:, 1]
+
+    def _clock(self, state: Any) -> np.ndarray:
+        kind = ti.lang.util.to_numpy_type(state.wide)
+        return bulk_copy.read([state.clock], kind)[0].reshape(-1, self.CLOCK).astype(float)
 
     def counts(self, state: Any) -> np.ndarray:
         """Steps taken, steps refused, evaluations and whether it stalled, (replicas, 4)."""
-        return np.asarray(state.tally.to_numpy().reshape(-1, self.TALLY))
+        return bulk_copy.read([state.tally], np.int32)[0].reshape(-1, self.TALLY)
 
     def stalled_replicas(self, state: Any) -> np.ndarray:
         """Numbers of the replicas whose step has become too short for their time."""
@@ -206,3 +213,8 @@ class Adaptive(Integrator):
 def rounding() -> float:
     """Distance between 1 and the next larger number in the precision of the run."""
     return 2.0**-23 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-52
+
+
+def smallest() -> float:
+    """The smallest positive number of full precision, in the precision of the run."""
+    return 2.0**-126 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-1022

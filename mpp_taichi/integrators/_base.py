@@ -31,9 +31,11 @@ class Integrator:
     takes_time       works with forces that depend on time explicitly; declared and checked in the same way
     memory           work fields that a step leaves for the next step
     can_use_tree     needs nothing but accelerations, of all particles at once, so that a tree can sum them
-    takes_low_parts  moves particles by the functions of `particle_update`, so that it runs in f32c and ds
+    takes_low_parts  moves particles by the functions of `particle_update`, so that it runs in f32c, ds and df64
     controlled_by    name of the parameter that sets the accuracy of a method that chooses its steps itself; else empty
     stable_for_any_stiffness  no spring is too stiff for any step
+    steps_about_center   where particles act on each other only, the state holds positions and velocities relative to a frame
+                         that moves with the centre of mass. For methods whose errors come near to round-off
     launchers        by which launchers of step/ it is run; read only by step/choose.py (see _launchers.py)
 
     The next attributes are read from the source text, before the class is imported, and must have literal values:
@@ -48,9 +50,13 @@ class Integrator:
     orbits_central_body  moves all bodies on orbits around one of them, whose index is the parameter `central`; the parameter
                          `corrector` is one of the literal `correctors`
     default_of_kind      the method of a scene that leaves the choice of the method to its `accuracy:`
-    reference_method     gives a reference solution to round-off, from which errors of other methods are measured
+    reference_tolerances  of a method that gives reference solutions: three values of `controlled_by`, coarse to fine, with
+                         which its errors are round-off, and its rounding errors are independent
     typical_evaluations  sums of forces in a step, roughly: enough to choose a plan by. An implicit step is many sweeps over
                          the particles, but each sweep has a launch of its own: one sweep is what counts
+    promising_for        kinds of scenes ("encounters", "planets", "stiffness", see accuracy/families.py) in which a study of
+                         accuracy tries the method first
+    slow_to_compile      takes many times as long to compile as most methods
     proposed_for         purposes ("tree", "friction", "oscillation") for which messages propose the method
 
     A subclass may make any of them a property. Here they must stay plain attributes: from a property of this class Taichi
@@ -69,6 +75,7 @@ class Integrator:
     takes_low_parts = False
     controlled_by = ""
     stable_for_any_stiffness = False
+    steps_about_center = False
     launchers = Launchers()
     can_use_tree = False
     moves_forward_alone = False
@@ -80,8 +87,10 @@ class Integrator:
     made_for_reason = ""
     orbits_central_body = False
     default_of_kind = False
-    reference_method = False
+    reference_tolerances: tuple = ()
     typical_evaluations = 1
+    promising_for: tuple = ()
+    slow_to_compile = False
     proposed_for: tuple = ()
 
     @property
@@ -101,6 +110,10 @@ class Integrator:
     def low_scratch_count(self) -> int:
         """Number of further vector fields where positions and velocities have low parts; they come after the others."""
         return 0
+
+    def slopes(self, velocity_dependent: bool) -> range:
+        """The vector fields of `scratch_count` that hold accelerations, which have low parts in df64."""
+        return range(0)
 
     def step_numbers(self, dt: float) -> list[float]:
         """The factors of velocities and accelerations in a step of dt [time], of which more digits are kept with low parts."""

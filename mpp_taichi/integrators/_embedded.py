@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.device import bulk_copy
 from mpp_taichi.integrators._adaptive import Adaptive
 from mpp_taichi.integrators._compensated_sum import compensated_sum
+from mpp_taichi.integrators._leverage import orbit_error_factors, orbit_forces
 from mpp_taichi.integrators._runge_kutta import RungeKutta
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
@@ -25,12 +27,20 @@ def wide_rows(pair: type[RungeKutta]) -> np.ndarray:
     return np.array([[*row, *[0.0] * (len(rows) - len(row))] for row in rows])
 
 
+def judges_orbits(total_force: Any) -> bool:
+    """Whether errors of the orbits of pairs are estimated: not where a tree sums the force."""
+    return bool(total_force.has_pairs and not total_force.by_tree and orbit_forces(total_force))
+
+
 class Embedded(Adaptive):
     """Steps of a pair, whose length h is controlled by the pair's estimate of the error; see RungeKutta for its declarations.
 
     The estimate e is the largest |Δx| / X or |Δv| / V of all particles. X and V are the largest distance and velocity relative
     to the first particle, or the largest change in the step where that is more, so that the place and the velocity of the whole
-    system do not matter. A step is accepted where e ≤ tolerance; the next step is
+    system do not matter. Under gravity and Coulomb's force the tolerance is the error of an orbit: e is multiplied by the
+    measured factor `orbit_factor`, and is for each bound pair at least `leverage_factor` L times the larger of |Δd|/ρ and
+    |Δw|/w, the errors of its separation and relative velocity; the leverage L (_leverage.py) is 1/(1 − e) at the pericentre of
+    an ellipse. A step is accepted where e ≤ tolerance; the next step is
     h 0.9 (tolerance/e)^(0.85/k) (e_before/tolerance)^(0.2/k), the same for all particles. A refused step is repeated with
     h 0.9 (tolerance/e)^(1/k). The first slope is the last slope of the step before, and sums over steps are compensated.
     Between two steps the state is on the pair's polynomial. Further forces that the polynomial needs are evaluated only in
@@ -41,6 +51,8 @@ class Embedded(Adaptive):
 
     pair: type[RungeKutta]
     error_order = 0  # k
+    orbit_factor = 1.0  # error of an orbit over the estimates of its steps, measured
+    leverage_factor = 0.0  # part of a pair's leverage that counts
     tolerance: float
     controlled_by = "tolerance"
     launchers = replace(Adaptive.launchers, quickly=True)
@@ -62,14 +74,16 @@ class Embedded(Adaptive):
             "weight": ("scalar", 2 * count * len(self._table())),
             "node": ("scalar", count),
             "slope": ("vector", count * n),
+            **({"miss": ("vector", 2 * len(self.pair.error_weights) * n)} if judges_orbits(total_force) else {}),
             **{name: ("vector", n) for name in self.VECTORS},
         }
 
     def arrange(self, state: Any) -> None:
         """Write the weights into their fields, once for each replica."""
         rows = np.array(self._table())
-        state.weight.from_numpy(np.tile(rows.ravel(), state.replica_count).astype(rows.dtype))
-        state.node.from_numpy(np.tile(wide_rows(self.pair).sum(axis=1), state.replica_count))
+        nodes, kind = wide_rows(self.pair).sum(axis=1), ti.lang.util.to_numpy_type(state.weight.dtype)
+        arrays = [np.tile(each.ravel(), state.replica_count).astype(kind) for each in (rows, nodes)]
+        bulk_copy.write((state.weight, state.node), arrays)
 
     @property
     def _count(self) -> int:
@@ -257,6 +271,9 @@ class Embedded(Adaptive):
         for i in range(first, first + total_force.particle_count):
             for c in ti.static(range(count)):
                 x, v = self._sums(state, total_force, first, i, self._count + c)
+                if ti.static(judges_orbits(total_force)):
+                    place = ti.static(2 * total_force.particle_count) * c + ti.static(2 * count - 1) * first + i
+                    state.miss[place], state.miss[place + ti.static(total_force.particle_count)] = h * h * x, h * v
                 off, slip = h * h * x.norm(), h * v.norm()
                 off = off / widest if off > 0.0 or ti.math.isnan(off) else off
                 slip = slip / fastest if slip > 0.0 or ti.math.isnan(slip) else slip
@@ -265,10 +282,34 @@ class Embedded(Adaptive):
                     errors[c] = off
                 if not (slip <= errors[c]):
                     errors[c] = slip
+        if ti.static(judges_orbits(total_force)):
+            errors = self._errors_of_orbits(state, total_force, first, errors)
         result = errors[0]
         if ti.static(count == 2):
             result *= errors[0] / ti.sqrt(errors[0] ** 2 + 0.01 * errors[1] ** 2) if errors[0] > 0.0 else 1.0
+        if ti.static(len(orbit_forces(total_force)) > 0):
+            result *= self.orbit_factor
         return ti.cast(result, state.wide) / state.control[self.CONTROL * r]
+
+    @ti.func
+    def _errors_of_orbits(self, state: Template, total_force: Template, first, errors):
+        """The estimates, raised to those of the orbits of pairs about each other; the state is at the end of the step."""
+        n, count = ti.static(total_force.particle_count, len(self.pair.error_weights))
+        result = errors
+        slopes = first * self._count + ti.static(self._evaluated - 1) * n
+        for i in range(n):
+            for j in range(i + 1, n):
+                acceleration = state.slope[slopes + j] - state.slope[slopes + i]
+                factors = orbit_error_factors(state, total_force, first + i, first + j, acceleration)
+                if factors[0] > 0.0:
+                    for c in ti.static(range(count)):
+                        place = 2 * (count * first + c * n)
+                        off = (state.miss[place + j] - state.miss[place + i]).norm()
+                        slip = (state.miss[place + n + j] - state.miss[place + n + i]).norm()
+                        error = self.leverage_factor * ti.max(factors[0] * off, factors[1] * slip)
+                        if not (error <= result[c]):
+                            result[c] = error
+        return result
 
     @ti.func
     def enter_next(self, state: Template, total_force: Template, first):

@@ -6,12 +6,16 @@ from typing import Any
 import taichi as ti
 
 from mpp_taichi.arithmetic.inverse_distance import softened_square
+from mpp_taichi.integrators._adaptive import smallest
+from mpp_taichi.integrators._leverage import leverage_squared, strength
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
 
 FEW_PAIRS = 4  # up to so many pairs lie in one block of four lanes; more pairs lie in blocks of eight
 EXPONENT = -1.5  # of the squared distance
 LARGEST_SHARE = 8  # pairs of a particle that are summed without a loop
+STEEPEST = 2.0**-12  # of the square of a term: the least square of the term two orders before, where that one vanishes
+LEVERAGE = 0.75  # part of a pair's leverage that counts: in an encounter errors of steps differ in sign
 FEW_ORDERS = 6  # orders whose coefficients are so large that the rounding of a constant factor would show
 
 
@@ -36,6 +40,7 @@ class GravitySeries:
         self.total_force = total_force
         self.count, self.dimensions = start.particle_count, total_force.dimensions
         self.rows = order + 1  # of coefficients
+        self.least = smallest()  # keeps 0/0 away
         pairs = self.count * (self.count - 1) // 2 if total_force.has_pairs else 0
         self.pair_count = pairs
         self.share = min(self.count - 1, LARGEST_SHARE) if pairs else 0
@@ -52,10 +57,11 @@ class GravitySeries:
         self.softening_squared = float(total_force.pair_forces[0].softening) ** 2 if pairs else 0.0
 
     def work_fields(self) -> dict[str, tuple[str, int]]:
-        """The coefficients, and for each pair the indices of its particles, its force on them, and its series."""
+        """The coefficients, and for each pair the indices and joint strength of its particles, its force and its series."""
         return {
             "coefficient": ("vector", self.rows * self.count),
             "pair_end": ("index", 2 * self.slots),
+            "pair_strength": ("scalar", self.slots),
             "pair_series": (f"vector{self.lanes}", (self.rows - 2) * self.row_size),
             "pair_force": ("scalar", self.blocks * self.dimensions * self.lanes),
             "own_pair": ("index", self.share * self.shares * self.count),
@@ -76,23 +82,25 @@ class GravitySeries:
     def begin(self, state: Template, first):
         """Write the table of pairs: the particles of each slot, and the slots of each particle."""
         if ti.static(self.pair_count > 0):
-            r = first // self.count
             slot = 0
             for i in range(self.count):
                 for j in range(i + 1, self.count):
-                    self._set_end(state, r, slot, i, j)
+                    self._set_end(state, first, slot, i, j)
                     self._set_own(state, first, slot, i, j, j - 1, 1.0)
                     self._set_own(state, first, slot, j, i, i, -1.0)
                     slot += 1
             while slot < self.slots:
-                self._set_end(state, r, slot, 0, 1)
+                self._set_end(state, first, slot, 0, 1)
                 slot += 1
 
     @ti.func
-    def _set_end(self, state: Template, r, slot, i, j):
+    def _set_end(self, state: Template, first, slot, i, j):
         """Make `slot` the pair with d = x_j − x_i."""
-        state.pair_end[2 * (r * self.slots + slot)] = i
-        state.pair_end[2 * (r * self.slots + slot) + 1] = j
+        place = first // self.count * self.slots + slot
+        state.pair_end[2 * place] = i
+        state.pair_end[2 * place + 1] = j
+        for force in ti.static(self.total_force.pair_forces):
+            state.pair_strength[place] = strength(state, force, first + i, first + j)
 
     @ti.func
     def _set_own(self, state: Template, first, slot, i, j, place, sign):
@@ -223,25 +231,70 @@ class GravitySeries:
         return pull
 
     @ti.func
-    def largest(self, state: Template, first, n):
-        """The largest |D_n|²/Q_0 of all pairs; infinite where a value is NaN."""
+    def last_terms(self, state: Template, first, unit, judged):
+        """Squares of the largest last terms of all pairs; infinite where one is NaN.
+
+        They are |D_(p−1)|²/Q_0, |D_p|²/Q_0, and, where `judged` is above 0, the square of the error of a step of one unit
+        of time.
+        """
         r = first // self.count
-        result = 0.0
+        last = ti.static(self.rows - 1)
+        result = ti.Vector([0.0, 0.0, 0.0])
         if ti.static(self.pair_count > 0):
-            axes, lanes = ti.static(self.dimensions, self.lanes)
             total = 0.0
             for block in range(self.blocks):
-                d = self._separation(state, r, n, block)
-                squared = d[0] * d[0]
-                for c in ti.static(range(1, axes)):
-                    squared = squared + d[c] * d[c]
                 origin = (r * (self.rows - 2) * self.blocks + block) * self.quantities
-                squared = squared * self._load(state, origin + axes)
-                for lane in ti.static(range(lanes)):
-                    result = ti.max(result, squared[lane])
-                    total += squared[lane]
+                inverse = self._load(state, origin + ti.static(self.dimensions))
+                before = self._norm_squared(state, r, last - 1, block) * inverse
+                end = self._norm_squared(state, r, last, block) * inverse
+                for lane in ti.static(range(self.lanes)):
+                    result[0], result[1] = ti.max(result[0], before[lane]), ti.max(result[1], end[lane])
+                    total += before[lane] + end[lane]
+                if judged > 0.0:
+                    error = self._error_squared(state, r, block, unit, inverse, before, end)
+                    for lane in ti.static(range(self.lanes)):
+                        result[2] = ti.max(result[2], error[lane])
+                        total += error[lane]
             if not total < ti.math.inf:
-                result = ti.math.inf
+                result = ti.Vector([ti.math.inf, ti.math.inf, ti.math.inf])
+        return result
+
+    @ti.func
+    def _error_squared(self, state: Template, r, block, unit, inverse, before, end):
+        """The square of (p + 1) |D_(p+1)| (1 + (0.75 L)²)^½ / w of a block: the error of a step, L the leverage of a pair.
+
+        (p + 1) D_(p+1) is the first term that the velocity lacks. w² = |D_1|² + 2 g + Q_0/T² is the square of the pair's
+        speed, g the depth of its potential and T the time in which terms fall, T⁻⁴ the larger of |D_p|²/|D_(p−2)|² and
+        |D_(p−1)|²/|D_(p−3)|². The last terms are continued by |D_(p+1)| = max(|D_p|/T, |D_(p−1)|/T²). All is in units of √Q_0
+        and of the unit of time.
+        """
+        last = ti.static(self.rows - 1)
+        place = r * self.slots + block * self.lanes
+        strong = ti.Vector([state.pair_strength[place + lane] for lane in ti.static(range(self.lanes))])
+        depth = strong * (unit * unit) * inverse * ti.sqrt(inverse)
+        speed = self._norm_squared(state, r, 1, block) * inverse
+        d, bend = self._separation(state, r, 0, block), self._separation(state, r, 2, block)
+        tide = depth * 0.0
+        for c in ti.static(range(self.dimensions)):
+            part = 2.0 * bend[c] + depth * d[c]
+            tide = tide + part * part * inverse
+        two_before = self._norm_squared(state, r, last - 2, block) * inverse
+        three_before = self._norm_squared(state, r, last - 3, block) * inverse
+        fall = ti.max(
+            end / (two_before + STEEPEST * end + self.least), before / (three_before + STEEPEST * before + self.least)
+        )
+        root = ti.sqrt(fall)
+        lacking = (1.0 * (last + 1) ** 2) * ti.max(end * root, before * fall)
+        scale = speed + 2.0 * ti.sqrt(depth * depth) + root + self.least
+        return lacking * (1.0 + LEVERAGE**2 * leverage_squared(speed, depth, tide)) / scale
+
+    @ti.func
+    def _norm_squared(self, state: Template, r, n, block):
+        """|D_n|² of a block."""
+        d = self._separation(state, r, n, block)
+        result = d[0] * d[0]
+        for c in ti.static(range(1, self.dimensions)):
+            result = result + d[c] * d[c]
         return result
 
     @ti.func

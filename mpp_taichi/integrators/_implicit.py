@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.device import bulk_copy
+from mpp_taichi.device.fast_taichi.serial_loops import is_short
 from mpp_taichi.integrators._base import Integrator, SumForces
 from mpp_taichi.integrators._launchers import Launchers
 from mpp_taichi.integrators._trouble import Trouble, not_finite
@@ -70,7 +72,8 @@ class Implicit(Integrator):
         """Choose the linear solver, and list the fields of the method, of Newton's method and of the linear solver."""
         part = self.implicit_part(total_force)
         matrix = NewtonMatrix(part, total_force.dimensions, 2 * len(start.springs))
-        self.newton = Newton(matrix, self._linear_solver(matrix, start, on_cpu), self.tolerance)
+        linear = self._linear_solver(matrix, start, on_cpu)
+        self.newton = Newton(matrix, linear, self.tolerance, reversible=self.time_reversible)
         own = ("position", "velocity", *self.extra_vectors)
         vectors = {name: ("vector", start.particle_count) for name in (*self.extra_vectors, *(f"start_{name}" for name in own))}
         sums = sum_fields(start.particle_count) if plan == "parallel" else {}
@@ -102,9 +105,8 @@ class Implicit(Integrator):
         state.extras = tuple(getattr(state, name) for name in self.extra_vectors)
         state.starts = tuple(getattr(state, f"start_{name}") for name in self.extra_vectors)
         if isinstance(self.newton.linear, Banded):
-            state.place.from_numpy(np.tile(self.newton.linear.order, state.replica_count))
-        for field in (state.history_dt, state.unsolved):
-            field.fill(0)
+            bulk_copy.write([state.place], [np.tile(self.newton.linear.order, state.replica_count).astype(np.int32)])
+        bulk_copy.clear((state.history_dt, state.unsolved))
 
     def prepare(self, state: Any, total_force: Any, time: float, sum_forces: SumForces) -> None:
         """The acceleration that the first step begins with."""
@@ -127,7 +129,7 @@ class Implicit(Integrator):
 
     def clear_trouble(self, state: Any) -> None:
         """No replica stands still any more."""
-        state.unsolved.fill(0)
+        bulk_copy.clear((state.unsolved,))
 
     def facts(self, state: Any) -> dict[str, Any]:
         """The linear solver that was chosen."""
@@ -299,6 +301,7 @@ class Implicit(Integrator):
 
     @ti.kernel
     def _start(self, state: Template, total_force: Template, time: float):
+        ti.loop_config(serialize=ti.static(is_short(state.total_count)))  # no other thread is woken
         for i in range(state.total_count):
             first = i // state.particle_count * state.particle_count
             self.start(state, total_force, first, i, time)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.force_numbers import zero_vector
 from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle, push_particle
 from mpp_taichi.device.fast_taichi.vector_fields import put_vector, vector_at
 from mpp_taichi.integrators._base import Integrator
@@ -85,6 +86,10 @@ class RungeKutta(Integrator):
         """Low parts of the start positions and start velocities."""
         return 2
 
+    def slopes(self, velocity_dependent: bool) -> range:
+        """The fields after the start."""
+        return range(2, 2 + len(self.b))
+
     def step_numbers(self, dt: float) -> list[float]:
         """c h of every stage and of the end, and for each slope a_k h and (A·A)_k h²."""
         return [
@@ -126,7 +131,7 @@ class RungeKutta(Integrator):
     @ti.func
     def slope(self, state: Template, total_force: Template, first, i, time):
         """Acceleration of particle i by all forces; the forces that do not depend on velocity have been summed already."""
-        result = ti.Vector.zero(float, state.dimensions)
+        result = zero_vector(state)
         if ti.static(total_force.has_velocity_independent):
             result = result + vector_at(state.acceleration, i)
         if ti.static(total_force.depends_on_velocity):

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle
+from mpp_taichi.arithmetic.force_numbers import zero_vector
+from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle, step_number
 from mpp_taichi.integrators import _runge_kutta
 from mpp_taichi.integrators._base import Integrator, SumForces
 from mpp_taichi.integrators._launchers import Launchers
@@ -91,6 +92,10 @@ class Splitting(Integrator):
     def scratch_count(self, velocity_dependent: bool) -> int:
         """One field for each slope of the kick's method but the last slope, which is used at once."""
         return max(1, len(self.kick_method[1]) - 1) if velocity_dependent else 0
+
+    def slopes(self, velocity_dependent: bool) -> range:
+        """All fields of `scratch_count`."""
+        return range(self.scratch_count(velocity_dependent))
 
     def step_numbers(self, dt: float) -> list[float]:
         """Kick and drift of every stage."""
@@ -232,7 +237,7 @@ class Splitting(Integrator):
         way, end = ti.static(self.kick_method)
         for s in ti.static(range(len(end))):
             for i in range(first, first + total_force.particle_count):
-                slope = ti.Vector.zero(float, state.dimensions)
+                slope = zero_vector(state)
                 if ti.static(s == 0):
                     slope = total_force.local_acceleration(state, first, i, time, True)
                     if ti.static(total_force.has_velocity_independent):
@@ -240,7 +245,7 @@ class Splitting(Integrator):
                             state.acceleration[i] = total_force.local_acceleration(state, first, i, time, False)
                         slope = state.acceleration[i] + slope
                 else:
-                    gained = h * way[s - 1]
+                    gained = step_number(state, h, 2 * stage) * way[s - 1]
                     slope = state.scratch[0][i] + total_force.acceleration_gained(
                         state, state.moving_as_scratch[s - 1], gained, first, i, time
                     )

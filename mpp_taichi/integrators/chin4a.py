@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.force_numbers import zero_vector
 from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle, push_particle
 from mpp_taichi.component import component, param
 from mpp_taichi.device.fast_taichi.vector_fields import put_vector, vector_at
@@ -69,7 +70,7 @@ class Chin4a(Integrator):
     def stage(self, state: Template, total_force: Template, first, time: Template, dt: Template, k: Template):
         """Opening kick and drift; displacement; kick by the displaced force, back and drift; closing kick."""
         for i in range(first, first + total_force.particle_count):
-            acceleration = ti.Vector.zero(float, state.dimensions)
+            acceleration = zero_vector(state)
             if ti.static(total_force.has_velocity_independent):
                 acceleration = vector_at(state.acceleration, i)
             if ti.static(k == 0):

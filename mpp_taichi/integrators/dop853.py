@@ -110,6 +110,7 @@ class Dop853(RungeKutta):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 8
+    steps_about_center = True
     proposed_for = ("tree", "friction")
     a = A
     b = B

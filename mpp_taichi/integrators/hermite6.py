@@ -16,6 +16,7 @@ class Hermite6(Hermite):
     dt: float = param(above=0.0, unit="time", help="time step")
     corrections: int = param(2, minimum=1, maximum=10, help="evaluations and corrections of a step, n of P(EC)ⁿ")
     order = 6
+    steps_about_center = True
     derivatives = 2
     needs_derivatives = True
     takes_velocity = False

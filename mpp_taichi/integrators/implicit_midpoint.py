@@ -26,6 +26,7 @@ class ImplicitMidpoint(Implicit):
     order = 2
     symplectic = True
     time_reversible = True
+    promising_for = ("stiffness",)
     beta = 0.25
     gamma = 0.5
     node = 0.5

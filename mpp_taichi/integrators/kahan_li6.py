@@ -13,6 +13,7 @@ class KahanLi6(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 6
+    steps_about_center = True
     proposed_for = ("friction",)
     drifts, kicks = of_leapfrogs(
         *(0.39216144400731413928, 0.33259913678935943860, -0.70624617255763935981, 0.08221359629355080023)

@@ -13,6 +13,7 @@ class KahanLi8(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 8
+    steps_about_center = True
     proposed_for = ("friction",)
     drifts, kicks = of_leapfrogs(
         *(0.13020248308889008088, 0.56116298177510838456, -0.38947496264484728641, 0.15884190655515560090),

@@ -28,6 +28,7 @@ class Rkn8(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 8
+    steps_about_center = True
     takes_velocity = False
     drifts = (*A, A9, *reversed(A))
     kicks = (*B, B9, B9, *reversed(B))

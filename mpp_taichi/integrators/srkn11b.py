@@ -19,6 +19,7 @@ class Srkn11b(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 6
+    steps_about_center = True
     takes_velocity = False
     drifts = (*A, A6, *reversed(A))
     kicks = (*B, B6, B6, *reversed(B))

@@ -22,6 +22,7 @@ class Srkn14a(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 6
+    steps_about_center = True
     takes_velocity = False
     drifts = (*A, A8, *reversed(A))
     kicks = (*B, B7, B7, *reversed(B))

@@ -6,6 +6,7 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.component import Particle, component, param
+from mpp_taichi.device import bulk_copy
 from mpp_taichi.integrators import _correctors
 from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.integrators._compensated_sum import compensated_sum
@@ -45,9 +46,11 @@ class WisdomHolman(Integrator):
     time_reversible = True
     takes_velocity = False
     takes_sliders = False  # the strength is part of every orbit's constants
+    promising_for = ("planets",)
     made_for = ("gravitates",)
     made_for_reason = "its drifts are Kepler's orbits"
     orbits_central_body = True
+    steps_about_center = True
     correctors = (0, 3, 5, 7, 11, 17)
     launchers = Launchers(serial="own_state", replicas="own_state", parallel="", cpu_only=True)
     nodes = (0.5,)
@@ -77,7 +80,7 @@ class WisdomHolman(Integrator):
 
     def arrange(self, state: Any) -> None:
         """Let the next step begin anew from positions and velocities."""
-        state.step_and_count.fill(0)
+        bulk_copy.clear((state.step_and_count,))
 
     def trouble(self, state: Any, bad: int) -> Trouble | None:
         """The last particle of a replica in which Kepler's equation was not solved; such a particle is not finite."""

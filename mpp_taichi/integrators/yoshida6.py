@@ -16,4 +16,5 @@ class Yoshida6(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 6
+    steps_about_center = True
     drifts, kicks = of_leapfrogs(0.78451361047755726382, 0.23557321335935813368, -1.17767998417887100695)

@@ -16,6 +16,7 @@ class Yoshida8(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 8
+    steps_about_center = True
     drifts, kicks = of_leapfrogs(
         *(0.91484424622979156675, 0.25369333656621135415, -1.44485223686060515769, -0.15824063536805017520),
         *(1.93813913762252598658, -1.96061023297531080761, 0.10279984939179644070),

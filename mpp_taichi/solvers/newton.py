@@ -17,6 +17,8 @@ SMALLEST_FACTOR = 1e-3  # of an update that is halved again and again
 AT_ROUND_OFF = 1e4  # squared: updates within a hundred tolerances that shrink no more are rounding errors of the forces
 # Relative to the length of a step; far below the error of any method of second order, and above rounding errors.
 TOLERANCE = {ti.f32: 1e-6, ti.f64: 1e-12}
+# For reversible methods, which damp no residual: a run there and back gathers the residuals of all its steps.
+REVERSIBLE_TOLERANCE = {ti.f32: 1e-6, ti.f64: 1e-14}
 UNIT_ROUND_OFF = {ti.f32: 2.0**-24, ti.f64: 2.0**-53}
 COUNTERS = ("newton_count", "newton_most", "linear_count", "solved_steps", "cut_steps", "gaining_pieces")
 RUNNING, SOLVED, GAVE_UP = 0, 1, 2
@@ -32,15 +34,16 @@ class Newton:
     Source: Hairer & Wanner, Solving ODEs II, §IV.8 (the rate); Crisfield, Non-linear Finite Element Analysis, §9.2 (halving).
     """
 
-    def __init__(self, matrix: NewtonMatrix, linear: Any, tolerance: float | None):
-        """Bind the solver of the linear systems; the default tolerance belongs to the precision of the run."""
+    def __init__(self, matrix: NewtonMatrix, linear: Any, tolerance: float | None, *, reversible: bool):
+        """Bind the solver of the linear systems; the default tolerance belongs to the precision and the kind of method."""
         precision = ti.lang.impl.current_cfg().default_fp
         self.matrix = matrix
         self.linear = linear
         self.total_force = matrix.total_force
         self.particle_count = matrix.total_force.particle_count
         self.launched = SolverReport()  # of steps whose iteration ran on the host
-        self.tolerance_squared = (TOLERANCE[precision] if tolerance is None else tolerance) ** 2
+        default = (REVERSIBLE_TOLERANCE if reversible else TOLERANCE)[precision]
+        self.tolerance_squared = (default if tolerance is None else tolerance) ** 2
         self.floor_squared = (4.0 * matrix.dimensions * UNIT_ROUND_OFF[precision]) ** 2
 
     def fields(self) -> dict[str, tuple[str, int]]:

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.double_single import DoubleSingle
+from mpp_taichi.arithmetic.low_parts import split
 from mpp_taichi.device import bulk_copy
 from mpp_taichi.scene.spec import ComponentSpec
 from mpp_taichi.state.field_group import FieldGroup
@@ -22,10 +24,11 @@ COMPONENTS = 3  # entries of a parameter in the field, enough for a vector
 class LiveParameters:
     """The live parameters of the forces of a scene, in one field; `forces` are the forces that load their parameters from it.
 
-    Numbers have the precision of the run, like constants of kernels.
+    Numbers have the precision of the run, like constants of kernels; with `two_parts` they are double-single numbers, which a
+    force takes through `parameter` (arithmetic/force_numbers.py).
     """
 
-    def __init__(self, entries: Sequence[ComponentSpec], forces: Sequence[Any]) -> None:
+    def __init__(self, entries: Sequence[ComponentSpec], forces: Sequence[Any], *, two_parts: bool = False) -> None:
         """Allocate; the first forces were built from the `entries`, one for each."""
         self._places: dict[tuple[str, str], int] = {}
         count = 0
@@ -38,8 +41,8 @@ class LiveParameters:
         self._memory: Any = None
         if count == 0:
             return
-        self._field = ti.field(float)
-        self._memory = FieldGroup((count, self._field))
+        self._fields = [ti.field(float) for _ in range(2 if two_parts else 1)]  # the second has the low parts
+        self._memory = FieldGroup((count, *self._fields))
         made = [self._loading(entry, force) for entry, force in zip(entries, forces)]
         self.forces = (*made, *forces[len(entries) :])
         self.write(entries)
@@ -52,8 +55,9 @@ class LiveParameters:
                 numbers = value if isinstance(value, tuple) else (value,)
                 self._values[place : place + len(numbers)] = numbers
         if self._memory is not None:
-            dtype = np.float32 if self._field.dtype == ti.f32 else np.float64
-            bulk_copy.write([self._field], [self._values.astype(dtype)])
+            dtype = np.float32 if self._fields[0].dtype == ti.f32 else np.float64
+            arrays = split(self._values) if len(self._fields) > 1 else (self._values.astype(dtype),)
+            bulk_copy.write(self._fields, arrays)
 
     def destroy(self) -> None:
         """Free the memory."""
@@ -72,10 +76,14 @@ class LiveParameters:
             if not ti.lang.impl.inside_kernel():
                 numbers = tuple(self._values[place : place + COMPONENTS].tolist())
                 return numbers if isinstance(example, tuple) else numbers[0]
-            loaded = [ti.lang.impl.subscript(None, self._field, place + k) for k in range(COMPONENTS)]
+            loaded = [self._loaded(place + k) for k in range(COMPONENTS)]
             return tuple(loaded) if isinstance(example, tuple) else loaded[0]
 
         return property(load)
+
+    def _loaded(self, place: int) -> Any:
+        parts = [ti.lang.impl.subscript(None, field, place) for field in self._fields]
+        return DoubleSingle(None, *parts) if len(parts) > 1 else parts[0]
 
 
 def _with_properties(force: Any, properties: Mapping[str, property]) -> Any:

@@ -1,7 +1,7 @@
 """State: the fields of a simulation on the device; only the fields that the scene needs are allocated."""
 
 import copy
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -10,9 +10,11 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.low_parts import split
 from mpp_taichi.device import bulk_copy
-from mpp_taichi.precision import carries_low_parts, forces_see_low_parts
-from mpp_taichi.snapshot import MERGED_ARRAYS, Snapshot
+from mpp_taichi.precision import carries_low_parts, forces_have_low_parts, forces_see_low_parts
+from mpp_taichi.snapshot import MERGED_ARRAYS, Comoving, Snapshot
 from mpp_taichi.state.field_group import FieldGroup, Row
+from mpp_taichi.state.moving_frame import MovingFrame, frame_of_center, frame_of_snapshots
+from mpp_taichi.state.two_part_field import TwoPartField
 
 # Quantities with an entry for each particle; the snapshot has an array of the same name.
 PARTICLE_QUANTITIES = ("mass", "charge", "radius")
@@ -49,11 +51,16 @@ class State:
     free                               1 or 0 per axis, only where an axis of some particle is fixed, or where spheres merge
     mass, charge, radius, spring_…     only where named in `needs`, or where spheres merge
     merged_into                        only where spheres merge, as in `Snapshot`
-    position_low, velocity_low         the low parts of both, only in f32c and ds (low_parts.py)
+    position_low, velocity_low         the low parts of both, only where the precision carries them (low_parts.py)
     scratch_0, scratch_1, …            vectors that an integrator asks for
     the fields named in `work`         of an integrator: name → (kind, count for each replica)
 
-    Vectors are stored component by component when a pair sum streams over all of them, else together.
+    In df64 the accelerations, the scratch vectors of `slopes` and all quantities that forces read are fields of two parts
+    (two_part_field.py).
+
+    Vectors are stored component by component when a pair sum streams over all of them, else together. Where the state is
+    `centered`, positions and velocities on the device are relative to the `frame`; `write`, `write_snapshots` and `read`
+    convert between this frame and the frame of the scene.
     """
 
     def __init__(
@@ -64,17 +71,20 @@ class State:
         needs: Iterable[str],
         scratch_count: int,
         streaming: bool,
+        slopes: range = range(0),
         replica_count: int = 1,
         wide: Any = ti.f64,
         work: Mapping[str, tuple[str, int]] = MappingProxyType({}),
         memory: tuple[str, ...] = (),
         precision: str = "f64",
         guards_rounding: bool = False,
+        centered: bool = False,
     ):
         """Allocate for the needs, and fill every replica with the snapshot.
 
-        `precision` says whether there are low parts; `guards_rounding` says whether their sums must be hidden from a compiler
-        that reorders sums (low_parts.py).
+        `slopes` are the scratch vectors that hold accelerations. `precision` says which low parts there are; `guards_rounding`
+        says whether their sums must be hidden from a compiler that reorders sums (low_parts.py); `centered` says whether the
+        particles are stepped in a frame that moves with their centre of mass (moving_frame.py).
         """
         self.dimensions = dimensions
         self.wide = wide  # number type of energies: f64 where the device has it
@@ -84,7 +94,7 @@ class State:
         self.merges = snapshot.merged_into is not None
         self.has_fixed_axes = self.merges or not bool(snapshot.free[:, :dimensions].all())
         self.carries_low = self.velocity_has_low = carries_low_parts(precision)
-        self.forces_see_low = forces_see_low_parts(precision)
+        self.forces_see_low, self.forces_have_low = forces_see_low_parts(precision), forces_have_low_parts(precision)
         self.guards_rounding = guards_rounding and self.carries_low
         low = ("position_low", "velocity_low") if self.carries_low else ()
         # Names of the fields that a step hands on to the next step, beside position and velocity.
@@ -93,10 +103,13 @@ class State:
         if unknown := needs - set(PARTICLE_QUANTITIES) - set(SPRING_QUANTITIES):
             raise TypeError(f"an effect needs {sorted(unknown)}, which State does not know")
         host = half_springs(snapshot) if needs & set(SPRING_QUANTITIES) else {}
+        self.centered, self._mass = centered, snapshot.mass
+        self.frame: MovingFrame | None = None
         self.quantities: list[str] = []
         self._rows: list[Row] = []  # the rows to be allocated
+        self._saved: bulk_copy.MixedFields | None = None  # the fields of `save`
         self._layout = ti.Layout.SOA if streaming else ti.Layout.AOS
-        self._declare_vectors(low, scratch_count)
+        self._declare_vectors(low, scratch_count, slopes)
         self._declare_quantities(needs, host)
         for name in work:
             self._declare_work(name, *work[name])
@@ -104,11 +117,14 @@ class State:
         self._fill(snapshot, needs, host)
         self.moving_as_scratch = tuple(self._moving_as(field) for field in self.scratch)
 
-    def _declare_vectors(self, low: tuple[str, ...], scratch_count: int) -> None:
+    def _declare_vectors(self, low: tuple[str, ...], scratch_count: int, slopes: range) -> None:
         scratch = tuple(f"scratch_{k}" for k in range(scratch_count))
         free = ("free",) if self.has_fixed_axes else ()
         for name in ("position", "velocity", "acceleration", *low, *scratch, *free):
             self._declare(name, self._vector())
+        if self.forces_have_low:
+            for name in ("acceleration", *(scratch[k] for k in slopes)):
+                self._add_low_part(name, self._vector())
         self.scratch = tuple(getattr(self, name) for name in scratch)
 
     def _declare_quantities(self, needs: frozenset, host: dict[str, np.ndarray]) -> None:
@@ -149,6 +165,16 @@ class State:
         made = ti.field(dtype)
         self._rows.append((count, made))
         self._declare(name, made)
+        if self.forces_have_low and dtype is float:
+            low = ti.field(dtype)
+            self._rows.append((count, low))
+            self._add_low_part(name, low)
+
+    def _add_low_part(self, name: str, low: Any) -> None:
+        """Make a field of two parts of a field that has been declared."""
+        high = getattr(self, name)
+        self._declare(f"{name}_low", low)
+        setattr(self, name, TwoPartField(self, high, low))
 
     def _declare(self, name: str, field: Any) -> None:
         setattr(self, name, field)
@@ -171,13 +197,13 @@ class State:
         return result
 
     def _fill(self, snapshot: Snapshot, needs: frozenset, host: dict[str, np.ndarray]) -> None:
-        arrays = {}
+        arrays: dict[str, np.ndarray] = {}
         for name in PARTICLE_QUANTITIES:
             if name in needs:
-                arrays[name] = np.tile(getattr(snapshot, name), self.replica_count).astype(self._dtype)
+                arrays |= self._parts(name, np.tile(getattr(snapshot, name), self.replica_count))
         for name, values in host.items():
             if name in needs and len(values):
-                arrays[name] = values if values.dtype == np.int32 else values.astype(self._dtype)
+                arrays |= {name: values} if values.dtype == np.int32 else self._parts(name, values)
         if self.has_fixed_axes:
             free = snapshot.free[:, : self.dimensions].astype(self._dtype)
             arrays["free"] = np.tile(free, (self.replica_count, 1))
@@ -195,31 +221,89 @@ class State:
         return float(self._dtype(number))
 
     def as_kept(self, values: np.ndarray) -> np.ndarray:
-        """Numbers rounded to the precision of the device, as float64."""
+        """Quantities rounded as forces read them, as float64."""
+        if self.forces_have_low:
+            high, low = split(np.asarray(values, np.float64))
+            return high.astype(np.float64) + low
         return np.asarray(values).astype(self._dtype).astype(np.float64)
 
-    def write(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Set positions and velocities: (particle_count, 3) for every replica, or (total_count, 3)."""
-        arrays = {}
+    def _parts(self, name: str, values: np.ndarray) -> dict[str, np.ndarray]:
+        """Numbers in the precision of a field, or its high and low parts."""
+        if f"{name}_low" not in self.quantities:
+            return {name: values.astype(self._dtype)}
+        return dict(zip((name, f"{name}_low"), split(np.asarray(values, np.float64))))
+
+    def field(self, name: str) -> Any:
+        """The Taichi field of a quantity, or of its high parts."""
+        field = getattr(self, name)
+        return field.high if isinstance(field, TwoPartField) else field
+
+    def write(self, position: np.ndarray, velocity: np.ndarray, *, frame: MovingFrame | None = None) -> None:
+        """Set positions and velocities: (particle_count, 3) for every replica, or (total_count, 3).
+
+        They are in the frame of the scene, or in a moving `frame`.
+        """
+        position, velocity = (self._of_all_replicas(values) for values in (position, velocity))
+        if self.centered:
+            mass = self.as_kept(self._mass)
+            self.frame, *moved = frame_of_center(*(self._by_replica(values) for values in (position, velocity)), mass, frame)
+            position, velocity = (values.reshape(self.total_count, -1) for values in moved)
+        self._write_vectors(position, velocity)
+
+    def write_snapshots(self, starts: Sequence[Snapshot]) -> None:
+        """Set the positions and velocities of each replica from a snapshot of its own, or of all replicas from one snapshot.
+
+        A snapshot of a centered state brings its frame with it, so that the motion goes on bit for bit.
+        """
+        known: tuple | None = None
+        if self.centered:
+            known = frame_of_snapshots(tuple(starts) * (self.replica_count // len(starts)), self.dimensions)
+        if known is None:
+            position, velocity = (np.concatenate([getattr(each, name) for each in starts]) for name in ("position", "velocity"))
+            self.write(position, velocity)
+        else:
+            self.frame, *moved = known
+            self._write_vectors(*(values.reshape(self.total_count, -1) for values in moved))
+
+    def pass_time(self, steps: int, dt: float) -> None:
+        """Let the frame move on for so many steps of the length `dt`, with the particles."""
+        if self.frame is not None:
+            self.frame = self.frame.later(steps, dt)
+
+    def _of_all_replicas(self, values: np.ndarray) -> np.ndarray:
+        values = np.asarray(values)[:, : self.dimensions]
+        return values if len(values) == self.total_count else np.tile(values, (self.replica_count, 1))
+
+    def _by_replica(self, values: np.ndarray) -> np.ndarray:
+        return np.asarray(values, np.float64).reshape(self.replica_count, self.particle_count, -1)
+
+    def _write_vectors(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        arrays: dict[str, np.ndarray] = {}
         for name, values in (("position", position), ("velocity", velocity)):
-            values = np.asarray(values)[:, : self.dimensions]
-            if len(values) != self.total_count:
-                values = np.tile(values, (self.replica_count, 1))
-            if self.carries_low:
-                values, arrays[f"{name}_low"] = split(np.asarray(values, np.float64))
-            arrays[name] = values.astype(self._dtype)
+            arrays |= self._parts(name, values)
         self._write(arrays)
 
     def _write(self, arrays: Mapping[str, np.ndarray]) -> None:
-        bulk_copy.write([getattr(self, name) for name in arrays], list(arrays.values()))
+        bulk_copy.write([self.field(name) for name in arrays], list(arrays.values()))
 
     def _read(self, *names: str) -> list[np.ndarray]:
         """Vectors of all replicas, in the precision of the device."""
         return bulk_copy.read([getattr(self, name) for name in names], self._dtype)
 
     def take_over(self, earlier: "State", free: np.ndarray) -> None:
-        """Copy the positions and velocities of another state bit for bit; the velocity along an axis that is not free is 0."""
+        """Copy the positions and velocities of another state bit for bit; the velocity along an axis that is not free is 0.
+
+        Where only one of the two states is in a moving frame, positions and velocities are rounded once. Where the masses
+        differ, the frame moves with the new centre of mass.
+        """
         free = np.tile(free[:, : self.dimensions], (self.replica_count, 1))
+        shares_center = self.centered and earlier.centered
+        if (self.centered or earlier.centered) and not (shares_center and np.array_equal(self._mass, earlier._mass)):
+            read = earlier._read_vectors if shares_center else earlier.read
+            position, velocity = (np.concatenate(each) for each in zip(*map(read, range(self.replica_count))))
+            self.write(position, velocity[:, : self.dimensions] * free, frame=earlier.frame if shares_center else None)
+            return
+        self.frame = earlier.frame
         names = ("position", "velocity", *(("position_low", "velocity_low") if self.carries_low else ()))
         arrays = dict(zip(names, earlier._read(*names)))
         for name in names[1::2]:
@@ -230,7 +314,7 @@ class State:
         """Set stiffness, rest length and damping of springs that link the same particles as before."""
         host = half_springs(snapshot)
         names = [name for name in ("spring_stiffness", "spring_rest_length", "spring_damping") if name in self.quantities]
-        bulk_copy.write([getattr(self, name) for name in names], [host[name].astype(self._dtype) for name in names])
+        self._write({part: values for name in names for part, values in self._parts(name, host[name]).items()})
 
     def write_spheres(self, snapshot: Snapshot) -> None:
         """Set the arrays that merging changes, the same in every replica."""
@@ -256,6 +340,17 @@ class State:
 
     def read(self, replica: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities of one replica as float64, (particle_count, 3)."""
+        return self.read_with_frame(replica)[:2]
+
+    def read_with_frame(self, replica: int = 0) -> tuple[np.ndarray, np.ndarray, Comoving | None]:
+        """The result of `read`, and the particles in their frame; None where it is the frame of the scene."""
+        position, velocity = self._read_vectors(replica)
+        if self.frame is None or self.frame.rests_at_origin:
+            return position, velocity, None
+        return self.frame.seen_from_scene(replica, position, velocity)
+
+    def _read_vectors(self, replica: int) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities of one replica as the device has them, (particle_count, 3)."""
         rows = slice(replica * self.particle_count, (replica + 1) * self.particle_count)
         results = np.zeros((2, self.particle_count, 3))
         parts = self._read("position", "velocity", *(("position_low", "velocity_low") if self.carries_low else ()))
@@ -266,21 +361,28 @@ class State:
         return results[0], results[1]
 
     def save(self) -> tuple[np.ndarray, ...]:
-        """Positions and velocities of all replicas, and the fields of `memory`, bit for bit."""
-        return (*self._read("position", "velocity"), *(getattr(self, name).to_numpy() for name in self.memory))
+        """Positions and velocities of all replicas, the fields of `memory` and the numbers of the frame, bit for bit."""
+        if self._saved is None:
+            self._saved = bulk_copy.MixedFields(self._lasting_fields)
+        frame = () if self.frame is None else self.frame.arrays
+        return (*self._saved.read(), *frame)
 
     def restore(self, saved: tuple[np.ndarray, ...]) -> None:
         """Write back the result of `save`."""
-        position, velocity, *others = saved
-        self._write({"position": position, "velocity": velocity})
-        for name, values in zip(self.memory, others, strict=True):
-            getattr(self, name).from_numpy(values)
+        fields = self._lasting_fields
+        bulk_copy.write(fields, saved[: len(fields)])
+        frame = saved[len(fields) :]
+        self.frame = MovingFrame(*frame) if frame else None
+
+    @property
+    def _lasting_fields(self) -> list[Any]:
+        return [getattr(self, name) for name in ("position", "velocity", *self.memory)]
 
     def field_sizes(self) -> dict[str, int]:
         """Bytes of every field."""
         sizes = {}
         for name in self.quantities:
-            field = getattr(self, name)
+            field = self.field(name)
             width = field.n * field.m if isinstance(field, ti.MatrixField) else 1
             bytes_each = 4 if field.dtype in (ti.f32, ti.i32) else 8
             sizes[name] = field.shape[0] * width * bytes_each

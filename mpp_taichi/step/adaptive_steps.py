@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from mpp_taichi.device.heavy_loops import heavy_index
+from mpp_taichi.device.heavy_loops import is_heavy
 from mpp_taichi.step.launcher import Launcher
 
 
@@ -34,8 +34,8 @@ class AdaptiveSteps(Launcher):
                 self.integrator.begin(self.state, self.total_force, 0, time, dt, "serial")
         else:
             for q in range(self.state.replica_count * self.grain):
-                replica = heavy_index(q, self.grain)
-                if replica >= 0:
+                if is_heavy(q, self.grain):
+                    replica = q // self.grain
                     first = replica * self.state.particle_count
                     self.integrator.begin(self.state, self.total_force, first, time, dt, "serial")
 
@@ -48,8 +48,8 @@ class AdaptiveSteps(Launcher):
                 self.integrator.show(self.state, self.total_force, 0, end)
         else:
             for q in range(self.state.replica_count * self.grain):
-                replica = heavy_index(q, self.grain)
-                if replica >= 0:
+                if is_heavy(q, self.grain):
+                    replica = q // self.grain
                     first = replica * self.state.particle_count
                     self.integrator.advance_to(self.state, self.total_force, first, end, "serial")
                     self.integrator.show(self.state, self.total_force, first, end)

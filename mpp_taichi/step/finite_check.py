@@ -4,7 +4,9 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.device.fast_taichi.serial_loops import is_short
 from mpp_taichi.state.state import State
+from mpp_taichi.types import Template
 
 
 @ti.data_oriented
@@ -18,13 +20,13 @@ class FiniteCheck:
 
     def first_bad_particle(self) -> int:
         """Index of the first particle whose position or velocity is not finite, or −1. Waits for the device."""
-        self._bad[None] = self.state.total_count
-        self._find_bad()
-        found = int(self._bad[None])
+        found = int(self._find_bad(is_short(self.state.total_count)))
         return found if found < self.state.total_count else -1
 
     @ti.kernel
-    def _find_bad(self):
+    def _find_bad(self, serial: Template) -> ti.i32:
+        self._bad[None] = self.state.total_count
+        ti.loop_config(serialize=serial)  # no other thread is woken for few particles
         for i in range(self.state.total_count):
             bad = False
             for k in ti.static(range(self.state.dimensions)):
@@ -35,3 +37,4 @@ class FiniteCheck:
                     bad = True
             if bad:
                 ti.atomic_min(self._bad[None], i)
+        return self._bad[None]

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 import taichi as ti
 
 from mpp_taichi.device.fast_taichi.serial_loops import SerialLoops
-from mpp_taichi.device.heavy_loops import heavy_index
+from mpp_taichi.device.heavy_loops import is_heavy
 from mpp_taichi.forces._total_force import TotalForce
 from mpp_taichi.state.state import State
 from mpp_taichi.types import Template
@@ -44,11 +44,16 @@ class SerialForceSum(ForceSum):
 
     @ti.kernel
     def _accumulate(self, total_force: Template, time: float):
-        for q in range(self.state.replica_count * self.grain):
-            replica = heavy_index(q, self.grain)
-            if replica >= 0:
-                first = replica * self.state.particle_count
-                total_force.accumulate(self.state, first, time, "serial")
+        if ti.static(self.state.replica_count == 1):
+            ti.loop_config(serialize=True)  # no other thread is woken
+            for _ in range(1):
+                total_force.accumulate(self.state, 0, time, "serial")
+        else:
+            for q in range(self.state.replica_count * self.grain):
+                if is_heavy(q, self.grain):
+                    replica = q // self.grain
+                    first = replica * self.state.particle_count
+                    total_force.accumulate(self.state, first, time, "serial")
 
 
 @ti.data_oriented

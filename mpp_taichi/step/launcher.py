@@ -10,8 +10,8 @@ A new kind of step is one new file here. It holds a class named after the file (
     launch_metered     where the powers of an energy balance can be measured inside the kernel of the steps
     look_ahead         where the motion goes on between two steps in another way than x + v t (set `moves_between_steps` too)
 
-The family of integrators that it runs names the file in its `launchers` (see integrators/_launchers.py); a kind of step for a
-contact solver is chosen in `choose.py`. No other file changes: other files use a step only through the class below.
+The family of integrators that it runs names the file in its `launchers` (see integrators/_launchers.py), and a contact solver
+in its `launched_by`. No other file changes: other files use a step only through the class below.
 """
 
 from abc import ABC, abstractmethod
@@ -110,12 +110,14 @@ class Launcher(ABC):
         if self._carries_low and dt != self._numbers_of:
             self._write_step_numbers(dt)
         self.launch(time, dt, first, last)
+        self.state.pass_time(last - first, dt)
 
     def advance_metered(self, time: float, dt: float, first: int, last: int, meter: Any) -> None:
         """`advance`, and a meter of powers measures after every step."""
         if self._carries_low and dt != self._numbers_of:
             self._write_step_numbers(dt)
         self.launch_metered(time, dt, first, last, meter)
+        self.state.pass_time(last - first, dt)
 
     @abstractmethod
     def launch(self, time: float, dt: float, first: int, last: int) -> None:

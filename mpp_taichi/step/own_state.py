@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from mpp_taichi.device.heavy_loops import heavy_index
+from mpp_taichi.device.heavy_loops import is_heavy
 from mpp_taichi.step.launcher import Launcher
 
 
@@ -24,7 +24,7 @@ class OwnState(Launcher):
     @ti.kernel
     def _launch(self, dt: float, steps: ti.i32, beyond: float):
         for q in range(self.state.replica_count * self.grain):
-            replica = heavy_index(q, self.grain)
-            if replica >= 0:
+            if is_heavy(q, self.grain):
+                replica = q // self.grain
                 first = replica * self.state.particle_count
                 self.integrator.launch(self.state, self.total_force, first, dt, steps, beyond)

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from mpp_taichi.device.heavy_loops import heavy_index
+from mpp_taichi.device.heavy_loops import is_heavy
 from mpp_taichi.step.launcher import Launcher
 
 
@@ -18,8 +18,8 @@ class Replicas(Launcher):
     @ti.kernel
     def _advance(self, time: float, dt: float, begin: ti.i32, end: ti.i32):
         for q in range(self.state.replica_count * self.grain):
-            replica = heavy_index(q, self.grain)
-            if replica >= 0:
+            if is_heavy(q, self.grain):
+                replica = q // self.grain
                 first = replica * self.state.particle_count
                 for s in range(begin, end):
                     self.integrator.step(self.state, self.total_force, first, time + s * dt, dt, "serial")

@@ -229,6 +229,54 @@ def test_momenta_of_a_free_network_are_kept():
         assert np.abs(after[name] - before[name]).max() <= 100 * 10 * TOLERANCE * before[f"{name}_scale"]
 
 
+REVERSIBLE = [name for name in IMPLICIT if component.build("integrators", name, {"dt": 1.0}).time_reversible]
+RESIDUAL = 1e-14  # of the way of a step, to which Newton's method solves for reversible methods in f64
+
+
+def stretched_sheet(integrator, dt, *, stiffness=100.0, mass=0.01, count=6):
+    """A sheet of masses on springs that are stretched to 1/0.7 of their length, shaken by a hundredth; held at its edge."""
+    random = np.random.default_rng(3)
+    bodies, links = [], []
+    for i in range(count):
+        for j in range(count):
+            held = {i, j} & {0, count - 1}
+            place = [i / count, j / count, 0.0 if held else float(0.01 * random.normal())]
+            bodies.append({"body": {"name": f"{i} {j}", "mass": mass, "position": place, "free": not held}})
+            for other in ((i + 1, j), (i, j + 1)):
+                if max(other) < count:
+                    spring = {"stiffness": stiffness, "rest_length": 0.7 / count}
+                    links.append({"link": {"between": [f"{i} {j}", f"{other[0]} {other[1]}"], **spring}})
+    return {
+        "particles": bodies,
+        "springs": links,
+        "integrator": {integrator: {"dt": dt, "solver": "conjugate_gradients"}},
+    }
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("name", REVERSIBLE)
+def test_reversible_methods_come_back_to_round_off(name):
+    """Errors of steps keep their size in the norm of the energy, v² + ω² x², and add up like a random walk.
+
+    The rounding of a coordinate below 1, at most 2⁻⁵⁴, is a velocity of at most ω 2⁻⁵⁴ with the largest frequency,
+    ω² ≤ 8 D/m. What a step leaves unsolved is at most RESIDUAL of its way, h |v|, which is a velocity of 2/h times as much.
+    """
+    dt, steps, stiffness, mass = 0.02, 600, 100.0, 0.01
+    with Simulation(stretched_sheet(name, dt, stiffness=stiffness, mass=mass), backend="cpu", precision="f64") as simulation:
+        before, fastest = simulation.snapshot(), 0.0
+        for _ in range(20):
+            simulation.run(steps=steps // 20)
+            fastest = max(fastest, np.linalg.norm(simulation.snapshot().velocity))
+        assert np.abs(simulation.snapshot().position - before.position).max() > 0.01
+        simulation.dt = -dt
+        simulation.run(steps=steps)
+        back = simulation.snapshot()
+    walk, frequency = np.sqrt(2 * steps), np.sqrt(8.0 * stiffness / mass)
+    # Three roundings for each step: of the position, of the velocity, and of the force. Five standard deviations.
+    limit = 5.0 * walk * (np.sqrt(3.0) * frequency * 2.0**-54 + 2.0 * RESIDUAL * fastest)
+    assert np.abs(back.velocity - before.velocity).max() < limit
+
+
 # --- what cannot be solved is told -------------------------------------------------------------------------------------------
 
 
