@@ -46,7 +46,7 @@ def follow(order: dict[str, Any], stream: IO[bytes]) -> None:
     spec, span, count = replace(load_scene(order["scene"]), source=order["source"]), order["span"], order["count"]
     with Simulation(spec, **order["options"]) as simulation:
         if count > 1:
-            simulation.look_at_multiples_of(span / (count - 1))
+            simulation.sample_at_multiples_of(span / (count - 1))
         device = simulation.device
         facts = {"backend": device.backend, "device": device.name, "precision": device.precision, "threads": device.threads}
         facts |= {"plan": simulation.plan, "integrator": simulation.spec.integrator.name, "dt": simulation.dt}

@@ -7,6 +7,7 @@ DIR/compare.json and DIR/compare.html. The code is 4 where a backend differs by 
 
 import argparse
 import json
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,7 +65,7 @@ def execute(arguments: argparse.Namespace) -> int:
         lock = OutputLock(folder / "compare.json")
         try:
             tell = (lambda _: None) if arguments.quiet else say
-            comparison = Comparison(spec, wishes, Budget(arguments.budget, interruption.raise_if_any), tell)
+            comparison = Comparison(spec, wishes, Budget(arguments.budget, interruption.raise_if_any, time.perf_counter), tell)
             comparison.run()
             found = plain(comparison.facts())
             found["known"]["mpp_taichi"] = __version__

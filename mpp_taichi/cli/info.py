@@ -96,7 +96,7 @@ def _backends() -> dict[str, Any]:
         report = dict(availability(name))
         if report["available"]:
             try:
-                report["probes"] = vars(backends.start(name, "f32").probes)
+                report["probes"] = vars(backends.all_probes(backends.start(name, "f32")))
             except MppError as error:
                 report["problem"] = str(error)
             finally:
@@ -166,6 +166,7 @@ def _backend_line(report: dict[str, Any]) -> str:
         "f64" if probes["float64"] else "no f64",
         "compensated sums hold" if probes["compensation"] else "compensated sums are optimised away",
         "f32c and ds hold" if probes["low_parts"] else "no f32c, no ds",
+        "df64 holds" if probes["low_parts"] and probes["double_single"] else "no df64",
         f"loops stop after {limit:,} iterations" if limit else "",
     ]
     return f"{report['device']} ({', '.join(fact for fact in facts if fact)})"

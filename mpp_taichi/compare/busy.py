@@ -16,10 +16,10 @@ def warnings(load: float | None, processors: int, spreads: Mapping[str, float]) 
     if load is not None and load > QUIET_SHARE * processors:
         found.append(
             f"the machine was busy before the comparison began: load average {load:.2f} on {processors} processors; "
-            "times are of what was left"
+            "all times are too long by the share that other programs used"
         )
     loose = {name: spread for name, spread in spreads.items() if spread > QUIET_SPREAD}
     if loose:
         told = ", ".join(f"{name} {100 * spread:.0f} %" for name, spread in loose.items())
-        found.append(f"repeats differ by more than {100 * QUIET_SPREAD:.0f} % (half of them lie that far apart): {told}")
+        found.append(f"repeated times have an interquartile range above {100 * QUIET_SPREAD:.0f} % of their median: {told}")
     return found

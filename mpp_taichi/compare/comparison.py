@@ -160,6 +160,8 @@ class Comparison:
             for row in self.running:
                 if (answer := self._ask(row, "time")) is not None:
                     row.step_samples.append(answer["seconds_per_step"])
+                    if answer["joules_per_step"] is not None:
+                        row.joule_samples.append(answer["joules_per_step"])
                 if row.process is not None and (answer := self._ask(row, "copy")) is not None:
                     row.copy_samples.append(answer["seconds"])
             if repeat + 1 >= LEAST_REPEATS and self.budget.spent > end:

@@ -89,8 +89,9 @@ def _legend(numbers: dict[str, int]) -> str:
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> str:
-    body = [(table.cells(row), "broken" if row["status"] != "ok" else "") for row in rows]
-    return _html_table(table.HEAD, body)
+    columns = table.head(rows)
+    body = [(table.cells(row, columns), "broken" if row["status"] != "ok" else "") for row in rows]
+    return _html_table(columns, body)
 
 
 def _findings(rows: Sequence[dict[str, Any]]) -> str:

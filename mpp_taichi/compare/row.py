@@ -25,6 +25,7 @@ class BackendRow:
     certificate: dict[str, Any] = field(default_factory=dict)
     seconds_per_step: float = 0.0  # a first timing, from which the time of others is planned; 0 without one
     step_samples: list[float] = field(default_factory=list)  # seconds of a step
+    joule_samples: list[float] = field(default_factory=list)  # energy of a step [J], where the machine counts it
     copy_samples: list[float] = field(default_factory=list)
     warm_compile_seconds: float | None = None
     peaks: dict[str, float] = field(default_factory=dict)
@@ -96,6 +97,7 @@ def described(row: BackendRow, work: Work, peak: dict[str, float]) -> dict[str, 
         "step_seconds": seconds,
         "step_spread": row.step_spread,
         "step_samples": row.step_samples,
+        "step_joules": statistics.median(row.joule_samples) if row.joule_samples else None,
         "copy_seconds": statistics.median(row.copy_samples) if row.copy_samples else None,
         "peaks": row.peaks,
         "rates": found,

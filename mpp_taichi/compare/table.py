@@ -9,6 +9,7 @@ HEAD = (
     *("backend", "", "verdict", "decided by", "off", "allowed", "energy", "compile", "again", "step", "±", "launches", "copy"),
     *("rate", "GFLOP/s", "of peak"),
 )
+JOULES = "J / step"  # a column more where the machine counts its energy
 WIDE = 4  # columns that are aligned to the left
 RATES = (
     ("interactions_per_second", "pairs/s"),
@@ -17,8 +18,13 @@ RATES = (
 )
 
 
-def cells(row: dict[str, Any]) -> tuple[str, ...]:
-    """A row as texts; a missing one ends with the reason."""
+def head(rows: Sequence[dict[str, Any]]) -> tuple[str, ...]:
+    """The headings of the columns of these rows."""
+    return (*HEAD, JOULES) if any(row.get("step_joules") is not None for row in rows) else HEAD
+
+
+def cells(row: dict[str, Any], columns: Sequence[str] = HEAD) -> tuple[str, ...]:
+    """A row as the texts of these columns; a row of a missing backend ends with the reason."""
     if row["status"] != "ok":
         return (row["label"], row["precision"] or "", row["status"], row["reason"])
     decided = row.get("decided_by")
@@ -27,6 +33,7 @@ def cells(row: dict[str, Any]) -> tuple[str, ...]:
     shares = [rates[name] for name in ("share_of_peak_flops", "share_of_peak_bytes") if name in rates]
     energy = row.get("energy_change")
     launches = row["launches_per_step"]
+    joules = row.get("step_joules")
     return (
         row["label"],
         row["precision"],
@@ -44,13 +51,15 @@ def cells(row: dict[str, Any]) -> tuple[str, ...]:
         rate,
         f"{rates['flops'] / 1e9:.3g}" if "flops" in rates else "",
         f"{100 * shares[0]:.0f} %" if shares else "",
+        *(("" if joules is None else f"{joules:.2g}",) if JOULES in columns else ()),
     )
 
 
 def lines(rows: Sequence[dict[str, Any]]) -> list[str]:
     """The table, columns aligned; the width of reasons is not limited."""
-    table = [HEAD, *(cells(row) for row in rows)]
-    widths = [max((len(row[k]) for row in table if len(row) == len(HEAD)), default=0) for k in range(len(HEAD))]
+    columns = head(rows)
+    table = [columns, *(cells(row, columns) for row in rows)]
+    widths = [max((len(row[k]) for row in table if len(row) == len(columns)), default=0) for k in range(len(columns))]
     widths[:2] = [max(len(row[k]) for row in table) for k in range(2)]
     return [
         "  ".join(

@@ -15,6 +15,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from mpp_taichi.compare.evidence import Contender, follow, gather
+from mpp_taichi.device.energy_counters import EnergyMeasurement, energy_counters
 from mpp_taichi.errors import MppError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
@@ -47,6 +48,7 @@ class Worker:
     def __init__(self) -> None:
         """Begin without a backend."""
         self._contender: Contender | None = None
+        self._counters = energy_counters()
         self._steps = 1
 
     def answer(self, line: dict[str, Any]) -> dict[str, Any]:
@@ -95,8 +97,10 @@ class Worker:
         return {"steps": steps, "seconds_per_step": taken / steps}
 
     def do_time(self) -> dict[str, Any]:
-        """Time the steps found by `do_calibrate`, from the start; returns the seconds of a step."""
-        return {"seconds_per_step": self._time(self._steps) / self._steps}
+        """Time the steps found by `do_calibrate`, from the start; returns the seconds of a step, and its energy if known."""
+        measurement = EnergyMeasurement(self._counters)
+        seconds, joules = self._time(self._steps), measurement.joules()
+        return {"seconds_per_step": seconds / self._steps, "joules_per_step": None if joules is None else joules / self._steps}
 
     def do_copy(self) -> dict[str, Any]:
         """The seconds for copying positions to the host."""

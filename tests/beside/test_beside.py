@@ -202,7 +202,7 @@ TIMELINE = [{"at": 0.77, "set": {"integrator.leapfrog.dt": 0.02, "forces.newtoni
 )
 def test_moments_are_the_ends_of_plain_runs_and_change_no_bit(content):
     with mpp.Simulation(content, backend="cpu", precision="f64") as simulation:
-        simulation.look_at_multiples_of(DURATION / (FRAMES - 1))  # as films do
+        simulation.sample_at_multiples_of(DURATION / (FRAMES - 1))  # as films do
         plain = []
         for number in range(FRAMES):
             simulation.restart()

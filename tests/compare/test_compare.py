@@ -337,8 +337,8 @@ class WeakPush(ContactGroup):
     """A thousandth of the impulse is missing."""
 
     @ti.func
-    def push(self, state: Template, c, impulse, lost):
-        SOUND_PUSH(self, state, c, 0.999 * impulse, lost)
+    def push(self, state: Template, c, impulse, impulse_low, lost):
+        SOUND_PUSH(self, state, c, 0.999 * impulse, impulse_low, lost)
 
 
 @pytest.mark.parametrize("backend", ["cpu", pytest.param("vulkan", marks=pytest.mark.thorough)])

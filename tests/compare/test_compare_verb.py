@@ -70,6 +70,14 @@ def test_a_missing_backend_is_a_row_with_the_reason(compared):
     assert any("macOS" in line and "missing" in line for line in table.lines(compared.rows))
 
 
+def test_the_energy_of_a_step_is_a_column_where_a_machine_counts_it(compared):
+    first, *others = compared.rows
+    silent = [{**row, "step_joules": None} for row in compared.rows]
+    assert table.head(silent)[-1] == "of peak"
+    head, line, *_ = table.lines([{**first, "status": "ok", "step_joules": 2.5e-4}, *others])
+    assert head.endswith("J / step") and line.endswith("0.00025")
+
+
 def test_the_numbers_are_there_and_fit_together(compared):
     found = compared.found
     assert found.keys() >= KEYS and 1 <= found["steps_compared"] <= 500
@@ -94,7 +102,7 @@ def test_a_bug_ends_with_4(compared, monkeypatch, capfd):
     steady = NumpyForces.steady
     monkeypatch.setattr(NumpyForces, "steady", lambda self, *rest: -steady(self, *rest))
     monkeypatch.setattr(scaling, "COUNTS", (2, 8))
-    words = ["compare", str(compared.scene), "--backends", "numpy", "--budget", "5s", "--json", "--steps", "10", "--scaling"]
+    words = ["compare", str(compared.scene), "--backends", "numpy", "--budget", "30s", "--json", "--steps", "10", "--scaling"]
     assert main([*words, "--out", str(compared.out.parent / "bug")]) == 4
     found = json.loads(capfd.readouterr().out)
     (row,) = found["rows"]
