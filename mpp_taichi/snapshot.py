@@ -19,6 +19,7 @@ MASS_ROUNDING = 1e-5  # of the whole mass, as sums in f32 over many mergers leav
 _ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color", "free")
 _COLUMNS = {"position": (3,), "velocity": (3,), "color": (3,), "free": (3,), "between": (2,)}
 _SPRING_ARRAYS = ("between", "stiffness", "damping", "rest_length", "color")
+_COMOVING_ARRAYS = ("origin", "drift", "elapsed", "position", "velocity")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +43,22 @@ class Springs:
 
 
 @dataclass(frozen=True, eq=False)
+class Comoving:
+    """The particles in the uniformly moving frame in which they are stepped, with the digits that lie below a distant origin.
+
+    origin, drift        place [length] and velocity [length / time] of the frame when it was chosen, shape (3,)
+    elapsed              the time since then, as two numbers whose sum it is, shape (2,) [time]
+    position, velocity   relative to the frame now, shape (particle_count, 3)
+    """
+
+    origin: np.ndarray
+    drift: np.ndarray
+    elapsed: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class Snapshot:
     """All particles at one time, as float64 host arrays whatever the precision of the run.
 
@@ -52,6 +69,7 @@ class Snapshot:
     name                 one string per particle, empty when it has none
     merged_into          where spheres merge: the particle of which each has become a part, −1 for a separate particle,
                          (particle_count,). A merged particle has neither mass, radius nor charge, and is held
+    comoving             the same places and velocities in the frame in which a method steps them, where it has such a frame
     """
 
     position: np.ndarray
@@ -67,6 +85,7 @@ class Snapshot:
     step: int = 0
     dt: float | None = None  # of the run that led here, where it is known [time]
     merged_into: np.ndarray | None = None
+    comoving: Comoving | None = None
 
     @property
     def particle_count(self) -> int:
@@ -80,7 +99,7 @@ class Snapshot:
 
     def moved(self, *, position: np.ndarray, velocity: np.ndarray, time: float, step: int) -> "Snapshot":
         """The same particles elsewhere, at another time."""
-        return replace(self, position=position, velocity=velocity, time=time, step=step)
+        return replace(self, position=position, velocity=velocity, time=time, step=step, comoving=None)
 
     def continuing(self, start: "Snapshot") -> "Snapshot":
         """The particles of `start` where they are here, at this time and step, merged as they are here.
@@ -105,6 +124,7 @@ class Snapshot:
         if not (np.isfinite(self.position).all() and np.isfinite(self.velocity).all()):
             raise StateError("the state holds numbers that are not finite")
         made = start.moved(position=self.position, velocity=self.velocity * start.free, time=self.time, step=self.step)
+        made = replace(made, comoving=self.comoving)
         return replace(made, **{key: getattr(self, key) for key in MERGED_ARRAYS}) if merges else made
 
     def save(self, path: str | Path) -> None:
@@ -114,6 +134,8 @@ class Snapshot:
         arrays |= {f"spring_{key}": getattr(self.springs, key) for key in _SPRING_ARRAYS}
         if self.merged_into is not None:
             arrays["merged_into"] = self.merged_into
+        if self.comoving is not None:
+            arrays |= {f"comoving_{key}": getattr(self.comoving, key) for key in _COMOVING_ARRAYS}
         meta = {"format": FORMAT_VERSION, "time": self.time, "step": self.step, "dt": self.dt}
         with whole_file(path, "the snapshot", durable=True) as temporary, open(temporary, "wb") as stream:
             np.savez(stream, meta=json.dumps(meta), name=np.array(self.name, dtype=np.str_), **arrays)
@@ -132,6 +154,8 @@ class Snapshot:
                 arrays = {key: data[key] for key in _ARRAYS}
                 names = tuple(str(entry) for entry in data["name"])
                 arrays["merged_into"] = data["merged_into"] if "merged_into" in data else None
+                if "comoving_origin" in data:
+                    arrays["comoving"] = Comoving(**{key: data[f"comoving_{key}"] for key in _COMOVING_ARRAYS})
             made = Snapshot(**arrays, name=names, springs=springs, time=meta["time"], step=meta["step"], dt=meta.get("dt"))
             made._check(meta["format"])
         except (OSError, EOFError, TypeError, ValueError, KeyError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
@@ -154,6 +178,11 @@ class Snapshot:
         into = self.merged_into
         if into is not None and not (into.shape == (count,) and into.dtype.kind == "i" and (into < count).all()):
             raise ValueError("merged_into does not name particles")
+        shapes = {"origin": (3,), "drift": (3,), "elapsed": (2,), "position": (count, 3), "velocity": (count, 3)}
+        for key in _COMOVING_ARRAYS if self.comoving is not None else ():
+            array = getattr(self.comoving, key)
+            if array.shape != shapes[key] or array.dtype.kind not in "fiu":
+                raise ValueError(f"comoving_{key} is {array.dtype} {array.shape}, must be numbers of shape {shapes[key]}")
         if len(self.name) != count:
             raise ValueError(f"it has {len(self.name)} names for {count} particles")
         sound = math.isfinite(self.time) and self.step >= 0 and (self.dt is None or 0.0 < self.dt < math.inf)

@@ -272,7 +272,7 @@ class _Run:
         pages = [sink for sink in sinks if isinstance(sink, HtmlRecorder)]
         pictures = [sink for sink in sinks if sink not in pages]
         if count > 1 and self.goal.steps is None:
-            self.simulation.look_at_multiples_of(span / (count - 1))
+            self.simulation.sample_at_multiples_of(span / (count - 1))
         for page in pages:
             page.begin(self.spec, self.simulation.start.name, self.table.rows, count)
         more: dict[str, Any] = {"title": self.spec.title, "caption": self._caption, "stopwatch": self.stopwatch}

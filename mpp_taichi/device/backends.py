@@ -8,7 +8,8 @@ import os
 import sys
 import tempfile
 import zlib
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from mpp_taichi.device.taichi_environment import user_variables_hidden
 from mpp_taichi.device.thread_count import check_threads, require_threads
 from mpp_taichi.errors import BackendError
 from mpp_taichi.missing_package import missing_packages_named
-from mpp_taichi.precision import PRECISIONS, carries_low_parts, number_type
+from mpp_taichi.precision import PRECISIONS, carries_low_parts, forces_have_low_parts, number_type
 
 log = logging.getLogger(__name__)
 
@@ -30,8 +31,10 @@ class Probes:
     loop_limit     iterations that one kernel thread may make, or None when a count to 70,000 was right
     float64        f64 holds 1 + 2⁻⁵²; its square root, division and sum of many terms are right to their rounding
     compensation   the compiler does not optimise away the correction of a compensated sum
-    low_parts      the update of f32c and ds keeps its rounding errors; where `compensation` is False, with guards
+    low_parts      the update of f32c, ds and df64 keeps its rounding errors; where `compensation` is False, with guards
     finds_nan      the tests for NaN and infinity are True for them, and False for a number
+    double_single  products, quotients, roots and sums of two parts, of which df64 makes its forces, are right; None where the
+                   device was not started for df64, since this probe takes longer to compile than all others
     """
 
     loop_limit: int | None
@@ -39,6 +42,7 @@ class Probes:
     compensation: bool
     low_parts: bool
     finds_nan: bool
+    double_single: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -123,6 +127,13 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
     if carries_low_parts(precision) and not probes.low_parts:
         stop()
         raise BackendError(f"backend {chosen} on this device loses what {precision} carries along; use --precision f32")
+    if forces_have_low_parts(precision):
+        probes = _with_double_single(ti, chosen, probes)
+        if not probes.double_single:
+            stop()
+            raise BackendError(
+                f"backend {chosen} on this device rounds the double-single forces of {precision}; use --precision ds"
+            )
     if not probes.finds_nan:
         stop()
         raise BackendError(f"backend {chosen} on this device does not detect NaN, so no result of it can be trusted")
@@ -227,15 +238,37 @@ def is_alive(device: Device) -> bool:
     return _runtime.device is not None and _runtime.generation == device.generation
 
 
+def all_probes(device: Device) -> Probes:
+    """The probes of the device that runs, with the probe of double-single numbers."""
+    return _with_double_single(import_taichi(), device.backend, device.probes)
+
+
 def _probe_here(ti: Any, backend: str) -> Probes:
     from mpp_taichi.device import probes
 
-    # The name has a digest of the probes and of the update, so that results of older probes are not used.
-    updates = ("arithmetic/low_parts.py", "arithmetic/particle_update.py")
-    sources = ("device/probes.py", "device/update_probe.py", *updates)
-    texts = [(Path(__file__).parents[1] / name).read_bytes() for name in sources]
-    name = f"probes-{zlib.crc32(b''.join(texts)):08x}-{backend}-{availability(backend)['device']}"
-    return Probes(**remembered(name, lambda: probes.run(ti, backend), keep=lambda report: True))
+    sources = ("device/probes", "device/update_probe", "arithmetic/low_parts", "arithmetic/particle_update")
+    return Probes(**_remembered_probe("probes", sources, backend, lambda: probes.run(ti, backend)))
+
+
+def _with_double_single(ti: Any, backend: str, known: Probes) -> Probes:
+    if known.double_single is not None:
+        return known
+
+    def probe() -> dict[str, Any]:
+        from mpp_taichi.device.double_single_probe import is_double_single_right  # it imports Taichi
+
+        return {"double_single": is_double_single_right(ti, guards_rounding=not known.compensation)}
+
+    numbers = ("low_parts", "particle_update", "double_single", "force_numbers", "inverse_distance")
+    sources = ("device/double_single_probe", *(f"arithmetic/{name}" for name in numbers))
+    return replace(known, **_remembered_probe("double-single", sources, backend, probe))
+
+
+def _remembered_probe(name: str, sources: Sequence[str], backend: str, probe: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """The results of a probe. Its name has a digest of the sources, so that results of older probes are not used."""
+    texts = [(Path(__file__).parents[1] / f"{source}.py").read_bytes() for source in sources]
+    full_name = f"{name}-{zlib.crc32(b''.join(texts)):08x}-{backend}-{availability(backend)['device']}"
+    return remembered(full_name, probe, keep=lambda report: True)
 
 
 def _choose(large: bool) -> str:

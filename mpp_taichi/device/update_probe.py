@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.arithmetic.low_parts import step_parts
+from mpp_taichi.arithmetic.low_parts import split, step_parts
 from mpp_taichi.arithmetic.particle_update import drift_particle, kick_particle
 from mpp_taichi.types import Template
 
 STEPS = 1000
-NUMBERS = (0.001, 1e-8 / 3)  # the factors of a kick and a drift: far below the rounding of an f32 of size 1
+NUMBERS = (0.001, 0.01 / 3)  # the factors of a kick and a drift; a kick is far below the rounding of an f32 of size 1
+ROUNDING = 4 * 2.0**-48  # of an update, relative to the number and to its change (low_parts.py)
 
 
 @ti.kernel
@@ -41,22 +42,31 @@ class _Particles:
 def keeps_low_parts(started: Any, *, guards_rounding: bool) -> bool:
     """Move particles of sizes 1 and 1000 by STEPS steps, and compare with exact arithmetic on the host.
 
-    x grows by 3e-6 altogether. The growth in each step is below the rounding of x, so a plain f32 does not move. The bound
-    allows for each step a rounding error of 2⁻²⁴ of its growth, and of 2⁻⁴⁸ of the number itself, which is beyond the low part.
+    The velocities have low parts, and each change in a kick is below the rounding of a velocity: in f32 no velocity
+    changes. Where a product is rounded to f32, a particle is off by 10³ of the bounds.
     """
     state: Any = _Particles(started, guards_rounding=guards_rounding)
-    start = np.outer([1.0, -1.0, 1000.0, 1.0 / 3.0], [1.0, 0.7, -0.3]).astype(np.float32)
-    speed, pull = np.float32(np.abs(start)), np.float32(start * 1e-6)
-    for field, values in ((state.position, start), (state.velocity, speed), (state.acceleration, pull)):
-        field.from_numpy(values)
-    state.step_parts.from_numpy(step_parts(list(NUMBERS)))
+    start = np.outer([1.0, -1.0, 1000.0, 1.0 / 3.0], [1.0, 0.7, -0.3])
+    parts = {"position": split(start), "velocity": split(np.abs(start)), "acceleration": split(start * 1e-6)}
+    for name, (high, low) in parts.items():
+        getattr(state, name).from_numpy(high)
+        if name != "acceleration":
+            getattr(state, f"{name}_low").from_numpy(low)
+    numbers = step_parts(list(NUMBERS))
+    state.step_parts.from_numpy(numbers)
     _move(state, STEPS)
-    kick, drift = NUMBERS
-    number = np.arange(1, STEPS + 1)
-    v = np.float64(speed) + kick * STEPS * np.float64(pull)
-    x = np.float64(start) + drift * (STEPS * np.float64(speed) + kick * number.sum() * np.float64(pull))
-    found_v = state.velocity.to_numpy().astype(np.float64) + state.velocity_low.to_numpy()
-    found_x = state.position.to_numpy().astype(np.float64) + state.position_low.to_numpy()
-    allowed_v = 2.0**-24 * kick * STEPS * np.abs(pull) + STEPS * 2.0**-48 * np.abs(v)
-    allowed_x = 2.0**-24 * drift * STEPS * np.abs(v) + STEPS * 2.0**-48 * np.abs(x)
+    kick, drift = numbers.astype(np.float64).sum(axis=1)
+    x, speed = (_sum(*parts[name]) for name in ("position", "velocity"))
+    pull, number = parts["acceleration"][0].astype(np.float64), np.arange(1, STEPS + 1)
+    v = speed + kick * STEPS * pull
+    x = x + drift * (STEPS * speed + kick * number.sum() * pull)
+    # An error of the velocity moves a particle by its product with the time, and time and number of steps are the same here.
+    allowed_v = ROUNDING * STEPS * np.maximum(np.abs(v), np.abs(speed))
+    allowed_x = ROUNDING * STEPS * np.maximum(np.abs(x), np.abs(start)) + drift * STEPS * allowed_v
+    fields = ((state.position, state.position_low), (state.velocity, state.velocity_low))
+    found_x, found_v = (_sum(high.to_numpy(), low.to_numpy()) for high, low in fields)
     return bool((np.abs(found_v - v) <= allowed_v).all() and (np.abs(found_x - x) <= allowed_x).all())
+
+
+def _sum(high: np.ndarray, low: np.ndarray) -> np.ndarray:
+    return high.astype(np.float64) + low

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.force_numbers import wide_number
 from mpp_taichi.arithmetic.particle_update import wide_velocity
 from mpp_taichi.energy.mechanics import angular_momentum, kinetic_energies, mean_by_mass, momentum, total
 from mpp_taichi.forces._total_force import TotalForce
@@ -79,7 +80,7 @@ class PowerMeter:
             kinetic = ti.cast(0.0, self.state.wide)
             if ti.static(self.has_mass):
                 kinetic = wide_velocity(self.state, i).norm_sqr()
-                kinetic *= 0.5 * ti.cast(self.state.mass[i], self.state.wide)
+                kinetic *= 0.5 * wide_number(self.state, self.state.mass[i])
             powers = self.total_force.powers_of(self.state, i, time)
             sums += ti.Vector([powers[0], powers[1], kinetic], self.state.wide)
         self.history[s, b] = sums
@@ -91,9 +92,12 @@ class PowerMeter:
             self.store(s, b, time)
 
     def kept(self, steps: int) -> np.ndarray:
-        """The three numbers after each of the `steps` of the last launch, shape (steps, 3)."""
+        """The three numbers after each of the `steps` of the last launch, shape (steps, 3), in the frame of the scene."""
         blocks = self.history.to_numpy()[:steps].astype(np.float64)
-        return np.array([[total(column) for column in step.T] for step in blocks])
+        found = np.array([[total(column) for column in step.T] for step in blocks])
+        if self.state.frame is not None:
+            found[:, 2] += self.state.frame.kinetic_energy
+        return found
 
 
 def mechanics(snapshot: Snapshot, potential_energy: float) -> dict[str, Any]:

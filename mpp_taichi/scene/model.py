@@ -60,11 +60,11 @@ class Bound(Field):
         self.number = number
 
     def check(self, value: Any, context: Context) -> dict[str, float]:
-        """Fill in every precision; f32c and ds have the bound of f32 unless they are given their own."""
+        """Fill in every precision; f32c, ds and df64 have the bound of f32 unless they are given their own."""
         if not isinstance(value, dict):
             return dict.fromkeys(PRECISIONS, self.number.check(value, context))
         if not {"f64", "f32"} <= set(value) <= set(PRECISIONS):
-            raise Wrong("must be a number or {f64: number, f32: number}, with f32c and ds where they differ from f32")
+            raise Wrong("must be a number or {f64: number, f32: number}, with df64, f32c and ds where they differ from f32")
         bounds = {key: self.number.check(entry, context) for key, entry in value.items()}
         return dict.fromkeys(PRECISIONS, bounds["f32"]) | bounds
 
@@ -150,7 +150,11 @@ def all_components() -> Selection:
 
 def available(kind: str) -> list[str]:
     """The names a scene may use; bond forces act through `springs:` and are not listed under `forces:`."""
-    return [name for name in component.names(kind) if component.declaration(kind, name).base != "BondForce"]
+    return [name for name in component.names(kind) if _is_listed(kind, name)]
+
+
+def _is_listed(kind: str, name: str) -> bool:
+    return component.declaration(kind, name).base != "BondForce"
 
 
 def select(scene: Mapping[str, Any]) -> Selection:
@@ -169,7 +173,8 @@ def select(scene: Mapping[str, Any]) -> Selection:
 
 
 def _exists(kind: str, name: str) -> bool:
-    return component.find_file(kind, name) is not None and name in available(kind)
+    """Whether a scene may use this name; only the file of this name is read."""
+    return component.find_file(kind, name) is not None and _is_listed(kind, name)
 
 
 def contact_solver(scene: Mapping[str, Any]) -> str | None:

@@ -12,7 +12,7 @@ from mpp_taichi.device import backends
 from mpp_taichi.device.backends import Device
 from mpp_taichi.device.fast_taichi.large_pages import MANY_PARTICLES, use_large_pages
 from mpp_taichi.errors import BackendError, CapacityError
-from mpp_taichi.precision import carries_low_parts
+from mpp_taichi.precision import carries_low_parts, forces_have_low_parts
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation import refusals
 from mpp_taichi.simulation.clock import Clock
@@ -57,13 +57,15 @@ class CompiledPhase:
         self.phase, self.device, self.replica_starts = phase, device, replica_starts
         self.work = phase.work
         self.integrator = component.build("integrators", spec.integrator.name, spec.integrator.parameters)
-        self.live = LiveParameters(spec.forces, compose(spec, start))
+        two_parts = forces_have_low_parts(device.precision)
+        self.live = LiveParameters(spec.forces, compose(spec, start), two_parts=two_parts)
         self.total_force = TotalForce(
             self.live.forces,
             start.particle_count,
             spec.dimensions,
             merges=start.merged_into is not None,
             derivatives=self.integrator.derivatives,
+            two_parts=two_parts,
         )
         refusals.check_sines(spec, self.total_force.forces, device)
         self.replica_count = max(1, len(replica_starts))
@@ -98,7 +100,8 @@ class CompiledPhase:
         fields = integrator.work_fields(self.total_force, start, plan=self.plan, on_cpu=device.on_cpu)
         scratch_count = integrator.scratch_count(self.total_force.depends_on_velocity)
         if carries_low_parts(device.precision):
-            refusals.check_low_parts(spec, integrator, device.precision)
+            refusals.check_low_parts(spec, integrator, self.total_force.forces, device.precision)
+            refusals.check_range(start, self.total_force, device.precision)
             scratch_count += integrator.low_scratch_count()
             fields = {**fields, "step_parts": ("pair", len(integrator.step_numbers(1.0)))}
         solver = self._contact_solver(event_log) if spec.contacts is not None else None
@@ -111,14 +114,26 @@ class CompiledPhase:
             **sizes,
             needs=self.total_force.needs,
             scratch_count=scratch_count,
+            slopes=integrator.slopes(self.total_force.depends_on_velocity),
             streaming=self.total_force.has_pairs,
             wide=backends.widest_float(device),
             work=fields,
             memory=(*integrator.memory, *(solver.memory if solver is not None else ())),
             precision=device.precision,
             guards_rounding=not device.probes.compensation,
+            centered=integrator.steps_about_center and self._acts_inside_alone(solver),
         )
         return solver, state
+
+    def _acts_inside_alone(self, solver: ContactSolver | None) -> bool:
+        """Whether the motion is the same in every frame that moves uniformly, and each part of the step works in any frame.
+
+        That is so where particles act on each other only: without external forces, walls and axes that are held.
+        """
+        spec, start = self.spec, self.particles
+        if self.total_force.external or spec.walls or not start.free[:, : spec.dimensions].all():
+            return False
+        return start.merged_into is None and (solver is None or solver.any_frame)
 
     def _contact_solver(self, event_log: bool) -> ContactSolver:
         """The contact solver of the scene, not yet bound to its spheres."""
@@ -175,14 +190,11 @@ class CompiledPhase:
 
     def place(self, start: Snapshot, dt: float) -> None:
         """Put all particles where a snapshot has them, or each replica where its own start has them, for steps of `dt`."""
-        if self.replica_starts:
-            position = np.concatenate([each.position for each in self.replica_starts])
-            velocity = np.concatenate([each.velocity * each.free for each in self.replica_starts])
-        else:
-            position, velocity = start.position, start.velocity * start.free
-            if self.state.merges:
-                self.state.write_spheres(start)
-        self.state.write(position, velocity)
+        if self.state.merges and not self.replica_starts:
+            self.state.write_spheres(start)
+        self.state.write_snapshots(
+            [replace(each, velocity=each.velocity * each.free) for each in self.replica_starts or (start,)]
+        )
         self._begin_afresh(dt)
 
     def take_over(self, earlier: "CompiledPhase", dt: float) -> None:
@@ -222,8 +234,9 @@ class CompiledPhase:
 
     def snapshot(self, clock: Clock, replica: int = 0) -> Snapshot:
         """Host copy of all particles now, in float64 whatever the precision is."""
-        position, velocity = self.state.read(replica)
+        position, velocity, comoving = self.state.read_with_frame(replica)
         found = self.particles.moved(position=position, velocity=velocity, time=clock.time, step=clock.step_count)
+        found = found if comoving is None else replace(found, comoving=comoving)
         return replace(found, **self.state.read_spheres(self.particles)) if self.state.merges else found
 
     def snapshot_ahead(self, clock: Clock, offset: float) -> Snapshot:
@@ -233,6 +246,7 @@ class CompiledPhase:
             if not self.prepared:
                 self.launcher.prepare(clock.time, clock.dt)
             self.launcher.look_ahead(clock.dt, offset / clock.dt)
+            self.state.pass_time(1, offset)
             found = self.snapshot(clock)
             self.restore(saved)
             return found.moved(position=found.position, velocity=found.velocity, time=clock.time + offset, step=found.step)

@@ -3,13 +3,16 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.device.backends import Device
 from mpp_taichi.errors import CapacityError, PrecisionError, SceneError, UnsupportedError
-from mpp_taichi.precision import forces_see_low_parts
+from mpp_taichi.precision import FARTHEST_PAIR, SMALLEST_IN_TWO_PARTS, forces_have_low_parts, forces_see_low_parts
 from mpp_taichi.scene.estimate import LARGEST_COUNT, available_bytes
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
+from mpp_taichi.snapshot import Snapshot
 
 NUMBERS_PER_ENTRY = {"scalar": 1, "wide": 1, "index": 0.5, "pair": 2, "wide_pair": 2, "vector4": 4, "vector8": 8}
 """Numbers of the size of an f64 in one entry of a work field, by the kind of the field."""
@@ -51,8 +54,8 @@ def check_sines(spec: SceneSpec, forces: Sequence[Any], device: Device) -> None:
             )
 
 
-def check_low_parts(spec: SceneSpec, integrator: Any, precision: str) -> None:
-    """Refuse a precision with low parts where a method, a contact solver or a tree does not carry them.
+def check_low_parts(spec: SceneSpec, integrator: Any, forces: Sequence[Any], precision: str) -> None:
+    """Refuse a precision with low parts where a method, a contact solver, a tree or a force does not carry them.
 
     Raises:
         PrecisionError: such a component is there.
@@ -62,8 +65,34 @@ def check_low_parts(spec: SceneSpec, integrator: Any, precision: str) -> None:
         refused = f"the contact solver {spec.contacts.solver.name}"
     if tree_of(spec) is not None and forces_see_low_parts(precision):
         refused = "newtonian_gravity with solver: tree"
+    if forces_have_low_parts(precision):
+        named = [entry.name for entry, force in zip(spec.forces, forces) if not force.takes_two_parts]
+        refused = f"the force {named[0]}" if named and refused is None else refused
     if refused:
         raise PrecisionError(f"{refused} does not carry low parts, so it cannot run in {precision}; use f64 or f32")
+
+
+def check_range(start: Snapshot, total_force: Any, precision: str) -> None:
+    """Refuse double-single forces of numbers whose low parts are too small for an f32 (see two_part_pairs.py).
+
+    Raises:
+        PrecisionError: particles that act on each other are too far apart, or a mass or a charge is too small.
+    """
+    if not forces_have_low_parts(precision):
+        return
+    extent = float(np.linalg.norm(np.ptp(start.position, axis=0))) if total_force.has_pairs else 0.0
+    if extent > FARTHEST_PAIR:
+        raise PrecisionError(
+            f"{precision} computes forces between particles up to {FARTHEST_PAIR:.2g} lengths apart, and here they are "
+            f"{extent:.3g} apart; choose a larger unit of length, or use f64 or ds"
+        )
+    for name, values in (("mass", start.mass), ("charge", start.charge)):
+        sizes = np.abs(values[values != 0.0])
+        if name in total_force.needs and len(sizes) and sizes.min() < SMALLEST_IN_TWO_PARTS:
+            raise PrecisionError(
+                f"{precision} keeps the digits of numbers from {SMALLEST_IN_TWO_PARTS:.2g} on, and here is a {name} of "
+                f"{sizes.min():.3g}; choose a smaller unit of {name}, or use f64 or ds"
+            )
 
 
 def check_room(fields: Mapping[str, tuple[str, int]], *, dimensions: int, replica_count: int, on_cpu: bool) -> None:

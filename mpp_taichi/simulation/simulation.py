@@ -110,7 +110,7 @@ class Simulation:
     def dt(self, dt: float) -> None:
         self._clock.dt = dt
 
-    def look_at_multiples_of(self, interval: float) -> None:
+    def sample_at_multiples_of(self, interval: float) -> None:
         """Let samples of a free flight fall on multiples of `interval`, at least as often as so far."""
         if not self.launcher.takes_steps:
             self.dt = interval / math.ceil(interval / self.dt)

@@ -8,7 +8,7 @@ import pytest
 from mpp_taichi.device import backends
 from mpp_taichi.device.fast_taichi import launch_cache
 from mpp_taichi.simulation.simulation import Simulation
-from scenes import cluster
+from scenes import cluster, irregular_network, kepler
 
 ti = backends.import_taichi()
 launch_cache.ALSO_SHORT.add(__name__)
@@ -152,6 +152,63 @@ def test_steps_go_the_short_way_and_keep_their_bits(plan, long_ways):
             Kernel.__call__ = remembered
     assert len(long_ways) >= (20 if plan == "parallel" else 1)
     assert np.array_equal(short.position, long.position) and np.array_equal(short.velocity, long.velocity)
+
+
+@ti.kernel
+def copy_columns(fields: ti.template(), values: ti.types.ndarray(ndim=2)):
+    for i in range(values.shape[0]):
+        for k, field in ti.static(enumerate(fields)):
+            values[i, k] = 2 * values[i, k] + field[i]
+
+
+def test_arrays_and_tuples_of_fields_go_the_short_way_and_are_told_apart(long_ways):
+    one, two = ti.field(ti.f64, 3), ti.field(ti.f64, 3)
+    one.from_numpy(np.array([1.0, 2.0, 3.0]))
+    two.from_numpy(np.array([10.0, 20.0, 30.0]))
+    long_ways.clear()
+    for _ in range(3):
+        for fields, expected in (((one, two), [1, 10]), ((two, one), [10, 1])):
+            for dtype in (np.float64, np.int32):
+                values = np.array([[1, 2], [3, 4]], dtype)
+                before = values.copy()
+                copy_columns(fields, values)
+                assert values.tolist() == (2 * before + np.outer([1, 2], expected)).astype(dtype).tolist()
+    assert long_ways == ["copy_columns"] * 4  # a form for each order of the fields and each type of numbers
+    across = np.asfortranarray(np.zeros((2, 2)))
+    copy_columns((one, two), across)  # Taichi copies it
+    assert across.tolist() == [[1, 10], [2, 20]] and len(long_ways) == 5
+
+
+SHORT_RUNS = {
+    "leapfrog": kepler(dt=0.01),
+    "adaptive": kepler(dt=0.1, integrator="ias15"),
+    "springs": irregular_network(10, 20, integrator="newmark"),
+}
+
+
+@pytest.mark.parametrize("name", SHORT_RUNS)
+def test_a_run_of_a_few_steps_launches_few_kernels_and_all_by_the_short_way(name, long_ways, monkeypatch):
+    """The state is kept, the steps are taken, their counts are read, and every number is tested: at most two launches each."""
+    from taichi.lang.kernel_impl import Kernel
+
+    with Simulation(SHORT_RUNS[name], backend="cpu", precision="f64") as simulation:
+        for _ in range(4):
+            simulation.run(steps=10)
+        launched, call = [], Kernel.__call__
+
+        def counted(self, *arguments, **named):
+            launched.append(self.func.__name__)
+            return call(self, *arguments, **named)
+
+        monkeypatch.setattr(Kernel, "__call__", counted)
+        long_ways.clear()
+        simulation.run(steps=10)
+        simulation.run(until=simulation.time + 10 * simulation.dt)
+        assert long_ways == [] and len(launched) <= 2 * 8
+        launched.clear()
+        simulation.restart()
+        simulation.run(steps=10)
+        assert long_ways == [] and len(launched) <= 16
 
 
 @ti.data_oriented

@@ -1,13 +1,12 @@
-"""`accuracy: 1e-k` on six scenes: the error that is delivered, and what it costs beside the fastest run of a whole sweep.
+"""`accuracy: 1e-k` on many scenes: the error that is delivered, and what it costs beside the fastest run of a whole sweep.
 
-    python tools/benchmarks/benchmark_targets.py [--scenes kepler,membrane] [--digits 3-12] [--budget 120] [--pilot 30]
+    python tools/benchmarks/benchmark_targets.py [--scenes kepler,membrane] [--digits 3-12] [--budget 120] [--pilot 20]
         [--json FILE]
 
 For every scene and k the pilot of `accuracy:` makes a choice in f64 or f32. What it delivers is measured with a run of the
-scene with that choice against a reference that shares no code with the program: NumPy in long double (18 digits), extrapolated
-midpoint steps (Gragg, Bulirsch, Stoer; Hairer, Nørsett & Wanner, Solving ODEs I, II.9). The sweep is that of the verb
-`accuracy` with `--budget`; of its runs the fastest within the target counts. Both are timed again, in turns: the ratio of the
-medians is the price of choosing.
+scene with that choice against a reference that shares no code with the program (long_double_reference.py). The sweep is that of
+the verb `accuracy` with `--budget`; of its runs the fastest within the target counts. Both are timed again, in turns: the ratio
+of the medians is the price of choosing. The scenes are six bundled scenes and those of target_scenes/.
 """
 
 import argparse
@@ -19,22 +18,24 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2]))  # so that it also runs from a checkout
+sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parent)]  # so that it also runs from a checkout
 
-from mpp_taichi import __version__
-from mpp_taichi.accuracy.budget import Budget
-from mpp_taichi.accuracy.choice import choose
-from mpp_taichi.accuracy.methods import LOOKS
-from mpp_taichi.accuracy.problem import pose
-from mpp_taichi.accuracy.sample import Configuration
-from mpp_taichi.accuracy.store import Store, identity
-from mpp_taichi.accuracy.study import Study, StudyWishes
-from mpp_taichi.accuracy.workbench import Workbench
-from mpp_taichi.errors import StabilityError
-from mpp_taichi.scene.load import load_scene
-from mpp_taichi.simulation.simulation import Simulation
+from long_double_reference import reference_end  # noqa: E402
 
-FOLDER = Path(__file__).parents[2] / "scenes"
+from mpp_taichi import __version__  # noqa: E402
+from mpp_taichi.accuracy.budget import Budget  # noqa: E402
+from mpp_taichi.accuracy.choice import choose  # noqa: E402
+from mpp_taichi.accuracy.methods import LOOKS  # noqa: E402
+from mpp_taichi.accuracy.problem import pose  # noqa: E402
+from mpp_taichi.accuracy.sample import Configuration  # noqa: E402
+from mpp_taichi.accuracy.store import Store, identity  # noqa: E402
+from mpp_taichi.accuracy.study import Study, StudyWishes  # noqa: E402
+from mpp_taichi.accuracy.workbench import Workbench  # noqa: E402
+from mpp_taichi.errors import StabilityError  # noqa: E402
+from mpp_taichi.scene.load import load_scene  # noqa: E402
+from mpp_taichi.simulation.simulation import Simulation  # noqa: E402
+
+BUNDLED, OWN = Path(__file__).parents[2] / "scenes", Path(__file__).with_name("target_scenes")
 # Each over a span in which positions mean something to the last digit asked for.
 SCENES = {
     "kepler": {},
@@ -43,75 +44,9 @@ SCENES = {
     "double_pendulum": {"run.duration": 5.0},
     "membrane": {"run.duration": 5.0},
     "cluster": {"run.duration": 1.0},
+    **{path.stem: {} for path in sorted(OWN.glob("*.yaml"))},
 }
-LONGEST_EXTRAPOLATION = 12
 REPEATS = 5
-
-
-def accelerations(spec, start):
-    """a(x) of gravity, springs and a uniform field, in long double, from the text of the scene alone."""
-    mass, free = start.mass.astype(np.longdouble), start.free.astype(np.longdouble)
-    gravity, field = None, np.zeros(3, np.longdouble)
-    for force in spec.forces:
-        if force.name == "newtonian_gravity":
-            gravity = np.longdouble(force.parameters["strength"]), np.longdouble(force.parameters.get("softening") or 0.0)
-        elif force.name == "uniform_gravity":
-            field += np.array(force.parameters["acceleration"], np.longdouble)
-        else:
-            raise SystemExit(f"the reference knows no {force.name}")
-    springs = start.springs
-    one, other = springs.between.T if len(springs) else (np.empty(0, int), np.empty(0, int))
-
-    def of(x):
-        a = np.tile(field, (len(mass), 1))
-        if gravity is not None:
-            d = x[None, :, :] - x[:, None, :]
-            squared = (d * d).sum(-1) + gravity[1] ** 2
-            np.fill_diagonal(squared, 1)
-            a += gravity[0] * np.einsum("ij,ijk->ik", mass[None, :] / (squared * np.sqrt(squared)), d)
-        if len(one):
-            d = x[other] - x[one]
-            length = np.sqrt((d * d).sum(-1))
-            pull = (springs.stiffness * (length - springs.rest_length) / length)[:, None] * d
-            np.add.at(a, one, pull / mass[one, None])
-            np.add.at(a, other, -pull / mass[other, None])
-        return a * free
-
-    return of
-
-
-def reference_end(spec, start, span):
-    """Positions at the end: Gragg's midpoint steps for x'' = a(x), extrapolated to order 24, with steps to match."""
-    of, tolerance = accelerations(spec, start), np.longdouble(1e-17)
-    x, v = start.position.astype(np.longdouble), start.velocity.astype(np.longdouble)
-    span = np.longdouble(span)
-    t, h = np.longdouble(0), span / 64
-    while t < span:
-        h = min(h, span - t)
-        table, a0 = [], of(x)
-        for k in range(LONGEST_EXTRAPOLATION):
-            n = 2 * (k + 1)
-            g, w, place = h / n, v + h / (2 * n) * a0, x
-            for _ in range(n - 1):  # Störmer's rule: leapfrog, whose error has even powers of g alone
-                place = place + g * w
-                w = w + g * of(place)
-            place = place + g * w
-            row = [np.stack([place, w + g / 2 * of(place)])]
-            for j in range(k):
-                ratio = (np.longdouble(n) / (2 * (k - j))) ** 2
-                row.append(row[j] + (row[j] - table[j]) / (ratio - 1))
-            if k > 1:
-                size = np.abs(row[-1]).max(axis=(1, 2), keepdims=True)
-                error = (np.abs(row[-1] - row[-2]) / size).max() / tolerance
-                if error <= 1:
-                    break
-            table = row
-        if error <= 1:
-            t, (x, v) = t + h, row[-1]
-            h *= 1.5 if k < LONGEST_EXTRAPOLATION - 3 else 1.0
-        else:
-            h /= 2
-    return x
 
 
 def sweep(spec, folder, budget):
@@ -144,7 +79,8 @@ def timed(problem, configurations):
 def measure(name, digits, budget, pilot, folder):
     """Rows of one scene."""
     changes = SCENES[name]
-    plain = load_scene(FOLDER / f"{name}.yaml", overrides=changes)
+    path = next(path for folder in (OWN, BUNDLED) if (path := folder / f"{name}.yaml").is_file())
+    plain = load_scene(path, overrides=changes)
     study = sweep(plain, folder / "sweep", budget)
     if study.quantity != "position" or study.problem.span != study.whole:
         print(f"{name}: not the positions at the end of the whole run were compared")
@@ -152,7 +88,7 @@ def measure(name, digits, budget, pilot, folder):
     end = reference_end(plain, start, study.problem.span)
     rows, configurations = [], []
     for k in digits:
-        spec = load_scene(FOLDER / f"{name}.yaml", overrides={**changes, "accuracy": 10.0**-k})
+        spec = load_scene(path, overrides={**changes, "accuracy": 10.0**-k})
         row = {"scene": name, "target": 10.0**-k, "reference": float(study.reference.bar)}
         reached = [r for r in study.rows() if r.sample.status == "ok" and r.seconds and r.error("position").bound <= 10.0**-k]
         best = min(reached, key=lambda r: r.seconds, default=None)
@@ -192,8 +128,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", default=",".join(SCENES))
     parser.add_argument("--digits", default="3-12")
-    parser.add_argument("--budget", type=float, default=120.0, help="seconds of the sweep")
-    parser.add_argument("--pilot", type=float, default=30.0, help="seconds of each choice")
+    parser.add_argument("--budget", type=float, default=120.0, help="seconds of processor time of the sweep")
+    parser.add_argument("--pilot", type=float, default=20.0, help="seconds of processor time of each choice")
     parser.add_argument("--json")
     arguments = parser.parse_args()
     first, last = map(int, arguments.digits.split("-"))

@@ -8,18 +8,22 @@ of their loops. The kernels of a class (`ti.data_oriented`) are bound as Python 
 
 import functools
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
+
+import numpy as np
 
 MOST = 1000  # compiled forms that are kept of one kernel
 ALSO_SHORT = {"taichi._kernels"}  # further modules whose kernels take the short way: Taichi's own, which fill and copy fields
 PLAIN = (int, float, bool, str, type(None))  # template arguments that are compared by value
+MOST_ENTRIES = 2**31 - 1  # of an array; Taichi warns of longer arrays, which its indices do not reach
 
 
 class Launches:
     """The compiled forms of one kernel by its template arguments.
 
-    A kernel of another package, or a kernel with arguments other than template arguments and numbers, is not `simple` and is
+    Arrays of NumPy are told apart by their number type and the count of their axes, as Taichi compiles for these. A kernel of
+    another package, or a kernel with other arguments than template arguments, numbers and arrays, is not `simple` and is
     launched by Taichi.
     """
 
@@ -27,12 +31,14 @@ class Launches:
         """Without any compiled form."""
         from taichi.lang import kernel_impl
         from taichi.lang.matrix import VectorType
+        from taichi.types.ndarray_type import NdarrayType
 
         self.compiled = kernel.compiled_kernels  # another dictionary after Taichi was reset
         self.known: dict[tuple, tuple] = {}
         self.count = len(kernel.arguments)
         self.templates: list[int] = []
-        self.numbers: list[tuple[int, bool, str]] = []  # place among the arguments, whether it is a float, how it is set
+        self.numbers: list[tuple[int, bool, str, int]] = []  # place among the arguments, whether a float, how it is set, slot
+        self.arrays: list[tuple[int, int]] = []  # place among the arguments, slot
         self.simple = is_ours(kernel.func) and kernel.autodiff_mode == kernel_impl.AutodiffMode.NONE
         self.returned: list[tuple[str, int]] = []  # for each result: its getter, and the length of a vector
         for kind in kernel.return_type or ():
@@ -42,25 +48,28 @@ class Launches:
             else:
                 self.simple = False
         for place, argument in enumerate(kernel.arguments):
-            if isinstance(argument.annotation, kernel_impl.template):
+            kind, slot = argument.annotation, place - len(self.templates)
+            if isinstance(kind, kernel_impl.template):
                 self.templates.append(place)
-            elif name := _name_of(argument.annotation):
-                self.numbers.append((place, name == "float", f"set_arg_{name}"))
+            elif name := _name_of(kind):
+                self.numbers.append((place, name == "float", f"set_arg_{name}", slot))
+            elif isinstance(kind, NdarrayType) and (kind.dtype is None or _name_of(kind.dtype)):
+                self.arrays.append((place, slot))
             else:
                 self.simple = False
 
     def find(self, arguments: tuple) -> tuple[tuple, tuple | None]:
-        """Key of the template arguments, and the form that was compiled for them."""
+        """Key of the template arguments and the arrays, and the form that was compiled for them."""
         objects = [arguments[place] for place in self.templates]
-        key = tuple([(type(each), each) if type(each) in PLAIN else id(each) for each in objects])
+        key = (*map(_key_of, objects), *[(arguments[place].dtype, arguments[place].ndim) for place, _ in self.arrays])
         found = self.known.get(key)
-        if found is not None and any(known() is not each for known, each in zip(found[0], objects) if known is not None):
+        if found is not None and any(known() is not each for known, each in zip(found[0], _flat(objects)) if known is not None):
             return key, None  # a new object at the address of an object that is gone
         return key, found
 
     def remember(self, kernel: Any, key: tuple, arguments: tuple) -> None:
         """Keep the form that Taichi has just compiled and launched, unless one of its objects takes no weak reference."""
-        objects = [arguments[place] for place in self.templates]
+        objects = _flat([arguments[place] for place in self.templates])
         try:
             alive = [None if type(each) in PLAIN else weakref.ref(each) for each in objects]
         except TypeError:
@@ -75,11 +84,28 @@ class Launches:
         self.known[key] = alive, made, program.compile_kernel(program.config(), program.get_device_caps(), made)
 
     def fits(self, arguments: tuple) -> bool:
-        """Whether the numbers are plain numbers of Python; otherwise Taichi reports the error."""
+        """Whether numbers are plain numbers of Python, and arrays contiguous arrays of NumPy; otherwise Taichi takes over."""
         return all(
             isinstance(arguments[place], int) or (is_float and isinstance(arguments[place], float))
-            for place, is_float, _ in self.numbers
+            for place, is_float, _, _ in self.numbers
+        ) and all(
+            type(arguments[place]) is np.ndarray
+            and arguments[place].flags.c_contiguous
+            and arguments[place].size <= MOST_ENTRIES
+            for place, _ in self.arrays
         )
+
+
+def _key_of(argument: Any) -> Any:
+    """What a template argument is recognized by: its value, the address of an object, or the keys of the parts of a tuple."""
+    if type(argument) in PLAIN:
+        return type(argument), argument
+    return tuple(map(_key_of, argument)) if type(argument) is tuple else id(argument)
+
+
+def _flat(arguments: Iterable) -> list:
+    """The arguments, with the parts of a tuple in its place."""
+    return [part for each in arguments for part in (_flat(each) if type(each) is tuple else (each,))]
 
 
 def is_ours(made: Any) -> bool:
@@ -174,8 +200,11 @@ def _remembering(plain: Callable, told: Callable[[Exception], Exception]) -> Cal
             launches.remember(self, key, arguments)
             return result
         context = found[1].make_launch_context()
-        for slot, (place, _, setter) in enumerate(launches.numbers):
+        for place, _, setter, slot in launches.numbers:
             getattr(context, setter)((slot,), arguments[place])
+        for place, slot in launches.arrays:
+            array = arguments[place]
+            context.set_arg_external_array_with_shape((slot,), array.ctypes.data, array.nbytes, array.shape, 0)
         try:
             runtime.prog.launch_kernel(found[2], context)
         except Exception as error:

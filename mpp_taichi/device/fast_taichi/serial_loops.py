@@ -35,6 +35,11 @@ def on_cpu() -> bool:
     return ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
 
 
+def is_short(count: int) -> bool:
+    """Whether a loop of so many particles is done on the calling thread before another thread of a CPU is awake."""
+    return count <= FEW and on_cpu()
+
+
 class _LoopReader:
     """Taichi's reading of a `for` statement; before an outermost loop it asks whether the loop must be serial."""
 

@@ -1,14 +1,23 @@
-"""Vectors of fields, read and written component by component: the only way in explicit vectors (explicit_vectors.py)."""
+"""Vectors of fields, read and written component by component: the only way in explicit vectors (explicit_vectors.py).
+
+A field of double-single numbers (state/two_part_field.py) takes part: its entry is a vector of such numbers already.
+"""
+
+from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.types import Template
 
 
-@ti.func
-def vector_at(field: Template, i):
+@traced
+def vector_at(field: Any, i: Any) -> Any:
     """field[i]."""
-    return ti.Vector([field[i][k] for k in ti.static(range(field.n))])
+    entry = ti.lang.impl.subscript(None, field, i)
+    if not isinstance(field, ti.MatrixField):
+        return entry
+    return ti.lang.matrix.make_matrix([ti.lang.impl.subscript(None, entry, k) for k in range(field.n)])
 
 
 @ti.func
