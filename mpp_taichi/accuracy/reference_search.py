@@ -185,7 +185,7 @@ class ReferenceSearch:
 
     def _by_chaos(self, bench: Workbench) -> bool:
         """A horizon by the Lyapunov time, where two measurements with different steps agree."""
-        if self.chaos is not None or self.reference is None or self.problem.spec.contacts is not None:
+        if self.chaos is not None or self.reference is None or self.problem.has_contacts:
             return False
         method = self.methods[self.reference.integrator]
         machine, steps = bench.machine(method.name), max(chaos_of.PIECES, self.reference.steps // 4)
@@ -248,7 +248,7 @@ class ReferenceSearch:
 
     def _halved_machine(self, bench: Workbench) -> tuple[Machine, int]:
         """The most promising method that the scene allows, and its first number of steps."""
-        promising = for_reference(self.methods) if self.problem.spec.contacts is None else [self._own]
+        promising = [self._own] if self.problem.has_contacts else for_reference(self.methods)
         if self.wished is not None:
             promising = [self.methods[self.wished]]
         for method in promising:
@@ -277,7 +277,7 @@ class ReferenceSearch:
 
     def find_chaos(self, bench: Workbench) -> None:
         """Measure the Lyapunov time, for the report, where the budget allows it."""
-        if self.chaos is not None or self.reference is None or self.problem.spec.contacts is not None:
+        if self.chaos is not None or self.reference is None or self.problem.has_contacts:
             return
         machine, steps = bench.machine(self.reference.integrator), chaos_of.PIECES
         if self.reference.tolerance is None:

@@ -195,7 +195,7 @@ class Study:
         with Workbench(self.problem, backend=REFERENCE[0], precision=REFERENCE[1]) as bench:
             self._choose_span(bench)
             if self.wishes.quantity == "energy":
-                self._keeps_energy = bench.machine(self.own.name).simulation.phase.conserves_energy
+                self._keeps_energy = bench.machine(self.own.name).conserves_energy
             else:
                 self._find_reference(bench)
             if self.quantity is None:
@@ -256,7 +256,7 @@ class Study:
         """The wanted methods; else all methods, implicit methods only where springs or drag limit the steps of others."""
         if self.wishes.integrators is not None:
             return [name for name in self.methods if name in self.wishes.integrators]
-        if self.problem.spec.contacts is not None:
+        if self.problem.has_contacts:
             return [name for name in self.methods if name not in exact_solvers()]
         is_stiff = any(method.fewest_steps > 1 for method in self.methods.values())
         least = 1 if self.wishes.aim is None else 2
@@ -279,7 +279,7 @@ class Study:
             machine = bench.machine(split(self.own.name)[0])  # the reference is without a tree
             own_seconds = self._own_steps * machine.budget_per_step
             allowed = OWN_SHARE * self.budget.seconds
-            if own_seconds > allowed:
+            if own_seconds > allowed and not (self.wishes.aim is not None and len(self.problem.stretches) > 1):
                 least = min(1.0, FEWEST_OWN_STEPS / self.problem.own_steps)
                 part = max(least, allowed / own_seconds)
                 self.problem = self.search.problem = self.problem.shortened(self.problem.span * part)
@@ -315,6 +315,6 @@ class Study:
         if (aim := self._aim) is not None:
             floor, coarsest = max(floor, aim), min(COARSEST, AROUND * aim)
         fewest = float(method.fewest_steps)
-        patient, tolerance = self.problem.spec.contacts is not None, method.tolerance
+        patient, tolerance = self.problem.has_contacts, method.tolerance
         steps = (method.name, method.order, anchor, fewest)
         return Ladder(*steps, floor, coarsest=coarsest, tolerance=tolerance, patient=patient)

@@ -71,8 +71,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
     asked = None if spec.accuracy is None else spec.accuracy.quantity
-    wishes = _wishes(arguments, "integrators" if spec.contacts is None else "contacts", asked)
     problem = pose(spec, arguments.until)
+    wishes = _wishes(arguments, "contacts" if problem.has_contacts else "integrators", asked)
     from mpp_taichi.cli._signals import Interrupted, Interruption
     from mpp_taichi.recorders._lock import OutputLock
 

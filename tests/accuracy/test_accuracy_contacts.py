@@ -90,7 +90,7 @@ def test_a_gas_is_looked_at_while_positions_mean_something(tmp_path):
 def test_springs_and_other_forces_leave_the_scenes_own_solver_as_the_reference(tmp_path):
     drag = gas(forces=[{"linear_drag": {"coefficient": 0.1}}], run={"duration": 0.5})
     spec = load_scene(drag)
-    assert "event_driven" not in solvers(spec) and solvers(spec)[0] == "swept"
+    assert "event_driven" not in solvers([spec], "swept") and solvers([spec], "swept")[0] == "swept"
     study = study_of(drag, tmp_path, ("swept",), asks=600)
     assert study.reference.integrator == "swept"
 
