@@ -75,13 +75,13 @@ class Machine:
         self._own_tolerance = getattr(self.integrator, self.integrator.controlled_by) if self._is_adaptive else None
         self._tolerance = self._own_tolerance
         self._meters: dict[object, Any] = {}
-        self._costs: dict[object, StepCost] = {}
+        self.costs: dict[object, StepCost] = {}
         self.extent = float(np.abs(problem.start.position).max()) + problem.span * float(np.abs(problem.start.velocity).max())
         different = {self._kernels(leg.stretch): leg for leg in reversed(legs(problem.stretches, problem.own_steps))}
         for leg in different.values():
             self._enter(leg, begins=True)
             forces = float(self.simulation.integrator.evaluations_per_step or 1.0)
-            self._costs[self._kernels(leg.stretch)] = StepCost(StepClock(self._threads()), forces, self._kept())
+            self.costs[self._kernels(leg.stretch)] = StepCost(StepClock(self._threads()), forces, self._kept())
             self._launch(leg.stretch.began, leg.dt, 1)
             self._look(leg.stretch.began, 0)
         self.compile_seconds = clock.process_time() - began
@@ -112,7 +112,7 @@ class Machine:
     @property
     def conserves_energy(self) -> bool:
         """Whether any phase of the problem keeps its energy."""
-        return any("energy" in self._costs[self._kernels(stretch)].kept for stretch in self.problem.stretches)
+        return any("energy" in self.costs[self._kernels(stretch)].kept for stretch in self.problem.stretches)
 
     def configuration(self, steps: int, tolerance: float | None = None) -> Configuration:
         """The configuration of so many steps, or of so many samples of an adaptive method, by default at its own tolerance."""
@@ -197,11 +197,11 @@ class Machine:
     @property
     def _cost(self) -> StepCost:
         """The cost of a step in the present phase."""
-        return self._costs[self.problem.phases[self.simulation.phase_number].kernels]
+        return self.costs[self.problem.phases[self.simulation.phase_number].kernels]
 
     def _mean(self, of: Callable[[StepCost], float]) -> float:
         """The mean over the steps of a run."""
-        return sum(stretch.share * of(self._costs[self._kernels(stretch)]) for stretch in self.problem.stretches)
+        return sum(stretch.share * of(self.costs[self._kernels(stretch)]) for stretch in self.problem.stretches)
 
     def _threads(self) -> int:
         """Threads that work on a step of the present phase; 0 on another device than the CPU."""

@@ -44,9 +44,6 @@ def _check_accuracy(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     place = tree.value["accuracy"].place
     if spec.run.duration is None:
         faults.add(place, "accuracy", "needs run.duration: the step is to be chosen")
-    for key in ("contacts", "timeline"):
-        if tree.get(key) is not None:
-            faults.add(place, "accuracy", f"cannot be chosen for a scene with {key}; give it an integrator with a step")
 
 
 def _check_expect(spec: SceneSpec, faults: Faults) -> None:
