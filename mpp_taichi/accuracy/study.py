@@ -24,6 +24,7 @@ from mpp_taichi.errors import BackendError
 FIRST_SHARE_OF_AIM = 0.8  # the same where one error is aimed at
 FIRST_SHARE = 0.65  # of the budget, until the end of the first backend and precision, where others follow
 ALL_SHARE = 0.96  # of the budget; the rest is for writing the report
+OWN_PART = 0.6  # of the share of a backend and precision, where other work follows
 WORTH_RETURNING = 0.2  # of the budget: a larger rest is spent on ladders that were cut short
 REPEATS_SHARE_OF_AIM = 0.1
 REPEATS_SHARE = 0.25  # of the time for a backend and precision
@@ -64,12 +65,14 @@ class Study:
         wishes: StudyWishes,
         tell: Callable[[str], None] = lambda _: None,
         after_sweep: Callable[["Study", Workbench], None] = lambda *_: None,
+        then: Callable[["Study", Workbench, float], None] | None = None,
     ) -> None:
         """Begin without a run; the store may hold the span over which the scene was studied before.
 
-        `after_sweep` is called with each workbench at the end of its runs, while its methods are compiled.
+        `after_sweep` is called with each workbench at the end of its runs, while its methods are compiled. `then` is called
+        after the runs on the CPU in f64, and may go on there until a share of the budget is spent.
         """
-        self._after_sweep = after_sweep
+        self._after_sweep, self._then = after_sweep, then
         self.whole = problem.span
         self.problem = problem if store.span is None else problem.shortened(store.span)
         self.store, self.budget, self.wishes, self.tell = store, budget, wishes, tell
@@ -90,6 +93,22 @@ class Study:
             self.status = "out of time"
         finally:
             self.store.save()
+
+    def run_within(self, bench: Workbench) -> None:
+        """Run the study with the compiled methods of a workbench, whose device is the only one."""
+        try:
+            self.store.span = self.problem.span
+            self.search.find(bench)
+            self._sweep(bench, self._names(), begin=0.0, end=1.0)
+            self.status = "complete" if not self.remarks else "partial"
+        except OutOfTime:
+            self.status = "out of time"
+        finally:
+            self.store.save()
+
+    def leave_out(self, remark: str) -> None:
+        """Note a part of the study that was left out."""
+        self._remarks.append(remark)
 
     # Results
 
@@ -202,7 +221,11 @@ class Study:
                 return
             first, *others = self.wishes.devices
             if first == REFERENCE:
-                self._sweep(bench, self._names(), begin=0.0, end=self._first_share(others))
+                end = self._first_share(others)
+                self._sweep(bench, self._names(), begin=0.0, end=end if self._then is None else OWN_PART * end)
+                if self._then is not None:
+                    self._then(self, bench, end)
+                    self.budget.overrun(end)
         self._sweep_each([device for device in self.wishes.devices if device != REFERENCE and self._is_worth(device[1])])
         if (
             self.wishes.aim is None

@@ -392,18 +392,20 @@ class Workbench:
 
     def __init__(self, problem: Problem, *, backend: str, precision: str) -> None:
         """Begin without a compiled method."""
+        self._whole = problem  # for which methods are compiled, whatever part of it is studied
         self.problem, self.backend, self.precision = problem, backend, precision
         self.machines: dict[str, Machine] = {}
 
     def machine(self, integrator: str) -> Machine:
         """A compiled method; MppError where the scene does not allow it."""
         if integrator not in self.machines:
-            made = Machine(self.problem, integrator, backend=self.backend, precision=self.precision)
+            made = Machine(self._whole, integrator, backend=self.backend, precision=self.precision)
+            made.problem = self.problem
             self.machines[integrator] = made
         return self.machines[integrator]
 
     def shorten(self, problem: Problem) -> None:
-        """Continue with a shorter span of the same scene."""
+        """Continue with a part of the same scene, or with all of it again."""
         self.problem = problem
         for machine in self.machines.values():
             machine.problem = problem
