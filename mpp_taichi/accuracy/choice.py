@@ -86,7 +86,10 @@ def _decide(study: Study, trials: Trials, target: float, asked: str | None) -> C
     quantity = study.quantity
     place = f"{study.problem.spec.source}: accuracy"
     if quantity is None:
-        raise StabilityError(f"{place}: nothing can be chosen for {target:g} of {asked or QUANTITIES[0]}: {study.reason}")
+        advice = ""
+        if study.problem.has_contacts and study.search.horizon is not None:
+            advice = "; shorten run.duration, or give a target for a quantity that keeps its meaning: accuracy: {of: …, below: …}"
+        raise StabilityError(f"{place}: nothing can be chosen for {target:g} of {asked or QUANTITIES[0]}: {study.reason}{advice}")
     best = min(trials.reached, key=lambda trial: trial.seconds, default=None) or as_run(study, target)
     if best is not None:
         configuration = best.configuration

@@ -7,7 +7,7 @@ from typing import Any
 
 from mpp_taichi import component
 from mpp_taichi.accuracy import force_solvers
-from mpp_taichi.accuracy.contact_methods import orders, solvers
+from mpp_taichi.accuracy.contact_methods import exact_solvers, flies_exactly, orders, solvers
 from mpp_taichi.accuracy.problem import AS_WRITTEN, Problem, defaults, with_integrator
 from mpp_taichi.accuracy.stretches import LOOKS as LOOKS
 from mpp_taichi.accuracy.stretches import Stretch, own_step
@@ -62,7 +62,7 @@ def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, StudyMetho
     """
     import_taichi()
     own = problem.own_method
-    if problem.has_contacts:
+    if problem.compares_solvers:
         return _contact_methods(problem, own)
     found = {own: _as_written(problem)} if own == AS_WRITTEN else {}
     own = problem.spec.integrator.name
@@ -72,17 +72,32 @@ def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, StudyMetho
         takes_steps = not declared.flags.get("flies") and any(parameter.name == "dt" for parameter in declared.parameters)
         if any(refused_friction(name, stretch.spec, stretch.particles) for stretch in problem.stretches):
             continue
-        if not takes_steps or (name != own and defaults(name) is None):
+        if not takes_steps or (name != own and defaults(name) is None) or not _goes_with_contacts(name, problem):
             continue
         made = [(with_integrator(each.spec, name, own_step(each.spec)), each.particles) for each in problem.stretches]
         if all(suits(spec, particles, layout) for (spec, particles), layout in zip(made, layouts)):
             found[name] = _method(problem, name)
+    if leads(problem) and all(flies_exactly(stretch.spec) for stretch in problem.stretches):
+        found |= {name: StudyMethod(name, 0, True, False, 1.0, 1, name) for name in exact_solvers()}
     for name in force_solvers.variants(problem.spec, problem.start, asked):
         integrator = force_solvers.split(name)[0]
         scenes = [with_integrator(each.spec, name, own_step(each.spec)) for each in problem.stretches]
         if integrator in found and all(map(force_solvers.allows_tree, scenes)):
             found[name] = replace(found[integrator], name=name)
     return found
+
+
+def leads(problem: Problem) -> bool:
+    """Whether contacts lead an adaptive method."""
+    contacts = [phase.spec.contacts for phase in problem.phases]
+    return any(each is not None and bool(each.solver.flag("contacts", "leads")) for each in contacts)
+
+
+def _goes_with_contacts(name: str, problem: Problem) -> bool:
+    """Whether an integrator goes with the contacts of the scene, where these are kept."""
+    if not problem.has_contacts:
+        return True
+    return bool(component.flag("integrators", name, "begins_anew" if leads(problem) else "moves_forward_alone"))
 
 
 def _contact_methods(problem: Problem, own: str) -> dict[str, StudyMethod]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mpp_taichi import component
 from mpp_taichi.accuracy import force_solvers
-from mpp_taichi.accuracy.contact_methods import with_solver
+from mpp_taichi.accuracy.contact_methods import exact_solvers, with_solver
 from mpp_taichi.accuracy.stretches import Stretch, own_step, stretches_of
 from mpp_taichi.component import REQUIRED
 from mpp_taichi.errors import SceneError
@@ -57,6 +57,11 @@ class Problem:
         """Whether spheres touch in any phase."""
         return any(phase.spec.contacts is not None for phase in self.phases)
 
+    @property
+    def compares_solvers(self) -> bool:
+        """Whether the methods of the problem are contact solvers; else integrators, with the scene's own contacts."""
+        return self.has_contacts and not any(_keeps_solver(phase.spec) for phase in self.phases)
+
     def shortened(self, span: float) -> "Problem":
         """The problem over the first part of its span."""
         return replace(self, span=span)
@@ -65,7 +70,7 @@ class Problem:
         """The whole scene with a method in every phase, by the steps of the scene's own setting."""
 
         def made(spec: SceneSpec) -> SceneSpec:
-            return with_integrator(spec, name, own_step(spec), by_contacts=self.has_contacts)
+            return with_integrator(spec, name, own_step(spec), by_contacts=self.compares_solvers)
 
         spec = self.spec
         return replace(made(spec), timeline=tuple(replace(event, scene=made(event.scene)) for event in spec.timeline))
@@ -81,7 +86,7 @@ class Problem:
 
         AS_WRITTEN where the phases differ in it, or in its parameters besides dt.
         """
-        if self.has_contacts:
+        if self.compares_solvers:
             named = [stretch.spec.contacts for stretch in self.stretches if stretch.spec.contacts is not None]
             found = [(each.solver.name, each.solver.parameters) for each in named]
         else:
@@ -125,6 +130,7 @@ def _digest(digest: Any, spec: SceneSpec, start: Snapshot, number: int) -> None:
         restitution = spec.contacts.solver.parameters.get("restitution")
         walls = [[wall.name, wall.parameters] for wall in spec.walls]
         rest += [restitution, [repr(pair) for pair in spec.contacts.pairs], walls]
+        rest += [spec.contacts.solver.name] if _keeps_solver(spec) else []
     digest.update(json.dumps(rest, sort_keys=True, default=str).encode())
 
 
@@ -135,8 +141,12 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
         SceneError: methods of different steps cannot be compared in this scene, or the scene has no duration.
     """
     place = spec.integrator.location
-    for scene in (spec, *(event.scene for event in spec.timeline)):
+    scenes = (spec, *(event.scene for event in spec.timeline))
+    for scene in scenes:
         _check_methods(scene)
+    kinds = {_keeps_solver(scene) for scene in scenes if scene.contacts is not None}
+    if len(kinds) > 1:
+        raise SceneError(f"{place}: accuracy compares contact solvers, or methods that lead contacts: a timeline has one of both")
     phases = phases_of(spec)
     for phase in phases:
         _check_direct_sums(phase.spec, phase.particles)
@@ -152,11 +162,6 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
 def _check_methods(spec: SceneSpec) -> None:
     """Refuse a scene, or a phase of it, whose methods cannot be compared."""
     place = spec.integrator.location
-    if merges(spec):
-        raise SceneError(f"{place}: accuracy does not measure scenes in which spheres merge")
-    if spec.contacts is not None and spec.contacts.solver.flag("contacts", "leads"):
-        name, solver = spec.integrator.name, spec.contacts.solver.name
-        raise SceneError(f"{place}: accuracy compares steps, and {solver} contacts use the steps of {name}: vary its tolerance")
     if "dt" not in spec.integrator.parameters:
         raise SceneError(f"{place}: accuracy compares steps, and {spec.integrator.name} has no dt")
 
@@ -183,13 +188,20 @@ def with_integrator(spec: SceneSpec, name: str, dt: float, *, by_contacts: bool 
     own = spec.integrator
     if name == AS_WRITTEN:
         return replace(spec, integrator=replace(own, parameters={**own.parameters, "dt": dt}), accuracy=None)
-    if spec.contacts is not None or by_contacts:
+    if by_contacts is None:
+        by_contacts = spec.contacts is not None and not _keeps_solver(spec)
+    if by_contacts or name in exact_solvers():
         return replace(with_solver(spec, name, dt), accuracy=None)
     name, tree_accuracy = force_solvers.split(name)
     spec = force_solvers.with_force_solver(spec, tree_accuracy)
     given = own.parameters if own.name == name else defaults(name)
     assert given is not None
     return replace(spec, integrator=ComponentSpec(name, {**given, "dt": dt, **chosen}, own.location), accuracy=None)
+
+
+def _keeps_solver(spec: SceneSpec) -> bool:
+    """Whether contacts go with integrators that are compared: of a solver that leads an adaptive method, or that merges."""
+    return spec.contacts is not None and (merges(spec) or bool(spec.contacts.solver.flag("contacts", "leads")))
 
 
 def defaults(name: str) -> dict | None:

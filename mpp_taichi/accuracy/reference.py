@@ -87,8 +87,14 @@ class ReferenceSolution:
 
 
 def distance(one: np.ndarray, other: np.ndarray, size: float) -> tuple[float, float]:
-    """Largest and root mean square distance of particles, relative to `size`."""
-    apart = np.linalg.norm(one - other, axis=-1) / size
+    """Largest and root mean square distance of particles, relative to `size`.
+
+    Of spheres that merge, the distance of those that are left; infinite where other spheres have merged in the two runs.
+    """
+    gone = np.isnan(one[:, 0])
+    if not (np.array_equal(gone, np.isnan(other[:, 0])) and np.array_equal(one[gone, 1], other[gone, 1])):
+        return math.inf, math.inf
+    apart = np.linalg.norm(one[~gone] - other[~gone], axis=-1) / size
     return float(apart.max()), float(np.sqrt(np.mean(apart**2)))
 
 

@@ -16,7 +16,7 @@ from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.chaos import Chaos
 from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.families import meets
-from mpp_taichi.accuracy.methods import LOOKS, StudyMethod, first_steps, for_reference
+from mpp_taichi.accuracy.methods import LOOKS, StudyMethod, first_steps, for_reference, leads
 from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.reference import Convergence, ReferenceSolution, converge
 from mpp_taichi.accuracy.sample import Configuration, Sample
@@ -93,7 +93,8 @@ class ReferenceSearch:
             share = f"{self._share:.0%} of the budget"
             self.tell(f"the reference needs more than {share}: up to {MOST_BUDGETS:g} budgets are spent to find it")
             with self.budget.beyond(MOST_BUDGETS, self._share):
-                if not ((self.wished is None and self._by_adaptive(bench)) or self._by_chaos(bench)):
+                settled = (self.wished is None or leads(self.problem)) and self._by_adaptive(bench)
+                if not (settled or self._by_chaos(bench) or leads(self.problem)):
                     self._halve(bench, share=1.0)
         if self.reference is not None and self.reference.integrator not in exact_solvers():
             self._take(self._finer(bench, self.reference))
@@ -140,7 +141,7 @@ class ReferenceSearch:
         while (found := flight_reference.fly(machine, self.budget)) is not None:
             reference, sample = found
             part = WELL_BEFORE * reference.meaning if reference.meaning else self.problem.span / LOOKS
-            if reference.trusted or sample.evaluations < FEWEST_COLLISIONS:
+            if reference.trusted or sample.evaluations < FEWEST_COLLISIONS or self.aim is not None:
                 break
             self._look_at(bench, self.problem.shortened(part))
         if found is not None and not reference.trusted:
@@ -161,6 +162,8 @@ class ReferenceSearch:
         Where bodies may meet closely, equal steps converge late: there an adaptive method that compiles fast comes first.
         """
         with contextlib.suppress(OutOfTime):
+            if leads(self.problem):
+                return self._by_adaptive(bench)
             if self.wished is None and meets(self.problem) and self._by_adaptive(bench, quick=True):
                 return True
             # However long the compiler took, some time must be left to halve a step twice.
@@ -181,6 +184,8 @@ class ReferenceSearch:
             if found is not None and (found.positions_mean_something or found.horizon is not None):
                 self._take(found)
                 return True
+            if found is not None and self.reference is None and leads(self.problem):  # there is no other way to a reference
+                self._take(found)
         return False
 
     def _by_chaos(self, bench: Workbench) -> bool:
@@ -248,7 +253,7 @@ class ReferenceSearch:
 
     def _halved_machine(self, bench: Workbench) -> tuple[Machine, int]:
         """The most promising method that the scene allows, and its first number of steps."""
-        promising = [self._own] if self.problem.has_contacts else for_reference(self.methods)
+        promising = [self._own] if self.problem.compares_solvers else for_reference(self.methods)
         if self.wished is not None:
             promising = [self.methods[self.wished]]
         for method in promising:

@@ -45,7 +45,8 @@ class Sample:
     status        "ok"; "diverged" or "refused", and `reason` says why
     seconds       of the steps without samples on a quiet machine, see StepClock; one number for each repeat
     energy_errors over the run, one for each of `times`
-    end           positions at the end, (particle_count, 3) [length]; None for a run that did not reach the end
+    end           positions at the end, (particle_count, 3) [length]; None for a run that did not reach the end. A sphere that
+                  has become a part of sphere k has nan, k, nan
     """
 
     configuration: Configuration

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from mpp_taichi import component
+from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.problem import Problem, with_integrator
 from mpp_taichi.accuracy.stretches import legs
 from mpp_taichi.scene import overrides
@@ -31,7 +32,7 @@ def settled(spec: SceneSpec, method: str, dt: float, span: float, asked: Mapping
     if not asked and not _flies(problem, method):
         steps |= {leg.stretch.number: leg.dt for leg in legs(problem.stretches, round(span / dt))}
     parts = [
-        with_integrator(phase.spec, method, steps[number], by_contacts=problem.has_contacts, **asked)
+        with_integrator(phase.spec, method, steps[number], by_contacts=problem.compares_solvers, **asked)
         for number, phase in enumerate(phases)
     ]
     events = []
@@ -44,7 +45,7 @@ def settled(spec: SceneSpec, method: str, dt: float, span: float, asked: Mapping
 
 
 def _flies(problem: Problem, method: str) -> bool:
-    return problem.has_contacts and bool(component.flag("contacts", method, "flies"))
+    return problem.has_contacts and method in exact_solvers()
 
 
 def _key(path: str) -> str:

@@ -140,12 +140,14 @@ class Study:
         """The quantity that is compared, or None where nothing can be compared.
 
         Energies where the wishes say so, or where they name no quantity and a time before the end was found at which positions
-        lose their meaning; else positions, once their reference is known.
+        lose their meaning; else positions, once their reference is known. Nothing takes the place of the positions for which a
+        scene with contacts has a target: its energy does not tell how well contacts are found.
         """
         asked = self.wishes.quantity
         if asked != "energy" and self.reference is not None and self.reference.positions_mean_something:
             return "position"
-        by_energy = asked == "energy" or (asked is None and self.search.horizon is not None)
+        may = asked is None and not (self.problem.has_contacts and self.wishes.aim is not None)
+        by_energy = asked == "energy" or (may and self.search.horizon is not None)
         return "energy" if by_energy and self.conserves_energy else None
 
     @property
@@ -159,6 +161,9 @@ class Study:
             return "the budget ended before the first run was done"
         if reference.positions_mean_something:
             return "positions at the end are known" if asked is None else "positions were asked for"
+        if horizon is not None and self.problem.has_contacts:
+            because = "every collision enlarges the errors of rounding"
+            return f"positions mean nothing beyond t = {horizon:.4g}, before the end, since {because}{kept if asked is None else ''}"
         if horizon is not None:
             return f"positions mean nothing beyond t = {horizon:.4g}, before the end{kept if asked is None else ''}"
         return f"the budget ended before the reference was known ({reference.told}); a longer budget goes on"
@@ -279,11 +284,12 @@ class Study:
         """The wanted methods; else all methods, implicit methods only where springs or drag limit the steps of others."""
         if self.wishes.integrators is not None:
             return [name for name in self.methods if name in self.wishes.integrators]
-        if self.problem.has_contacts:
+        if self.problem.compares_solvers:
             return [name for name in self.methods if name not in exact_solvers()]
         is_stiff = any(method.fewest_steps > 1 for method in self.methods.values())
         least = 1 if self.wishes.aim is None else 2
-        suits = [name for name, method in self.methods.items() if (is_stiff or not method.implicit) and method.order >= least]
+        stepped = {name: method for name, method in self.methods.items() if name not in exact_solvers()}
+        suits = [name for name, method in stepped.items() if (is_stiff or not method.implicit) and method.order >= least]
         return list(dict.fromkeys((self.own.name, *suits)))
 
     def _best_names(self) -> list[str]:

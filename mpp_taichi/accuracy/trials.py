@@ -5,6 +5,7 @@ import statistics
 from dataclasses import dataclass
 
 from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.front import QUANTITIES, StudyRow
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.offers import Offer, offers_for
@@ -82,10 +83,16 @@ def as_run(study: Study, target: float) -> Trial | None:
         made, seconds, error = row.sample.configuration, row.seconds, row.error(quantity)
         ok = row.sample.status == "ok" and made.integrator in names and (made.backend, made.precision) in study.wishes.devices
         if ok and seconds is not None and error.bound <= allowed and (best is None or seconds < best.seconds):
-            dt = study.whole / LOOKS_OF_ADAPTIVE if made.tolerance is not None else study.problem.span / made.steps
+            dt = _step(study, made)
             offer = Offer(made.integrator, made.precision, made.backend, made.fineness, seconds)
             best = Trial(offer, made, dt, error, seconds)
     return best
+
+
+def _step(study: Study, configuration: Configuration) -> float:
+    """The step of the run for which a setting is chosen [time]; of a method that needs none, the time between two samples."""
+    needs_none = configuration.tolerance is not None or configuration.integrator in exact_solvers()
+    return study.whole / LOOKS_OF_ADAPTIVE if needs_none else study.problem.span / configuration.steps
 
 
 def _is_candidate(study: Study, row: StudyRow, bench: Workbench) -> bool:
@@ -108,7 +115,7 @@ def try_offer(study: Study, bench: Workbench, offer: Offer, allowed: float) -> T
         sample, _ = machine.run(configuration, budget)
         error = study.error(sample, quantity)
         if sample.status == "ok" and error.bound <= allowed:
-            dt = study.whole / LOOKS_OF_ADAPTIVE if method.adaptive else study.problem.span / steps
+            dt = _step(study, configuration)
             if reached is None or fineness < reached[0]:
                 seconds = statistics.median(machine.time(configuration, budget) for _ in range(REPEATS))
                 reached = fineness, Trial(offer, configuration, dt, error, seconds)

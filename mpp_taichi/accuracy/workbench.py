@@ -6,7 +6,7 @@ at a time: a workbench of another precision ends the present workbench.
 
 import time as clock
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -153,7 +153,7 @@ class Machine:
             if sample.status != "ok":
                 break
         else:
-            sample.end = position
+            sample.end = self._end(position)
             sample.seconds.append(seconds)
         if self._is_adaptive:
             sample.dt = self.problem.span / max(1, own_steps)
@@ -344,6 +344,19 @@ class Machine:
                     return seconds, iterations, False
         return seconds, iterations, True
 
+    def _end(self, position: np.ndarray) -> np.ndarray:
+        """Positions at the end [length]; a sphere that is a part of sphere k has the entries nan, k, nan."""
+        state = self.simulation.state
+        if not state.merges:
+            return position
+        into, end = state.read_spheres(self.problem.start)["merged_into"], position.copy()
+        for number in np.flatnonzero(into >= 0):
+            last = into[number]
+            while into[last] >= 0:
+                last = into[last]
+            end[number] = np.nan, last, np.nan
+        return end
+
     def _followed(self) -> np.ndarray:
         return followed(self.problem)
 
@@ -351,6 +364,8 @@ class Machine:
         position, velocity = self.simulation.state.read()
         particles = self.problem.phases[self.simulation.phase_number].particles
         there = particles.moved(position=position, velocity=velocity, time=time, step=step)
+        if self.simulation.state.merges:
+            there = replace(there, **self.simulation.state.read_spheres(particles))
         with np.errstate(over="ignore", invalid="ignore"):
             return self._energy_meter().mechanics(there, time), position
 

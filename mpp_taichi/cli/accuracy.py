@@ -73,7 +73,7 @@ def execute(arguments: argparse.Namespace) -> int:
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
     asked = None if spec.accuracy is None else spec.accuracy.quantity
     problem = pose(spec, arguments.until)
-    wishes = _wishes(arguments, "contacts" if problem.has_contacts else "integrators", asked)
+    wishes = _wishes(arguments, "contacts" if problem.compares_solvers else "integrators", asked)
     from mpp_taichi.cli._signals import Interrupted, Interruption
     from mpp_taichi.recorders._lock import OutputLock
 
