@@ -12,7 +12,7 @@ The bar is trusted only where d was seen to fall, or is at the level of round-of
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -106,6 +106,8 @@ def size_of(trace: Trace) -> float:
 def lost_at(coarse: Trace, fine: Trace, size: float) -> float | None:
     """Time until which two runs differ by less than MEANING of the size; None if they do to the end."""
     every = (len(fine.times) - 1) // (len(coarse.times) - 1)  # a run of few steps has fewer samples
+    if len(fine.times[::every]) != len(coarse.times) or not np.allclose(fine.times[::every], coarse.times):
+        return None  # samples at other times cannot be compared
     apart = np.linalg.norm(coarse.position - fine.position[::every], axis=-1).max(axis=1) / size
     lost = np.flatnonzero(~(apart < MEANING))
     return float(coarse.times[max(0, lost[0] - 1)]) if len(lost) else None
@@ -131,6 +133,10 @@ class Convergence:
         if self.runs:
             self.differences.append(distance(_end(self.runs[-1]), _end((sample, trace)), self.size))
         self.runs.append((sample, trace))
+
+    def refine(self) -> None:
+        """Go on with half the step."""
+        self.next_steps *= 2
 
     @property
     def is_enough(self) -> bool:
@@ -203,8 +209,28 @@ class Convergence:
         return longest if self.differences else None
 
 
+class Refinement(Protocol):
+    """Runs with ever shorter steps, of which the best gives the reference."""
+
+    runs: list[tuple[Sample, Trace]]
+    next_steps: int
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether finer runs would show nothing new."""
+
+    def add(self, sample: Sample, trace: Trace) -> None:
+        """Add the next run."""
+
+    def refine(self) -> None:
+        """Go on with a shorter step."""
+
+    def reference(self) -> ReferenceSolution:
+        """The best run so far, with its bar."""
+
+
 def converge(
-    convergence: Convergence,
+    convergence: Refinement,
     machine: Machine,
     budget: Budget,
     *,
@@ -224,7 +250,7 @@ def converge(
         add(sample)
         if trace is not None:
             convergence.add(sample, trace)
-        convergence.next_steps *= 2
+        convergence.refine()
 
 
 def _end(run: tuple[Sample, Trace]) -> np.ndarray:

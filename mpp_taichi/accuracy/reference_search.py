@@ -18,8 +18,9 @@ from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.families import meets
 from mpp_taichi.accuracy.methods import LOOKS, StudyMethod, first_steps, for_reference, leads
 from mpp_taichi.accuracy.problem import Problem
-from mpp_taichi.accuracy.reference import Convergence, ReferenceSolution, converge
+from mpp_taichi.accuracy.reference import Convergence, ReferenceSolution, Refinement, converge
 from mpp_taichi.accuracy.sample import Configuration, Sample
+from mpp_taichi.accuracy.scattered_convergence import ScatteredConvergence
 from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.sweep import timed
 from mpp_taichi.accuracy.workbench import Machine, Workbench
@@ -68,7 +69,7 @@ class ReferenceSearch:
         self.reference: ReferenceSolution | None = None
         self.chaos: Chaos | None = None
         self.conserves_energy = False
-        self._runs: tuple[Machine, Convergence] | None = None
+        self._runs: tuple[Machine, Refinement] | None = None
         self._share = SHARE
         self._tried: set[str] = set()
         self._lyapunov_is_trusted = False
@@ -213,7 +214,8 @@ class ReferenceSearch:
             known = self.store.notes.get("reference")
             if known is not None and known["integrator"] == machine.name:
                 steps = max(steps, known["steps"] // 2)
-            self._runs = machine, Convergence(machine.order, steps, enough=0.0 if self.aim is None else self._enough)
+            kind = ScatteredConvergence if self.problem.has_contacts else Convergence
+            self._runs = machine, kind(machine.order, steps, enough=0.0 if self.aim is None else self._enough)
         machine, runs = self._runs
         try:
             converge(runs, machine, self.budget, share=share, add=lambda sample: self._add(machine, sample))
