@@ -146,7 +146,9 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
         _check_methods(scene)
     kinds = {_keeps_solver(scene) for scene in scenes if scene.contacts is not None}
     if len(kinds) > 1:
-        raise SceneError(f"{place}: accuracy compares contact solvers, or methods that lead contacts: a timeline has one of both")
+        raise SceneError(
+            f"{place}: accuracy compares contact solvers, or methods that lead contacts: a timeline has one of both"
+        )
     phases = phases_of(spec)
     for phase in phases:
         _check_direct_sums(phase.spec, phase.particles)

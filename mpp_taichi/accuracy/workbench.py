@@ -136,7 +136,9 @@ class Machine:
             OutOfTime: the budget ended first.
         """
         parts = legs(self.problem.stretches, configuration.steps)
-        sample = Sample(configuration, self.problem.span / sum(leg.steps for leg in parts), compile_seconds=self.compile_seconds)
+        sample = Sample(
+            configuration, self.problem.span / sum(leg.steps for leg in parts), compile_seconds=self.compile_seconds
+        )
         self._tolerance = configuration.tolerance
         trace, looks, places = Trace(np.zeros(0), np.zeros(0)), [], []
         seconds, evaluations, own_steps = 0.0, 0.0, 0

@@ -123,8 +123,10 @@ def test_phases_with_methods_of_their_own_are_run_as_written_and_by_each_method(
     scene["timeline"][2]["set"] = {"forces.newtonian_gravity.strength": 2, "integrator": {"rk4": {"dt": 0.005}}}
     problem = pose(load_scene(scene))
     assert problem.own_method == AS_WRITTEN
-    names = [[each.integrator.name for each in (made, *(event.scene for event in made.timeline))] for made in map(
-        problem.with_method, (AS_WRITTEN, "pefrl"))]
+    names = [
+        [each.integrator.name for each in (made, *(event.scene for event in made.timeline))]
+        for made in map(problem.with_method, (AS_WRITTEN, "pefrl"))
+    ]
     assert names == [["leapfrog"] * 3 + ["rk4"], ["pefrl"] * 4]
     store_free = machine_of(scene, AS_WRITTEN)
     sample, _ = store_free.run(store_free.configuration(problem.own_steps), Budget(1e9))
