@@ -18,7 +18,7 @@ METHOD_KEYS = ("integrator", "contacts")
 """Keys of a scene that hold its methods; events of a timeline may set them, and the choice replaces what they set."""
 
 
-def settled(spec: SceneSpec, method: str, dt: float, span: float, asked: Mapping[str, float]) -> SceneSpec:
+def settled(spec: SceneSpec, method: str, dt: float, span: float, asked: Mapping[str, Any]) -> SceneSpec:
     """The scene with a method and the parameters `asked` of it, without a target; `dt` is the mean step of a run of `span`.
 
     In every phase of a timeline the step is the length of the phase over a whole number of steps, as in the pilot runs.
@@ -36,7 +36,7 @@ def settled(spec: SceneSpec, method: str, dt: float, span: float, asked: Mapping
         for number, phase in enumerate(phases)
     ]
     events = []
-    for event, phase, part in zip(spec.timeline, phases[1:], parts[1:], strict=True):
+    for event, part in zip(spec.timeline, parts[1:], strict=True):
         kept = {path: value for path, value in event.changes.items() if _key(path) not in METHOD_KEYS}
         gone = {"contacts": None} if problem.has_contacts else {}
         events.append(replace(event, scene=part, changes={**kept, **gone, **_entries(part)}))

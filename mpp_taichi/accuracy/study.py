@@ -162,8 +162,8 @@ class Study:
         if reference.positions_mean_something:
             return "positions at the end are known" if asked is None else "positions were asked for"
         if horizon is not None and self.problem.has_contacts:
-            because = "every collision enlarges the errors of rounding"
-            return f"positions mean nothing beyond t = {horizon:.4g}, before the end, since {because}{kept if asked is None else ''}"
+            because = "since every collision enlarges the errors of rounding"
+            return f"positions mean nothing beyond t = {horizon:.4g}, before the end, {because}{kept if asked is None else ''}"
         if horizon is not None:
             return f"positions mean nothing beyond t = {horizon:.4g}, before the end{kept if asked is None else ''}"
         return f"the budget ended before the reference was known ({reference.told}); a longer budget goes on"
