@@ -260,7 +260,7 @@ class Machine:
         follow: bool,
         is_first: bool,
     ) -> tuple[float, int, np.ndarray]:
-        """The steps of a leg with its samples: seconds, iterations of the solver or collisions, and the positions at the end."""
+        """The steps of a leg with its samples: seconds, iterations of the solver or collisions, positions at the end."""
         seconds, solver_steps, position = 0.0, 0, self.problem.start.position
         for before, stop in zip((0, *leg.stops), leg.stops):
             try:
