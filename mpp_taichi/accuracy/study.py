@@ -321,7 +321,7 @@ class Study:
 
     @property
     def _needs_whole(self) -> bool:
-        """Whether a target can be reached only in the whole run: contacts and later phases do not follow from its first part."""
+        """Whether a target is only for the whole run: contacts and later phases do not follow from its first part."""
         return self.wishes.aim is not None and (self.problem.has_contacts or len(self.problem.stretches) > 1)
 
     def _sweep(self, bench: Workbench, names: list[str], *, begin: float, end: float) -> None:
