@@ -41,28 +41,29 @@ from work_precision_ours import our_runs  # noqa: E402
 from work_precision_page import page, picture  # noqa: E402
 from work_precision_problems import PROBLEMS  # noqa: E402
 
-ONCE = 1.0  # seconds: a run that takes longer is not repeated, since it varies little
+ONCE = 0.5  # seconds: a run that takes longer is not repeated, since it varies little
 DEAREST = 20.0  # seconds: a contender has no further runs after a run that takes longer
 
 
-def measure(problem, repeats):
-    """{contender: [(label, error, median of seconds)]}."""
+def measure(problem, repeats, keep):
+    """{contender: [(label, error, median of seconds)]}; `keep` is called with it after each turn of all runs."""
     runs, found = {**our_runs(problem), **other_runs(problem)}, {}
     for _ in range(repeats):
         for contender, entries in runs.items():
             for label, run in entries:
                 row = found.setdefault((contender, label), {"seconds": []})
                 if row["seconds"] and min(row["seconds"]) > ONCE:
-                    if min(row["seconds"]) > DEAREST:
-                        break
                     continue
                 positions, seconds = run()
                 row["error"] = max(float(problem.error(positions)), problem.bar)
                 row["seconds"].append(seconds)
-    table = {}
-    for (contender, label), row in found.items():
-        if row["seconds"]:
-            table.setdefault(contender, []).append((label, row["error"], float(np.median(row["seconds"]))))
+                if seconds > DEAREST:
+                    break
+        table = {}
+        for (contender, label), row in found.items():
+            if row["seconds"]:
+                table.setdefault(contender, []).append((label, row["error"], float(np.median(row["seconds"]))))
+        keep(table)
     return table
 
 
@@ -98,11 +99,16 @@ def main():
         warnings.filterwarnings("ignore", module="rebound")  # of coarse runs: their errors are in the table
         for name in options.problems:
             problem, began = PROBLEMS[name](), time.monotonic()
-            results[name] = {"title": problem.name, "bar": problem.bar, "runs": measure(problem, options.repeats)}
+
+            def keep(table, name=name, problem=problem):
+                results[name] = {"title": problem.name, "bar": problem.bar, "runs": table}
+                if options.json:
+                    text = json.dumps({"machine": machine(), "results": results}, indent=1)
+                    options.json.write_text(text, encoding="utf-8")
+
+            measure(problem, options.repeats, keep)
             show(results[name])
             print(f"measured in {time.monotonic() - began:.0f} s", flush=True)
-            if options.json:
-                options.json.write_text(json.dumps({"machine": machine(), "results": results}, indent=1), encoding="utf-8")
     results = {name: results[name] for name in PROBLEMS if name in results}
     if options.earlier:
         for result in results.values():

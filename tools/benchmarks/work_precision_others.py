@@ -3,7 +3,7 @@
 import time
 
 import numpy as np
-from work_precision_ladder import HALF_DECADES, step_counts, warm
+from work_precision_ladder import step_counts, warm
 
 # Of REBOUND: integrator, its attributes, evaluations of the force in a step, 0 where it chooses its steps.
 REBOUND = {
@@ -21,6 +21,8 @@ REBOUND_CONTROLS = {
     "ias15": ("epsilon", 10.0 ** -np.arange(3.0, 10.0, 0.5)),
     "bs": ("eps_rel", 10.0 ** -np.arange(4.0, 16.0)),
 }
+# Its order ⌈1 − ½ ln ε⌉ follows from the tolerance, its step from the order: one tolerance for each of the orders 4 … 20.
+HEYOKA_TOLERANCES = 1.001 * np.exp(-2.0 * (np.arange(4.0, 21.0) - 1.0))
 SCIPY_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-14)
 
 
@@ -158,4 +160,4 @@ def heyoka_runs(problem):
 
         return run
 
-    return [(f"taylor {tolerance:g}", runner(tolerance)) for tolerance in HALF_DECADES[2:]]
+    return [(f"taylor {tolerance:.3g}", runner(tolerance)) for tolerance in HEYOKA_TOLERANCES]

@@ -35,7 +35,7 @@ class Problem:
     stiffness: float = 0.0
     rest_length: float = 0.0
     held: np.ndarray | None = None
-    finest: float = 3e6
+    finest: float = 1e6
 
     def __post_init__(self):
         """With the reference, and its own error."""
@@ -159,10 +159,11 @@ def drum():
     links = [(index[r, c], index[r + dr, c + dc]) for r in range(side) for c in range(side) for dr, dc in ((0, 1), (1, 0))
              if r + dr < side and c + dc < side and (inside[r, c] or inside[r + dr, c + dc])]  # fmt: skip
     kept = ~corner
-    x = np.stack([column[kept], row[kept], np.zeros(kept.sum())], axis=1).astype(float) - (side - 1) / 2
+    middle = (side - 1) / 2
+    x = np.stack([column[kept] - middle, row[kept] - middle, np.zeros(kept.sum())], axis=1)
     held, v = ~inside[kept], np.zeros((kept.sum(), 3))
     away = (x[~held] - [0.7, -1.1, 0.0]) ** 2
-    v[~held] = np.exp(-away.sum(1) / 2.0)[:, None] * [0.2, 0.1, 0.5]
+    v[~held] = np.exp(-away.sum(1) / 2.0)[:, None] * [0.4, 0.2, 1.5]
     slowest = math.sqrt(8 * (1 - 1 / 1.5)) * math.sin(math.pi / (2 * (DRUM + 1)))
     name = f"drum of {len(links)} springs, 20 periods"
     return Problem(
