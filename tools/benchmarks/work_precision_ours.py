@@ -28,12 +28,11 @@ ADAPTIVE = {
     "adaptive_dop853": ("adaptive_dop853", {}, "tolerance", 10.0 ** -np.arange(3.0, 15.0)),
     "ias15": ("ias15", {}, "epsilon", 10.0 ** -np.arange(3.0, 10.0, 0.5)),
     "taylor": ("taylor", {}, "tolerance", HALF_DECADES),
-    "taylor 6": ("taylor", {"order": 6}, "tolerance", HALF_DECADES[:11]),
-    "taylor 8": ("taylor", {"order": 8}, "tolerance", HALF_DECADES[:13]),
-    "taylor 12": ("taylor", {"order": 12}, "tolerance", HALF_DECADES[:17]),
+    "taylor 9": ("taylor", {"order": 9}, "tolerance", HALF_DECADES[:13]),
+    "taylor 13": ("taylor", {"order": 13}, "tolerance", HALF_DECADES[:17]),
     "taylor 28": ("taylor", {"order": 28}, "tolerance", HALF_DECADES[13:]),
 }
-FOR_GRAVITY = ("adaptive_leapfrog", "taylor", "taylor 6", "taylor 8", "taylor 12", "taylor 28")
+FOR_GRAVITY = ("adaptive_leapfrog", "taylor", "taylor 9", "taylor 13", "taylor 28")
 
 
 def our_runs(problem):
