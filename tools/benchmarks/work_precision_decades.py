@@ -63,27 +63,26 @@ def show(result):
 
 
 def markdown(results):
-    """The table of all problems: time of ours in milliseconds, and in parts of the fastest other program's time."""
+    """The table of all problems: our time and the fastest other program's in milliseconds; bold where we are behind."""
     lines = [
         "| error | " + " | ".join(result["title"] for result in results.values()) + " |",
         "|---" * (len(results) + 1) + "|",
     ]
     columns = [compare(result) for result in results.values()]
     for k, rows in zip(DECADES, zip(*columns)):
-        lines.append(
-            f"| 10⁻{str(k).translate(str.maketrans('0123456789', '⁰¹²³⁴⁵⁶⁷⁸⁹'))} | " + " | ".join(map(_cell, rows)) + " |"
-        )
+        power = str(k).translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
+        lines.append(f"| 10⁻{power} | " + " | ".join(map(_cell, rows)) + " |")
     return "\n".join(lines) + "\n"
 
 
 def _cell(row):
-    if not row.ours:
-        return "not reached" + (f"; {row.program} {1e3 * row.other[2]:.3g} ms" if row.other else "")
-    own = f"{1e3 * row.ours[2]:.2g} ms, `{row.ours[0].split()[0]}`"
-    if not row.other:
-        return own + "; others do not reach it"
-    ratio = f"{row.ratio:.2f} × {row.program}"
-    return f"{own}; " + (ratio if row.ahead else f"**{ratio}**")
+    own = f"{1e3 * row.ours[2]:#.2g}".rstrip(".") if row.ours else "–"
+    name = {"rebound": "REBOUND", "scipy": "SciPy"}.get(row.program.split(" ")[0], row.program.split(" ")[0])
+    method = {"whfast": " WHFast", "saba": " SABA", "ias15": " IAS15", "leapfrog": " leapfrog", "bs": " BS"}
+    kind = "".join(method.get(word, "") for word in row.program.split(" ")[1:2])
+    other = f"{1e3 * row.other[2]:#.2g}".rstrip(".") + f" {name}{kind}" if row.other else "–"
+    cell = f"{own} : {other}"
+    return cell if row.ahead else f"**{cell}**"
 
 
 def summary(results):

@@ -8,22 +8,22 @@ from headless_browser import HeadlessBrowser
 from work_precision_ours import is_ours
 
 COLUMNS, PANEL = 3, 520
-# One curve for all methods of a kind: the front of their runs.
+# One curve for all methods of a kind, the front of their runs: colour and marker by number, and which contenders belong to it.
 CURVES = {
-    "our methods": is_ours,
-    "REBOUND leapfrog, 2 and 8": lambda name: "rebound leapfrog" in name,
-    "REBOUND WHFast and SABA": lambda name: "whfast" in name or "saba" in name,
-    "REBOUND Bulirsch–Stoer": lambda name: name == "rebound bs",
-    "REBOUND IAS15": lambda name: name == "rebound ias15",
-    "SciPy DOP853": lambda name: name == "scipy dop853",
-    "heyoka, Taylor": lambda name: name == "heyoka",
+    "our methods": (0, is_ours),
+    "heyoka, Taylor": (2, lambda name: name == "heyoka"),
+    "REBOUND leapfrog, orders 2 and 8": (1, lambda name: "rebound leapfrog" in name),
+    "REBOUND WHFast and SABA": (7, lambda name: "whfast" in name or "saba" in name),
+    "REBOUND Bulirsch–Stoer": (3, lambda name: name == "rebound bs"),
+    "REBOUND IAS15": (4, lambda name: name == "rebound ias15"),
+    "SciPy DOP853": (5, lambda name: name == "scipy dop853"),
 }
 STYLE = (
     f"body {{ max-width: none; width: {COLUMNS * PANEL}px; margin: 0; padding: 12px; background: #fff }}"
     "body { display: flex; flex-wrap: wrap }"
     f"section {{ width: {PANEL - 12}px; margin: 0 6px 8px }} h2 {{ font-size: 17px; margin: 0 0 0 56px }}"
     "ul.legend { width: 100%; justify-content: center; font-size: 16px; margin: 4px 0 10px }"
-    "svg .tick { font-size: 13px } svg .label { font-size: 14px } section svg polyline { stroke-width: 2 }"
+    "svg .tick { font-size: 14px !important } svg .label { font-size: 15px !important } svg polyline { stroke-width: 2 }"
 )
 
 
@@ -42,12 +42,12 @@ def page(results):
     from mpp_taichi.accuracy.report import style_sheet
     from mpp_taichi.accuracy.svg import Plot, PlotMark, Series, draw, marker
 
-    keys = "".join(f'<li><svg viewBox="0 0 26 14">{marker(k, 13, 7)}</svg>{name}</li>' for k, name in enumerate(CURVES))
+    keys = "".join(f'<li><svg viewBox="0 0 26 14">{marker(k, 13, 7)}</svg>{name}</li>' for name, (k, _) in CURVES.items())
     parts = [f"<!doctype html><meta charset='utf-8'><title>Work and precision</title><style>{style_sheet()}{STYLE}</style>"]
     parts.append(f"<ul class='legend'>{keys}</ul>")
     for result in results.values():
         series = []
-        for k, (name, belongs) in enumerate(CURVES.items()):
+        for name, (k, belongs) in CURVES.items():
             rows = front(
                 row for contender, rows in result["runs"].items() if belongs(contender) for row in rows if row[1] <= 1.0
             )
