@@ -69,6 +69,25 @@ class Trials:
                 tried += 1
 
 
+def as_run(study: Study, target: float) -> Trial | None:
+    """The fastest run of the study that reaches a target as it is; None where none does.
+
+    Where the error of the reference is a large part of the target, no step can be interpolated, yet the run of the reference
+    itself may reach the target, as its error is at most its bar.
+    """
+    quantity = study.quantity or QUANTITIES[0]
+    allowed, names = study.allowed(target, quantity), study.wishes.integrators or study.methods
+    best: Trial | None = None
+    for row in study.rows():
+        made, seconds, error = row.sample.configuration, row.seconds, row.error(quantity)
+        ok = row.sample.status == "ok" and made.integrator in names and (made.backend, made.precision) in study.wishes.devices
+        if ok and seconds is not None and error.bound <= allowed and (best is None or seconds < best.seconds):
+            dt = study.whole / LOOKS_OF_ADAPTIVE if made.tolerance is not None else study.problem.span / made.steps
+            offer = Offer(made.integrator, made.precision, made.backend, made.fineness, seconds)
+            best = Trial(offer, made, dt, error, seconds)
+    return best
+
+
 def _is_candidate(study: Study, row: StudyRow, bench: Workbench) -> bool:
     """Whether a run was made on a workbench, with a method that may be chosen; runs of the reference are in the store too."""
     configuration = row.sample.configuration
