@@ -1,5 +1,6 @@
 """The decades of benchmark_work_precision.py: the fastest run of ours beside the fastest of the other programs."""
 
+import math
 from dataclasses import dataclass
 
 from work_precision_ours import is_ours
@@ -76,13 +77,19 @@ def markdown(results):
 
 
 def _cell(row):
-    own = f"{1e3 * row.ours[2]:#.2g}".rstrip(".") if row.ours else "–"
+    own = _milliseconds(row.ours[2]) if row.ours else "–"
     name = {"rebound": "REBOUND", "scipy": "SciPy"}.get(row.program.split(" ")[0], row.program.split(" ")[0])
     method = {"whfast": " WHFast", "saba": " SABA", "ias15": " IAS15", "leapfrog": " leapfrog", "bs": " BS"}
     kind = "".join(method.get(word, "") for word in row.program.split(" ")[1:2])
-    other = f"{1e3 * row.other[2]:#.2g}".rstrip(".") + f" {name}{kind}" if row.other else "–"
+    other = f"{_milliseconds(row.other[2])} {name}{kind}" if row.other else "–"
     cell = f"{own} : {other}"
     return cell if row.ahead else f"**{cell}**"
+
+
+def _milliseconds(seconds):
+    """With two digits, or the digits before the point."""
+    value = 1e3 * seconds
+    return f"{value:.{max(0, 1 - math.floor(math.log10(value)))}f}"
 
 
 def summary(results):
