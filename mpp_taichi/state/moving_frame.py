@@ -56,11 +56,12 @@ class MovingFrame:
 
     def later(self, steps: int, dt: float) -> "MovingFrame":
         """The frame after so many steps of the length `dt`."""
-        length = product_in_two(float(steps), float(dt))
+        high, low = product_in_two(float(steps), float(dt))
         if len(self.elapsed) == 1:  # floats: small arrays take longer than the steps of a short launch
-            elapsed = np.array([_sum_in_two(*self.elapsed[0].tolist(), *length)])
+            earlier, rest = self.elapsed[0].tolist()
+            elapsed = np.array([_sum_in_two(earlier, rest, high, low)])
         else:
-            elapsed = np.stack(_sum_in_two(*self.elapsed.T, *length), axis=1)
+            elapsed = np.stack(_sum_in_two(self.elapsed[:, 0], self.elapsed[:, 1], high, low), axis=1)
         return MovingFrame(self.origin, self.drift, elapsed, self.kinetic_energy)
 
     def seen_from_scene(

@@ -159,10 +159,10 @@ def test_a_smaller_tolerance_has_a_smaller_error_and_no_kernel_is_compiled_for_i
 
 @pytest.mark.parametrize("order", [8, 9])
 def test_errors_of_the_energy_cancel_in_an_encounter_where_the_order_is_odd(order):
-    """What the velocity lacks is h^p times derivative p + 1 of the position, and its power v · x^(p+1) has the parity p in time.
+    """The velocity lacks h^p times derivative p + 1 of the position; the power v · x^(p+1) of this error has parity p in time.
 
-    About a pericentre the steps are symmetric in time, so that the sum of the powers is 0 for odd p, up to the next order of
-    the step: the step is a tenth of the time in which its terms fall.
+    About a pericentre the steps are symmetric in time, so that for odd p the powers before and after the pericentre cancel up
+    to the next order of the step, a tenth of them; for even p the two halves have the same sign.
     """
     scene, period = planet(0.9, 2, 1)
     with Simulation(taylor(scene, order=order), backend="cpu", precision="f64") as run:
