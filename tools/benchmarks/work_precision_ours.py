@@ -21,6 +21,7 @@ FIXED = {
     "dop853": ("dop853", {}, 12),
     "wisdom_holman°": ("wisdom_holman", {}, 1),
     "wisdom_holman° 17": ("wisdom_holman", {"corrector": 17}, 1),
+    "wisdom_holman° lazy": ("wisdom_holman", {"corrector": 17, "kernel": "lazy"}, 1),
 }
 # Of a method that chooses its steps: integrator, options, the parameter that controls it, its values.
 ADAPTIVE = {
