@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from work_precision_ours import is_ours
 
 DECADES = range(2, 13)
-LEVEL = 1.1  # times of medians differ by up to a tenth from one measurement to the next
+LEVEL = 1.1  # a smaller difference is less than the medians of two measurements differ by on a busy machine
 
 
 @dataclass(frozen=True)
