@@ -11,8 +11,8 @@ one thread: medians of repeats; all runs of a problem take turns. A run of milli
 the third time counts.
 
 REBOUND runs leapfrog (orders 2 and 8), WHFast (with and without corrector, and with the lazy kernel), SABA, IAS15 and
-Bulirsch–Stoer, SciPy DOP853, heyoka its Taylor method. REBOUND has no springs between bodies: a force of one's own in C or
-Python would be that force's time, so REBOUND is left out of the drum. WHFast and wisdom_holman solve Kepler's problem exactly;
+Bulirsch–Stoer, SciPy DOP853, heyoka its Taylor method. REBOUND has no springs between bodies, and a force of the user would
+take the time of the user's own code; REBOUND is left out of the drum. WHFast and wisdom_holman solve Kepler's problem exactly;
 both need a central body. For each decade the fastest run of every contender that reaches it is compared.
 `pip install .[bench]` brings the other programs. With --from the numbers of earlier runs are shown again; a problem that is in
 several files is taken from the last one.
