@@ -193,6 +193,11 @@ class Simulation:
         self._require_life()
         return self._launches.try_steps(self.phase, steps, self.dt if dt is None else dt)
 
+    def begin_next_phase(self) -> None:
+        """Go on with the next phase of the timeline, at its time; for callers of `try_steps`, as `run` does this by itself."""
+        self._require_life()
+        self._runner.begin(self._runner.number + 1)
+
     def bookmark(self) -> Bookmark:
         """This moment with its parameters and accounts, for `go_back`; valid until a change replaces its kernels."""
         self._require_life()

@@ -1,0 +1,49 @@
+"""Budget: the work that the search for a horizon may take, and the part of the run that it can follow for this."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation.simulation import Simulation
+
+SHARE = 0.02  # of the work of the run
+LEAST_WORK = 15_000_000  # in units of `step.plans`, tens of milliseconds: about 2 % of what a short run takes with its start
+OVERHEAD = 50  # of an evaluation on the CPU beside its forces, in the same units
+LAUNCH_OVERHEAD = 100_000  # of a step whose loops are launches of their own
+SOLVER_SWEEPS = 30  # evaluations that an implicit step costs, roughly
+COARSE_COST, FINE_COST = 0.5, 2.0  # of companions with steps of 2 dt and dt / 2, over the cost of the same part of the run
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The work of one step of the run, of its whole length, and the work that the search may take, all in one unit.
+
+    The numbers depend on the scene alone and not on the clock, so that every machine finds the same horizon.
+    """
+
+    step: float
+    run: float
+    allowed: float
+
+    @property
+    def follows_all(self) -> bool:
+        """Whether the run and both companions can be followed to the end."""
+        return self.run * (1.0 + COARSE_COST + FINE_COST) <= self.allowed
+
+    def part(self, fine_part: float) -> float:
+        """Part of the run that can be followed, where the fine companion follows only a part of this part; at most 1."""
+        return min(1.0, self.allowed / (self.run * (1.0 + COARSE_COST + FINE_COST * fine_part)))
+
+
+def budget_of(simulation: "Simulation", steps: float, share: float, least: float) -> Budget:
+    """The budget for a run of so many steps; an adaptive method tells the evaluations in one of its samples as `steps`."""
+    phase = simulation.phase
+    evaluations = phase.integrator.evaluations_per_step or 1
+    counted = max(1, phase.integrator.typical_evaluations)  # included in the work of the phase
+    work = phase.work / counted + OVERHEAD
+    if "linear_solver" in phase.launcher.facts():
+        evaluations = SOLVER_SWEEPS
+    step = evaluations * work
+    if simulation.plan == "parallel" or not simulation.device.on_cpu:
+        step += LAUNCH_OVERHEAD
+    return Budget(step, steps * step, max(share * steps * step, least))
