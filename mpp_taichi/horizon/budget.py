@@ -26,13 +26,9 @@ class Budget:
     allowed: float
 
     @property
-    def follows_all(self) -> bool:
-        """Whether the run and both companions can be followed to the end."""
-        return self.run * (1.0 + COARSE_COST + FINE_COST) <= self.allowed
-
-    def part(self, fine_part: float) -> float:
-        """Part of the run that can be followed, where the fine companion follows only a part of this part; at most 1."""
-        return min(1.0, self.allowed / (self.run * (1.0 + COARSE_COST + FINE_COST * fine_part)))
+    def part(self) -> float:
+        """Part of the run that it and both companions can be followed, at most 1; earlier stages of the search included."""
+        return min(1.0, self.allowed / (self.run * (1.0 + COARSE_COST + FINE_COST)))
 
 
 def budget_of(simulation: "Simulation", steps: float, share: float, least: float) -> Budget:

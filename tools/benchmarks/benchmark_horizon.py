@@ -2,7 +2,7 @@
 
     python tools/benchmarks/benchmark_horizon.py [--scenes kepler_long,ions] [--share 0.02] [--least WORK] [--repeats 0]
 
-The true time is the first of 4,000 evenly spaced times at which a run of the scene is farther than a thousandth of the
+The true time is the first of 1,500 evenly spaced times at which a run of the scene is farther than a thousandth of the
 system's size from a reference by another method in f64, `ias15` or `taylor` (for runs of these: each other). With `--repeats` the
 price is measured: runs with and without the search, in turns, in processor time of the whole process after the start of
 Taichi. `--share` and `--least` change the work that the search may take, which shows how good extrapolated times are.
@@ -25,7 +25,7 @@ from mpp_taichi.horizon.search import find  # noqa: E402
 from mpp_taichi.simulation.simulation import Simulation  # noqa: E402
 
 BUNDLED, TARGETS = Path(__file__).parents[2] / "scenes", Path(__file__).with_name("target_scenes")
-LOOKS = 4000
+LOOKS = 1500
 # name: (scene, precision, changes)
 SCENES = {
     "kepler": (BUNDLED / "kepler.yaml", "f64", []),
