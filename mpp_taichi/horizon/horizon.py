@@ -29,7 +29,7 @@ class Horizon:
 
     def facts(self) -> dict[str, Any]:
         """The result as plain data."""
-        return {**asdict(self), "limit": LIMIT}
+        return {**asdict(self), "limit": LIMIT, "sentence": self.line()}
 
     def line(self) -> str:
         """The result as a sentence."""

@@ -7,11 +7,12 @@ followed, and the growth of the error in it is extrapolated.
 
 import math
 import time as clock
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpp_taichi.errors import MppError
 from mpp_taichi.horizon.budget import LEAST_WORK, SHARE, Budget, budget_of
 from mpp_taichi.horizon.cause import Cause, cause_of
 from mpp_taichi.horizon.companion import HAIR, Companion
@@ -23,6 +24,7 @@ from mpp_taichi.simulation.course import phase_at
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
 
+Look = Callable[[], None]
 STAGES = {1.0 / 64.0: 16, 1.0 / 8.0: 24, 1.0: 48}  # parts of the part of the run that may be followed, and samples in each
 FINE_PART = 0.25  # of the followed part, where this is not the whole run and LIMIT was not reached
 PROBES = 128  # parts of the run, in the first of which the evaluations of an adaptive method are counted
@@ -31,20 +33,33 @@ SURE = 0.5  # of LIMIT: a coarser run that stays below it shows that the run its
 OVER = 4.0  # times LIMIT: a companion that differs so much is not followed farther
 
 
-def find(simulation: "Simulation", until: float, share: float = SHARE, *, least: float = LEAST_WORK) -> Horizon:
+def nothing() -> None:
+    """Look at nothing."""
+
+
+def compile_step(simulation: "Simulation") -> None:
+    """Compile the step, which the run needs as well, before a search whose time is measured."""
+    launches, began = simulation.timings.launch_count, clock.perf_counter()
+    simulation.try_steps(1)
+    simulation.phase.launcher.clear_trouble()
+    simulation.restart()
+    simulation.timings.launch_count = launches
+    simulation.timings.compile_seconds += clock.perf_counter() - began
+
+
+def find(simulation: "Simulation", until: float, share: float = SHARE, *, least: float = LEAST_WORK, look: Look = nothing) -> Horizon:
     """The horizon of a run from the present start to the time `until`; the simulation is at its start before and after.
 
-    The search takes `share` of the work of the run, or `least` where this is more.
+    `look` is called between two samples, and may raise. The search takes `share` of the work of the run, or `least` where this is more.
     """
     reason = _refusal(simulation)
     if reason:
         return Horizon("unknown", until, reason=reason)
-    launches, began = simulation.timings.launch_count, clock.perf_counter()
-    simulation.try_steps(1)  # compiles the kernels, which the run needs as well
-    simulation.restart()
-    simulation.timings.compile_seconds += clock.perf_counter() - began
+    launches = simulation.timings.launch_count
     try:
-        return _Search(simulation, until, share, least).result()
+        return _Search(simulation, until, share, least, look).result()
+    except MppError as error:
+        return Horizon("unknown", until, reason=str(error).splitlines()[0])
     finally:
         simulation.timings.launch_count = launches
 
@@ -72,10 +87,10 @@ def _refusal(simulation: "Simulation") -> str:
 class _Search:
     """The search in one simulation."""
 
-    def __init__(self, simulation: "Simulation", until: float, share: float, least: float) -> None:
+    def __init__(self, simulation: "Simulation", until: float, share: float, least: float, look: Look) -> None:
         self.simulation, self.until, self.begin = simulation, until, simulation.time
         self.span = until - self.begin
-        self.part = 0.0
+        self.part, self.look = 0.0, look
         self.cause: Cause | None = None
         self.adaptive = bool(simulation.integrator.controlled_by)
         self.spent = 0.0  # steps of the run, or evaluations where the method chooses its steps
@@ -174,6 +189,7 @@ class _Search:
         walk = companion.positions([float(time) for time in times])
         try:
             for place, reached in zip(walk, times):
+                self.look()
                 yield place
         finally:
             walk.close()
