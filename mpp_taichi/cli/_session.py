@@ -292,7 +292,11 @@ class _Run:
 
     def _caption(self) -> str:
         error = self._energy_error()
-        told = (f"energy error {error:.1e}" if error else "", self.modes.caption() if self.modes else "", self.validity.caption())
+        told = (
+            f"energy error {error:.1e}" if error else "",
+            self.modes.caption() if self.modes else "",
+            self.validity.caption(),
+        )
         return "\n".join(line for line in told if line)
 
     def _finish(self, recorders: Sequence[Any]) -> None:
@@ -349,7 +353,12 @@ class _Run:
 
     def _outcome(self) -> Outcome:
         summary = summarize(self.simulation, self.table, self.stopwatch, plan_asked=self.request.plan)
-        summary |= self.network | self.validity.summary() | (self.modes.summary() if self.modes else {}) | (self.right.summary() if self.right else {})
+        summary |= (
+            self.network
+            | self.validity.summary()
+            | (self.modes.summary() if self.modes else {})
+            | (self.right.summary() if self.right else {})
+        )
         verdicts: list[Verdict] = []
         if self._reached_the_end():
             verdicts = self.watcher.verdicts(summary, self.simulation.device.precision)

@@ -1,6 +1,6 @@
 """Budget: the work that the search for a horizon may take, and the part of the run that it can follow for this."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -16,19 +16,24 @@ COARSE_COST, FINE_COST = 0.5, 2.0  # of companions with steps of 2 dt and dt / 2
 
 @dataclass(frozen=True)
 class Budget:
-    """The work of one step of the run, of its whole length, and the work that the search may take, all in one unit.
+    """The work of one step of the run, and of its whole length; the search may take `share` of it, or `least` if that is more.
 
     The numbers depend on the scene alone and not on the clock, so that every machine finds the same horizon.
     """
 
     step: float
     run: float
-    allowed: float
+    share: float
+    least: float
 
     @property
     def part(self) -> float:
         """Part of the run that it and both companions can be followed, at most 1; earlier stages of the search included."""
-        return min(1.0, self.allowed / (self.run * (1.0 + COARSE_COST + FINE_COST)))
+        return min(1.0, max(self.share * self.run, self.least) / (self.run * (1.0 + COARSE_COST + FINE_COST)))
+
+    def with_steps(self, steps: float) -> "Budget":
+        """The budget for a run of another number of steps."""
+        return replace(self, run=steps * self.step)
 
 
 def budget_of(simulation: "Simulation", steps: float, share: float, least: float) -> Budget:
@@ -42,4 +47,4 @@ def budget_of(simulation: "Simulation", steps: float, share: float, least: float
     step = evaluations * work
     if simulation.plan == "parallel" or not simulation.device.on_cpu:
         step += LAUNCH_OVERHEAD
-    return Budget(step, steps * step, max(share * steps * step, least))
+    return Budget(step, steps * step, share, least)

@@ -32,10 +32,9 @@ class Companion:
         """Positions of the followed particles at each time, (followed, 3) [length]; it ends where the run cannot go on."""
         simulation = self._simulation
         own = {}
-        simulation.restart()
         try:
             self._set_step(own)
-            simulation.restart()
+            simulation.restart()  # takes the start for steps of this length
             for time in times:
                 if not self._advance_to(time, own):
                     return
@@ -48,9 +47,9 @@ class Companion:
                 setattr(integrator, integrator.controlled_by, tolerance)
             self.evaluations = self._count()
             simulation.launcher.clear_trouble()
-            simulation.restart()
+            if simulation.phase_number != self._first:
+                simulation.restart()
             simulation.dt = self._own_dt
-            simulation.launcher.clear_trouble()
             simulation.restart()
 
     def _set_step(self, own: dict[Any, float]) -> None:
@@ -84,8 +83,9 @@ class Companion:
             return simulation.try_steps(1, span)
         whole = int(span / simulation.dt + HAIR)
         rest = span - whole * simulation.dt
-        sound = simulation.try_steps(whole) if whole else True
-        return simulation.try_steps(1, rest) if sound and rest > HAIR * simulation.dt else sound
+        judged = "linear_solver" in simulation.launcher.facts()  # other steps fail only by numbers that are not finite
+        sound = simulation.try_steps(whole, judged=judged) if whole else True
+        return simulation.try_steps(1, rest, judged=judged) if sound and rest > HAIR * simulation.dt else sound
 
     def _count(self) -> int:
         """Evaluations of the force since the start of the phase, of a method that chooses its steps."""

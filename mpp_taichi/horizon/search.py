@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
 
 Look = Callable[[], None]
-STAGES = {1.0 / 64.0: 16, 1.0 / 8.0: 24, 1.0: 48}  # parts of the part of the run that may be followed, and samples in each
+STAGES = {1.0 / 16.0: 24, 1.0: 48}  # parts of the part of the run that may be followed, and samples in each
 FINE_PART = 0.25  # of the followed part, where this is not the whole run and LIMIT was not reached
 PROBES = 128  # parts of the run, in the first of which the evaluations of an adaptive method are counted
 COARSE, FINE = 2.0, 0.5
@@ -47,7 +47,9 @@ def compile_step(simulation: "Simulation") -> None:
     simulation.timings.compile_seconds += clock.perf_counter() - began
 
 
-def find(simulation: "Simulation", until: float, share: float = SHARE, *, least: float = LEAST_WORK, look: Look = nothing) -> Horizon:
+def find(
+    simulation: "Simulation", until: float, share: float = SHARE, *, least: float = LEAST_WORK, look: Look = nothing
+) -> Horizon:
     """The horizon of a run from the present start to the time `until`; the simulation is at its start before and after.
 
     `look` is called between two samples, and may raise. The search takes `share` of the work of the run, or `least` where this is more.
@@ -93,6 +95,7 @@ class _Search:
         self.part, self.look = 0.0, look
         self.cause: Cause | None = None
         self.adaptive = bool(simulation.integrator.controlled_by)
+        self.counted = 0.0  # evaluations of the last run or companion
         self.spent = 0.0  # steps of the run, or evaluations where the method chooses its steps
         self.budget: Budget = budget_of(simulation, self._steps(), share, least)
 
@@ -117,7 +120,10 @@ class _Search:
             if len(own) < len(times):
                 return self._unknown("the run breaks off before its end")
             size = float(np.sqrt(np.mean(np.sum((own - own.mean(axis=(0, 1))) ** 2, axis=-1)))) or 1.0
-            last = stage == 1.0
+            if self.adaptive:  # now the evaluations are known better
+                self.budget = self.budget.with_steps(self.counted * self.span / (times[-1] - self.begin))
+                self.part = max(stage * self.part, self.budget.part)
+            last = stage == 1.0 or times[-1] - self.begin >= 0.999 * self.part * self.span
             if not ends:
                 coarse = self._differences(COARSE, times, own, size)
                 ends, seen_to = len(coarse) < len(times) or not coarse[-1] < OVER * LIMIT, stage
@@ -193,7 +199,8 @@ class _Search:
                 yield place
         finally:
             walk.close()
-            self.spent += companion.evaluations if self.adaptive else float(self._steps_until(reached)) / coarseness
+            self.counted = float(companion.evaluations)
+            self.spent += self.counted if self.adaptive else float(self._steps_until(reached)) / coarseness
 
     def _differences(self, coarseness: float, times: np.ndarray, own: np.ndarray, size: float) -> np.ndarray:
         """Largest distance of a particle from its place in the run at each time, of the size, until it is far above LIMIT."""

@@ -185,13 +185,14 @@ class Simulation:
         self._require_life()
         self._runner.return_to(mark)
 
-    def try_steps(self, steps: int, dt: float | None = None) -> bool:
+    def try_steps(self, steps: int, dt: float | None = None, *, judged: bool = True) -> bool:
         """Advance without recorders and accounts, by steps of the run's dt or of another; False where the state is not sound.
 
-        A sound state has finite numbers only, and every implicit step that led to it was solved.
+        A sound state has finite numbers only, and every implicit step that led to it was solved. Where this is not `judged`,
+        the result is True, and the device may still be working.
         """
         self._require_life()
-        return self._launches.try_steps(self.phase, steps, self.dt if dt is None else dt)
+        return self._launches.try_steps(self.phase, steps, self.dt if dt is None else dt, judged=judged)
 
     def begin_next_phase(self) -> None:
         """Go on with the next phase of the timeline, at its time; for callers of `try_steps`, as `run` does this by itself."""
