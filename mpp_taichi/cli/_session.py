@@ -162,6 +162,7 @@ class _Run:
         self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps, sparse=sparse)
         self.table = TableRecorder(self.every, asked_columns(simulation) if request.diagnostics is not None else None)
         self.table.validity = self.validity.number if self.validity.horizon else None
+        simulation.when_phase_begins.append(self._forget_horizon)
         self.blow_up = BlowUpWatch(self.table)
         simulation.when_phase_begins.append(self.blow_up.restart)  # a change of a parameter may add energy
         self.watchdog = EnergyWatchdog(self.table)
@@ -289,6 +290,10 @@ class _Run:
     def _energy_error(self) -> float | None:
         rows = self.table.rows
         return rows[-1]["relative_energy_error"] if rows and self.simulation.phase.conserves_energy else None
+
+    def _forget_horizon(self) -> None:
+        if len(self.simulation.scene.timeline) != len(self.spec.timeline):  # a slider was moved
+            self.validity.forget()
 
     def _caption(self) -> str:
         error = self._energy_error()

@@ -1,5 +1,6 @@
 """Validity: the horizon of a session's run, found before the run where the scene asks for it, for captions and tables."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli._signals import Interrupted, Interruption
@@ -33,6 +34,11 @@ class Validity:
                 return Validity(find(simulation, until, look=interruption.raise_if_any))
         except Interrupted:
             return Validity()  # the run, which begins next, ends with the same signal
+
+    def forget(self) -> None:
+        """Parameters were changed while the scene ran, so that this is another run than the one that was searched."""
+        if self.horizon is not None and self.horizon.found != "unknown":
+            self.horizon = replace(self.horizon, found="unknown", time=None, reason="parameters were changed while it ran")
 
     def caption(self) -> str:
         """A line for captions; empty where no time before the end is known."""

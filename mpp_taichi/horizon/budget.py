@@ -11,6 +11,7 @@ LEAST_WORK = 15_000_000  # in units of `step.plans`, tens of milliseconds: about
 OVERHEAD = 50  # of an evaluation on the CPU beside its forces, in the same units
 LAUNCH_OVERHEAD = 100_000  # of a step whose loops are launches of their own
 SOLVER_SWEEPS = 30  # evaluations that an implicit step costs, roughly
+FINE_PART = 0.25
 COARSE_COST, FINE_COST = 0.5, 2.0  # of companions with steps of 2 dt and dt / 2, over the cost of the same part of the run
 
 
@@ -27,9 +28,21 @@ class Budget:
     least: float
 
     @property
+    def allowed(self) -> float:
+        """Work that the search may take."""
+        return max(self.share * self.run, self.least)
+
+    @property
     def part(self) -> float:
-        """Part of the run that it and both companions can be followed, at most 1; earlier stages of the search included."""
-        return min(1.0, max(self.share * self.run, self.least) / (self.run * (1.0 + COARSE_COST + FINE_COST)))
+        """Part of the run that it and its coarse companion can be followed, at most 1; FINE_PART of it by the fine companion.
+
+        The fine companion is needed only where the other two part, and then it is followed as far as the budget allows.
+        """
+        return min(1.0, self.allowed / (self.run * (1.0 + COARSE_COST + FINE_COST * FINE_PART)))
+
+    def fine_steps(self, spent: float) -> float:
+        """Steps of the run that the fine companion can be followed, after work of so many steps."""
+        return max(0.0, self.allowed / self.step - spent) / FINE_COST
 
     def with_steps(self, steps: float) -> "Budget":
         """The budget for a run of another number of steps."""

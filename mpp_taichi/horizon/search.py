@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpp_taichi.errors import MppError
-from mpp_taichi.horizon.budget import LEAST_WORK, SHARE, Budget, budget_of
+from mpp_taichi.horizon.budget import FINE_PART, LEAST_WORK, SHARE, Budget, budget_of
 from mpp_taichi.horizon.cause import Cause, cause_of
 from mpp_taichi.horizon.companion import HAIR, Companion
 from mpp_taichi.horizon.growth import LEAST_POINTS, LEAST_TURNS, first_crossing, law, turns
 from mpp_taichi.horizon.horizon import LIMIT, Horizon
-from mpp_taichi.scene.contacts import merges
+from mpp_taichi.horizon.refusal import refusal
 from mpp_taichi.simulation.course import phase_at
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 Look = Callable[[], None]
 STAGES = {1.0 / 16.0: 24, 1.0: 48}  # parts of the part of the run that may be followed, and samples in each
-FINE_PART = 0.25  # of the followed part, where this is not the whole run and LIMIT was not reached
 PROBES = 128  # parts of the run, in the first of which the evaluations of an adaptive method are counted
 COARSE, FINE = 2.0, 0.5
 SURE = 0.5  # of LIMIT: a coarser run that stays below it shows that the run itself does
@@ -54,7 +53,7 @@ def find(
 
     `look` is called between two samples, and may raise. The search takes `share` of the work of the run, or `least` where this is more.
     """
-    reason = _refusal(simulation)
+    reason = refusal(simulation)
     if reason:
         return Horizon("unknown", until, reason=reason)
     launches = simulation.timings.launch_count
@@ -70,20 +69,6 @@ def even_and_early(last: int, count: int) -> list[int]:
     """Whole numbers from 1 to `last`: `count` of equal distances, and before the first of them powers of two."""
     even = {round(last * k / count) for k in range(1, count + 1)} if count else set()
     return sorted(even | {2**k for k in range(last.bit_length()) if 2**k * count < last})
-
-
-def _refusal(simulation: "Simulation") -> str:
-    """Why companions would show nothing, or nothing right; empty where they can be followed."""
-    for phase in simulation.phases:
-        if merges(phase.spec):
-            return "spheres merge"
-        if phase.spec.contacts is not None:
-            return "a collision of spheres enlarges an error by a factor that differs from collision to collision"
-    if simulation.total_force.by_tree:
-        return "gravity by a tree has an error of its own, which does not depend on the step"
-    if not simulation.start.free.any():
-        return "no particle moves"
-    return ""
 
 
 class _Search:
@@ -120,10 +105,13 @@ class _Search:
             if len(own) < len(times):
                 return self._unknown("the run breaks off before its end")
             size = float(np.sqrt(np.mean(np.sum((own - own.mean(axis=(0, 1))) ** 2, axis=-1)))) or 1.0
+            last = stage == 1.0
             if self.adaptive:  # now the evaluations are known better
                 self.budget = self.budget.with_steps(self.counted * self.span / (times[-1] - self.begin))
-                self.part = max(stage * self.part, self.budget.part)
-            last = stage == 1.0 or times[-1] - self.begin >= 0.999 * self.part * self.span
+                if not last:
+                    followed = stage * self.part
+                    self.part = max(followed, self.budget.part)
+                    last = self.part == followed
             if not ends:
                 coarse = self._differences(COARSE, times, own, size)
                 ends, seen_to = len(coarse) < len(times) or not coarse[-1] < OVER * LIMIT, stage
@@ -131,7 +119,8 @@ class _Search:
                 continue
             if not ends and self.part >= 1.0 and coarse.max() < SURE * LIMIT:
                 return Horizon("after_end", self.until, error=float(coarse.max()), part=1.0, share=self._share)
-            kept = len(times) if ends or self.part >= 1.0 else max(LEAST_POINTS, int(FINE_PART * len(times)))
+            kept = int(np.searchsorted(self._steps_until(times), self.budget.fine_steps(self.spent), side="right"))
+            kept = max(LEAST_POINTS, kept if ends else min(kept, int(FINE_PART * len(times))))
             fine = self._differences(FINE, times[:kept], own, size)
             if self.cause is None:
                 simulation = self.simulation
@@ -141,10 +130,10 @@ class _Search:
             crossing = first_crossing(times[: len(errors)] - self.begin, errors, LIMIT)
             if crossing is not None:
                 return Horizon("before_end", self.until, self.begin + crossing, error=LIMIT, **self._known())
-            if len(errors) < len(times):
-                return self._unknown("a run with finer steps breaks off")
-            if last:
-                return self._not_reached(times - self.begin, own, errors)
+            if last or len(errors) < len(times):
+                if len(errors) < len(times):
+                    self.part = float(times[max(0, len(errors) - 1)] - self.begin) / self.span
+                return self._not_reached(times[: len(errors)] - self.begin, own[: len(errors)], errors)
         return self._unknown(f"{self.part:.2g} of the run, all that the search may follow, are too few steps")
 
     def _not_reached(self, times: np.ndarray, own: np.ndarray, errors: np.ndarray) -> Horizon:

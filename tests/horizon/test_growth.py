@@ -72,5 +72,5 @@ def test_a_coarse_companion_that_is_off_by_its_own_step_does_not_hide_rounding()
 
 
 def test_a_long_run_is_followed_for_a_share_of_its_work_and_a_short_run_as_a_whole():
-    assert Budget(step=100.0, run=1e12, share=0.02, least=1e7).part == pytest.approx(0.02 / 3.5)
+    assert Budget(step=100.0, run=1e12, share=0.02, least=1e7).part == pytest.approx(0.02 / 2.0)
     assert Budget(step=100.0, run=1e6, share=0.02, least=1e7).part == 1.0

@@ -133,6 +133,14 @@ def test_scenes_in_which_companions_show_nothing_right_have_no_horizon():
     assert "tree" in horizon_of(by_tree).reason
 
 
+def test_a_method_that_damps_stiff_springs_at_every_step_is_not_called_valid():
+    stiff = oscillator(0.1, 20.0, "implicit_euler")
+    stiff["springs"][0]["link"]["stiffness"] = 1e6  # ω dt = 100: a step leaves a hundredth of the swing that should go on
+    found = horizon_of(stiff)
+    assert found.found == "unknown" and "implicit_euler leaves 0.01 of the stiffest oscillation" in found.reason
+    assert horizon_of(oscillator(0.1, 20.0, "implicit_midpoint")).found == "before_end"
+
+
 def test_a_coarse_companion_that_blows_up_leaves_the_run_as_it_was():
     scene = oscillator(1.2, 60.0)  # twice the step is beyond the limit ω dt = 2 of leapfrog
     found = horizon_of(scene)

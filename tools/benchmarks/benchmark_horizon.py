@@ -60,6 +60,7 @@ SCENES = {
         for name, method, step in (
             ("pythagorean", "taylor", "{}"),
             ("pythagorean", "ias15", "{}"),
+            ("pythagorean", "leapfrog", "{dt: 0.0001}"),
             ("triple", "leapfrog", "{dt: 0.002}"),
             ("scene_d", "leapfrog", "{dt: 0.001}"),
             ("ions", "rk4", "{dt: 0.01}"),
