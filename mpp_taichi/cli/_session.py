@@ -18,8 +18,8 @@ from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._start_simulation import start, start_another
 from mpp_taichi.cli._step_check import check_steps
 from mpp_taichi.cli._terminal import UsageError, say
-from mpp_taichi.cli._window_desk import save_log
 from mpp_taichi.cli._validity import Validity
+from mpp_taichi.cli._window_desk import save_log
 from mpp_taichi.errors import MppError, OutputError, StabilityError
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
 from mpp_taichi.recorders._lock import OutputLock

@@ -28,6 +28,11 @@ class Budget:
     least: float
 
     @property
+    def steps(self) -> float:
+        """Steps of the run, or evaluations of an adaptive method."""
+        return self.run / self.step
+
+    @property
     def allowed(self) -> float:
         """Work that the search may take."""
         return max(self.share * self.run, self.least)

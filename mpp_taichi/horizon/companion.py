@@ -3,7 +3,7 @@
 A companion uses the kernels of the run: the step, and the tolerance of a method that chooses its steps, are their arguments.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,10 +28,10 @@ class Companion:
         moving = np.flatnonzero(simulation.start.free.any(axis=1))
         self._followed = moving[:: max(1, -(-len(moving) // MOST_FOLLOWED))]
 
-    def positions(self, times: Sequence[float]) -> Iterator[np.ndarray]:
+    def positions(self, times: Sequence[float]) -> Generator[np.ndarray]:
         """Positions of the followed particles at each time, (followed, 3) [length]; it ends where the run cannot go on."""
         simulation = self._simulation
-        own = {}
+        own: dict[Any, float] = {}
         try:
             self._set_step(own)
             simulation.restart()  # takes the start for steps of this length

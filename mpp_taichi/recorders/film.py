@@ -89,7 +89,9 @@ class FilmRecorder:
     ) -> None:
         """`stopwatch(name)` times a block; drawing is counted as capture, handing over to a sink as encode.
 
-        `is_dimmed` says of a time whether its frame is drawn with less contrast. `pages` and `moments` get every frame, `sinks` every picture of a frame; without a view there are no pictures.
+        `is_dimmed` says of a time whether its frame is drawn with less contrast.
+
+        `pages` and `moments` get every frame, `sinks` every picture of a frame; without a view there are no pictures.
         `raise_if_interrupted` is called before each frame: any number of frames may lie between two steps.
         """
         self.pages, self.moments, self._between = tuple(pages), tuple(moments), between

@@ -224,8 +224,8 @@ class TableRecorder:
         """Header and rows; numbers in their shortest exact spelling."""
         valid = self._valid()
         if self.asked is not None:
-            numbers = zip([row["asked"] for row in self.rows], *valid.values(), strict=True)
-            return [[*self.asked.names, *valid], *([repr(float(value)) for value in (*row, *rest)] for row, *rest in numbers)]
+            table = [(*row["asked"], *more) for row, *more in zip(self.rows, *valid.values(), strict=True)]
+            return [[*self.asked.names, *valid], *([repr(float(value)) for value in row] for row in table)]
         derived = self._derived()
         header = [*_SCALARS, *(f"{name}_{axis}" for name in _VECTORS for axis in "xyz"), *derived]
         lines: list[Sequence[str]] = [header]

@@ -5,7 +5,8 @@ import pytest
 
 import mpp_taichi as mpp
 from mpp_taichi.horizon.horizon import Horizon
-from mpp_taichi.horizon.search import compile_step, even_and_early, find
+from mpp_taichi.horizon.samples import even_and_early
+from mpp_taichi.horizon.search import compile_step, find
 from scenes import kepler
 
 

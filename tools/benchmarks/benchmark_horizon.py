@@ -3,8 +3,8 @@
     python tools/benchmarks/benchmark_horizon.py [--scenes kepler_long,ions] [--share 0.02] [--least WORK] [--repeats 0]
 
 The true time is the first of 800 evenly spaced times at which a run of the scene is farther than a thousandth of the
-system's size from a reference by another method in f64, `ias15` or `taylor` (for runs of these: each other). With `--repeats` the
-price is measured: runs with and without the search, in turns, in processor time of the whole process after the start of
+system's size from a reference by another method in f64, `ias15` or `taylor` (for runs of these: each other). With `--repeats`
+the price is measured: runs with and without the search, in turns, in processor time of the whole process after the start of
 Taichi. `--share` and `--least` change the work that the search may take, which shows how good extrapolated times are.
 """
 
@@ -145,8 +145,8 @@ def main():
         truth = "to the end" if true is None else f"{true:.5g}"
         print(
             f"{name:24s} {told.found:13s} told {number:>8s} true {truth:>10s} ratio {ratio:>5s} by {told.by} end {until:g} "
-            f"true error {error:.1e} part {told.part:.3f} share {told.share:.3f}; {1e3 * seconds:.1f} ms, run {1e3 * run:.1f} ms "
-            f"{told.reason}",
+            f"true error {error:.1e} part {told.part:.3f} share {told.share:.3f}; {1e3 * seconds:.1f} ms, "
+            f"run {1e3 * run:.1f} ms {told.reason}",
             flush=True,
         )
 
