@@ -35,6 +35,6 @@ def _damped(simulation: "Simulation") -> str:
     if left > DAMPED:
         return ""
     return (
-        f"{simulation.spec.integrator.name} leaves {left:.1g} of the stiffest oscillation after a step, so that runs with other "
-        "steps agree where none of them is right"
+        f"{simulation.spec.integrator.name} leaves {left:.1g} of the stiffest oscillation after a step, so that runs with "
+        "other steps agree where none of them is right"
     )
