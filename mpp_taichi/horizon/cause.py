@@ -1,12 +1,12 @@
-"""Cause: whether the step or rounding makes the differences of a run from its companions, and the error that they tell.
+"""Cause: whether the step or rounding makes the differences of a run from its reruns, and the error that they tell.
 
-The differences of the run from the companions with twice and half the step are d_coarse and d_fine. Where the error e of the
+The differences of the run from the reruns with twice and half the step are d_coarse and d_fine. Where the error e of the
 run comes from the step of a method of order p, d_coarse = (R − 1) e and d_fine = (1 − 1/R) e with R = 2^p. So R is
 d_coarse / d_fine, and e = d_fine R / (R − 1). R is measured, and so right where a method has not its full order.
 
 Rounding errors do not fall with the step. They add as squares, and their number is proportional to the steps. With variances
-σ², σ²/2 and 2 σ² of the run, the coarse and the fine companion, e = d_fine / √3 is expected, d_coarse / d_fine is 0.7, and the
-best linear estimate from both is e = (4 d_coarse + d_fine) / 7. Where the coarse companion is off by its step, the ratio lies
+σ², σ²/2 and 2 σ² of the run, the coarse and the fine rerun, e = d_fine / √3 is expected, d_coarse / d_fine is 0.7, and the
+best linear estimate from both is e = (4 d_coarse + d_fine) / 7. Where the coarse rerun is off by its step, the ratio lies
 between 0.7 and 2^p, and d_fine alone tells the error. A run may have two or three times less rounding error than expected.
 """
 
@@ -35,7 +35,7 @@ class Cause:
     uses_coarse: bool = False
 
     def errors(self, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
-        """The error of the run at the samples of the fine companion, and from its end on in proportion to the coarse one."""
+        """The error of the run at the samples of the fine rerun, and from its end on in proportion to the coarse one."""
         both = min(len(coarse), len(fine))
         found = self.factor * fine
         if self.uses_coarse:

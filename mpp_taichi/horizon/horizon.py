@@ -14,7 +14,7 @@ class Horizon:
               error goes if it grows on as in the first `part` of the run; "unknown": `reason` says why nothing can be said
     by        "step" or "rounding", the cause of the larger error; None where it is not known
     error     estimate of the largest error at `time`, or at the end of the followed part [of the system's size]
-    part      part of the run that the companions followed, 0 … 1
+    part      part of the run that the reruns followed, 0 … 1
     share     work of the search over the work of the run
     """
 

@@ -13,7 +13,7 @@ DAMPED = 0.5  # of an amplitude, left after one step: with this step and with ha
 
 
 def refusal(simulation: "Simulation") -> str:
-    """The reason why a scene has no horizon that companions could find; empty where there is none."""
+    """The reason why a scene has no horizon that reruns could find; empty where there is none."""
     for phase in simulation.phases:
         if merges(phase.spec):
             return "spheres merge"
@@ -27,7 +27,7 @@ def refusal(simulation: "Simulation") -> str:
 
 
 def _damped(simulation: "Simulation") -> str:
-    """The method takes the energy of stiff springs out within a few steps, whatever the step is: all companions agree."""
+    """The method takes the energy of stiff springs out within a few steps, whatever the step is: all reruns agree."""
     integrator, advice = simulation.integrator, simulation.step_advice
     if advice is None or not integrator.stable_for_any_stiffness:
         return ""

@@ -1,4 +1,4 @@
-"""Samples: the times at which a run is compared with its companions, and the walk of a companion through them."""
+"""Samples: the times at which a run is compared with its reruns, and the walk of a rerun through them."""
 
 from collections.abc import Callable, Generator
 from contextlib import closing
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mpp_taichi.horizon.companion import HAIR, Companion
+from mpp_taichi.horizon.rerun import HAIR, Rerun
 from mpp_taichi.simulation.course import phase_at
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def sample_times(simulation: "Simulation", end: float, count: int) -> np.ndarray:
     """About `count` times from the start to `end`, after even numbers of steps in each phase, and some times before the first.
 
-    So the coarse companion reaches them with whole steps. Of a method that chooses its steps there are `count` even times.
+    So the coarse rerun reaches them with whole steps. Of a method that chooses its steps there are `count` even times.
     """
     begin = simulation.time
     if simulation.integrator.controlled_by:
@@ -38,17 +38,17 @@ def even_and_early(last: int, count: int) -> list[int]:
 
 
 class Walk:
-    """The positions of a run or a companion at given times; afterwards the number of its evaluations, and how far it came."""
+    """The positions of a run or a rerun at given times; afterwards the number of its evaluations, and how far it came."""
 
     def __init__(self, simulation: "Simulation", coarseness: float, times: np.ndarray, look: Callable[[], None]) -> None:
         """Bind the parts; nothing is followed yet. `look` is called at every time, and may raise."""
-        self._companion, self._times, self._look = Companion(simulation, coarseness), times, look
+        self._rerun, self._times, self._look = Rerun(simulation, coarseness), times, look
         self.reached = simulation.time
 
     @property
     def evaluations(self) -> int:
         """Evaluations of the force, of a method that chooses its steps."""
-        return self._companion.evaluations
+        return self._rerun.evaluations
 
     def positions(self) -> np.ndarray:
         """Positions at all times that the run reaches, (samples, followed, 3) [length]."""
@@ -65,7 +65,7 @@ class Walk:
         return np.array(found)
 
     def _places(self) -> Generator[np.ndarray]:
-        with closing(self._companion.positions([float(time) for time in self._times])) as places:
+        with closing(self._rerun.positions([float(time) for time in self._times])) as places:
             for place, time in zip(places, self._times):
                 self._look()
                 self.reached = float(time)

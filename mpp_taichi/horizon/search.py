@@ -1,7 +1,7 @@
-"""Search: the horizon of a run, by companions with coarser and finer steps that are followed before the run begins.
+"""Search: the horizon of a run, by reruns with coarser and finer steps that are followed before the run begins.
 
-The run and its coarse companion are followed, first through an early part, then as far as the budget allows. Where they stay
-together, a shorter step would show nothing more. Where they part, the fine companion tells the error (see cause). Where the
+The run and its coarse rerun are followed, first through an early part, then as far as the budget allows. Where they stay
+together, a shorter step would show nothing more. Where they part, the fine rerun tells the error (see cause). Where the
 whole run is more than the budget allows, the growth of the error in the part that was followed is extrapolated.
 """
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpp_taichi.errors import MppError
-from mpp_taichi.horizon.budget import FINE_PART, LEAST_WORK, SHARE, Budget, budget_of
+from mpp_taichi.horizon.work_budget import FINE_PART, LEAST_WORK, SHARE, WorkBudget, budget_of
 from mpp_taichi.horizon.cause import Cause, cause_of
 from mpp_taichi.horizon.growth import LEAST_POINTS, LEAST_TURNS, first_crossing, law, turns
 from mpp_taichi.horizon.horizon import LIMIT, Horizon
@@ -26,7 +26,7 @@ STAGES = {1.0 / 16.0: 24, 1.0: 48}  # parts of the part of the run that may be f
 PROBES = 128  # parts of the run, in the first of which the evaluations of an adaptive method are counted
 COARSE, FINE = 2.0, 0.5
 SURE = 0.5  # of LIMIT: a coarser run that stays below it shows that the run itself does
-OVER = 4.0  # times LIMIT: a companion that differs so much is not followed farther
+OVER = 4.0  # times LIMIT: a rerun that differs so much is not followed farther
 
 
 def nothing() -> None:
@@ -75,7 +75,7 @@ class _Search:
         self.span, self.look = until - self.begin, look
         self.adaptive = bool(simulation.integrator.controlled_by)
         self.spent = 0.0  # steps of the run, or evaluations where the method chooses its steps
-        self.budget: Budget = budget_of(simulation, self._steps(), share, least)
+        self.budget: WorkBudget = budget_of(simulation, self._steps(), share, least)
         self.part = self.budget.part
 
     def _steps(self) -> float:

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mpp_taichi.horizon.budget import Budget
+from mpp_taichi.horizon.work_budget import WorkBudget
 from mpp_taichi.horizon.cause import cause_of
 from mpp_taichi.horizon.growth import first_crossing, law, turns
 
@@ -49,7 +49,7 @@ def test_the_step_is_the_cause_where_differences_fall_with_its_order_and_the_err
     cause = cause_of(3.0 * error, 0.75 * error, 100.0 * TIMES, "f64", LEAPFROG)  # (2² − 1) e and (1 − 2⁻²) e
     assert cause.by == "step"
     assert cause.errors(3.0 * error, 0.75 * error) == pytest.approx(error)
-    assert cause.errors(3.0 * error, 0.75 * error[:12]) == pytest.approx(error)  # beyond the fine companion by the coarse one
+    assert cause.errors(3.0 * error, 0.75 * error[:12]) == pytest.approx(error)  # beyond the fine rerun by the coarse one
 
 
 def test_rounding_is_the_cause_where_differences_are_at_its_level_and_do_not_fall():
@@ -63,7 +63,7 @@ def test_rounding_is_the_cause_where_differences_are_at_its_level_and_do_not_fal
     assert cause.errors(coarse, fine) == pytest.approx(0.947 * level, rel=1e-3)
 
 
-def test_a_coarse_companion_that_is_off_by_its_own_step_does_not_hide_rounding():
+def test_a_coarse_rerun_that_is_off_by_its_own_step_does_not_hide_rounding():
     steps = 100.0 * TIMES
     fine = np.sqrt(3.0) * 2.0**-24 * np.sqrt(steps)
     cause = cause_of(10.0 * fine, fine, steps, "f32", ORDER_8)  # a ratio of 10, where the step alone has 256
@@ -72,5 +72,5 @@ def test_a_coarse_companion_that_is_off_by_its_own_step_does_not_hide_rounding()
 
 
 def test_a_long_run_is_followed_for_a_share_of_its_work_and_a_short_run_as_a_whole():
-    assert Budget(step=100.0, run=1e12, share=0.02, least=1e7).part == pytest.approx(0.02 / 2.0)
-    assert Budget(step=100.0, run=1e6, share=0.02, least=1e7).part == 1.0
+    assert WorkBudget(step=100.0, run=1e12, share=0.02, least=1e7).part == pytest.approx(0.02 / 2.0)
+    assert WorkBudget(step=100.0, run=1e6, share=0.02, least=1e7).part == 1.0

@@ -122,7 +122,7 @@ def test_the_change_of_a_timeline_counts_in_the_horizon():
     assert found.found == "before_end" and 10.0 < found.time < 11.0
 
 
-def test_scenes_in_which_companions_show_nothing_right_have_no_horizon():
+def test_scenes_in_which_reruns_show_nothing_right_have_no_horizon():
     gas = {
         "particles": [{"body": {"mass": 1, "position": [x, 0, 0], "velocity": [1 - x, 0, 0], "radius": 0.1}} for x in (0, 2)],
         "contacts": {"hard_spheres": {"solver": "event_driven"}},
@@ -142,7 +142,7 @@ def test_a_method_that_damps_stiff_springs_at_every_step_is_not_called_valid():
     assert horizon_of(oscillator(0.1, 20.0, "implicit_midpoint")).found == "before_end"
 
 
-def test_a_coarse_companion_that_blows_up_leaves_the_run_as_it_was():
+def test_a_coarse_rerun_that_blows_up_leaves_the_run_as_it_was():
     scene = oscillator(1.2, 60.0)  # twice the step is beyond the limit ω dt = 2 of leapfrog
     found = horizon_of(scene)
     assert found.found == "before_end" and found.time <= 2.4

@@ -1,4 +1,4 @@
-"""Budget: the work that the search for a horizon may take, and the part of the run that it can follow for this."""
+"""Work budget: the work that the search for a horizon may take, and the part of the run that it can follow for this."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -12,11 +12,11 @@ OVERHEAD = 50  # of an evaluation on the CPU beside its forces, in the same unit
 LAUNCH_OVERHEAD = 100_000  # of a step whose loops are launches of their own
 SOLVER_SWEEPS = 30  # evaluations that an implicit step costs, roughly
 FINE_PART = 0.25
-COARSE_COST, FINE_COST = 0.5, 2.0  # of companions with steps of 2 dt and dt / 2, over the cost of the same part of the run
+COARSE_COST, FINE_COST = 0.5, 2.0  # of reruns with steps of 2 dt and dt / 2, over the cost of the same part of the run
 
 
 @dataclass(frozen=True)
-class Budget:
+class WorkBudget:
     """The work of one step of the run, and of its whole length; the search may take `share` of it, or `least` if that is more.
 
     The numbers depend on the scene alone and not on the clock, so that every machine finds the same horizon.
@@ -39,22 +39,22 @@ class Budget:
 
     @property
     def part(self) -> float:
-        """Part of the run that it and its coarse companion can be followed, at most 1; FINE_PART of it by the fine companion.
+        """Part of the run that it and its coarse rerun can be followed, at most 1; FINE_PART of it by the fine rerun.
 
-        The fine companion is needed only where the other two part, and then it is followed as far as the budget allows.
+        The fine rerun is needed only where the other two part, and then it is followed as far as the budget allows.
         """
         return min(1.0, self.allowed / (self.run * (1.0 + COARSE_COST + FINE_COST * FINE_PART)))
 
     def fine_steps(self, spent: float) -> float:
-        """Steps of the run that the fine companion can be followed, after work of so many steps."""
+        """Steps of the run that the fine rerun can be followed, after work of so many steps."""
         return max(0.0, self.allowed / self.step - spent) / FINE_COST
 
-    def with_steps(self, steps: float) -> "Budget":
+    def with_steps(self, steps: float) -> "WorkBudget":
         """The budget for a run of another number of steps."""
         return replace(self, run=steps * self.step)
 
 
-def budget_of(simulation: "Simulation", steps: float, share: float, least: float) -> Budget:
+def budget_of(simulation: "Simulation", steps: float, share: float, least: float) -> WorkBudget:
     """The budget for a run of so many steps; an adaptive method tells the evaluations in one of its samples as `steps`."""
     phase = simulation.phase
     evaluations = phase.integrator.evaluations_per_step or 1
@@ -65,4 +65,4 @@ def budget_of(simulation: "Simulation", steps: float, share: float, least: float
     step = evaluations * work
     if simulation.plan == "parallel" or not simulation.device.on_cpu:
         step += LAUNCH_OVERHEAD
-    return Budget(step, steps * step, share, least)
+    return WorkBudget(step, steps * step, share, least)

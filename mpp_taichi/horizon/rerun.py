@@ -1,6 +1,6 @@
-"""Companion: the scene run once more from its start with coarser or finer steps, before the run itself begins.
+"""Rerun: the scene run once more from its start with coarser or finer steps, before the run itself begins.
 
-A companion uses the kernels of the run: the step, and the tolerance of a method that chooses its steps, are their arguments.
+A rerun uses the kernels of the run: the step, and the tolerance of a method that chooses its steps, are their arguments.
 """
 
 from collections.abc import Generator, Sequence
@@ -17,7 +17,7 @@ HAIR = 1e-6  # of a step: a rest that is rounding of the time
 MOST_FOLLOWED = 1000  # particles whose positions are compared
 
 
-class Companion:
+class Rerun:
     """Follows the scene from its start; `coarseness` is 1 for the steps of the run, 2 for coarser and 1/2 for finer steps."""
 
     def __init__(self, simulation: "Simulation", coarseness: float) -> None:
@@ -53,7 +53,7 @@ class Companion:
             simulation.restart()
 
     def _set_step(self, own: dict[Any, float]) -> None:
-        """Give the present phase the step, or the tolerance, of this companion."""
+        """Give the present phase the step, or the tolerance, of this rerun."""
         simulation = self._simulation
         integrator = simulation.integrator
         if integrator.controlled_by:
