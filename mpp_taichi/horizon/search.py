@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpp_taichi.errors import MppError
-from mpp_taichi.horizon.work_budget import FINE_PART, LEAST_WORK, SHARE, WorkBudget, budget_of
 from mpp_taichi.horizon.cause import Cause, cause_of
 from mpp_taichi.horizon.growth import LEAST_POINTS, LEAST_TURNS, first_crossing, law, turns
 from mpp_taichi.horizon.horizon import LIMIT, Horizon
 from mpp_taichi.horizon.refusal import refusal
 from mpp_taichi.horizon.samples import Walk, sample_times
+from mpp_taichi.horizon.work_budget import FINE_PART, LEAST_WORK, SHARE, WorkBudget, budget_of
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mpp_taichi.horizon.work_budget import WorkBudget
 from mpp_taichi.horizon.cause import cause_of
 from mpp_taichi.horizon.growth import first_crossing, law, turns
+from mpp_taichi.horizon.work_budget import WorkBudget
 
 TIMES = np.linspace(0.0, 10.0, 49)[1:]
 LEAPFROG, ORDER_8 = (SimpleNamespace(order=order, controlled_by="") for order in (2, 8))

@@ -20,9 +20,9 @@ import numpy as np
 sys.path[:0] = [str(Path(__file__).parents[2])]  # so that it also runs from a checkout
 
 from mpp_taichi.errors import MppError  # noqa: E402
-from mpp_taichi.horizon.work_budget import LEAST_WORK, SHARE  # noqa: E402
 from mpp_taichi.horizon.horizon import LIMIT  # noqa: E402
 from mpp_taichi.horizon.search import find  # noqa: E402
+from mpp_taichi.horizon.work_budget import LEAST_WORK, SHARE  # noqa: E402
 from mpp_taichi.scene.load import load_scene  # noqa: E402
 from mpp_taichi.simulation.simulation import Simulation  # noqa: E402
 
