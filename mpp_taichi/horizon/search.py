@@ -115,7 +115,8 @@ class _Search:
             if last or (told and turns(own) >= LEAST_TURNS):
                 return told or self._not_reached(times, own, coarse, fine, size)
             early = (times, coarse, fine)  # judged again when the size of the system in the whole run is known
-        return self._unknown(f"{self.part:.2g} of the run, all that the search may follow, are too few steps")
+        whole = "the run" if self.part >= 1.0 else f"the first {self.part:.2g} of the run, all that the search may follow,"
+        return self._unknown(f"{whole} has too few steps")
 
     def _crossing(self, times: np.ndarray, coarse: np.ndarray, fine: np.ndarray, size: float) -> Horizon | None:
         """The horizon where the error reaches LIMIT at one of the times; None where it does not."""

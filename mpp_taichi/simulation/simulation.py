@@ -70,9 +70,8 @@ class Simulation:
         check_threads(threads)
         read = load_scene(scene, overrides=overrides)
         if read.accuracy is not None:
-            raise SceneError(
-                f"{read.source}: accuracy: what reaches it is still to be chosen, by mpp_taichi.settle or the run verb"
-            )
+            problem = "what reaches it is still to be chosen, by mpp_taichi.settle or the run verb"
+            raise SceneError(f"{read.source}: accuracy: {problem}")
         self.estimate = estimate(read)
         check_capacity(self.estimate)
         course = course_of(read, start)
@@ -188,8 +187,7 @@ class Simulation:
     def try_steps(self, steps: int, dt: float | None = None, *, judged: bool = True) -> bool:
         """Advance without recorders and accounts, by steps of the run's dt or of another; False where the state is not sound.
 
-        A sound state has finite numbers only, and every implicit step that led to it was solved. Where this is not `judged`,
-        the result is True, and the device may still be working.
+        A sound state has finite numbers only, and every implicit step that led to it was solved; not `judged` it is True.
         """
         self._require_life()
         return self._launches.try_steps(self.phase, steps, self.dt if dt is None else dt, judged=judged)
