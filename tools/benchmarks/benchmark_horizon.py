@@ -4,7 +4,8 @@
 
 The true time is the first of 800 evenly spaced times at which a run of the scene is farther than a thousandth of the
 system's size from a reference by another method in f64, `ias15` or `taylor` (for runs of these: each other). With `--repeats`
-the price is measured instead: processor time of the whole program `run` with and without the search, in turns. `--share` and `--least` change the work that the search may take, which shows how good extrapolated times are.
+the price is measured instead: processor time of the whole program `run` with and without the search, in turns. `--share`
+and `--least` change the work that the search may take, which shows how good extrapolated times are.
 """
 
 import argparse
