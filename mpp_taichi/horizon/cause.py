@@ -19,6 +19,7 @@ import numpy as np
 SEEN = 1e-2  # of the size: up to this error differences grow as small errors do
 LEAST_RATIO = 1.3  # R by a step; a method of first order has 2
 FULL_SHARE = 0.25  # of 2^p: from here on R is by the step alone
+ADAPTIVE_RATIO = 2.5  # the same of tolerances that differ by factors of 4
 LARGEST_RATIO = 1e6
 COARSE_WEIGHT, FINE_WEIGHT = 4.0 / 7.0, 1.0 / 7.0  # of two differences by rounding
 PLENTY = 30.0  # roundings for the square root of the number of steps: an early difference above them is by the step
@@ -57,7 +58,8 @@ def cause_of(coarse: np.ndarray, fine: np.ndarray, steps: np.ndarray, precision:
     ratio = float(np.median(found[len(found) // 2 :]))
     early = int(np.flatnonzero(small)[0])
     rounded = fine[early] < PLENTY * ROUND_OFF.get(precision, SINGLE) * math.sqrt(max(1.0, steps[early]))
-    by_step = ratio > LEAST_RATIO and (not rounded or (ratio > FULL_SHARE * full and not integrator.controlled_by))
+    surely = ADAPTIVE_RATIO if integrator.controlled_by else FULL_SHARE * full
+    by_step = ratio > LEAST_RATIO and (not rounded or ratio > surely)
     if not by_step:
         return Cause("rounding", 1.0 / math.sqrt(3.0), uses_coarse=ratio < LEAST_RATIO)
     ratio = min(ratio, LARGEST_RATIO)

@@ -11,8 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
 
-STEP_FACTOR = 2.0
-TOLERANCE_FACTOR = 4.0
+TOLERANCE_FACTOR = 4.0  # of a method that chooses its steps
 HAIR = 1e-6  # of a step: a rest that is rounding of the time
 MOST_FOLLOWED = 1000  # particles whose positions are compared
 
@@ -21,7 +20,7 @@ class Rerun:
     """Follows the scene from its start; `coarseness` is 1 for the steps of the run, 2 for coarser and 1/2 for finer steps."""
 
     def __init__(self, simulation: "Simulation", coarseness: float) -> None:
-        """Put the simulation at its start."""
+        """Bind the parts; nothing moves yet."""
         self._simulation, self._coarseness = simulation, coarseness
         self._own_dt, self._first = simulation.dt, simulation.phase_number
         self.evaluations = 0  # of a method that chooses its steps

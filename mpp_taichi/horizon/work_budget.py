@@ -11,7 +11,7 @@ LEAST_WORK = 15_000_000  # in units of `step.plans`, tens of milliseconds: about
 OVERHEAD = 50  # of an evaluation on the CPU beside its forces, in the same units
 LAUNCH_OVERHEAD = 100_000  # of a step whose loops are launches of their own
 SOLVER_SWEEPS = 30  # evaluations that an implicit step costs, roughly
-FINE_PART = 0.25
+FINE_PART = 0.25  # of the followed part, where the run and its coarse rerun stay together
 COARSE_COST, FINE_COST = 0.5, 2.0  # of reruns with steps of 2 dt and dt / 2, over the cost of the same part of the run
 
 
@@ -55,7 +55,7 @@ class WorkBudget:
 
 
 def budget_of(simulation: "Simulation", steps: float, share: float, least: float) -> WorkBudget:
-    """The budget for a run of so many steps; an adaptive method tells the evaluations in one of its samples as `steps`."""
+    """The budget for a run of so many steps; of a method that chooses its steps, for so many evaluations."""
     phase = simulation.phase
     evaluations = phase.integrator.evaluations_per_step or 1
     counted = max(1, phase.integrator.typical_evaluations)  # included in the work of the phase
