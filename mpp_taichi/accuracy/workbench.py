@@ -186,6 +186,7 @@ class Machine:
                 self._enter(leg, begins=number == 0)
                 seconds += self._advance(leg, 0, leg.steps, budget)[0]
             shortest, spent = min(shortest, seconds), spent + max(seconds, SHORT / MOST_REPEATS * len(parts))
+            budget = Budget(float("inf"))  # repeats are too short to be broken off
         return shortest
 
     def enter(self, leg: Leg) -> None:
