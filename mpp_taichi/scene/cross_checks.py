@@ -7,6 +7,7 @@ from mpp_taichi.scene.integrator_checks import check_integrator
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import check_tree
 from mpp_taichi.scene.view_checks import check_view
+from mpp_taichi.scene.wanted import wanted_entries
 
 
 def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
@@ -44,9 +45,16 @@ def _check_accuracy(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     place = tree.value["accuracy"].place
     if spec.run.duration is None:
         faults.add(place, "accuracy", "needs run.duration: the step is to be chosen")
-    for key in ("contacts", "timeline"):
-        if tree.get(key) is not None:
-            faults.add(place, "accuracy", f"cannot be chosen for a scene with {key}; give it an integrator with a step")
+    if spec.accuracy.of is not None:
+        try:
+            wanted_entries(spec, spec.accuracy.of)
+        except ValueError as error:
+            faults.add(tree.value["accuracy"].value["of"].location, "accuracy.of", str(error))
+    elif tree.get("contacts") is not None:
+        of = "accuracy: {of: quantity, below: number}"
+        faults.add(place, "accuracy", f"positions have no meaning after some collisions; name what is to be right, {of}")
+    if tree.get("timeline") is not None:
+        faults.add(place, "accuracy", "cannot be chosen for a scene with timeline; give it an integrator with a step")
 
 
 def _check_expect(spec: SceneSpec, faults: Faults) -> None:
