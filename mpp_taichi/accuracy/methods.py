@@ -8,6 +8,7 @@ from typing import Any
 from mpp_taichi import component
 from mpp_taichi.accuracy import force_solvers
 from mpp_taichi.accuracy.contact_methods import orders, solvers
+from mpp_taichi.accuracy.problem import LOOKS as LOOKS
 from mpp_taichi.accuracy.problem import Problem, defaults, with_integrator
 from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.scene.integrator_checks import suits
@@ -19,7 +20,6 @@ LIMIT_SHARE = 0.95  # of the largest step that springs and drag allow
 ITERATIONS = 6.0  # forces of an implicit step, until they have been counted
 FEWEST_STEPS = 2.0
 GENERAL_BASES = ("Integrator", "Adaptive")  # classes from which methods of many families are derived
-LOOKS = 64  # samples of energies and positions in a run; the steps of a reference are a multiple of this number
 
 
 @dataclass(frozen=True)
@@ -118,9 +118,9 @@ def promise(method: StudyMethod) -> tuple[int, bool, float]:
 
 
 def equal_cost(problem: Problem, method: StudyMethod, own: StudyMethod) -> float:
-    """The steps for which a method evaluates as many forces as the scene's own setting; LOOKS for an adaptive method."""
+    """The steps for which a method evaluates as many forces as the scene's own setting; the samples of an adaptive method."""
     if method.adaptive:
-        return float(LOOKS)
+        return float(problem.samples)
     return problem.own_steps * own.evaluations / method.evaluations
 
 

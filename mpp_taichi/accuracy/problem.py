@@ -9,6 +9,7 @@ import numpy as np
 from mpp_taichi import component
 from mpp_taichi.accuracy import force_solvers
 from mpp_taichi.accuracy.contact_methods import with_solver
+from mpp_taichi.accuracy.wanted import Wanted
 from mpp_taichi.component import REQUIRED
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.contacts import merges
@@ -18,6 +19,8 @@ from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.start.assemble import assemble
 
+LOOKS = 64  # samples of energies and positions in a run; the steps of a reference are a multiple of this number
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -26,6 +29,7 @@ class Problem:
     spec: SceneSpec
     start: Snapshot
     span: float  # [time]
+    wanted: Wanted | None = None  # the quantity whose error is compared in place of positions
 
     @property
     def own_dt(self) -> float:
@@ -36,6 +40,11 @@ class Problem:
     def own_steps(self) -> int:
         """Steps of about the scene's own size that fill the span, a whole number."""
         return steps_of(self.span, self.own_dt)
+
+    @property
+    def samples(self) -> int:
+        """Samples in a run of a method that needs no step."""
+        return LOOKS if self.wanted is None else self.wanted.samples
 
     def shortened(self, span: float) -> "Problem":
         """The problem over the first part of its span."""
@@ -49,6 +58,8 @@ class Problem:
 
     def identity(self) -> str:
         """Hash of the physics: particles, springs, forces and contacts; names, colours, methods and the view do not count.
+
+        With a wanted quantity also of its parameters.
 
         A force is the same whether it is summed directly or by a tree.
         """
@@ -65,14 +76,17 @@ class Problem:
             restitution = self.spec.contacts.solver.parameters.get("restitution")
             walls = [[wall.name, wall.parameters] for wall in self.spec.walls]
             rest += [restitution, [repr(pair) for pair in self.spec.contacts.pairs], walls]
+        if self.wanted is not None:
+            rest.append(self.wanted.identity())
         digest.update(json.dumps(rest, sort_keys=True, default=str).encode())
         return digest.hexdigest()[:16]
 
 
-def pose(spec: SceneSpec, until: float | None = None) -> Problem:
-    """The problem that a scene poses.
+def pose(spec: SceneSpec, until: float | None = None, of: str | None = None) -> Problem:
+    """The problem that a scene poses; `of` is the quantity of `expect:` that is wanted, None for positions.
 
     Raises:
+        ValueError: the scene does not have this quantity.
         SceneError: methods of different steps cannot be compared in this scene, or the scene has no duration.
     """
     place = spec.integrator.location
@@ -93,7 +107,7 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
         until = spec.run.duration if spec.run.duration is not None else time_after(spec, spec.run.steps or 0)
     if until <= 0.0:
         raise SceneError(f"{place}: the scene has no run.duration: say how long, --until T")
-    return Problem(spec, start, until)
+    return Problem(spec, start, until, None if of is None else Wanted.of(spec, of))
 
 
 def _check_direct_sums(spec: SceneSpec, start: Snapshot) -> None:

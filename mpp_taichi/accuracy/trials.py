@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.front import QUANTITIES, StudyRow
-from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.offers import Offer, offers_for
 from mpp_taichi.accuracy.sample import Configuration, MeasuredError
 from mpp_taichi.accuracy.study import Study
@@ -49,6 +48,8 @@ class Trials:
         if quantity is None:
             return -1.0
         allowed = study.allowed(self.target, quantity)
+        if (values := study.value_reference) is not None:  # with many runs, the bar of a difference holds that of the reference
+            return allowed - values.bar if values.runs == 1 else allowed
         return allowed if quantity != QUANTITIES[0] or study.reference is None else allowed - study.reference.bar
 
     def run(self, study: Study, bench: Workbench) -> None:
@@ -84,12 +85,13 @@ def try_offer(study: Study, bench: Workbench, offer: Offer, allowed: float) -> T
     reached: tuple[float, Trial] | None = None
     machine = bench.machine(offer.integrator)
     for _ in range(TRIALS):
-        steps, tolerance = (LOOKS, 1.0 / fineness) if method.adaptive else (math.ceil(fineness), None)
+        steps, tolerance = (study.problem.samples, 1.0 / fineness) if method.adaptive else (math.ceil(fineness), None)
         configuration = machine.configuration(steps, tolerance)
         sample, _ = machine.run(configuration, budget)
         error = study.error(sample, quantity)
         if sample.status == "ok" and error.bound <= allowed:
-            dt = study.whole / LOOKS_OF_ADAPTIVE if method.adaptive else study.problem.span / steps
+            samples = LOOKS_OF_ADAPTIVE if study.values is None else steps
+            dt = study.whole / samples if method.adaptive else study.problem.span / steps
             if reached is None or fineness < reached[0]:
                 seconds = statistics.median(machine.time(configuration, budget) for _ in range(REPEATS))
                 reached = fineness, Trial(offer, configuration, dt, error, seconds)

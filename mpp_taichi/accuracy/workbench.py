@@ -4,6 +4,7 @@ The step is an argument of the kernels, so that one compilation of a method serv
 at a time: a workbench of another precision ends the present workbench.
 """
 
+import math
 import time as clock
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import Problem, with_integrator
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.step_clock import LaunchTime, StepClock
+from mpp_taichi.accuracy.wanted import Measurement, measure, shifted_start
 from mpp_taichi.device import backends
 from mpp_taichi.energy.energy_error import ratio, relative_error
 from mpp_taichi.errors import MppError
@@ -145,6 +147,8 @@ class Machine:
                 sample.status, sample.reason, sample.end = "diverged", "its steps became too short for the time to go on", None
         sample.evaluations = round(self.evaluations * steps)
         self._judge(sample, rows)
+        if sample.status == "ok" and start is None and self.problem.wanted is not None:
+            self._measure_wanted(sample, budget)
         if sample.status != "ok":
             return sample, None
         trace = Trace(np.array([row["time"] for row in rows]), np.array(places)) if follow else None
@@ -163,6 +167,18 @@ class Machine:
         self._advance(before, stop, dt, budget)
         return self.simulation.state.read()
 
+    def measure(self, configuration: Configuration, budget: Budget, *, number: int = 0, finer: float = 1.0) -> Measurement:
+        """Measure the wanted quantity in a run from shifted start `number`; see `wanted.measure` and `wanted.shifted_start`."""
+        self._set_tolerance(configuration.tolerance)
+        start = shifted_start(self.problem, number, self.precision)
+        return measure(self.simulation, self.problem, configuration.steps, budget, finer=finer, start=start)
+
+    def change(self, problem: Problem) -> None:
+        """Go on with another span of the scene, or another number of samples."""
+        if self._is_adaptive:
+            self.seconds_per_step *= self.problem.samples / problem.samples
+        self.problem = problem
+
     def close(self) -> None:
         """Free the memory."""
         self.simulation.close()
@@ -170,10 +186,26 @@ class Machine:
     # Internals
 
     _counted = 1.0
+    asked_interval = math.inf  # the shortest time between samples for which the wanted quantity asked in the last run
 
-    def _begin(self, dt: float, tolerance: float | None = None, start: Phase | None = None) -> None:
+    def _measure_wanted(self, sample: Sample, budget: Budget) -> None:
+        """Add the values of the wanted quantity to a sample."""
+        assert self.problem.wanted is not None
+        for number in range(self.problem.wanted.runs):
+            found = self.measure(sample.configuration, budget, number=number)
+            if found.values is None:
+                sample.status, sample.reason = "diverged" if found.broken else "undefined", found.reason
+                sample.end, sample.values = None, []
+                return
+            sample.values.append(list(found.values))
+            self.asked_interval = found.shortest
+
+    def _set_tolerance(self, tolerance: float | None) -> None:
         if self._is_adaptive:
             setattr(self.integrator, self.integrator.controlled_by, self._own_tolerance if tolerance is None else tolerance)
+
+    def _begin(self, dt: float, tolerance: float | None = None, start: Phase | None = None) -> None:
+        self._set_tolerance(tolerance)
         self.simulation.restart()
         if start is not None:
             self.simulation.state.write(*start)
@@ -197,7 +229,7 @@ class Machine:
     def _try_out(self) -> float:
         """Seconds per step, from launches of more and more steps until the clock can resolve them."""
         if self._is_adaptive:
-            return TRIAL * self._launch_seconds(0.0, self.problem.span / LOOKS / TRIAL, 1)
+            return TRIAL * self._launch_seconds(0.0, self.problem.span / self.problem.samples / TRIAL, 1)
         steps, limit = 1, self.simulation.phase.launch_limit
         dt = self.problem.own_dt if self._solves or self.contacts else TINY * self.problem.own_dt
         if self.contacts is not None:  # beyond the span the motion may fail
@@ -297,10 +329,10 @@ class Workbench:
         return self.machines[integrator]
 
     def shorten(self, problem: Problem) -> None:
-        """Continue with a shorter span of the same scene."""
+        """Continue with a shorter span of the same scene, or another number of samples."""
         self.problem = problem
         for machine in self.machines.values():
-            machine.problem = problem
+            machine.change(problem)
 
     def __enter__(self) -> "Workbench":
         """Use as a context manager."""

@@ -18,9 +18,11 @@ from mpp_taichi.precision import PRECISIONS
 
 if TYPE_CHECKING:
     from mpp_taichi.accuracy.study import Study, StudyWishes
+    from mpp_taichi.scene.spec import SceneSpec
 
 BUDGET_SECONDS = 60.0
 TARGET = 1e-6
+OWN_QUANTITIES = {"positions": "position", "energy": "energy"}  # words of --of, and the quantities of a study
 UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
 
@@ -39,6 +41,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=_options.positive_number,
         metavar="E",
         help="largest allowed error, for which the report names a method; absent: 1e-6",
+    )
+    parser.add_argument(
+        "--of",
+        metavar="NAME",
+        help="quantity whose error is compared: any quantity of expect:, such as orbital_period; or energy, or positions; "
+        "absent: positions at the end, and for contacts that make them meaningless the first entry of expect:",
     )
     parser.add_argument(
         "--until", type=_options.positive_number, metavar="T", help="simulated time; the scene's own when absent"
@@ -70,9 +78,12 @@ def execute(arguments: argparse.Namespace) -> int:
     from mpp_taichi.scene.load import load_scene
 
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
-    asked = None if spec.accuracy is None else spec.accuracy.quantity
-    wishes = _wishes(arguments, "integrators" if spec.contacts is None else "contacts", asked)
-    problem = pose(spec, arguments.until)
+    quantity, of = asked_of(spec, arguments.of)
+    wishes = _wishes(arguments, "integrators" if spec.contacts is None else "contacts", quantity)
+    try:
+        problem = pose(spec, arguments.until, of)
+    except ValueError as error:
+        raise UsageError(f"--of {of}: {error}") from None
     from mpp_taichi.cli._signals import Interrupted, Interruption
     from mpp_taichi.recorders._lock import OutputLock
 
@@ -129,9 +140,18 @@ def _report(found: dict[str, Any], study: "Study", arguments: argparse.Namespace
     elif not arguments.quiet:
         verdict = found["verdict"]
         fronts = {name: verdict.get(f"{name}_front", ()) for name in ("time", "evaluations")}
-        put("\n".join([*lines(study.rows(), fronts), "", *circumstances(found), machine(found)]))
+        put("\n".join([*lines(study.rows(), fronts, found["wanted"]), "", *circumstances(found), machine(found)]))
         put(f"\n{found['sentence']}")
         put(f"\nwrote {', '.join(found['files'])}")
+
+
+def asked_of(spec: "SceneSpec", option: str | None) -> tuple[str | None, str | None]:
+    """The quantity of a study, position or energy, and the quantity of `expect:` in its place, by --of or by the scene."""
+    if option in OWN_QUANTITIES:
+        return OWN_QUANTITIES[option], None
+    if option is not None:
+        return None, option
+    return (None, None) if spec.accuracy is None else (spec.accuracy.quantity, spec.accuracy.of)
 
 
 def _wishes(arguments: argparse.Namespace, kind: str, quantity: str | None) -> "StudyWishes":
