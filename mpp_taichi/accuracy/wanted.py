@@ -13,7 +13,7 @@ from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.report.expectations import Watcher, label_of
 from mpp_taichi.scene.expectations import BALANCE_QUANTITIES, SUMMARY_QUANTITIES, kind_of
 from mpp_taichi.scene.spec import Expectation, SceneSpec
-from mpp_taichi.scene.wanted import wanted_entries
+from mpp_taichi.scene.wanted import GIVEN, wanted_entries
 
 if TYPE_CHECKING:
     from mpp_taichi.accuracy.problem import Problem
@@ -23,6 +23,7 @@ SAMPLES = 1024  # in a run of a method that needs no step, at least
 ROUNDINGS = {"f64": 50.0}  # by which a start is shifted, more than the few of a flight between two collisions
 FEW_ROUNDINGS = 2.0  # in other precisions: spheres that touch must not overlap by more than their solver takes for touching
 SEED = 20261121
+ERRORS = ("_error", "_error_max")  # ends of the names of quantities that are errors themselves
 STUDYS_OWN = ("position", "energy")  # names of the quantities that a study has without `expect:`
 
 
@@ -60,7 +61,7 @@ class Wanted:
 
     def is_absolute(self, number: int) -> bool:
         """Whether an entry is an error itself, so that its own error is not divided by its value."""
-        return self.entries[number].quantity.endswith(("_error", "_error_max"))
+        return self.entries[number].quantity.endswith(ERRORS)
 
     def is_pure_number(self, number: int) -> bool:
         """Whether an entry has no unit, as far as its declaration says."""
@@ -68,6 +69,12 @@ class Wanted:
         if kind_of(name) == "quantities":
             return component.flag("quantities", name, "dimension") == (0, 0, 0)
         return name in SUMMARY_QUANTITIES and self.is_absolute(number)
+
+
+def first_expected(spec: SceneSpec) -> str | None:
+    """The name of the first entry of `expect:` that a method may change and that is no error itself; None without such an entry."""
+    names = [each.quantity for each in spec.expect if each.quantity not in GIVEN]
+    return next((name for name in names if not name.endswith(ERRORS)), None)
 
 
 @dataclass(frozen=True)
@@ -124,6 +131,8 @@ def measure(
         simulation.keep_energy_balance()
     simulation.dt = problem.span / steps
     simulation.restart()
+    if simulation.contacts is not None:
+        simulation.contacts.collect()  # the counts of steps that were not taken by `Simulation.run`
     if start is not None:
         simulation.state.write(*start)
     every = max(1, int(TableRecorder.every_of(simulation, steps) / finer))

@@ -17,6 +17,8 @@ from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, pu
 from mpp_taichi.precision import PRECISIONS
 
 if TYPE_CHECKING:
+    from mpp_taichi.accuracy.budget import Budget
+    from mpp_taichi.accuracy.problem import Problem
     from mpp_taichi.accuracy.study import Study, StudyWishes
     from mpp_taichi.scene.spec import SceneSpec
 
@@ -97,9 +99,12 @@ def execute(arguments: argparse.Namespace) -> int:
 
         lock = OutputLock(folder / "accuracy.json")
         try:
-            store = Store(folder, identity(problem, problem.span, __version__), fresh=arguments.fresh)
             tell = (lambda _: None) if arguments.quiet else say
-            study = Study(problem, store, Budget(arguments.budget, interruption.raise_if_any), wishes, tell)
+            budget = Budget(arguments.budget, interruption.raise_if_any)
+            if (quantity, of) == (None, None):
+                problem = _expected_instead(problem, budget, tell)
+            store = Store(folder, identity(problem, problem.span, __version__), fresh=arguments.fresh)
+            study = Study(problem, store, budget, wishes, tell)
             _check_methods(wishes, list(study.methods), tell)
             if store.resumed:
                 tell(f"{store.resumed} runs are known from before")
@@ -143,6 +148,20 @@ def _report(found: dict[str, Any], study: "Study", arguments: argparse.Namespace
         put("\n".join([*lines(study.rows(), fronts, found["wanted"]), "", *circumstances(found), machine(found)]))
         put(f"\n{found['sentence']}")
         put(f"\nwrote {', '.join(found['files'])}")
+
+
+def _expected_instead(problem: "Problem", budget: "Budget", tell: Callable[[str], None]) -> "Problem":
+    """The problem with the first entry of `expect:`, where collisions leave the positions at the end no meaning."""
+    from dataclasses import replace
+
+    from mpp_taichi.accuracy.collisions import meaning_ends
+    from mpp_taichi.accuracy.wanted import Wanted, first_expected
+
+    name = first_expected(problem.spec)
+    if name is None or (end := meaning_ends(problem, budget)) is None:
+        return problem
+    tell(f"positions mean nothing beyond t = {end:.4g}: {name} is compared, the first entry of expect:; --of names another")
+    return replace(problem, wanted=Wanted.of(problem.spec, name))
 
 
 def asked_of(spec: "SceneSpec", option: str | None) -> tuple[str | None, str | None]:
