@@ -18,7 +18,7 @@ from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.store import Store, identity
 from mpp_taichi.accuracy.study import Study, StudyWishes
 from mpp_taichi.accuracy.sweep import WORTH
-from mpp_taichi.accuracy.trials import SAFETY, Trial, Trials
+from mpp_taichi.accuracy.trials import SAFETY, Trial, Trials, as_run
 from mpp_taichi.accuracy.value_reference import ValueReference
 from mpp_taichi.accuracy.verdict import duration
 from mpp_taichi.errors import MppError, StabilityError
@@ -89,8 +89,8 @@ def _decide(study: Study, trials: Trials, target: float, asked: str | None) -> C
     place = f"{study.problem.spec.source}: accuracy"
     if quantity is None:
         raise StabilityError(f"{place}: nothing can be chosen for {target:g} of {asked or QUANTITIES[0]}: {study.reason}")
-    if trials.reached:
-        best = min(trials.reached, key=lambda trial: trial.seconds)
+    best = min(trials.reached, key=lambda trial: trial.seconds, default=None) or as_run(study, target)
+    if best is not None:
         configuration = best.configuration
         return Choice(
             scene=study.problem.identity(),
@@ -126,7 +126,9 @@ def _best(study: Study, errors: Sequence[float]) -> str:
     if not errors:
         return "the budget ended before a run was done"
     ended = "" if study.status == "complete" else "; the budget ended before all methods were tried"
-    return f"the best was {min(errors):.1e}{ended}"
+    known = study.reference
+    bar = "" if known is None or study.quantity != QUANTITIES[0] else f", where the reference is {known.told}"
+    return f"the best was {min(errors):.1e}{bar}{ended}"
 
 
 def _why(trials: Trials, chosen: Trial, study: Study) -> str:

@@ -337,8 +337,12 @@ class Study:
             sweep.learn(machine)
         ladders = [self._ladder(self.methods[name]) for name in names]
         repeats = REPEATS_SHARE if self.wishes.aim is None else REPEATS_SHARE_OF_AIM
-        sweep.climb(ladders, share=end - repeats * (end - begin), first=self.own.name)
-        sweep.repeat(share=end)
+        try:
+            sweep.climb(ladders, share=end - repeats * (end - begin), first=self.own.name)
+            sweep.repeat(share=end)
+        except OutOfTime:  # what was measured is used all the same
+            self._after_sweep(self, bench)
+            raise
         self.store.save()
         self.cut[bench.backend, bench.precision] = sweep.left_out
         self._after_sweep(self, bench)

@@ -70,6 +70,32 @@ class Trials:
                 tried += 1
 
 
+def as_run(study: Study, target: float) -> Trial | None:
+    """The fastest run of the study that reaches a target as it is; None where none does.
+
+    Where the error of the reference is a large part of the target, no step can be interpolated, yet the run of the reference
+    itself may reach the target, as its error is at most its bar.
+    """
+    quantity = study.quantity or QUANTITIES[0]
+    allowed, names = study.allowed(target, quantity), study.wishes.integrators or study.methods
+    best: Trial | None = None
+    for row in study.rows():
+        made, seconds, error = row.sample.configuration, row.seconds, row.error(quantity)
+        ok = row.sample.status == "ok" and made.integrator in names and (made.backend, made.precision) in study.wishes.devices
+        if ok and seconds is not None and error.bound <= allowed and (best is None or seconds < best.seconds):
+            dt = _step(study, made)
+            offer = Offer(made.integrator, made.precision, made.backend, made.fineness, seconds)
+            best = Trial(offer, made, dt, error, seconds)
+    return best
+
+
+def _step(study: Study, configuration: Configuration) -> float:
+    """The step of the run for which a setting is chosen [time]; of a method that needs none, the time between two samples."""
+    if configuration.tolerance is None or study.values is not None:
+        return study.problem.span / configuration.steps
+    return study.whole / LOOKS_OF_ADAPTIVE
+
+
 def _is_candidate(study: Study, row: StudyRow, bench: Workbench) -> bool:
     """Whether a run was made on a workbench, with a method that may be chosen; runs of the reference are in the store too."""
     configuration = row.sample.configuration
@@ -90,8 +116,7 @@ def try_offer(study: Study, bench: Workbench, offer: Offer, allowed: float) -> T
         sample, _ = machine.run(configuration, budget)
         error = study.error(sample, quantity)
         if sample.status == "ok" and error.bound <= allowed:
-            samples = LOOKS_OF_ADAPTIVE if study.values is None else steps
-            dt = study.whole / samples if method.adaptive else study.problem.span / steps
+            dt = _step(study, configuration)
             if reached is None or fineness < reached[0]:
                 seconds = statistics.median(machine.time(configuration, budget) for _ in range(REPEATS))
                 reached = fineness, Trial(offer, configuration, dt, error, seconds)

@@ -8,6 +8,7 @@ from mpp_taichi.accuracy.front import StudyRow, evaluation_front, price_of_a_dig
 from mpp_taichi.accuracy.sample import MeasuredError, rounded_up
 
 TEN = 10.0  # times less and more time, of which the sentence says the error
+FILM = 1e-3  # of the system's size: less than a pixel of a picture of 1280 × 720 that shows the whole system
 ALIKE = 1.1  # ratio of times that medians on a busy machine cannot distinguish
 
 
@@ -18,6 +19,8 @@ def verdict(rows: Sequence[StudyRow], quantity: str | None, target: float) -> di
     choice       the row to take for the target, see `choice`; absent where none reaches it
     best         the smallest error of all rows, where no row reaches the target
     faster, slower  the smallest error in a tenth of the time of the choice, and in ten times its time; absent without a row
+    elsewhere    for each other backend with rows the row to take for the target there; absent where none reaches it
+    film         the row to take for FILM of positions, which is all that an eye sees; absent for targets near it
     own          the scene's own setting: its error, and `step_ratio`, the factor by which its step could be longer (above 1)
                  or must be shorter (below 1) for the target, from the errors of its own method
     """
@@ -37,6 +40,9 @@ def verdict(rows: Sequence[StudyRow], quantity: str | None, target: float) -> di
         for name, times in (("faster", 1.0 / TEN), ("slower", TEN)):
             if (other := _best_within(rows, quantity, times * (chosen.seconds or math.inf))) is not None:
                 found[name] = _described(other, quantity)
+        found["elsewhere"] = _elsewhere(rows, quantity, target, chosen)
+        if quantity == "position" and target * TEN <= FILM and (enough := choice(rows, quantity, FILM)) is not None:
+            found["film"] = _described(enough, quantity)
     elif ends := time_front(rows, quantity):
         found["best"] = _described(ends[-1], quantity)
     own = next((row for row in rows if row.is_own), None)
@@ -54,6 +60,14 @@ def choice(rows: Sequence[StudyRow], quantity: str, target: float) -> StudyRow |
     fastest = min(row.seconds or math.inf for row in reached)
     alike = [row for row in reached if (row.seconds or math.inf) <= ALIKE * fastest]
     return min(alike, key=lambda row: (row.error(quantity).bound, row.sample.evaluations, row.seconds))
+
+
+def _elsewhere(rows: Sequence[StudyRow], quantity: str, target: float, chosen: StudyRow) -> list[dict[str, Any]]:
+    """The choice on every other backend that was tried."""
+    here = chosen.sample.configuration.backend
+    backends = dict.fromkeys(row.sample.configuration.backend for row in rows)
+    groups = ([row for row in rows if row.sample.configuration.backend == other] for other in backends if other != here)
+    return [_described(found, quantity) for group in groups if (found := choice(group, quantity, target)) is not None]
 
 
 def _best_within(rows: Sequence[StudyRow], quantity: str, seconds: float) -> StudyRow | None:
@@ -115,9 +129,10 @@ def sentence(found: dict[str, Any], because: str = "") -> str:
             f"{duration(choice['seconds'])}"
         )
         parts.append(_other_times(found))
+        parts.append(_other_backends(found))
+        parts.append(_film(found))
     elif best := found.get("best"):
-        error = best["error"] if best["error"] is not None else best["error_at_most"]
-        parts.append(f"nothing that was tried reaches {target} of {quantity}; {best['integrator']} came to {error:.1e}")
+        parts.append(f"nothing that was tried reaches {target} of {quantity}; {best['integrator']} came to {_error(best)}")
     if own := found.get("own"):
         parts.append(_own(own, found))
     return "; ".join(part for part in parts if part) or "too little was measured to say what accuracy costs"
@@ -130,6 +145,28 @@ def _other_times(found: dict[str, Any]) -> str:
         if (other := found.get(name)) and other["key"] != found["choice"]["key"]:
             said.append(f"{words} buys {_error(other)} ({other['integrator']} in {other['precision']}, {other['setting']})")
     return ", ".join(said)
+
+
+def _other_backends(found: dict[str, Any]) -> str:
+    """The time that the target takes on every other backend that was tried, over the time of the choice."""
+    said, seconds = [], found["choice"]["seconds"]
+    for other in found["elsewhere"]:
+        slower = other["seconds"] >= seconds
+        ratio = f"{factor(other['seconds'] / seconds)} longer" if slower else f"{factor(seconds / other['seconds'])} less"
+        how = f"{other['integrator']} in {other['precision']}, {other['setting']}"
+        said.append(f"on {other['backend']} it takes {duration(other['seconds'])}, {ratio} ({how})")
+    return ", ".join(said)
+
+
+def _film(found: dict[str, Any]) -> str:
+    """The run that is exact enough for a film, and how much faster it is than the choice."""
+    film, choice = found.get("film"), found["choice"]
+    if film is None or film["key"] == choice["key"]:
+        return ""
+    gain = f", {factor(choice['seconds'] / film['seconds'])} faster" if film["seconds"] < choice["seconds"] / ALIKE else ""
+    where = "" if film["backend"] == choice["backend"] else f" on {film['backend']}"
+    how = f"{film['integrator']} in {film['precision']}{where} with {film['setting']}"
+    return f"for a film, in which the eye sees {FILM:.0e}, {how} is enough{gain}".replace("e-0", "e-", 1)
 
 
 def _error(described: dict[str, Any]) -> str:
@@ -145,6 +182,8 @@ def _own(own: dict[str, Any], found: dict[str, Any]) -> str:
         return ""
     error = f"{own['error']:.1e}" if own["error"] is not None else f"at most {rounded_up(own['error_at_most']):.0e}"
     if own["step_ratio"] is None:
+        if (bound := own["error_at_most"]) is not None and bound > found["target"]:
+            return f"{setting} has an error of {error}, more of which is not known"
         relation = f"misses {target}" if own["error"] is not None and own["error"] > found["target"] else f"reaches {target}"
         return f"{setting} {relation}: its error is {error}"
     ratio = own["step_ratio"]

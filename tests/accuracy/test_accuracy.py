@@ -337,6 +337,27 @@ def test_the_sentence_says_what_ten_times_less_and_more_time_would_buy():
     assert "faster" not in alone and "this time buys" not in sentence(alone)
 
 
+def test_the_sentence_says_what_other_backends_take_and_what_a_film_needs():
+    from mpp_taichi.accuracy.verdict import verdict
+
+    rows = [
+        front.StudyRow(
+            Sample(Configuration("leapfrog", steps, "f64", backend), 1.0 / steps, evaluations=steps, seconds=[cost * steps]),
+            *[MeasuredError(1.0 / steps**2)] * 5,
+        )
+        for backend, cost in (("cpu", 1e-3), ("vulkan", 4e-3), ("cuda", 1e-4))
+        for steps in (32, 2000)
+        if (backend, steps) != ("cuda", 2000)
+    ]
+    found = verdict(rows, "position", 1e-6)
+    said = sentence(found)
+    assert "on vulkan it takes 8 s, 4.0× longer (leapfrog in f64, dt = 0.0005)" in said
+    assert "on cuda it takes" not in said  # no run there reaches the target
+    assert "for a film, in which the eye sees 1e-3, leapfrog in f64 on cuda with dt = 0.0312 is enough, 625× faster" in said
+    assert [row["backend"] for row in found["elsewhere"]] == ["vulkan"]
+    assert "film" not in verdict(rows, "position", 1e-3) and "film" not in verdict(rows, "energy", 1e-6)
+
+
 def test_ladders_end_where_nothing_is_gained():
     ladder = Ladder("leapfrog", 2, anchor=100.0, least=20.0, floor=1e-12)
     tried = {}

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 import mpp_taichi as mpp
-from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.choice import choose
 from mpp_taichi.accuracy.front import StudyRow
 from mpp_taichi.accuracy.offers import Offer, offers_for
@@ -17,7 +17,8 @@ from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.sample import Configuration, MeasuredError, Sample
 from mpp_taichi.accuracy.store import Store, identity
 from mpp_taichi.accuracy.study import Study, StudyWishes
-from mpp_taichi.accuracy.trials import SAFETY, try_offer
+from mpp_taichi.accuracy.sweep import StepSweep
+from mpp_taichi.accuracy.trials import SAFETY, as_run, try_offer
 from mpp_taichi.cli.main import main
 from mpp_taichi.scene.load import load_scene
 from scenes import kepler
@@ -161,6 +162,30 @@ def test_offered_steps_are_those_whose_error_equals_the_target():
         offer = offers[name]
         assert offer.fineness == pytest.approx(1e5 ** (1 / order)) and offer.power == pytest.approx(order)
         assert offer.seconds == pytest.approx(cost * offer.fineness)
+
+
+def test_a_budget_that_ends_while_methods_are_tried_does_not_end_the_trials(tmp_path, monkeypatch):
+    def climb_and_end(sweep, ladders, *, share, first, climb=StepSweep.climb):
+        climb(sweep, ladders, share=share, first=first)
+        raise OutOfTime
+
+    monkeypatch.setattr(StepSweep, "climb", climb_and_end)
+    found = choose(load_scene(scene_of(1e-4)), tmp_path, integrators=("pefrl",), precisions=("f64",), seconds=60.0)
+    assert found.integrator == "pefrl" and 1e-4 / 3.0 < found.error <= 1e-4
+
+
+def test_a_run_that_reaches_the_target_as_it_is_counts_where_no_step_can_be_interpolated():
+    """The bar of a reference is 9e-10: between two runs nothing tells where the error is 1e-9, yet the reference reaches it."""
+    made = {steps: row(steps, error, seconds=1e-3 * steps) for steps, error in ((10, 2e-9), (20, 9e-10), (40, 9.5e-10))}
+    wishes = SimpleNamespace(integrators=None, devices=[("cpu", "f64")])
+    problem = SimpleNamespace(span=2.0)
+    study = SimpleNamespace(quantity="position", wishes=wishes, methods={"leapfrog": None}, problem=problem, whole=2.0)
+    study.allowed, study.rows = lambda target, quantity: target, lambda: list(made.values())
+    found = as_run(study, 1e-9)
+    assert found.configuration.steps == 20 and found.dt == 0.1 and found.error.bound == 9e-10
+    assert as_run(study, 1e-10) is None
+    made[20].sample.status = made[40].sample.status = "diverged"
+    assert as_run(study, 1e-9) is None
 
 
 def test_an_impossible_target_ends_with_the_best_there_was(tmp_path):
