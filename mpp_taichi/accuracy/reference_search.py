@@ -46,6 +46,7 @@ class ReferenceSearch:
     aim                the only error of interest, or None
     problem            the part of the scene that is studied: shortened where collisions lose their order by round-off
     reference, chaos   None until they are found
+    lost               time at which collisions take the meaning from positions, where it lies before the end [time]; else None
     horizon            time before the end at which positions were found to lose their meaning [time]; None where none was found
     """
 
@@ -68,6 +69,7 @@ class ReferenceSearch:
         self.reference: ReferenceSolution | None = None
         self.chaos: Chaos | None = None
         self.conserves_energy = False
+        self.lost: float | None = store.notes.get("lost")
         self._runs: tuple[Machine, Convergence] | None = None
         self._share = SHARE
         self._tried: set[str] = set()
@@ -142,6 +144,8 @@ class ReferenceSearch:
             part = WELL_BEFORE * reference.meaning if reference.meaning else self.problem.span / LOOKS
             if reference.trusted or sample.evaluations < FEWEST_COLLISIONS:
                 break
+            if self.lost is None:
+                self.lost = self.store.notes["lost"] = reference.meaning
             self._look_at(bench, self.problem.shortened(part))
         if found is not None and not reference.trusted:
             self._look_at(bench, whole)

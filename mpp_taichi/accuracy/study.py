@@ -20,6 +20,7 @@ from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.sweep import StepSweep
 from mpp_taichi.accuracy.value_reference import ValueReference
 from mpp_taichi.accuracy.value_search import ValueSearch
+from mpp_taichi.accuracy.wanted import first_expected
 from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import BackendError
 
@@ -135,6 +136,8 @@ class Study:
         if self.values is not None and self.problem.wanted is not None:
             return self.problem.wanted.column if self.values.is_known else None
         asked = self.wishes.quantity
+        if asked != "energy" and self._ends_without_meaning:
+            return None
         if asked != "energy" and self.reference is not None and self.reference.positions_mean_something:
             return "position"
         by_energy = asked == "energy" or (asked is None and self.search.horizon is not None)
@@ -149,6 +152,8 @@ class Study:
         kept = "" if self.conserves_energy else ", and the scene does not keep its energy"
         if asked == "energy":
             return "energies were asked for" if kept == "" else "the scene does not keep its energy"
+        if self._ends_without_meaning:
+            return f"collisions leave positions no meaning beyond t = {self.search.lost:.4g}, before the end: {self._advice}"
         if reference is None:
             return "the budget ended before the first run was done"
         if reference.positions_mean_something:
@@ -156,6 +161,17 @@ class Study:
         if horizon is not None:
             return f"positions mean nothing beyond t = {horizon:.4g}, before the end{kept if asked is None else ''}"
         return f"the budget ended before the reference was known ({reference.told}); a longer budget goes on"
+
+    @property
+    def _ends_without_meaning(self) -> bool:
+        """Whether an error is allowed at the end of a run in which collisions take the meaning from positions before."""
+        return self.wishes.aim is not None and self.search.lost is not None
+
+    @property
+    def _advice(self) -> str:
+        """The target that a scene with collisions can have, with a quantity of its own."""
+        name = first_expected(self.problem.spec) or "quantity"
+        return f"say which quantity is to be right, such as accuracy: {{of: {name}, below: 1e-2}}"
 
     @staticmethod
     def _reason_of_values(values: ValueSearch) -> str:

@@ -63,7 +63,7 @@ class ValueReference:
         found = []
         for k, scale in enumerate(self.scales):
             own = STUDENT * max(float(deviation[k]), self.scatters[k]) / math.sqrt(distinct)
-            bar = math.hypot(self.bars[k], own)
+            bar = max(math.hypot(self.bars[k], own), EPSILON * scale)
             found.append(MeasuredError.against(abs(float(mean[k]) - self.values[k]) / scale, bar / scale))
         return max(found, key=lambda error: error.bound)
 
@@ -100,9 +100,9 @@ def scales_of(wanted: Wanted, values: np.ndarray, bars: np.ndarray) -> np.ndarra
 class ValueConvergence:
     """Values of runs with repeatedly halved steps: `add` each run, until the differences are small: `is_enough`.
 
-    A difference of two numbers may be 0 by chance, where that of all positions would not be: it counts as no smaller than half
-    of what the order of the method allows, 2^−order times the difference before. Apart from this the best pair of runs gives the reference,
-    and the bar, as in `reference.Convergence`.
+    A difference of two numbers may be 0 by chance, where that of all positions would not be. So the differences d count as falling
+    no faster than before: the bar of the last is at least d₋₁² / d₋₂, or 2^−(order + 1) d₋₁ where d₋₂ is not known. Apart from this
+    the best pair of runs gives the reference, and the bar, as in `reference.Convergence`.
 
     enough   an error bar over the scale, below which no finer run is wanted
     """
@@ -155,7 +155,8 @@ class ValueConvergence:
         if best > 0:
             before = self._differences()[best - 1]
             slow = before < FALLING * here
-            bars = np.maximum(bars, np.minimum(before * 0.5 ** (self.order + 1), before))
+            fall = before / np.maximum(self._differences()[best - 2], 1e-300) if best > 1 else 0.5 ** (self.order + 1)
+            bars = np.maximum(bars, before * np.minimum(fall, 1.0))
             bars = np.where(slow, np.maximum(before, here / np.maximum(before / np.maximum(here, 1e-300) - 1.0, 0.1)), bars)
             rounding = (here < FLOOR * np.abs(values)) & (before < FLOOR * np.abs(values))
             bars = np.where(rounding & ~slow, np.minimum(np.maximum(before, bars), LUCK * bars), bars)

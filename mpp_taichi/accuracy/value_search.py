@@ -4,7 +4,7 @@ Where bodies may meet closely, an adaptive method runs with three tolerances; el
 halved until the values agree. Where spheres touch, event-driven flight, or else the scene's own solver with halved steps, runs
 from starts that differ by rounding. Where the values of these runs differ, they are random numbers, and their mean counts.
 
-Reference runs sample up to FINER times as often as the run verb does. The change of the value with half of these samples is a
+Reference runs sample FINER times as often as the run verb does. The change of the value with half of these samples is a
 part of its bar.
 """
 
@@ -35,8 +35,8 @@ log = logging.getLogger(__name__)
 DEVICE = ("cpu", "f64")
 SHARE = 0.3  # of the budget
 MOST_BUDGETS = 4.0
-FINER = 16.0  # times the samples of the run verb
-MOST_SAMPLES = 2**15  # in a reference run; fewer times FINER where the quantity asks for many samples
+FINER = (4.0, 16.0)  # times the samples of the run verb: the first, and the second where the first does not reach the bar wanted
+MOST_SAMPLES = 2**13  # in a reference run; fewer times FINER where the quantity asks for many samples
 WELL_KNOWN = 1e-13  # a bar below which no better reference is tried
 WITHIN_AIM = 0.05  # of an aim: no better reference is tried below this bar
 RUNS = 6  # of a quantity that scatters
@@ -99,7 +99,7 @@ class ValueSearch:
         search = self._by_tolerances_or_halving if self.problem.spec.contacts is None else self._by_starts
         with contextlib.suppress(OutOfTime):
             search(bench, SHARE)
-        if not self.is_known and self._undefined < PATIENCE:
+        if not self._suffices and self._undefined < PATIENCE:
             self.tell(f"the reference needs more than {SHARE:.0%} of the budget: up to {MOST_BUDGETS:g} budgets are spent to find it")
             with self.budget.beyond(MOST_BUDGETS, SHARE):
                 search(bench, 1.0)
@@ -128,6 +128,11 @@ class ValueSearch:
         return WELL_KNOWN if self.aim is None else WITHIN_AIM * self.aim
 
     @property
+    def _suffices(self) -> bool:
+        """Whether the reference is good enough for the aim, though perhaps not as good as it might be."""
+        return self.reference is not None and self.is_known and (self.aim is None or 2.0 * self.reference.bar <= self.aim)
+
+    @property
     def _is_enough(self) -> bool:
         return self.reference is not None and self.reference.trusted and self.reference.bar <= self._enough
 
@@ -143,25 +148,39 @@ class ValueSearch:
             first = self._run(machine, machine.configuration(self.problem.samples, middle))
             if first is None:
                 continue
-            finer, samples = self._sampling(bench, first)
+            finer, samples, by_samples = self._sampling_of(machine, bench, middle, first)
             configurations = [machine.configuration(samples, tolerance) for tolerance in tolerances]
             found = [machine.measure(each, self.budget, finer=finer).values for each in configurations]
-            half = machine.measure(configurations[adaptive_reference.MIDDLE], self.budget, finer=0.5 * finer).values
-            if half is None or any(values is None for values in found):
+            if by_samples is None or any(values is None for values in found):
                 continue
             table = np.array(found)
             pairs = [np.abs(one - other) for one, other in itertools.combinations(table, 2)]
             values = table[adaptive_reference.MIDDLE]
-            bars = np.max(pairs, axis=0) + np.abs(np.array(half) - values) + EPSILON * np.abs(values)
+            bars = np.max(pairs, axis=0) + by_samples + EPSILON * np.abs(values)
             differences = [float(np.max(pair / scales_of(self.wanted, values, bars))) for pair in pairs]
             self._take(machine, values, bars, samples, differences, tolerance=middle)
             if self._is_enough:
                 return
 
-    def _sampling(self, bench: Workbench, shortest: float) -> tuple[float, int]:
+    def _sampling_of(
+        self, machine: Machine, bench: Workbench, tolerance: float, shortest: float
+    ) -> tuple[float, int, np.ndarray | None]:
+        """How many times finer an adaptive method samples, its number of samples, and the change of the values by half of them."""
+        for wanted in FINER:
+            finer, samples = self._sampling(bench, shortest, wanted)
+            configuration = machine.configuration(samples, tolerance)
+            found = [machine.measure(configuration, self.budget, finer=part * finer).values for part in (0.5, 1.0)]
+            if found[0] is None or found[1] is None:
+                return finer, samples, None
+            half, values = (np.array(each) for each in found)
+            change = np.abs(half - values)
+            if np.all(change <= self._enough * scales_of(self.wanted, values, change)) or finer < wanted:
+                break
+        return finer, samples, change
+
+    def _sampling(self, bench: Workbench, shortest: float, finer: float) -> tuple[float, int]:
         """How many times finer a reference samples, and its number of samples; the study's number of samples is set too."""
         asked = self.problem.span / shortest
-        finer = FINER
         while finer > 2.0 and finer * asked > MOST_SAMPLES:
             finer /= 2.0
         needed = min(max(self.wanted.samples, 2.0 * asked), float(MOST_SAMPLES))
@@ -174,7 +193,6 @@ class ValueSearch:
             machine, steps = self._halved_machine(bench)
             self._halved = machine, ValueConvergence(self.wanted, machine.order, enough=self._enough), steps
         machine, found, steps = self._halved
-        finer = FINER
         while not found.is_enough and len(found.runs) < MOST_RUNGS and self._undefined < PATIENCE:
             if found.runs and 2.0 * steps * machine.budget_per_step > self.budget.left(share):
                 break
@@ -185,15 +203,22 @@ class ValueSearch:
             self._halved = machine, found, steps
             if shortest is None:
                 continue
-            finer, _ = self._sampling(bench, shortest)
+            finer, _ = self._sampling(bench, shortest, FINER[0])
             values = machine.measure(configuration, self.budget, finer=finer).values
             if values is not None:
                 found.add(self._sample(configuration), np.array(values))
         if len(found.runs) < 2:
             return
         sample, values = found.runs[found.best]
-        half = machine.measure(sample.configuration, self.budget, finer=0.5 * finer).values
-        bars = found.bars() + (0.0 if half is None else np.abs(np.array(half) - values))
+        for finer in FINER:
+            tried = [machine.measure(sample.configuration, self.budget, finer=part * finer).values for part in (0.5, 1.0)]
+            if tried[0] is None or tried[1] is None:
+                return
+            half, values = (np.array(each) for each in tried)
+            change = np.abs(half - values)
+            if np.all(change <= self._enough * scales_of(self.wanted, values, change)):
+                break
+        bars = found.bars() + change
         known = self.reference
         if known is not None and known.trusted and known.bar <= float(np.max(bars / np.array(known.scales))):
             return

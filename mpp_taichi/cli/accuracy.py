@@ -7,6 +7,7 @@ the first one ended.
 
 import argparse
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -112,8 +113,8 @@ def execute(arguments: argparse.Namespace) -> int:
                 study.run()
             except Interrupted as signal:
                 study.status, code = "interrupted", signal.code
-            own = spec.accuracy.error if spec.accuracy is not None else TARGET
-            found: dict[str, Any] = findings(study, arguments.target or own)
+            own = spec.accuracy.error if spec.accuracy is not None else None
+            found: dict[str, Any] = findings(study, arguments.target or own or _usual_target(study))
             found["files"] = _write(folder, found, study)
         finally:
             lock.release()
@@ -171,6 +172,14 @@ def asked_of(spec: "SceneSpec", option: str | None) -> tuple[str | None, str | N
     if option is not None:
         return None, option
     return (None, None) if spec.accuracy is None else (spec.accuracy.quantity, spec.accuracy.of)
+
+
+def _usual_target(study: "Study") -> float:
+    """The target where none is given: TARGET, or for a quantity that scatters the power of ten above its bars."""
+    values = study.value_reference
+    if values is None or values.runs == 1:
+        return TARGET
+    return float(10.0 ** math.ceil(math.log10(2.0 * math.sqrt(2.0) * values.bar)))
 
 
 def _wishes(arguments: argparse.Namespace, kind: str, quantity: str | None) -> "StudyWishes":

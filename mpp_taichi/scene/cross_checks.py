@@ -51,8 +51,8 @@ def _check_accuracy(spec: SceneSpec, tree: Node, faults: Faults) -> None:
         except ValueError as error:
             faults.add(tree.value["accuracy"].value["of"].location, "accuracy.of", str(error))
     elif tree.get("contacts") is not None:
-        of = "accuracy: {of: quantity, below: number}"
-        faults.add(place, "accuracy", f"positions have no meaning after some collisions; name what is to be right, {of}")
+        of = "say which quantity is to be right, such as accuracy: {of: pressure, below: 1e-2}"
+        faults.add(place, "accuracy", f"collisions may leave positions no meaning: {of}")
     if tree.get("timeline") is not None:
         faults.add(place, "accuracy", "cannot be chosen for a scene with timeline; give it an integrator with a step")
 
