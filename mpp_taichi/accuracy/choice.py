@@ -150,5 +150,7 @@ def _why(trials: Trials, chosen: Trial, study: Study) -> str:
 def _why_among_runs(chosen: Trial, values: ValueReference) -> str:
     """The reason where mean values of several runs are compared."""
     differs = f"by {chosen.error}" if chosen.error.value is not None else "by less than the scatter"
-    mean = f"its mean of {values.runs} runs differs {differs} from the reference ({chosen.error}), in {duration(chosen.seconds)}"
+    mean = (
+        f"its mean of {values.runs} runs differs {differs} from the reference ({chosen.error}), in {duration(chosen.seconds)}"
+    )
     return f"{mean}; a single run scatters by {values.scatter:.1e}"

@@ -24,7 +24,9 @@ def findings(study: Study, target: float) -> dict[str, Any]:
         "wanted": None if study.problem.wanted is None else study.problem.wanted.column,
         "quantity_because": study.reason,
         "reference": None if reference is None else reference.facts(),
-        "values": None if study.value_reference is None else {**study.value_reference.facts(), "told": study.value_reference.told},
+        "values": None
+        if study.value_reference is None
+        else {**study.value_reference.facts(), "told": study.value_reference.told},
         "chaos": None if chaos is None else chaos.facts(),
         "remarks": study.remarks,
         "budget_seconds": study.budget.seconds,

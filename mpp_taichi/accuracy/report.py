@@ -21,9 +21,10 @@ EXPLANATION = (
     "Energy, momentum, angular momentum: largest relative error of the run. Times: medians of the steps without samples."
 )
 EXPLANATION_OF_WANTED = (
-    "* on the front of error and time, + on the front of error and force evaluations, o the scene’s own setting. The column after "
-    "the time: difference of the quantity from its reference value, over this value (or absolute, where the value is 0 or an error "
-    "itself); with several entries in expect: the largest. Energy, momentum, angular momentum: largest relative error of the run."
+    "* on the front of error and time, + on the front of error and force evaluations, o the scene’s own setting. The column "
+    "after the time: difference of the quantity from its reference value, over this value (or absolute, where the value is 0 "
+    "or an error itself); with several entries in expect: the largest. Energy, momentum, angular momentum: largest relative "
+    "error of the run."
 )
 STYLE = """
 :root { color-scheme: light dark; --paper: #ffffff; --field: #fafafa; --ink: #1c1f24; --quiet: #5a616b; --line: #d9dde3; %s }
@@ -97,7 +98,9 @@ def circumstances(found: dict[str, Any]) -> list[str]:
     lines = [f"{span}; {found['particle_count']:,} particles."]
     if found["wanted"] is not None:
         known = found["values"]
-        lines.append(f"There is no reference: {found['quantity_because']}." if known is None else f"Reference: {known['told']}.")
+        lines.append(
+            f"There is no reference: {found['quantity_because']}." if known is None else f"Reference: {known['told']}."
+        )
         if known is not None and known["runs"] > 1:
             lines.append(_scatter(found["wanted"], known))
     elif reference is None:

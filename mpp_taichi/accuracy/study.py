@@ -114,7 +114,7 @@ class Study:
     @property
     def value_reference(self) -> ValueReference | None:
         """The values of the wanted quantity from which its errors are measured."""
-        return None if self.values is None else self.values.reference
+        return None if self.values is None else self.values.desk.reference
 
     @property
     def chaos(self) -> Chaos | None:
@@ -124,17 +124,21 @@ class Study:
     @property
     def conserves_energy(self) -> bool:
         """Whether the scene keeps its energy, as far as a run has shown it."""
-        return self._keeps_energy or self.search.conserves_energy or (self.values is not None and self.values.conserves_energy)
+        return (
+            self._keeps_energy
+            or self.search.conserves_energy
+            or (self.values is not None and self.values.desk.conserves_energy)
+        )
 
     @property
     def quantity(self) -> str | None:
         """The quantity that is compared, or None where nothing can be compared.
 
         Energies where the wishes say so, or where they name no quantity and a time before the end was found at which positions
-        lose their meaning; else positions, once their reference is known. A wanted quantity of `expect:` once its values are known.
+        lose their meaning; else positions, once their reference is known. A wanted quantity once its values are known.
         """
         if self.values is not None and self.problem.wanted is not None:
-            return self.problem.wanted.column if self.values.is_known else None
+            return self.problem.wanted.column if self.values.desk.is_known else None
         asked = self.wishes.quantity
         if asked != "energy" and self._ends_without_meaning:
             return None
@@ -175,12 +179,12 @@ class Study:
 
     @staticmethod
     def _reason_of_values(values: ValueSearch) -> str:
-        if values.is_known:
-            return f"{values.wanted.name} was asked for"
-        if values.reason:
-            return f"{values.wanted.name} is not known: {values.reason}"
-        known = "" if values.reference is None else f" ({values.reference.told})"
-        return f"the budget ended before the value of {values.wanted.name} was known{known}; a longer budget goes on"
+        if values.desk.is_known:
+            return f"{values.desk.wanted.name} was asked for"
+        if values.desk.reason:
+            return f"{values.desk.wanted.name} is not known: {values.desk.reason}"
+        known = "" if values.desk.reference is None else f" ({values.desk.reference.told})"
+        return f"the budget ended before the value of {values.desk.wanted.name} was known{known}; a longer budget goes on"
 
     def rows(self) -> list[StudyRow]:
         """Every sample with its errors, as far as the reference shows them; in the order of method, precision and step."""
@@ -217,7 +221,7 @@ class Study:
     def allowed(self, target: float, quantity: str) -> float:
         """The error that is allowed for the part of the run that is studied, where a target is set for the whole run.
 
-        Errors of positions grow up to quadratically, errors of energies linearly. A wanted quantity is studied over the whole run.
+        Errors of positions grow up to quadratically, errors of energies linearly. A wanted quantity belongs to the whole run.
         """
         part = self.problem.span / self.whole
         return target * part ** (2 if quantity == "position" else 1)
@@ -269,13 +273,13 @@ class Study:
             self.tell(f"energies are compared: {self.reason}")
 
     def _find_values(self, bench: Workbench, values: ValueSearch) -> None:
-        values.aim = self._aim
+        values.desk.aim = self._aim
         try:
             values.find(bench)
         finally:
-            self.problem = values.problem
-        if values.reference is not None:
-            self.tell(f"reference: {values.reference.told}")
+            self.problem = values.desk.problem
+        if values.desk.reference is not None:
+            self.tell(f"reference: {values.desk.reference.told}")
         if self.quantity is None:
             self._remarks.append(self.reason)
 

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi.accuracy.measuring import means
 from mpp_taichi.accuracy.reference import FALLING, FLOOR, LUCK, MEANING, ROUND_OFF
 from mpp_taichi.accuracy.sample import MeasuredError, Sample
-from mpp_taichi.accuracy.wanted import Wanted, means
+from mpp_taichi.accuracy.wanted import Wanted
 
 EPSILON = 2.0**-52
 STUDENT = 2.57  # standard errors of a mean of six runs that it exceeds in one of twenty cases (Student's t, five degrees)
@@ -20,8 +21,8 @@ class ValueReference:
 
     values, bars   of each entry, and the largest error of this value, in the unit of the quantity
     scatters       standard deviation of single runs whose starts differ by rounding; 0 where one run is enough
-    scales         by which errors are divided: |value|; 1 for entries that are errors themselves, and for values that are 0 within
-                   their bars, or below 10⁻¹³ without a unit, so that the error is absolute
+    scales         by which errors are divided: |value|; 1 for entries that are errors themselves, and for values that are 0
+                   within twice their bars, or below 10⁻¹³ without a unit, so that the error is absolute
     runs           of every setting; with more than one, mean values are compared
     samples        in a run of a method that needs no step
     differences    of each pair of runs over the scale, the largest of the entries, coarse to fine
@@ -100,9 +101,9 @@ def scales_of(wanted: Wanted, values: np.ndarray, bars: np.ndarray) -> np.ndarra
 class ValueConvergence:
     """Values of runs with repeatedly halved steps: `add` each run, until the differences are small: `is_enough`.
 
-    A difference of two numbers may be 0 by chance, where that of all positions would not be. So the differences d count as falling
-    no faster than before: the bar of the last is at least d₋₁² / d₋₂, or 2^−(order + 1) d₋₁ where d₋₂ is not known. Apart from this
-    the best pair of runs gives the reference, and the bar, as in `reference.Convergence`.
+    A difference of two numbers may be 0 by chance, where that of all positions would not be. So the differences d count as
+    falling no faster than before: the bar of the last is at least d₋₁² / d₋₂, or 2^−(order + 1) d₋₁ where d₋₂ is not known.
+    Apart from this the best pair of runs gives the reference, and the bar, as in `reference.Convergence`.
 
     enough   an error bar over the scale, below which no finer run is wanted
     """

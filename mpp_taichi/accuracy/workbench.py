@@ -13,11 +13,11 @@ import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.force_solvers import with_force_solver
+from mpp_taichi.accuracy.measuring import Measurement, measure, shifted_start
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import Problem, with_integrator
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.step_clock import LaunchTime, StepClock
-from mpp_taichi.accuracy.wanted import Measurement, measure, shifted_start
 from mpp_taichi.device import backends
 from mpp_taichi.energy.energy_error import ratio, relative_error
 from mpp_taichi.errors import MppError
@@ -168,7 +168,7 @@ class Machine:
         return self.simulation.state.read()
 
     def measure(self, configuration: Configuration, budget: Budget, *, number: int = 0, finer: float = 1.0) -> Measurement:
-        """Measure the wanted quantity in a run from shifted start `number`; see `wanted.measure` and `wanted.shifted_start`."""
+        """Measure the wanted quantity in a run from shifted start `number`; see `measuring`."""
         self._set_tolerance(configuration.tolerance)
         start = shifted_start(self.problem, number, self.precision)
         return measure(self.simulation, self.problem, configuration.steps, budget, finer=finer, start=start)

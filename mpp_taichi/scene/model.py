@@ -131,7 +131,9 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
             Describe(None, description="the method that advances time; not needed where contacts are event_driven"),
         ),
         accuracy=_key(
-            Target(), None, "the error allowed, of positions or of a quantity of expect:; integrator, step and precision are chosen for it"
+            Target(),
+            None,
+            "the error allowed, of positions or of a quantity of expect:; integrator, step and precision are chosen for it",
         ),
         move_to_center_of_mass=_key(fields.Flag(), False, "start with the centre of mass at rest at the origin"),
         run=(RunSpec, Describe(RunSpec(), description="length of the run")),
