@@ -2,7 +2,7 @@
 
 import math
 import statistics
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.front import QUANTITIES, StudyRow
@@ -14,7 +14,10 @@ from mpp_taichi.accuracy.workbench import Workbench
 SAFETY = 0.7  # of the target: the error for which the step is interpolated
 TOO_GOOD = 3.0  # an error smaller than the target by this factor: a coarser step is tried as well
 TRIALS = 3  # runs with the chosen step, each corrected by the result of the last
-MOST_TRIED, ALIKE = 3, 1.5  # offers that are run, unless they seem slower than the first by more than this factor
+FEWEST_TRIED, MOST_TRIED = 3, 6  # offers that are run, more than the fewest only while TRIALS_SHARE of the budget lasts
+ALIKE = 1.5  # ratio of times: offers that seem slower than the best trial by more than this are not run
+TRIALS_SHARE = 0.05  # of a budget
+ROUNDS = 8  # in which the trials are timed in turns
 REPEATS = 3
 LOOKS_OF_ADAPTIVE = 1000  # samples in a run of a method that needs no step
 
@@ -60,14 +63,26 @@ class Trials:
         rows = [row for row in study.rows() if _is_candidate(study, row, bench)]
         offers = sorted(offers_for(rows, study.quantity, SAFETY * allowed), key=lambda offer: offer.seconds)
         self.offers += offers
-        tried = 0
+        known, mine = list(self.reached), Budget(TRIALS_SHARE * study.budget.seconds)
         for offer in offers:
+            tried = len(self.reached) - len(known)
             best = min((trial.seconds for trial in self.reached), default=math.inf)
-            if tried == MOST_TRIED or offer.seconds > ALIKE * best:
-                return
+            if offer.seconds > ALIKE * best or tried == MOST_TRIED or (tried >= FEWEST_TRIED and mine.left() <= 0.0):
+                break
             if (found := try_offer(study, bench, offer, allowed)) is not None:
                 self.reached.append(found)
-                tried += 1
+        self.reached = known + timed_in_turns(self.reached[len(known) :], bench, Budget(TRIALS_SHARE * study.budget.seconds))
+
+
+def timed_in_turns(trials: list[Trial], bench: Workbench, budget: Budget) -> list[Trial]:
+    """The trials with the shortest time of each, measured in turns, so that no passing load of the machine decides."""
+    seconds = [trial.seconds for trial in trials]
+    for _ in range(ROUNDS if len(trials) > 1 else 0):
+        for number, trial in enumerate(trials):
+            if seconds[number] < budget.left():
+                took = bench.machine(trial.configuration.integrator).time(trial.configuration, budget)
+                seconds[number] = min(seconds[number], took)
+    return [replace(trial, seconds=shortest) for trial, shortest in zip(trials, seconds)]
 
 
 def as_run(study: Study, target: float) -> Trial | None:
