@@ -148,6 +148,14 @@ class Simulation:
         """
         self._runner.guard.check(self.dt, steps)
 
+    def begin_phase(self, number: int) -> None:
+        """Go on with a phase of the scene at once, from the present state, at exactly the time at which the phase begins.
+
+        `run` does so by itself. This is for programs that launch the steps themselves.
+        """
+        self._require_life()
+        self._runner.begin(number)
+
     # Changes and steps backwards
 
     def set(self, changes: str | Mapping[str, Any], value: Any = None) -> None:
