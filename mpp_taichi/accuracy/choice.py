@@ -21,6 +21,7 @@ from mpp_taichi.accuracy.sweep import WORTH
 from mpp_taichi.accuracy.trials import SAFETY, Trial, Trials, as_run
 from mpp_taichi.accuracy.value_reference import ValueReference
 from mpp_taichi.accuracy.verdict import duration
+from mpp_taichi.accuracy.wanted import first_expected
 from mpp_taichi.errors import MppError, StabilityError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
@@ -96,9 +97,9 @@ def _decide(study: Study, trials: Trials, target: float, asked: str | None) -> C
     if quantity is None:
         advice = ""
         if study.problem.has_contacts and study.search.horizon is not None:
-            advice = (
-                "; shorten run.duration, or give a target for a quantity that keeps its meaning: accuracy: {of: …, below: …}"
-            )
+            name = first_expected(study.problem.spec) or "…"
+            other = f"accuracy: {{of: {name}, below: …}}"
+            advice = f"; shorten run.duration, or give a target for a quantity that keeps its meaning: {other}"
         raise StabilityError(
             f"{place}: nothing can be chosen for {target:g} of {asked or QUANTITIES[0]}: {study.reason}{advice}"
         )

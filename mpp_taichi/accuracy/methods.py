@@ -66,22 +66,22 @@ def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, StudyMetho
         return _contact_methods(problem, own)
     found = {own: _as_written(problem)} if own == AS_WRITTEN else {}
     own = problem.spec.integrator.name
-    layouts = [layout_of(stretch.spec) for stretch in problem.stretches]
+    layouts = [layout_of(stretch.spec) for stretch in problem.different]
     for name in dict.fromkeys((own, *component.names("integrators"))):
         declared = component.declaration("integrators", name)
         takes_steps = not declared.flags.get("flies") and any(parameter.name == "dt" for parameter in declared.parameters)
-        if any(refused_friction(name, stretch.spec, stretch.particles) for stretch in problem.stretches):
+        if any(refused_friction(name, stretch.spec, stretch.particles) for stretch in problem.different):
             continue
         if not takes_steps or (name != own and defaults(name) is None) or not _goes_with_contacts(name, problem):
             continue
-        made = [(with_integrator(each.spec, name, own_step(each.spec)), each.particles) for each in problem.stretches]
+        made = [(with_integrator(each.spec, name, own_step(each.spec)), each.particles) for each in problem.different]
         if all(suits(spec, particles, layout) for (spec, particles), layout in zip(made, layouts)):
             found[name] = _method(problem, name)
     if leads(problem) and all(flies_exactly(stretch.spec) for stretch in problem.stretches):
         found |= {name: StudyMethod(name, 0, True, False, 1.0, 1, name) for name in exact_solvers()}
     for name in force_solvers.variants(problem.spec, problem.start, asked):
         integrator = force_solvers.split(name)[0]
-        scenes = [with_integrator(each.spec, name, own_step(each.spec)) for each in problem.stretches]
+        scenes = [with_integrator(each.spec, name, own_step(each.spec)) for each in problem.different]
         if integrator in found and all(map(force_solvers.allows_tree, scenes)):
             found[name] = replace(found[integrator], name=name)
     return found
@@ -102,7 +102,7 @@ def _goes_with_contacts(name: str, problem: Problem) -> bool:
 
 def _contact_methods(problem: Problem, own: str) -> dict[str, StudyMethod]:
     """The contact solvers."""
-    order, scenes = orders(), [stretch.spec for stretch in problem.stretches]
+    order, scenes = orders(), [stretch.spec for stretch in problem.different]
     named = [spec.contacts.solver.name for spec in scenes if spec.contacts is not None]
     order[AS_WRITTEN] = min((order[name] for name in named), default=2)
     return {name: StudyMethod(name, order[name], True, False, 1.0, 1, name) for name in solvers(scenes, own)}
@@ -110,7 +110,7 @@ def _contact_methods(problem: Problem, own: str) -> dict[str, StudyMethod]:
 
 def _method(problem: Problem, name: str) -> StudyMethod:
     fewest, made = 1, _built(problem.stretches[0], name)
-    for stretch in problem.stretches:
+    for stretch in problem.stretches if len(problem.start.springs) else problem.different:
         fewest = max(fewest, _fewest_steps(stretch, name))
     control = (made.controlled_by, float(getattr(made, made.controlled_by))) if made.controlled_by else ()
     is_implicit = made.evaluations_per_step is None and not control
@@ -123,14 +123,14 @@ def _method(problem: Problem, name: str) -> StudyMethod:
 
 def _as_written(problem: Problem) -> StudyMethod:
     """The scene's own methods, of which each phase keeps its own."""
-    parts = [(stretch.share, _method(problem, stretch.spec.integrator.name)) for stretch in problem.stretches]
+    parts = [(stretch.share, _method(problem, stretch.spec.integrator.name)) for stretch in problem.different]
     each = [method for _, method in parts]
     return StudyMethod(
         AS_WRITTEN,
         min(method.order for method in each),
         all(method.symplectic for method in each),
         any(method.implicit for method in each),
-        sum(share * method.evaluations for share, method in parts),
+        sum(share * method.evaluations for share, method in parts) / sum(share for share, _ in parts),
         max(_fewest_steps(stretch, AS_WRITTEN) for stretch in problem.stretches),
         AS_WRITTEN,
         any(method.slow_to_compile for method in each),

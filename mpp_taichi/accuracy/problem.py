@@ -44,6 +44,12 @@ class Problem:
         """The phases that lie in the span; a scene without a timeline is one stretch."""
         return stretches_of(self.phases, self.start.time, self.start.time + self.span)
 
+    @cached_property
+    def different(self) -> tuple[Stretch, ...]:
+        """A stretch for each kind of kernels; between the others only sliders move."""
+        found = {id(self.phases[stretch.number].kernels): stretch for stretch in reversed(self.stretches)}
+        return tuple(reversed(found.values()))
+
     @property
     def own_dt(self) -> float:
         """The step of the scene's own setting, where the problem begins [time]."""
@@ -112,9 +118,10 @@ class Problem:
         """
         digest = hashlib.sha256()
         first, *later = self.stretches
-        _digest(digest, first.spec, self.start, first.number)
+        start = first.particles.moved(position=self.start.position, velocity=self.start.velocity, time=first.began, step=0)
+        _digest(digest, first.spec, start)
         for stretch in later:
-            _digest(digest, stretch.spec, stretch.particles, stretch.number)
+            _digest(digest, stretch.spec, stretch.particles)
         if later or first.number:
             times = [[stretch.began, stretch.share] for stretch in self.stretches]
             written = [[each.spec.integrator.name, _besides_step(each.spec.integrator)] for each in self.stretches]
@@ -128,7 +135,7 @@ def _besides_step(integrator: ComponentSpec) -> dict[str, Any]:
     return {key: value for key, value in integrator.parameters.items() if key != "dt"}
 
 
-def _digest(digest: Any, spec: SceneSpec, start: Snapshot, number: int) -> None:
+def _digest(digest: Any, spec: SceneSpec, start: Snapshot) -> None:
     """Add the physics of a phase; the places of particles are those of the first phase, until a run has come to a later one."""
     springs = start.springs
     arrays = (start.position, start.velocity, start.mass, start.charge, start.free)

@@ -2,8 +2,8 @@
 
 Event-driven flight gives the reference, or else the scene's own solver with halved steps. Collisions enlarge rounding errors:
 where the values of two runs differ, they are random numbers, and the mean of RUNS runs counts, with Student's t times its
-standard error as its bar. The difference of two numbers of steps is added to the bar, since the steps leave errors of first
-order at least.
+standard error as its bar. The difference from the two coarser numbers of steps is added to the bar, since the steps leave
+errors of first order.
 """
 
 import math
@@ -56,7 +56,7 @@ class StartSearch:
         if not self._levels:
             self._decide_runs(machine, bench, configuration)
         sample = desk.sampled(machine, configuration)
-        self._steps *= 2
+        self._steps = 2 * self._steps + 1  # steps that are halved exactly meet a contact at the same place of a step
         if not sample.values:
             return False
         values, scatter, _ = means(sample.values)
@@ -66,7 +66,8 @@ class StartSearch:
         mean_bar = STUDENT * scatter / math.sqrt(desk.wanted.runs)
         table = np.array([each for each, _ in self._levels])
         differences = np.abs(np.diff(table, axis=0))
-        bars = differences[-1] + mean_bar + EPSILON * np.abs(values)
+        apart = np.max(np.abs(table[-3:-1] - values), axis=0)  # of two levels, as one of them may agree by chance
+        bars = apart + mean_bar + EPSILON * np.abs(values)
         scales = scales_of(desk.wanted, values, bars)
         found = [float(np.max(row)) for row in differences / scales]
         within = desk.wanted.runs > 1 and bool(np.all(differences[-1] <= math.sqrt(2.0) * mean_bar))

@@ -20,7 +20,6 @@ from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.sweep import StepSweep
 from mpp_taichi.accuracy.value_reference import ValueReference
 from mpp_taichi.accuracy.value_search import ValueSearch
-from mpp_taichi.accuracy.wanted import first_expected
 from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import BackendError
 
@@ -182,18 +181,10 @@ class Study:
             return "positions at the end are known" if asked is None else "positions were asked for"
         if horizon is not None and self.problem.has_contacts:
             because = "since every collision enlarges the errors of rounding"
-            advice = "" if self.wishes.aim is None else f": {self._advice}"
-            also = kept if asked is None and not advice else ""
-            return f"positions mean nothing beyond t = {horizon:.4g}, before the end, {because}{also}{advice}"
+            return f"positions mean nothing beyond t = {horizon:.4g}, before the end, {because}{kept if asked is None else ''}"
         if horizon is not None:
             return f"positions mean nothing beyond t = {horizon:.4g}, before the end{kept if asked is None else ''}"
         return f"the budget ended before the reference was known ({reference.told}); a longer budget goes on"
-
-    @property
-    def _advice(self) -> str:
-        """The target that a scene with collisions can have, with a quantity of its own."""
-        name = first_expected(self.problem.spec) or "quantity"
-        return f"say which quantity is to be right, such as accuracy: {{of: {name}, below: 1e-2}}"
 
     @staticmethod
     def _reason_of_values(values: ValueSearch) -> str:
