@@ -18,6 +18,9 @@ TRIALS = 3  # runs with the chosen step, each corrected by the result of the las
 FEWEST_TRIED, MOST_TRIED = 3, 6  # offers that are run, more than the fewest only while TRIALS_SHARE of the budget lasts
 ALIKE = 1.5  # ratio of times: offers that seem slower than the best trial by more than this are not run
 TRIALS_SHARE = 0.05  # of a budget
+POWER_OF_TOLERANCE = {"tolerance": 1.0}  # by the name of the control: of the error of an adaptive method, where it is not known
+LARGE_POWER = 2.0  # of the error by other controls
+LEAST_POWER = 0.5
 ROUNDS = 8  # in which the trials are timed in turns
 REPEATS = 3
 LOOKS_OF_ADAPTIVE = 1000  # samples in a run of a method that needs no step
@@ -123,9 +126,11 @@ def _is_candidate(study: Study, row: StudyRow, bench: Workbench) -> bool:
 def try_offer(study: Study, bench: Workbench, offer: Offer, allowed: float) -> Trial | None:
     """Run an offer, again with a finer or coarser step if its error is too large or far too small; None if it fails."""
     method, fineness, quantity = study.methods[offer.integrator], offer.fineness, study.quantity or QUANTITIES[0]
-    power = offer.power if method.adaptive else method.order
+    # Where a budget ended early, all known runs may reach the target, with the tolerances of the reference even by far.
+    power = (offer.power or POWER_OF_TOLERANCE.get(method.controlled_by, LARGE_POWER)) if method.adaptive else method.order
     budget = Budget(study.budget.seconds)
     reached: tuple[float, Trial] | None = None
+    before: tuple[float, float] | None = None  # fineness and error of the last run
     machine = bench.machine(offer.integrator)
     for _ in range(TRIALS):
         steps, tolerance = (study.problem.samples, 1.0 / fineness) if method.adaptive else (math.ceil(fineness), None)
@@ -137,9 +142,12 @@ def try_offer(study: Study, bench: Workbench, offer: Offer, allowed: float) -> T
             if reached is None or fineness < reached[0]:
                 seconds = statistics.median(machine.time(configuration, budget) for _ in range(REPEATS))
                 reached = fineness, Trial(offer, configuration, dt, error, seconds)
-        is_close = error.bound <= allowed and (error.value is None or error.value > allowed / TOO_GOOD)
-        if power is None or not math.isfinite(error.bound) or is_close or (reached and error.bound > allowed):
+        is_close = allowed / TOO_GOOD < error.bound <= allowed
+        if not math.isfinite(error.bound) or is_close or (reached and error.bound > allowed and not method.adaptive):
             break
+        if method.adaptive and before is not None and (measured := _power(before, (fineness, error.bound))) is not None:
+            power = measured
+        before = fineness, error.bound
         wanted = fineness * (error.bound / (SAFETY * allowed)) ** (1.0 / power)
         if not method.adaptive:
             wanted = max(wanted, float(method.fewest_steps))  # a coarser step would be unstable
@@ -147,3 +155,9 @@ def try_offer(study: Study, bench: Workbench, offer: Offer, allowed: float) -> T
             break
         fineness = wanted
     return reached and reached[1]
+
+
+def _power(one: tuple[float, float], other: tuple[float, float]) -> float | None:
+    """The power of the fineness with which the error falls between two runs (fineness, error); None where it does not fall."""
+    power = math.log(other[1] / one[1]) / math.log(one[0] / other[0])
+    return power if power > LEAST_POWER else None

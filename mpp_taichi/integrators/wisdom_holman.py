@@ -25,14 +25,17 @@ BEGINS, STEPS, LOOKS = range(3)  # the parts of a launch, in turn
 class WisdomHolman(Integrator):
     """Drift–kick–drift in Jacobi's coordinates: drifts are orbits about all mass farther in, kicks are the remaining gravity.
 
-    Bodies are counted from the central body outwards, by the energies of their orbits. Body k has the coordinate r_k from the
-    centre of mass of the bodies before it. H = Σ (p²/2m_k′ − G M_k m_k′/r_k) + R, M_k the mass of the bodies 0 … k; the sum is
-    Kepler's problem for each body, and R is smaller by the ratio ε of the planets' masses to the central mass. So the error is
-    of the order ε dt²; for two bodies it is round-off. A corrector of order n changes coordinates once at the start, and back
-    for each output: no step costs more, and the error is ε dt^(n+1) + ε² dt². Output changes no bit of the motion; a change of
-    dt begins anew. Take more than twenty steps per shortest period, taking the period of a circle at the pericentre distance;
-    planets must not meet.
-    Sources: Wisdom & Holman, Astron. J. 102 (1991) 1528; Rein & Tamayo, Mon. Not. R. Astron. Soc. 452 (2015) 376.
+    Bodies are counted from the central body outwards, by the energies of their orbits. Body k has the coordinate r_k from
+    the centre of mass of the bodies before it. H = Σ (p²/2m_k′ − G M_k m_k′/r_k) + R, M_k the mass of the bodies 0 … k; the
+    sum is Kepler's problem for each body, and R is smaller by the ratio ε of the planets' masses to the central mass. So
+    the error is of the order ε dt²; for two bodies it is round-off. A corrector of order n changes coordinates once at the
+    start, and back for each output: no step costs more, and the error is ε dt^(n+1) + ε² dt². With `kernel: lazy`, the kick
+    of a step is the acceleration a at the places r + a dt²/12, so that ε² dt² becomes ε² dt⁴ + ε³ dt², for a second
+    evaluation in a step. Output changes no bit of the motion; a change of dt begins anew. Take more than twenty steps per
+    shortest period, taking the period of a circle at the pericentre distance; planets must not meet.
+    Sources: Wisdom & Holman, Astron. J. 102 (1991) 1528; Rein & Tamayo, Mon. Not. R. Astron. Soc. 452 (2015) 376; the lazy
+    kernel: Wisdom, Holman & Touma, Fields Inst. Commun. 10 (1996) 217; Rein, Tamayo & Brown, Mon. Not. R. Astron. Soc. 489
+    (2019) 4632.
     """
 
     dt: float = param(above=0.0, unit="time", help="time step")
@@ -40,6 +43,9 @@ class WisdomHolman(Integrator):
         None, optional=True, help="the body that the others orbit, by name or index; absent: the heaviest body"
     )
     corrector: int = param(11, minimum=0, maximum=17, help="order of the symplectic corrector: 0 (none), 3, 5, 7, 11 or 17")
+    kernel: str = param(
+        "kick", choices=("kick", "lazy"), help="lazy: kicks from displaced places, a second evaluation; smaller ε² dt² term"
+    )
 
     order = 2
     symplectic = True
@@ -57,6 +63,11 @@ class WisdomHolman(Integrator):
     VECTORS = ("jacobi_position", "jacobi_velocity", "position_rest", "velocity_rest")
     memory = ("order_inside_out", "step_and_count", "unsolved_orbits", "center_of_mass", *VECTORS)
 
+    @property
+    def evaluations_per_step(self) -> int:
+        """Two with the lazy kernel."""
+        return 2 if self.kernel == "lazy" else 1
+
     def scratch_count(self, velocity_dependent: bool) -> int:
         """None: its fields are work fields with names."""
         return 0
@@ -66,6 +77,8 @@ class WisdomHolman(Integrator):
         n = start.particle_count
         self._strength = total_force.pair_forces[0].strength
         vectors = [*self.VECTORS, *(f"kept_{name}" for name in self.VECTORS), "place"]
+        if self.kernel == "lazy":
+            vectors.append("undisplaced")
         return {
             "order_inside_out": ("index", n),
             "unsolved_orbits": ("index", 2),
@@ -125,7 +138,7 @@ class WisdomHolman(Integrator):
                 if part == LOOKS and j == to_there - 1:
                     drift += beyond
                 if j > 0:
-                    self._kick(state, total_force, first, kick * dt)
+                    self._kick(state, total_force, first, kick * dt, part == STEPS)
                 self._drift(state, total_force, first, drift * dt)
             if part == STEPS:
                 state.step_and_count[2 * r + 1] += ti.cast(steps, state.wide)
@@ -239,8 +252,39 @@ class WisdomHolman(Integrator):
                 state.jacobi_position[k] = ti.Vector.zero(float, state.dimensions) * ti.math.nan  # so that the run ends here
 
     @ti.func
-    def _kick(self, state: Template, total_force: Template, first, duration):
-        """Kick by the gravity of all pairs but the two innermost bodies, less Kepler's attraction, which the drifts contain."""
+    def _kick(self, state: Template, total_force: Template, first, duration, in_step):
+        """Kick by the gravity of all pairs but the two innermost bodies, less Kepler's attraction, which the drifts contain.
+
+        With the lazy kernel a kick of a step is evaluated twice, the second time at the displaced places.
+        """
+        n = ti.static(total_force.particle_count)
+        evaluations = 1
+        if ti.static(self.kernel == "lazy"):
+            for k in range(first, first + n):
+                state.undisplaced[k] = state.jacobi_position[k]
+            evaluations = ti.select(in_step, 2, 1)
+        for evaluation in range(evaluations):
+            self._find_accelerations(state, total_force, first)
+            # Into Jacobi's coordinates: a_k less the mean acceleration of all mass farther in.
+            mean = state.acceleration[first]
+            for k in range(first + 1, first + n):
+                a = state.acceleration[k] - mean
+                mean += state.share[k] * a
+                r = state.jacobi_position[k]
+                if k > first + 1:
+                    a += (state.inner_attraction[k] / (r.norm_sqr() * r.norm())) * r
+                if evaluation == evaluations - 1:
+                    v = state.jacobi_velocity[k]
+                    state.jacobi_velocity[k], state.velocity_rest[k] = compensated_sum(v, state.velocity_rest[k], duration * a)
+                else:
+                    state.jacobi_position[k] = r + (duration * duration / 12.0) * a
+        if ti.static(self.kernel == "lazy"):
+            for k in range(first, first + n):
+                state.jacobi_position[k] = state.undisplaced[k]
+
+    @ti.func
+    def _find_accelerations(self, state: Template, total_force: Template, first):
+        """Accelerations by all pairs but the two innermost bodies, in the order from the centre outwards."""
         n = ti.static(total_force.particle_count)
         place = ti.Vector.zero(float, state.dimensions)
         for back in range(n - 1):
@@ -254,16 +298,6 @@ class WisdomHolman(Integrator):
             self._pull_unrolled(state, total_force, first)
         else:
             self._pull(state, total_force, first)
-        # Into Jacobi's coordinates: a_k less the mean acceleration of all mass farther in.
-        mean = state.acceleration[first]
-        for k in range(first + 1, first + n):
-            a = state.acceleration[k] - mean
-            mean += state.share[k] * a
-            if k > first + 1:
-                r = state.jacobi_position[k]
-                a += (state.inner_attraction[k] / (r.norm_sqr() * r.norm())) * r
-            v = state.jacobi_velocity[k]
-            state.jacobi_velocity[k], state.velocity_rest[k] = compensated_sum(v, state.velocity_rest[k], duration * a)
 
     @ti.func
     def _pull(self, state: Template, total_force: Template, first):

@@ -174,6 +174,17 @@ def test_a_budget_that_ends_while_methods_are_tried_does_not_end_the_trials(tmp_
     assert found.integrator == "pefrl" and 1e-4 / 3.0 < found.error <= 1e-4
 
 
+def test_the_tolerance_of_a_reference_is_made_coarser_for_a_target(tmp_path, monkeypatch):
+    """The budget ended after the reference, whose tolerances are 1e-14 and below: nothing coarser is known."""
+
+    def end(sweep, ladders, *, share, first):
+        raise OutOfTime
+
+    monkeypatch.setattr(StepSweep, "climb", end)
+    found = choose(load_scene(scene_of(1e-6)), tmp_path, integrators=("taylor",), precisions=("f64",), seconds=60.0)
+    assert found.integrator == "taylor" and found.tolerance > 1e-9 and 1e-8 < found.error <= 1e-6
+
+
 def test_a_run_that_reaches_the_target_as_it_is_counts_where_no_step_can_be_interpolated():
     """The bar of a reference is 9e-10: between two runs nothing tells where the error is 1e-9, yet the reference reaches it."""
     made = {steps: row(steps, error, seconds=1e-3 * steps) for steps, error in ((10, 2e-9), (20, 9e-10), (40, 9.5e-10))}

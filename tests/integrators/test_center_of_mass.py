@@ -10,7 +10,7 @@ from reference.two_bodies import largest_error, two_bodies
 
 from mpp_taichi import Simulation, component
 from mpp_taichi.snapshot import Snapshot
-from mpp_taichi.state.moving_frame import center
+from mpp_taichi.state.moving_frame import MovingFrame, center, product_in_two
 from scenes import cluster
 
 CENTERED = component.marked("integrators", "steps_about_center")
@@ -186,6 +186,31 @@ def test_replicas_have_frames_of_their_own():
         for k, expected in enumerate(alone):
             assert np.array_equal(run.snapshot(k).position, expected.position)
             assert np.array_equal(run.snapshot(k).velocity, expected.velocity)
+
+
+def test_a_product_in_two_numbers_is_the_exact_product_rounded_once_more():
+    """Equal to fractions bit for bit, also where halves of a number or their products leave the range of floats."""
+    rng = np.random.default_rng(3)
+    cases = [(float(rng.integers(0, 2 ** int(rng.integers(1, 53)))), rng.uniform(-1, 1) * 2.0**k) for k in range(-1060, 960)]
+    for a, b in [*cases, (3.0, 5e-324), (2.0**53, 1e-310), (1e300, 0.1), (1.0, 1e-200), (0.0, 0.1)]:
+        exact_product = Fraction(a) * Fraction(b)
+        high, low = product_in_two(a, b)
+        assert (high, low) == (float(exact_product), float(exact_product - Fraction(high))), (a, b)
+    assert product_in_two(1e300, 1e300) == (math.inf, 0.0)
+
+
+@pytest.mark.parametrize("replicas", [1, 3])
+def test_the_time_of_a_frame_is_kept_in_two_numbers_over_any_launches(replicas):
+    """Each launch rounds the sum by 2⁻¹⁰⁶ of the time at most, a few times."""
+    rng, count = np.random.default_rng(4), 300
+    frame = MovingFrame(np.zeros((replicas, 3)), np.zeros((replicas, 3)), np.zeros((replicas, 2)), np.zeros(()))
+    time = Fraction(0)
+    for steps, dt in zip(rng.integers(1, 10**6, count).tolist(), rng.uniform(0.0, 0.1, count).tolist()):
+        frame, time = frame.later(steps, dt), time + steps * Fraction(dt)
+    assert frame.elapsed.shape == (replicas, 2)
+    for high, low in frame.elapsed.tolist():
+        assert abs(Fraction(high) + Fraction(low) - time) <= count * 4 * time / 2**106
+        assert high == float(time)
 
 
 def test_a_free_body_goes_on_uniformly_for_ever():

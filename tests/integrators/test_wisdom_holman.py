@@ -182,8 +182,8 @@ def two_planets(ratio, dt, corrector):
     }
 
 
-def by_rebound(run, until, dt=None):
-    """Positions at a time from the start of `run`, by IAS15, or by WHFast with a step."""
+def by_rebound(run, until, dt=None, kernel="default"):
+    """Positions at a time from the start of `run`, by IAS15, or by WHFast with a step and a kernel."""
     rebound = pytest.importorskip("rebound")
     other = rebound.Simulation()
     other.integrator, other.G = "ias15" if dt is None else "whfast", run.total_force.pair_forces[0].strength
@@ -193,7 +193,7 @@ def by_rebound(run, until, dt=None):
         other.integrate(until)
     else:
         other.dt = dt
-        other.integrator.safe_mode = 0
+        other.integrator.safe_mode, other.integrator.kernel = 0, kernel
         other.steps(round(until / dt))
         other.synchronize()
     return np.array([p.xyz for p in other.particles])
@@ -218,16 +218,19 @@ def test_the_error_is_of_second_order_in_the_step_and_of_the_masses_or_their_squ
     assert math.log10(errors[ratios[0], 1024] / errors[ratios[1], 1024]) == pytest.approx(power, abs=0.1), errors
 
 
-def outer():
+def outer(kernel="kick"):
     """The bundled scene without a corrector."""
-    return Simulation(OUTER, overrides={"integrator.wisdom_holman.corrector": 0}, backend="cpu", precision="f64")
+    overrides = {"integrator.wisdom_holman.corrector": 0, "integrator.wisdom_holman.kernel": kernel}
+    return Simulation(OUTER, overrides=overrides, backend="cpu", precision="f64")
 
 
-def test_steps_are_those_of_whfast():
-    with outer() as run:
+@pytest.mark.parametrize("kernel", ["kick", "lazy"])
+def test_steps_are_those_of_whfast(kernel):
+    with outer(kernel) as run:
+        assert run.integrator.evaluations_per_step == (2 if kernel == "lazy" else 1)
         run.dt = 50.0
         run.run(steps=2000)
-        expected = by_rebound(run, 2000 * 50.0, dt=50.0)
+        expected = by_rebound(run, 2000 * 50.0, 50.0, {"kick": "default"}.get(kernel, kernel))
         # Each step rounds places of 40 by half of 40 ULP; along an orbit the phase gathers that with the power 3/2 of the
         # steps, times the angle of a step, 0.07 for Jupiter and far less for those at 40. The two differ by twice that at most.
         assert np.abs(run.snapshot().position - expected).max() < 40 * ULP * 2000**1.5 * 0.07
@@ -255,6 +258,24 @@ def test_looks_change_no_bit_and_lie_on_the_motion():
     assert ends[0] == ends[1] == ends[2]
     # What kicks would have bent since the step: ε a (0.4 dt)² / 2 with Saturn's pull on Jupiter; x + v t is off a thousandfold.
     assert np.abs(ahead.position - expected).max() < 1e-3 * 1.1e-5 * (0.4 * 175) ** 2 / 2 * 4
+
+
+def test_the_lazy_kernel_leaves_no_error_of_the_square_of_the_masses_in_second_order():
+    """With the corrector of order 17: ε² dt² falls by 4 where the step is halved; ε² dt⁴ + ε³ dt² falls by more, ε is 1e-2."""
+    span, errors = 64.0, {}
+    for kernel in ("kick", "lazy"):
+        scene = two_planets(1e-2, 0.25, 17)
+        scene["integrator"]["wisdom_holman"]["kernel"] = kernel
+        with Simulation(scene, backend="cpu", precision="f64") as run:
+            expected = by_rebound(run, span)
+            for steps in (512, 1024):
+                run.dt = span / steps
+                run.restart()
+                run.run(steps=steps)
+                errors[kernel, steps] = np.linalg.norm(run.snapshot().position - expected, axis=1).max()
+    assert errors["lazy", 1024] < 1e-2 * errors["kick", 1024], errors
+    assert errors["kick", 512] / errors["kick", 1024] == pytest.approx(4.0, abs=0.2)
+    assert errors["lazy", 512] / errors["lazy", 1024] > 5.0
 
 
 def test_the_energy_stays_for_half_a_million_years():
