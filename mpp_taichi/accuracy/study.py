@@ -350,7 +350,7 @@ class Study:
             machine = bench.machine(split(self.own.name)[0])  # the reference is without a tree
             own_seconds = self._own_steps * machine.budget_per_step
             allowed = OWN_SHARE * self.budget.seconds
-            if own_seconds > allowed and not (self.wishes.aim is not None and len(self.problem.stretches) > 1):
+            if own_seconds > allowed and not self._needs_whole:
                 least = min(1.0, FEWEST_OWN_STEPS / self.problem.own_steps)
                 part = max(least, allowed / own_seconds)
                 self.problem = self.search.problem = self.problem.shortened(self.problem.span * part)
@@ -360,6 +360,11 @@ class Study:
             self.tell(
                 f"studying the first t = {self.problem.span:.6g} of {self.whole:.6g}: all of it does not fit the budget often"
             )
+
+    @property
+    def _needs_whole(self) -> bool:
+        """Whether a target is only for the whole run: contacts and later phases do not follow from its first part."""
+        return self.wishes.aim is not None and (self.problem.has_contacts or len(self.problem.stretches) > 1)
 
     def _sweep(self, bench: Workbench, names: list[str], *, begin: float, end: float) -> None:
         if self.quantity is None:

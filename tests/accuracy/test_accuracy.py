@@ -500,7 +500,7 @@ def test_a_tree_beyond_direct_sums_is_refused_in_a_line(capfd, tmp_path):
         yaml.safe_dump(
             {
                 "title": "Galaxy",
-                "particles": [{"plummer": {"count": 100_001, "mass": 1e-5}}],
+                "particles": [{"plummer": {"count": 100_001, "total_mass": 1}}],
                 "forces": [tree],
                 "integrator": {"leapfrog": {"dt": 0.01}},
                 "run": {"duration": 1},

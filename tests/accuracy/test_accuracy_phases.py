@@ -149,6 +149,7 @@ def test_a_target_is_reached_through_all_phases_and_the_choice_is_kept(tmp_path,
     assert choose(spec, tmp_path, precisions=("f64",)) == found
 
 
+@pytest.mark.thorough
 def test_each_phase_has_its_price_list_from_the_state_of_the_reference(tmp_path):
     scene = planet(timeline=planet()["timeline"][:1])
     problem = pose(load_scene(scene))
