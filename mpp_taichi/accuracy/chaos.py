@@ -13,10 +13,13 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
-from mpp_taichi.accuracy.workbench import Machine, Phase
+from mpp_taichi.accuracy.stretches import legs
+from mpp_taichi.accuracy.workbench import Machine, PhasePoint
 
 APART = 1e-8  # of the size of the system, and of its typical velocity
 PIECES = 96
+FIRST_PART = 0.25  # of the run, which does not count
+ROUNDING = 1e-12  # of a time
 LEAST_RISE = 4.0  # of S over the last three quarters of the run
 ACCURATE = 1e-3  # of the size: the largest error of a position that still has a meaning
 ROUND_OFF = {"f32": 2.0**-23, "f64": 2.0**-52}
@@ -56,38 +59,45 @@ def measure(machine: Machine, steps: int, size: float, budget: Budget) -> Chaos:
     """
     problem = machine.problem
     steps = -(-steps // PIECES) * PIECES
-    piece, dt = steps // PIECES, problem.span / steps
-    free = problem.start.free.astype(float)
+    free = np.any([stretch.particles.free for stretch in problem.stretches], axis=0).astype(float)
     free[:, problem.spec.dimensions :] = 0.0
-    one: Phase = (problem.start.position, problem.start.velocity * problem.start.free)
+    one: PhasePoint = (problem.start.position, problem.start.velocity * problem.start.free)
     random = np.random.default_rng(SEED)
-    away: Phase = (random.standard_normal(free.shape) * free, random.standard_normal(free.shape) * free)
+    away: PhasePoint = (random.standard_normal(free.shape) * free, random.standard_normal(free.shape) * free)
     speed = max(size / problem.span, _rms(one[1]))
     length = _length(away, size, speed)
     logarithms: list[float] = []
-    for number in range(PIECES):
-        other: Phase = (one[0] + away[0] * (APART / length), one[1] + away[1] * (APART / length))
-        before, stop = number * piece, (number + 1) * piece
-        one = machine.advance_from(one, before, stop, dt, budget)
-        other = machine.advance_from(other, before, stop, dt, budget)
-        away = (other[0] - one[0], other[1] - one[1])
-        length = _length(away, size, speed)
-        if not math.isfinite(length):
-            break
-        logarithms.append(math.log(max(length, LEAST_LENGTH) / APART))
-    return judge(logarithms, problem.span)
+    times: list[float] = []
+    for leg in legs(problem.stretches, steps):
+        machine.enter(leg)
+        pieces = min(leg.steps, max(1, round(PIECES * leg.stretch.share)))
+        stops = [round(k * leg.steps / pieces) for k in range(pieces + 1)]
+        for before, stop in zip(stops, stops[1:]):
+            held = leg.stretch.particles.free
+            away = (away[0], away[1] * held)
+            other: PhasePoint = (one[0] + away[0] * (APART / length), (one[1] + away[1] * (APART / length)) * held)
+            one = machine.advance_from((one[0], one[1] * held), leg, before, stop, budget)
+            other = machine.advance_from(other, leg, before, stop, budget)
+            away = (other[0] - one[0], other[1] - one[1])
+            length = _length(away, size, speed)
+            if not math.isfinite(length):
+                return judge(logarithms, times, problem.span)
+            logarithms.append(math.log(max(length, LEAST_LENGTH) / APART))
+            times.append(leg.time(stop) - problem.stretches[0].began)
+    return judge(logarithms, times, problem.span)
 
 
-def judge(logarithms: list[float], span: float) -> Chaos:
-    """Distinguish exponential growth from growth by a power of time."""
-    begin = len(logarithms) // 4
-    rise = float(sum(logarithms[begin:]))
+def judge(logarithms: list[float], times: list[float], span: float) -> Chaos:
+    """Distinguish exponential growth from growth by a power of time; `times` are the ends of the pieces of the run."""
+    late = [logarithm for logarithm, time in zip(logarithms, times) if time > FIRST_PART * span * (1.0 + ROUNDING)]
+    rise = float(sum(late))
     if rise < LEAST_RISE:
         return Chaos(None, rise, span)
-    return Chaos(span * (1.0 - begin / PIECES) / rise, rise, span)
+    begin = times[-len(late) - 1] if len(late) < len(times) else 0.0
+    return Chaos((times[-1] - begin) / rise, rise, span)
 
 
-def _length(away: Phase, size: float, speed: float) -> float:
+def _length(away: PhasePoint, size: float, speed: float) -> float:
     """Distance in the space of positions and velocities, each in its own unit."""
     return math.hypot(_rms(away[0]) / size, _rms(away[1]) / speed)
 

@@ -21,11 +21,13 @@ from mpp_taichi.accuracy.sweep import WORTH
 from mpp_taichi.accuracy.trials import SAFETY, Trial, Trials, as_run
 from mpp_taichi.accuracy.value_reference import ValueReference
 from mpp_taichi.accuracy.verdict import duration
+from mpp_taichi.accuracy.wanted import first_expected
 from mpp_taichi.errors import MppError, StabilityError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
 
-PILOT_SECONDS = 20.0  # of processor time
+PILOT_SECONDS = 20.0  # of processor time, most of it for the compiler
+MOST_PILOTS = 3.0  # times as long where a timeline has several phases, each of which is compiled
 
 
 def settle(
@@ -51,12 +53,14 @@ def choose(
     folder: Path,
     *,
     precisions: Sequence[str] = ("f64", "f32"),
-    seconds: float = PILOT_SECONDS,
+    seconds: float | None = None,
     integrators: Sequence[str] | None = None,
     look: Callable[[], None] = lambda: None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Choice:
     """The choice for a scene's target: the choice that is kept in the folder, or a new choice.
+
+    The pilot takes PILOT_SECONDS when `seconds` are not given, and with a timeline up to MOST_PILOTS times as long.
 
     Raises:
         StabilityError: no method that was tried reaches the target.
@@ -72,6 +76,9 @@ def choose(
     if known is not None and (known.scene, known.whole_span, known.target, known.asked) == wanted:
         if known.precision in precisions:
             return known
+    if seconds is None:
+        compiled = len({id(phase.kernels) for phase in problem.phases})
+        seconds = PILOT_SECONDS * min(MOST_PILOTS, (1.0 + compiled) / 2.0)
     tell(f"accuracy {target.error:g}: choosing integrator, step and precision by pilot runs, {seconds:.0f} s of processor time")
     devices = [("cpu", precision) for precision in precisions]
     wishes = StudyWishes(integrators, devices, quantity=target.quantity, aim=SAFETY * target.error)
@@ -88,7 +95,14 @@ def _decide(study: Study, trials: Trials, target: float, asked: str | None) -> C
     quantity = study.quantity
     place = f"{study.problem.spec.source}: accuracy"
     if quantity is None:
-        raise StabilityError(f"{place}: nothing can be chosen for {target:g} of {asked or QUANTITIES[0]}: {study.reason}")
+        advice = ""
+        if study.problem.has_contacts and study.search.horizon is not None:
+            name = first_expected(study.problem.spec) or "…"
+            other = f"accuracy: {{of: {name}, below: …}}"
+            advice = f"; shorten run.duration, or give a target for a quantity that keeps its meaning: {other}"
+        raise StabilityError(
+            f"{place}: nothing can be chosen for {target:g} of {asked or QUANTITIES[0]}: {study.reason}{advice}"
+        )
     best = min(trials.reached, key=lambda trial: trial.seconds, default=None) or as_run(study, target)
     if best is not None:
         configuration = best.configuration

@@ -1,16 +1,13 @@
 """Chosen: the choice for a scene's `accuracy:`, as a line, as a file, and put into the scene."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
 
-from mpp_taichi.accuracy.problem import with_integrator
+from mpp_taichi.accuracy.settled import settled
 from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.errors import OutputError
-from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
-from mpp_taichi.scene.tree_checks import tree_of
+from mpp_taichi.scene.spec import SceneSpec
 
 
 @dataclass(frozen=True)
@@ -49,25 +46,9 @@ class Choice:
         return f"accuracy {self.target:g} of {self.quantity}: {method}; {self.why}"
 
     def settle(self, spec: SceneSpec) -> SceneSpec:
-        """The scene with the chosen method in place of its target."""
+        """The scene with the chosen method in place of its target, in every phase with the equal steps of the pilot."""
         asked = {} if self.tolerance is None else {self.control: self.tolerance}
-        made = with_integrator(spec, self.integrator, self.dt, **asked)
-        parameters = {key: value for key, value in made.integrator.parameters.items() if value is not None}
-        resolved = {key: value for key, value in spec.resolved.items() if key != "accuracy"}
-        chosen: dict[str, Any] = {"integrator": {made.integrator.name: parameters}}
-        if tree_of(made) is not None or tree_of(spec) is not None:
-            chosen["forces"] = [_resolved(*pair) for pair in zip(resolved["forces"], made.forces)]
-        return replace(made, resolved={**resolved, **chosen})
-
-
-def _resolved(entry: Any, force: ComponentSpec) -> Any:
-    """The entry of a force in the scene, with the solver that was chosen for gravity."""
-    if not force.flag("forces", "can_use_tree"):
-        return entry
-    said = (entry.get(force.name) or {}) if isinstance(entry, Mapping) else {}
-    given = {key: value for key, value in said.items() if key not in ("solver", "accuracy")}
-    chosen = {key: force.parameters[key] for key in ("solver", "accuracy") if force.parameters.get(key) is not None}
-    return {force.name: {**given, **chosen}}
+        return settled(spec, self.integrator, self.dt, self.whole_span, asked)
 
 
 def read(path: Path) -> Choice | None:

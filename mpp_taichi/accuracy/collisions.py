@@ -2,8 +2,9 @@
 
 from mpp_taichi.accuracy import flight_reference
 from mpp_taichi.accuracy.budget import Budget, OutOfTime
-from mpp_taichi.accuracy.contact_methods import exact_solvers, solvers
+from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.measuring import shifted_start
+from mpp_taichi.accuracy.methods import methods
 from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.reference import MEANING, distance, lost_at, size_of
 from mpp_taichi.accuracy.workbench import Machine, Workbench
@@ -19,9 +20,10 @@ def meaning_ends(problem: Problem, budget: Budget) -> float | None:
     By event-driven flight, else by the scene's own solver with its own step, from starts that differ by rounding. None where
     positions keep their meaning, where there are few collisions, or where the budget ends or the runs break off first.
     """
-    if problem.spec.contacts is None:
+    if not problem.has_contacts or problem.spec.timeline:
         return None
-    exact = [name for name in solvers(problem.spec) if name in exact_solvers()]
+    known = methods(problem)
+    exact = [name for name in exact_solvers() if name in known]
     with Workbench(problem, backend=DEVICE[0], precision=DEVICE[1]) as bench:
         for name in dict.fromkeys((*exact, problem.own_method)):
             try:

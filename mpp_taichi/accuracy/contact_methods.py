@@ -1,5 +1,6 @@
 """Contact solvers as methods of a study: on the drifts of a leapfrog, or in event-driven flight, which needs no step."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -25,22 +26,27 @@ def orders() -> dict[str, int]:
 
 
 def flies_exactly(spec: SceneSpec) -> bool:
-    """Whether the scene can be run without steps: no effect but contacts and uniform gravity."""
-    return spec.contacts is not None and not spec.springs and all(force.flag("forces", "is_uniform") for force in spec.forces)
+    """Whether the scene can be run without steps: no effect but contacts and uniform gravity, which a leapfrog solves too."""
+    return not spec.springs and all(force.flag("forces", "is_uniform") for force in spec.forces)
 
 
-def solvers(spec: SceneSpec) -> list[str]:
-    """The contact solvers that can run a scene with contacts, the scene's own solver first."""
-    assert spec.contacts is not None
+def solvers(scenes: Sequence[SceneSpec], own: str) -> list[str]:
+    """The contact solvers that can run a scene with contacts in all its phases, the scene's `own` solver first."""
     exact = exact_solvers()
     others = [name for name in orders() if name not in exact]
-    return list(dict.fromkeys((spec.contacts.solver.name, *others, *(exact if flies_exactly(spec) else []))))
+    return list(dict.fromkeys((own, *others, *(exact if all(map(flies_exactly, scenes)) else []))))
 
 
 def with_solver(spec: SceneSpec, name: str, dt: float) -> SceneSpec:
-    """The scene with a contact solver and a step; parameters that both solvers have are taken from the scene's own solver."""
-    assert spec.contacts is not None
-    own, integrator = spec.contacts.solver, spec.integrator
+    """The scene with a contact solver and a step; parameters that both solvers have are taken from the scene's own solver.
+
+    A phase without contacts has the steps of the leapfrog on whose drifts the contacts of other phases are resolved.
+    """
+    integrator = spec.integrator
+    forward = integrator.name if integrator.flag("integrators", "moves_forward_alone") else default_integrator()
+    if spec.contacts is None:
+        return replace(spec, integrator=ComponentSpec(forward, {"dt": dt}, integrator.location))
+    own = spec.contacts.solver
     if own.name != name:
         declared = component.declaration("contacts", name).parameters
         parameters: dict[str, Any] = {}
@@ -48,6 +54,5 @@ def with_solver(spec: SceneSpec, name: str, dt: float) -> SceneSpec:
             if parameter.name in own.parameters or parameter.default is not REQUIRED:
                 parameters[parameter.name] = own.parameters.get(parameter.name, parameter.default)
         own = ComponentSpec(name, parameters, own.location)
-    stepped = integrator.name if integrator.flag("integrators", "moves_forward_alone") else default_integrator()
-    made = ComponentSpec(name if name in exact_solvers() else stepped, {"dt": dt}, integrator.location)
+    made = ComponentSpec(name if name in exact_solvers() else forward, {"dt": dt}, integrator.location)
     return replace(spec, contacts=replace(spec.contacts, solver=own), integrator=made)

@@ -21,7 +21,8 @@ def meets(problem: Problem) -> bool:
     """Whether bodies may come close to each other under a force that grows without bound."""
     unbounded = any(
         force.flag("forces", "singular_at_zero_distance") and not force.parameters.get("softening")
-        for force in problem.spec.forces
+        for stretch in problem.stretches
+        for force in stretch.spec.forces
     )
     return unbounded and 2 <= problem.start.particle_count <= MOST_BODIES
 

@@ -1,14 +1,16 @@
 """Findings: all results of a study as plain data, for reports and files."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from mpp_taichi.accuracy.front import StudyRow
+from mpp_taichi.accuracy.phase_studies import PhaseStudy
 from mpp_taichi.accuracy.study import Study
 from mpp_taichi.accuracy.verdict import sentence, verdict
 
 
-def findings(study: Study, target: float) -> dict[str, Any]:
-    """All results, and the verdict for a target."""
+def findings(study: Study, target: float, phases: Sequence[PhaseStudy] = ()) -> dict[str, Any]:
+    """All results, and the verdict for a target; with a timeline those of its phases too."""
     reference, chaos = study.reference, study.chaos
     rows = study.rows()
     said = verdict(rows, study.quantity, target)
@@ -35,7 +37,17 @@ def findings(study: Study, target: float) -> dict[str, Any]:
         "rows": [row_facts(row) for row in rows],
         "verdict": said,
         "sentence": sentence(said, study.reason),
+        "phases": [phase_facts(phase, target) for phase in phases],
     }
+
+
+def phase_facts(phase: PhaseStudy, target: float) -> dict[str, Any]:
+    """The results of a phase."""
+    found = findings(phase.study, target)
+    same = ("scene", "title", "known", "whole_span", "particle_count", "phases")
+    facts = {key: value for key, value in found.items() if key not in same}
+    times = {"began": phase.stretch.began, "ended": phase.stretch.ended, "changes": list(phase.stretch.changes)}
+    return {"phase": phase.stretch.number + 1, **times, "told": phase.told, **facts}
 
 
 def row_facts(row: StudyRow) -> dict[str, Any]:

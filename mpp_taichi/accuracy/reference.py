@@ -12,7 +12,7 @@ The bar is trusted only where d was seen to fall, or is at the level of round-of
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -87,8 +87,14 @@ class ReferenceSolution:
 
 
 def distance(one: np.ndarray, other: np.ndarray, size: float) -> tuple[float, float]:
-    """Largest and root mean square distance of particles, relative to `size`."""
-    apart = np.linalg.norm(one - other, axis=-1) / size
+    """Largest and root mean square distance of particles, relative to `size`.
+
+    Of spheres that merge, the distance of those that are left; infinite where other spheres have merged in the two runs.
+    """
+    gone = np.isnan(one[:, 0])
+    if not (np.array_equal(gone, np.isnan(other[:, 0])) and np.array_equal(one[gone, 1], other[gone, 1])):
+        return math.inf, math.inf
+    apart = np.linalg.norm(one[~gone] - other[~gone], axis=-1) / size
     return float(apart.max()), float(np.sqrt(np.mean(apart**2)))
 
 
@@ -100,6 +106,8 @@ def size_of(trace: Trace) -> float:
 def lost_at(coarse: Trace, fine: Trace, size: float) -> float | None:
     """Time until which two runs differ by less than MEANING of the size; None if they do to the end."""
     every = (len(fine.times) - 1) // (len(coarse.times) - 1)  # a run of few steps has fewer samples
+    if len(fine.times[::every]) != len(coarse.times) or not np.allclose(fine.times[::every], coarse.times):
+        return None  # samples at other times cannot be compared
     apart = np.linalg.norm(coarse.position - fine.position[::every], axis=-1).max(axis=1) / size
     lost = np.flatnonzero(~(apart < MEANING))
     return float(coarse.times[max(0, lost[0] - 1)]) if len(lost) else None
@@ -125,6 +133,10 @@ class Convergence:
         if self.runs:
             self.differences.append(distance(_end(self.runs[-1]), _end((sample, trace)), self.size))
         self.runs.append((sample, trace))
+
+    def refine(self) -> None:
+        """Go on with half the step."""
+        self.next_steps *= 2
 
     @property
     def is_enough(self) -> bool:
@@ -197,8 +209,28 @@ class Convergence:
         return longest if self.differences else None
 
 
+class Refinement(Protocol):
+    """Runs with ever shorter steps, of which the best gives the reference."""
+
+    runs: list[tuple[Sample, Trace]]
+    next_steps: int
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether finer runs would show nothing new."""
+
+    def add(self, sample: Sample, trace: Trace) -> None:
+        """Add the next run."""
+
+    def refine(self) -> None:
+        """Go on with a shorter step."""
+
+    def reference(self) -> ReferenceSolution:
+        """The best run so far, with its bar."""
+
+
 def converge(
-    convergence: Convergence,
+    convergence: Refinement,
     machine: Machine,
     budget: Budget,
     *,
@@ -218,7 +250,7 @@ def converge(
         add(sample)
         if trace is not None:
             convergence.add(sample, trace)
-        convergence.next_steps *= 2
+        convergence.refine()
 
 
 def _end(run: tuple[Sample, Trace]) -> np.ndarray:

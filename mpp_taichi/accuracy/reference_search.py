@@ -16,10 +16,11 @@ from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.chaos import Chaos
 from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.families import meets
-from mpp_taichi.accuracy.methods import LOOKS, StudyMethod, first_steps, for_reference
+from mpp_taichi.accuracy.methods import LOOKS, StudyMethod, first_steps, for_reference, leads
 from mpp_taichi.accuracy.problem import Problem
-from mpp_taichi.accuracy.reference import Convergence, ReferenceSolution, converge
+from mpp_taichi.accuracy.reference import Convergence, ReferenceSolution, Refinement, converge
 from mpp_taichi.accuracy.sample import Configuration, Sample
+from mpp_taichi.accuracy.scattered_convergence import ScatteredConvergence
 from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.sweep import timed
 from mpp_taichi.accuracy.workbench import Machine, Workbench
@@ -46,7 +47,6 @@ class ReferenceSearch:
     aim                the only error of interest, or None
     problem            the part of the scene that is studied: shortened where collisions lose their order by round-off
     reference, chaos   None until they are found
-    lost               time at which collisions take the meaning from positions, where it lies before the end [time]; else None
     horizon            time before the end at which positions were found to lose their meaning [time]; None where none was found
     """
 
@@ -69,8 +69,7 @@ class ReferenceSearch:
         self.reference: ReferenceSolution | None = None
         self.chaos: Chaos | None = None
         self.conserves_energy = False
-        self.lost: float | None = store.notes.get("lost")
-        self._runs: tuple[Machine, Convergence] | None = None
+        self._runs: tuple[Machine, Refinement] | None = None
         self._share = SHARE
         self._tried: set[str] = set()
         self._lyapunov_is_trusted = False
@@ -95,7 +94,8 @@ class ReferenceSearch:
             share = f"{self._share:.0%} of the budget"
             self.tell(f"the reference needs more than {share}: up to {MOST_BUDGETS:g} budgets are spent to find it")
             with self.budget.beyond(MOST_BUDGETS, self._share):
-                if not ((self.wished is None and self._by_adaptive(bench)) or self._by_chaos(bench)):
+                settled = (self.wished is None or leads(self.problem)) and self._by_adaptive(bench)
+                if not (settled or self._by_chaos(bench) or leads(self.problem)):
                     self._halve(bench, share=1.0)
         if self.reference is not None and self.reference.integrator not in exact_solvers():
             self._take(self._finer(bench, self.reference))
@@ -142,10 +142,8 @@ class ReferenceSearch:
         while (found := flight_reference.fly(machine, self.budget)) is not None:
             reference, sample = found
             part = WELL_BEFORE * reference.meaning if reference.meaning else self.problem.span / LOOKS
-            if reference.trusted or sample.evaluations < FEWEST_COLLISIONS:
+            if reference.trusted or sample.evaluations < FEWEST_COLLISIONS or self.aim is not None:
                 break
-            if self.lost is None:
-                self.lost = self.store.notes["lost"] = reference.meaning
             self._look_at(bench, self.problem.shortened(part))
         if found is not None and not reference.trusted:
             self._look_at(bench, whole)
@@ -165,6 +163,8 @@ class ReferenceSearch:
         Where bodies may meet closely, equal steps converge late: there an adaptive method that compiles fast comes first.
         """
         with contextlib.suppress(OutOfTime):
+            if leads(self.problem):
+                return self._by_adaptive(bench)
             if self.wished is None and meets(self.problem) and self._by_adaptive(bench, quick=True):
                 return True
             # However long the compiler took, some time must be left to halve a step twice.
@@ -185,11 +185,13 @@ class ReferenceSearch:
             if found is not None and (found.positions_mean_something or found.horizon is not None):
                 self._take(found)
                 return True
+            if found is not None and self.reference is None and leads(self.problem):  # there is no other way to a reference
+                self._take(found)
         return False
 
     def _by_chaos(self, bench: Workbench) -> bool:
         """A horizon by the Lyapunov time, where two measurements with different steps agree."""
-        if self.chaos is not None or self.reference is None or self.problem.spec.contacts is not None:
+        if self.chaos is not None or self.reference is None or self.problem.has_contacts:
             return False
         method = self.methods[self.reference.integrator]
         machine, steps = bench.machine(method.name), max(chaos_of.PIECES, self.reference.steps // 4)
@@ -212,7 +214,8 @@ class ReferenceSearch:
             known = self.store.notes.get("reference")
             if known is not None and known["integrator"] == machine.name:
                 steps = max(steps, known["steps"] // 2)
-            self._runs = machine, Convergence(machine.order, steps, enough=0.0 if self.aim is None else self._enough)
+            kind = ScatteredConvergence if self.problem.has_contacts else Convergence
+            self._runs = machine, kind(machine.order, steps, enough=0.0 if self.aim is None else self._enough)
         machine, runs = self._runs
         try:
             converge(runs, machine, self.budget, share=share, add=lambda sample: self._add(machine, sample))
@@ -252,7 +255,7 @@ class ReferenceSearch:
 
     def _halved_machine(self, bench: Workbench) -> tuple[Machine, int]:
         """The most promising method that the scene allows, and its first number of steps."""
-        promising = for_reference(self.methods) if self.problem.spec.contacts is None else [self._own]
+        promising = [self._own] if self.problem.compares_solvers else for_reference(self.methods)
         if self.wished is not None:
             promising = [self.methods[self.wished]]
         for method in promising:
@@ -281,7 +284,7 @@ class ReferenceSearch:
 
     def find_chaos(self, bench: Workbench) -> None:
         """Measure the Lyapunov time, for the report, where the budget allows it."""
-        if self.chaos is not None or self.reference is None or self.problem.spec.contacts is not None:
+        if self.chaos is not None or self.reference is None or self.problem.has_contacts:
             return
         machine, steps = bench.machine(self.reference.integrator), chaos_of.PIECES
         if self.reference.tolerance is None:

@@ -50,8 +50,8 @@ th:nth-child(-n+3), td:nth-child(-n+3) { text-align: left } .front td { font-wei
 """
 
 
-def page(found: dict[str, Any], rows: Sequence[StudyRow]) -> str:
-    """The page; `found` is the study as plain data with `verdict` and `sentence`."""
+def page(found: dict[str, Any], rows: Sequence[StudyRow], phases: Sequence[Sequence[StudyRow]] = ()) -> str:
+    """The page; `found` is the study as plain data with `verdict` and `sentence`; `phases` are the rows of each phase."""
     numbers = {name: k for k, name in enumerate(dict.fromkeys(row.sample.configuration.integrator for row in rows))}
     title = f"What accuracy costs: {found['title'] or found['scene']}"
     plots = _plots(found, rows, numbers)
@@ -62,6 +62,7 @@ def page(found: dict[str, Any], rows: Sequence[StudyRow]) -> str:
         "<h2>Every run</h2>",
         f'<p class="quiet">{escape(EXPLANATION if wanted_of(found) is None else EXPLANATION_OF_WANTED)}</p>',
         _table(rows, found["verdict"], wanted_of(found)),
+        *(_phase(*each) for each in zip(found["phases"], phases)),
     ]
     return framed(title, found["sentence"], circumstances(found), body, machine(found))
 
@@ -226,6 +227,14 @@ def _legend(rows: Sequence[StudyRow], numbers: dict[str, int]) -> str:
             line = f'<polyline class="l{number % 8}" points="0,7 26,7"/>'
             entries.append(f'<li><svg viewBox="0 0 26 14">{line}{svg.marker(number, 13, 7)}</svg>{escape(name)}</li>')
     return f'<ul class="legend">{"".join(entries)}</ul>'
+
+
+def _phase(facts: dict[str, Any], rows: Sequence[StudyRow]) -> str:
+    """A phase of a timeline: its sentence and its runs."""
+    said = facts["sentence"]
+    parts = [facts["told"], f"{said[:1].upper()}{said[1:]}."]
+    heading, sentence = (escape(f"{part[:1].upper()}{part[1:]}") for part in parts)
+    return f"<h2>{heading}</h2><p>{sentence}</p>{_table(rows, facts['verdict'], None)}"
 
 
 def _table(rows: Sequence[StudyRow], verdict: dict[str, Any], wanted: str | None) -> str:

@@ -46,7 +46,8 @@ class Sample:
     seconds       of the steps without samples on a quiet machine, see StepClock; one number for each repeat
     energy_errors over the run, one for each of `times`
     values        of the wanted quantity, one list for each run, with one number for each entry of `expect:`
-    end           positions at the end, (particle_count, 3) [length]; None for a run that did not reach the end
+    end           positions at the end, (particle_count, 3) [length]; None for a run that did not reach the end. A sphere that
+                  has become a part of sphere k has nan, k, nan
     """
 
     configuration: Configuration

@@ -20,13 +20,13 @@ from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.sweep import StepSweep
 from mpp_taichi.accuracy.value_reference import ValueReference
 from mpp_taichi.accuracy.value_search import ValueSearch
-from mpp_taichi.accuracy.wanted import first_expected
 from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import BackendError
 
 FIRST_SHARE_OF_AIM = 0.8  # the same where one error is aimed at
 FIRST_SHARE = 0.65  # of the budget, until the end of the first backend and precision, where others follow
 ALL_SHARE = 0.96  # of the budget; the rest is for writing the report
+OWN_PART = 0.6  # of the share of a backend and precision, where other work follows
 WORTH_RETURNING = 0.2  # of the budget: a larger rest is spent on ladders that were cut short
 REPEATS_SHARE_OF_AIM = 0.1
 REPEATS_SHARE = 0.25  # of the time for a backend and precision
@@ -67,12 +67,14 @@ class Study:
         wishes: StudyWishes,
         tell: Callable[[str], None] = lambda _: None,
         after_sweep: Callable[["Study", Workbench], None] = lambda *_: None,
+        then: Callable[["Study", Workbench, float], None] | None = None,
     ) -> None:
         """Begin without a run; the store may hold the span over which the scene was studied before.
 
-        `after_sweep` is called with each workbench at the end of its runs, while its methods are compiled.
+        `after_sweep` is called with each workbench at the end of its runs, while its methods are compiled. `then` is called
+        after the runs on the CPU in f64, and may go on there until a share of the budget is spent.
         """
-        self._after_sweep = after_sweep
+        self._after_sweep, self._then = after_sweep, then
         self.whole = problem.span
         self.problem = problem if store.span is None or problem.wanted else problem.shortened(store.span)
         self.store, self.budget, self.wishes, self.tell = store, budget, wishes, tell
@@ -95,6 +97,22 @@ class Study:
             self.status = "out of time"
         finally:
             self.store.save()
+
+    def run_within(self, bench: Workbench) -> None:
+        """Run the study with the compiled methods of a workbench, whose device is the only one."""
+        try:
+            self.store.span = self.problem.span
+            self.search.find(bench)
+            self._sweep(bench, self._names(), begin=0.0, end=1.0)
+            self.status = "complete" if not self.remarks else "partial"
+        except OutOfTime:
+            self.status = "out of time"
+        finally:
+            self.store.save()
+
+    def leave_out(self, remark: str) -> None:
+        """Note a part of the study that was left out."""
+        self._remarks.append(remark)
 
     # Results
 
@@ -135,16 +153,17 @@ class Study:
         """The quantity that is compared, or None where nothing can be compared.
 
         Energies where the wishes say so, or where they name no quantity and a time before the end was found at which positions
-        lose their meaning; else positions, once their reference is known. A wanted quantity once its values are known.
+        lose their meaning; else positions, once their reference is known. A wanted quantity once its values are known. Nothing
+        takes the place of the positions for which a scene with contacts has a target: its energy does not tell how well
+        contacts are found.
         """
         if self.values is not None and self.problem.wanted is not None:
             return self.problem.wanted.column if self.values.desk.is_known else None
         asked = self.wishes.quantity
-        if asked != "energy" and self._ends_without_meaning:
-            return None
         if asked != "energy" and self.reference is not None and self.reference.positions_mean_something:
             return "position"
-        by_energy = asked == "energy" or (asked is None and self.search.horizon is not None)
+        may = asked is None and not (self.problem.has_contacts and self.wishes.aim is not None)
+        by_energy = asked == "energy" or (may and self.search.horizon is not None)
         return "energy" if by_energy and self.conserves_energy else None
 
     @property
@@ -156,26 +175,16 @@ class Study:
         kept = "" if self.conserves_energy else ", and the scene does not keep its energy"
         if asked == "energy":
             return "energies were asked for" if kept == "" else "the scene does not keep its energy"
-        if self._ends_without_meaning:
-            return f"collisions leave positions no meaning beyond t = {self.search.lost:.4g}, before the end: {self._advice}"
         if reference is None:
             return "the budget ended before the first run was done"
         if reference.positions_mean_something:
             return "positions at the end are known" if asked is None else "positions were asked for"
+        if horizon is not None and self.problem.has_contacts:
+            because = "since every collision enlarges the errors of rounding"
+            return f"positions mean nothing beyond t = {horizon:.4g}, before the end, {because}{kept if asked is None else ''}"
         if horizon is not None:
             return f"positions mean nothing beyond t = {horizon:.4g}, before the end{kept if asked is None else ''}"
         return f"the budget ended before the reference was known ({reference.told}); a longer budget goes on"
-
-    @property
-    def _ends_without_meaning(self) -> bool:
-        """Whether an error is allowed at the end of a run in which collisions take the meaning from positions before."""
-        return self.wishes.aim is not None and self.search.lost is not None
-
-    @property
-    def _advice(self) -> str:
-        """The target that a scene with collisions can have, with a quantity of its own."""
-        name = first_expected(self.problem.spec) or "quantity"
-        return f"say which quantity is to be right, such as accuracy: {{of: {name}, below: 1e-2}}"
 
     @staticmethod
     def _reason_of_values(values: ValueSearch) -> str:
@@ -241,14 +250,18 @@ class Study:
             if self.values is not None:
                 self._find_values(bench, self.values)
             elif self.wishes.quantity == "energy":
-                self._keeps_energy = bench.machine(self.own.name).simulation.phase.conserves_energy
+                self._keeps_energy = bench.machine(self.own.name).conserves_energy
             else:
                 self._find_reference(bench)
             if self.quantity is None:
                 return
             first, *others = self.wishes.devices
             if first == REFERENCE:
-                self._sweep(bench, self._names(), begin=0.0, end=self._first_share(others))
+                end = self._first_share(others)
+                self._sweep(bench, self._names(), begin=0.0, end=end if self._then is None else OWN_PART * end)
+                if self._then is not None:
+                    self._then(self, bench, end)
+                    self.budget.overrun(end)
         self._sweep_each([device for device in self.wishes.devices if device != REFERENCE and self._is_worth(device[1])])
         if (
             self.wishes.aim is None
@@ -313,11 +326,12 @@ class Study:
         """The wanted methods; else all methods, implicit methods only where springs or drag limit the steps of others."""
         if self.wishes.integrators is not None:
             return [name for name in self.methods if name in self.wishes.integrators]
-        if self.problem.spec.contacts is not None:
+        if self.problem.compares_solvers:
             return [name for name in self.methods if name not in exact_solvers()]
         is_stiff = any(method.fewest_steps > 1 for method in self.methods.values())
         least = 1 if self.wishes.aim is None else 2
-        suits = [name for name, method in self.methods.items() if (is_stiff or not method.implicit) and method.order >= least]
+        stepped = {name: method for name, method in self.methods.items() if name not in exact_solvers()}
+        suits = [name for name, method in stepped.items() if (is_stiff or not method.implicit) and method.order >= least]
         return list(dict.fromkeys((self.own.name, *suits)))
 
     def _best_names(self) -> list[str]:
@@ -336,7 +350,7 @@ class Study:
             machine = bench.machine(split(self.own.name)[0])  # the reference is without a tree
             own_seconds = self._own_steps * machine.budget_per_step
             allowed = OWN_SHARE * self.budget.seconds
-            if own_seconds > allowed:
+            if own_seconds > allowed and not self._needs_whole:
                 least = min(1.0, FEWEST_OWN_STEPS / self.problem.own_steps)
                 part = max(least, allowed / own_seconds)
                 self.problem = self.search.problem = self.problem.shortened(self.problem.span * part)
@@ -346,6 +360,11 @@ class Study:
             self.tell(
                 f"studying the first t = {self.problem.span:.6g} of {self.whole:.6g}: all of it does not fit the budget often"
             )
+
+    @property
+    def _needs_whole(self) -> bool:
+        """Whether a target is only for the whole run: contacts and later phases do not follow from its first part."""
+        return self.wishes.aim is not None and (self.problem.has_contacts or len(self.problem.stretches) > 1)
 
     def _sweep(self, bench: Workbench, names: list[str], *, begin: float, end: float) -> None:
         if self.quantity is None:
@@ -378,6 +397,6 @@ class Study:
         if (aim := self._aim) is not None:
             floor, coarsest = max(floor, aim), min(COARSEST, AROUND * aim)
         fewest = float(method.fewest_steps)
-        patient, tolerance = self.problem.spec.contacts is not None, method.tolerance
+        patient, tolerance = self.problem.has_contacts, method.tolerance
         steps = (method.name, method.order, anchor, fewest)
         return Ladder(*steps, floor, coarsest=coarsest, tolerance=tolerance, patient=patient, uneven=self.values is not None)

@@ -1,6 +1,7 @@
 """Table: rows of a study as text for a terminal."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from mpp_taichi.accuracy.front import StudyRow
 from mpp_taichi.accuracy.verdict import duration
@@ -46,6 +47,13 @@ def lines(rows: Sequence[StudyRow], fronts: dict[str, Sequence[str]], wanted: st
     return [
         "  ".join(_fit(text, width, column) for column, (text, width) in enumerate(zip(row, widths))).rstrip() for row in table
     ]
+
+
+def front_lines(rows: Sequence[StudyRow], verdict: dict[str, Any]) -> list[str]:
+    """The table of the front in time, and of the scene's own setting."""
+    fronts = {name: verdict.get(f"{name}_front", ()) for name in ("time", "evaluations")}
+    shown = [row for row in rows if row.is_own or row.sample.configuration.key in fronts["time"]]
+    return lines(shown, fronts) if shown else []
 
 
 def _fit(text: str, width: int, column: int) -> str:

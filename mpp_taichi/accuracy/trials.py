@@ -5,6 +5,7 @@ import statistics
 from dataclasses import dataclass, replace
 
 from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.front import QUANTITIES, StudyRow
 from mpp_taichi.accuracy.offers import Offer, offers_for
 from mpp_taichi.accuracy.sample import Configuration, MeasuredError
@@ -109,7 +110,8 @@ def as_run(study: Study, target: float) -> Trial | None:
 
 def _step(study: Study, configuration: Configuration) -> float:
     """The step of the run for which a setting is chosen [time]; of a method that needs none, the time between two samples."""
-    if configuration.tolerance is None or study.values is not None:
+    needs_none = configuration.tolerance is not None or configuration.integrator in exact_solvers()
+    if study.values is not None or not needs_none:
         return study.problem.span / configuration.steps
     return study.whole / LOOKS_OF_ADAPTIVE
 

@@ -59,7 +59,7 @@ class ValueSearch:
         Raises:
             OutOfTime: they were spent, and no value is known.
         """
-        desk, has_contacts = self.desk, self.desk.problem.spec.contacts is not None
+        desk, has_contacts = self.desk, self.desk.problem.has_contacts
         if desk.recall():
             bench.shorten(desk.problem)
             return

@@ -6,27 +6,28 @@ at a time: a workbench of another precision ends the present workbench.
 
 import math
 import time as clock
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.conserved import PhaseLooks, judge
 from mpp_taichi.accuracy.force_solvers import with_force_solver
 from mpp_taichi.accuracy.measuring import Measurement, measure, shifted_start
-from mpp_taichi.accuracy.methods import LOOKS
-from mpp_taichi.accuracy.problem import Problem, with_integrator
+from mpp_taichi.accuracy.problem import AS_WRITTEN, Problem
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.step_clock import LaunchTime, StepClock
+from mpp_taichi.accuracy.stretches import Leg, Stretch, legs
 from mpp_taichi.device import backends
-from mpp_taichi.energy.energy_error import ratio, relative_error
 from mpp_taichi.errors import MppError
 from mpp_taichi.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
     from mpp_taichi.energy.energy_meter import EnergyMeter
 
-Phase = tuple[np.ndarray, np.ndarray]
+PhasePoint = tuple[np.ndarray, np.ndarray]  # positions and velocities
 MOST_FOLLOWED = 1000  # particles whose positions are kept in every sample
 LAUNCH_SECONDS = 0.1  # of one launch: short enough to stop when the budget ends
 STEPS_WITH_CONTACTS = 16  # of a launch: a step may take much longer than the step before
@@ -40,37 +41,57 @@ LOST = 1e9  # times the initial extent of the system: a run that goes beyond it 
 
 @dataclass(eq=False)
 class Trace:
-    """The path of a run, kept on demand: positions [length] of the followed particles, (samples, followed, 3)."""
+    """The path of a run, kept on demand: positions [length] of the followed particles, (samples, followed, 3).
+
+    begins   positions and velocities of all particles at the begin of each stretch of the problem
+    """
 
     times: np.ndarray
     position: np.ndarray
+    begins: list[PhasePoint] = field(default_factory=list)
+
+
+@dataclass(eq=False)
+class StepCost:
+    """The cost of a step in the phases that have the same kernels.
+
+    counted   evaluations of the forces, as last counted for implicit and adaptive methods; collisions of an event-driven flight
+    kept      the conserved quantities that these phases keep
+    """
+
+    clock: StepClock
+    counted: float
+    kept: frozenset[str]
+    seconds: float = 0.0
 
 
 class Machine:
-    """One compiled method."""
+    """One compiled method, in all phases of a scene."""
 
     def __init__(self, problem: Problem, integrator: str, *, backend: str, precision: str) -> None:
-        """Compile, by one step and one sample; MppError where the scene does not allow the method."""
+        """Compile, by one step and one sample of every phase; MppError where the scene does not allow the method."""
         began = clock.process_time()
         self.problem, self.name = problem, integrator
-        spec = with_integrator(problem.spec, integrator, problem.own_dt)
-        self.simulation = Simulation(spec, backend=backend, precision=precision)
+        self.simulation = Simulation(problem.with_method(integrator), backend=backend, precision=precision)
         self.integrator, self.contacts = self.simulation.integrator, self.simulation.contacts
         self.backend, self.precision = backend, precision
-        launcher, device = self.simulation.launcher, self.simulation.device
-        threads = device.threads if self.simulation.phase.plan == "parallel" else 1
-        self.clock = StepClock(threads if device.on_cpu else 0)
-        self._is_adaptive, self._counts_collisions = bool(self.integrator.controlled_by), not launcher.takes_steps
-        self._solves = "linear_solver" in launcher.facts()
-        self.energy_meter = self._direct_meter() if self.simulation.total_force.by_tree else self.simulation.phase.energy_meter
+        self._is_adaptive = bool(self.integrator.controlled_by) and integrator != AS_WRITTEN
         self._own_tolerance = getattr(self.integrator, self.integrator.controlled_by) if self._is_adaptive else None
+        self._tolerance = self._own_tolerance
+        self._meters: dict[object, Any] = {}
+        self.costs: dict[object, StepCost] = {}
         self.extent = float(np.abs(problem.start.position).max()) + problem.span * float(np.abs(problem.start.velocity).max())
-        self._begin(problem.own_dt)
-        self._launch(0.0, problem.own_dt, 1)
-        self._look(0.0, 0)
-        self._begin(problem.own_dt)
+        different = {self._kernels(leg.stretch): leg for leg in reversed(legs(problem.stretches, problem.own_steps))}
+        for leg in different.values():
+            self._enter(leg, begins=True)
+            forces = float(self.simulation.integrator.evaluations_per_step or 1.0)
+            self.costs[self._kernels(leg.stretch)] = StepCost(StepClock(self._threads()), forces, self._kept())
+            self._launch(leg.stretch.began, leg.dt, 1)
+            self._look(leg.stretch.began, 0)
         self.compile_seconds = clock.process_time() - began
-        self.seconds_per_step = self._try_out()
+        for leg in different.values():
+            self._enter(leg, begins=True)
+            self._cost.seconds = self._try_out(leg)
 
     @property
     def order(self) -> int:
@@ -78,17 +99,24 @@ class Machine:
         return self.integrator.order
 
     @property
+    def seconds_per_step(self) -> float:
+        """The time of a step on a quiet machine, the mean over the steps of a run [s]."""
+        return self._mean(lambda cost: cost.seconds)
+
+    @property
     def budget_per_step(self) -> float:
         """Seconds of a budget that a step takes: the processor time of all threads."""
-        return self.seconds_per_step * self.clock.parallelism
+        return self._mean(lambda cost: cost.seconds * cost.clock.parallelism)
 
     @property
     def evaluations(self) -> float:
         """Forces per step, as last counted for implicit and adaptive methods; collisions for event-driven flight."""
-        if self._counts_collisions:
-            return self._counted
-        declared = self.integrator.evaluations_per_step
-        return max(1.0, self._counted) if declared is None else float(declared)
+        return self._mean(lambda cost: cost.counted)
+
+    @property
+    def conserves_energy(self) -> bool:
+        """Whether any phase of the problem keeps its energy."""
+        return any("energy" in self.costs[self._kernels(stretch)].kept for stretch in self.problem.stretches)
 
     def configuration(self, steps: int, tolerance: float | None = None) -> Configuration:
         """The configuration of so many steps, or of so many samples of an adaptive method, by default at its own tolerance."""
@@ -98,62 +126,53 @@ class Machine:
         return Configuration(*here, self.integrator.controlled_by, self._own_tolerance if tolerance is None else tolerance)
 
     def run(
-        self, configuration: Configuration, budget: Budget, *, follow: bool = False, start: Phase | None = None
+        self, configuration: Configuration, budget: Budget, *, follow: bool = False, start: PhasePoint | None = None
     ) -> tuple[Sample, Trace | None]:
         """Run the span with the steps of a configuration of this method and device, and take samples on the way.
 
-        From the scene's start, or from positions [length] and velocities [length / time] that are given.
+        From the problem's start, or from positions [length] and velocities [length / time] that are given. Each phase of a
+        timeline begins with the state in which the phase before has ended.
 
         Relative errors: of the energy |E − E₀| / |E₀| (over kinetic + |potential| where E₀ is zero), of the momenta over the
-        largest Σ m |v| and Σ m |x| |v| in the run; the largest error of the run, and the energy error of every sample.
+        largest Σ m |v| and Σ m |x| |v| in the phase; the largest error of all phases, and the energy error of every sample.
 
         Raises:
             OutOfTime: the budget ended first.
         """
-        steps = configuration.steps
-        dt = self.problem.span / steps
-        sample = Sample(configuration, dt, compile_seconds=self.compile_seconds)
-        stops = sorted({round(k * steps / LOOKS) for k in range(LOOKS + 1)})
-        self._begin(dt, configuration.tolerance, start)
-        rows, places, seconds, solver_steps = [], [], 0.0, 0
-        for before, stop in zip((0, *stops), stops):
-            try:
-                took, iterations, solved = self._advance(before, stop, dt, budget)
-            except MppError as error:  # a contact solver that no longer advances
-                if self.contacts is None:
-                    raise
-                sample.status, sample.reason = "diverged", str(error).splitlines()[0]
-                break
-            seconds += took
-            solver_steps += iterations
-            found, position = self._look(stop * dt, stop)
-            if not solved or not np.isfinite(position).all() or float(np.abs(position).max()) > LOST * max(self.extent, 1e-300):
-                unsolved = "contacts that it could not resolve" if self.contacts else "a step that its solver could not solve"
-                what = "grew out of bounds" if solved else f"had {unsolved}"
-                sample.status, sample.reason = "diverged", f"it {what} before t = {stop * dt:.4g}"
-                break
-            rows.append(found)
+        parts = legs(self.problem.stretches, configuration.steps)
+        sample = Sample(
+            configuration, self.problem.span / sum(leg.steps for leg in parts), compile_seconds=self.compile_seconds
+        )
+        self._tolerance = configuration.tolerance
+        trace, looks = Trace(np.zeros(0), np.zeros(0)), list[PhaseLooks]()
+        places: list[tuple[float, np.ndarray]] = []
+        seconds, evaluations, own_steps, position = 0.0, 0.0, 0, self.problem.start.position
+        for number, leg in enumerate(parts):
+            self._enter(leg, start, begins=number == 0)
+            looks.append(PhaseLooks(self._cost.kept))
             if follow:
-                places.append(position[self._followed()])
+                trace.begins.append(self.simulation.state.read())
+            took, counted, position = self._run_leg(leg, budget, sample, looks[-1], places, follow=follow, is_first=number == 0)
+            seconds += took
+            evaluations += self._evaluations(leg, counted, sample)
+            control = self.simulation.launcher.facts().get("step_control")
+            own_steps += control["steps"] if control is not None else leg.steps
+            if sample.status != "ok":
+                break
         else:
-            sample.end = position
+            sample.end = self._end(position)
             sample.seconds.append(seconds)
-        if self._solves or self._counts_collisions:
-            self._counted = solver_steps / max(1, steps)
-        control = self.simulation.launcher.facts().get("step_control")
-        if control is not None:
-            self._counted = control["force_evaluations"] / steps
-            sample.dt = self.problem.span / max(1, control["steps"])
-            trouble = self.simulation.launcher.trouble()
-            if trouble is not None and trouble.kind == "stalled":
-                sample.status, sample.reason, sample.end = "diverged", "its steps became too short for the time to go on", None
-        sample.evaluations = round(self.evaluations * steps)
-        self._judge(sample, rows)
+        if self._is_adaptive:
+            sample.dt = self.problem.span / max(1, own_steps)
+        sample.evaluations = round(evaluations)
+        judge(sample, looks)
         if sample.status == "ok" and start is None and self.problem.wanted is not None:
             self._measure_wanted(sample, budget)
         if sample.status != "ok":
             return sample, None
-        trace = Trace(np.array([row["time"] for row in rows]), np.array(places)) if follow else None
+        if not follow:
+            return sample, None
+        trace.times, trace.position = np.array([time for time, _ in places]), np.array([place for _, place in places])
         return sample, trace
 
     def time(self, configuration: Configuration, budget: Budget) -> float:
@@ -162,31 +181,40 @@ class Machine:
         A short run is repeated for SHORT, and its shortest time counts: other programs, which share the caches and the units of
         the processor, only add to the time.
         """
-        dt = self.problem.span / configuration.steps
+        self._tolerance = configuration.tolerance
+        parts = legs(self.problem.stretches, configuration.steps)
         shortest, spent = float("inf"), 0.0
         while spent < SHORT:
-            self._begin(dt, configuration.tolerance)
-            seconds = self._advance(0, configuration.steps, dt, budget)[0]
-            shortest, spent = min(shortest, seconds), spent + max(seconds, SHORT / MOST_REPEATS)
+            seconds = 0.0
+            for number, leg in enumerate(parts):
+                self._enter(leg, begins=number == 0)
+                seconds += self._advance(leg, 0, leg.steps, budget)[0]
+            shortest, spent = min(shortest, seconds), spent + max(seconds, SHORT / MOST_REPEATS * len(parts))
         return shortest
 
-    def advance_from(self, state: Phase, before: int, stop: int, dt: float, budget: Budget) -> tuple[np.ndarray, np.ndarray]:
-        """Positions [length] and velocities [length / time] at step `stop`, from the state at step `before`."""
+    def enter(self, leg: Leg) -> None:
+        """Go to the phase of a leg, whatever the state is, for `advance_from`."""
+        self._enter(leg, begins=True)
+
+    def advance_from(self, state: PhasePoint, leg: Leg, before: int, stop: int, budget: Budget) -> PhasePoint:
+        """Positions [length] and velocities [length / time] at step `stop` of a leg that was entered, from step `before`."""
         self.simulation.state.write(*state)
-        self.simulation.launcher.prepare(before * dt, dt)
-        self._advance(before, stop, dt, budget)
+        self.simulation.launcher.prepare(leg.time(before), leg.dt)
+        self._advance(leg, before, stop, budget)
         return self.simulation.state.read()
 
     def measure(self, configuration: Configuration, budget: Budget, *, number: int = 0, finer: float = 1.0) -> Measurement:
         """Measure the wanted quantity in a run from shifted start `number`; see `measuring`."""
-        self._set_tolerance(configuration.tolerance)
+        self._tolerance = configuration.tolerance
+        self._set_tolerance()
         start = shifted_start(self.problem, number, self.precision)
         return measure(self.simulation, self.problem, configuration.steps, budget, finer=finer, start=start)
 
     def change(self, problem: Problem) -> None:
         """Go on with another span of the scene, or another number of samples."""
         if self._is_adaptive:
-            self.seconds_per_step *= self.problem.samples / problem.samples
+            for cost in self.costs.values():
+                cost.seconds *= self.problem.samples / problem.samples
         self.problem = problem
 
     def close(self) -> None:
@@ -195,7 +223,6 @@ class Machine:
 
     # Internals
 
-    _counted = 1.0
     asked_interval = math.inf  # the shortest time between samples for which the wanted quantity asked in the last run
 
     def _measure_wanted(self, sample: Sample, budget: Budget) -> None:
@@ -210,18 +237,102 @@ class Machine:
             sample.values.append(list(found.values))
             self.asked_interval = found.shortest
 
-    def _set_tolerance(self, tolerance: float | None) -> None:
+    def _set_tolerance(self) -> None:
+        """Give the method of the present phase the tolerance of the present run."""
+        integrator = self.simulation.integrator
         if self._is_adaptive:
-            setattr(self.integrator, self.integrator.controlled_by, self._own_tolerance if tolerance is None else tolerance)
+            setattr(integrator, integrator.controlled_by, self._own_tolerance if self._tolerance is None else self._tolerance)
 
-    def _begin(self, dt: float, tolerance: float | None = None, start: Phase | None = None) -> None:
-        self._set_tolerance(tolerance)
-        self.simulation.restart()
-        if start is not None:
-            self.simulation.state.write(*start)
-        self.simulation.launcher.prepare(0.0, dt)
+    def _kernels(self, stretch: Stretch) -> object:
+        return self.problem.phases[stretch.number].kernels
+
+    @property
+    def _cost(self) -> StepCost:
+        """The cost of a step in the present phase."""
+        return self.costs[self.problem.phases[self.simulation.phase_number].kernels]
+
+    def _mean(self, of: Callable[[StepCost], float]) -> float:
+        """The mean over the steps of a run."""
+        return sum(stretch.share * of(self.costs[self._kernels(stretch)]) for stretch in self.problem.stretches)
+
+    def _threads(self) -> int:
+        """Threads that work on a step of the present phase; 0 on another device than the CPU."""
+        device = self.simulation.device
+        return (device.threads if self.simulation.plan == "parallel" else 1) if device.on_cpu else 0
+
+    @property
+    def _counts_collisions(self) -> bool:
+        return not self.simulation.launcher.takes_steps
+
+    @property
+    def _solves(self) -> bool:
+        return "linear_solver" in self.simulation.launcher.facts()
+
+    def _enter(self, leg: Leg, start: PhasePoint | None = None, *, begins: bool = False) -> None:
+        """Begin the problem in the phase of a leg; or go on with this phase, from the present state."""
+        simulation, number, problem = self.simulation, leg.stretch.number, self.problem
+        if begins:
+            simulation.restart()
+        if simulation.phase_number != number:
+            simulation.begin_phase(number)
+        if begins and start is None and problem.stretches[0].number:
+            start = (problem.start.position, problem.start.velocity * problem.start.free)
+        if begins and start is not None:
+            simulation.state.write(*start)
+        self._set_tolerance()
+        simulation.launcher.prepare(leg.stretch.began, leg.dt)
+        self.contacts = simulation.contacts
         if self.contacts is not None:
             self.contacts.collect()
+
+    def _run_leg(
+        self,
+        leg: Leg,
+        budget: Budget,
+        sample: Sample,
+        looks: PhaseLooks,
+        places: list[tuple[float, np.ndarray]],
+        *,
+        follow: bool,
+        is_first: bool,
+    ) -> tuple[float, int, np.ndarray]:
+        """The steps of a leg with its samples: seconds, iterations of the solver or collisions, positions at the end."""
+        seconds, solver_steps, position = 0.0, 0, self.problem.start.position
+        for before, stop in zip((0, *leg.stops), leg.stops):
+            try:
+                took, iterations, solved = self._advance(leg, before, stop, budget)
+            except MppError as error:  # a contact solver that no longer advances
+                if self.contacts is None:
+                    raise
+                sample.status, sample.reason = "diverged", str(error).splitlines()[0]
+                break
+            seconds += took
+            solver_steps += iterations
+            found, position = self._look(leg.time(stop), stop)
+            if not solved or not np.isfinite(position).all() or float(np.abs(position).max()) > LOST * max(self.extent, 1e-300):
+                unsolved = "contacts that it could not resolve" if self.contacts else "a step that its solver could not solve"
+                what = "grew out of bounds" if solved else f"had {unsolved}"
+                sample.status, sample.reason = "diverged", f"it {what} before t = {leg.time(stop):.4g}"
+                break
+            looks.rows.append(found)
+            if follow and (is_first or stop):  # the end of the leg before is the begin of this leg
+                places.append((found["time"], position[self._followed()]))
+        trouble = self.simulation.launcher.trouble() if "step_control" in self.simulation.launcher.facts() else None
+        if trouble is not None and trouble.kind == "stalled":
+            sample.status, sample.reason = "diverged", "its steps became too short for the time to go on"
+        return seconds, solver_steps, position
+
+    def _evaluations(self, leg: Leg, counted: int, sample: Sample) -> float:
+        """Evaluations of the forces in a leg, of which `counted` are known."""
+        control, cost = self.simulation.launcher.facts().get("step_control"), self._cost
+        if control is not None:
+            cost.counted = control["force_evaluations"] / leg.steps
+        elif self._solves or self._counts_collisions:
+            cost.counted = counted / leg.steps if self._counts_collisions else max(1.0, counted / leg.steps)
+        else:
+            declared = self.simulation.integrator.evaluations_per_step
+            cost.counted = max(1.0, cost.counted) if declared is None else float(declared)
+        return cost.counted * leg.steps
 
     def _launch(self, time: float, dt: float, steps: int) -> LaunchTime:
         ti = backends.import_taichi()
@@ -231,39 +342,41 @@ class Machine:
             self.simulation.launcher.advance(time, dt, 0, steps)
             ti.sync()
 
-        return self.clock.time(launch)
+        return self._cost.clock.time(launch)
 
     def _launch_seconds(self, time: float, dt: float, steps: int) -> float:
-        return self.clock.seconds(self._launch(time, dt, steps))
+        return self._cost.clock.seconds(self._launch(time, dt, steps))
 
-    def _try_out(self) -> float:
+    def _try_out(self, leg: Leg) -> float:
         """Seconds per step, from launches of more and more steps until the clock can resolve them."""
-        if self._is_adaptive:
-            return TRIAL * self._launch_seconds(0.0, self.problem.span / self.problem.samples / TRIAL, 1)
+        began = leg.stretch.began
+        if "step_control" in self.simulation.launcher.facts():
+            return TRIAL * self._launch_seconds(began, self.problem.span / self.problem.samples / TRIAL, 1)
         steps, limit = 1, self.simulation.phase.launch_limit
-        dt = self.problem.own_dt if self._solves or self.contacts else TINY * self.problem.own_dt
+        dt = leg.dt if self._solves or self.contacts else TINY * leg.dt
         if self.contacts is not None:  # beyond the span the motion may fail
-            limit = min(limit, max(4, int(self.problem.span / dt)))
-        while (seconds := self._launch_seconds(0.0, dt, steps)) < 2e-3 and 4 * steps <= limit:
+            limit = min(limit, max(4, leg.steps))
+        while (seconds := self._launch_seconds(began, dt, steps)) < 2e-3 and 4 * steps <= limit:
             steps *= 4
-        return min(seconds, self._launch_seconds(0.0, dt, steps)) / steps
+        return min(seconds, self._launch_seconds(began, dt, steps)) / steps
 
     def _learn(self, seconds_per_step: float, seconds: float) -> None:
         """Keep the shortest time of a step, since a busy machine only adds; the steps of implicit methods differ in length."""
         differs = self._is_adaptive or self.contacts or (self._solves and seconds > LONG_LAUNCH)
-        self.seconds_per_step = seconds_per_step if differs else min(self.seconds_per_step, seconds_per_step)
+        self._cost.seconds = seconds_per_step if differs else min(self._cost.seconds, seconds_per_step)
 
-    def _advance(self, before: int, stop: int, dt: float, budget: Budget) -> tuple[float, int, bool]:
+    def _advance(self, leg: Leg, before: int, stop: int, budget: Budget) -> tuple[float, int, bool]:
         """Advance; returns the seconds, the solver's iterations or the collisions, and whether every step was solved."""
         seconds, iterations, done = 0.0, 0, before
+        cost, simulation = self._cost, self.simulation
         while done < stop:
             budget.check()
-            most = max(1, min(self.simulation.phase.launch_limit, int(LAUNCH_SECONDS / self.seconds_per_step)))
+            most = max(1, min(simulation.phase.launch_limit, int(LAUNCH_SECONDS / cost.seconds)))
             if self.contacts is not None:
                 most = min(most, STEPS_WITH_CONTACTS)
             count = min(stop - done, most)
-            launch = self._launch(done * dt, dt, count)
-            took = self.clock.seconds(launch)
+            launch = self._launch(leg.time(done), leg.dt, count)
+            took = cost.clock.seconds(launch)
             seconds += took
             self._learn(took / count, took)
             if self.backend != "cpu":
@@ -274,52 +387,68 @@ class Machine:
                 iterations += found.pair_count + found.wall_count
                 if found.unresolved:
                     return seconds, iterations, False
-            report = self.simulation.launcher.collect()
+            report = simulation.launcher.collect()
             if report is not None:
                 iterations += report.newton_iterations + report.linear_iterations
                 if report.unsolved:
                     return seconds, iterations, False
         return seconds, iterations, True
 
+    def _end(self, position: np.ndarray) -> np.ndarray:
+        """Positions at the end [length]; a sphere that is a part of sphere k has the entries nan, k, nan."""
+        state = self.simulation.state
+        if not state.merges:
+            return position
+        into, end = state.read_spheres(self.problem.start)["merged_into"], position.copy()
+        for number in np.flatnonzero(into >= 0):
+            last = into[number]
+            while into[last] >= 0:
+                last = into[last]
+            end[number] = np.nan, last, np.nan
+        return end
+
     def _followed(self) -> np.ndarray:
         return followed(self.problem)
 
     def _look(self, time: float, step: int) -> tuple[dict, np.ndarray]:
         position, velocity = self.simulation.state.read()
-        there = self.problem.start.moved(position=position, velocity=velocity, time=time, step=step)
+        particles = self.problem.phases[self.simulation.phase_number].particles
+        there = particles.moved(position=position, velocity=velocity, time=time, step=step)
+        if self.simulation.state.merges:
+            there = replace(there, **self.simulation.state.read_spheres(particles))
         with np.errstate(over="ignore", invalid="ignore"):
-            return self.energy_meter.mechanics(there, time), position
+            return self._energy_meter().mechanics(there, time), position
 
-    def _direct_meter(self) -> "EnergyMeter":
-        """A meter of the energy by direct sums, in which the errors of a tree show."""
+    def _energy_meter(self) -> "EnergyMeter":
+        """The meter of the present phase; with a tree a meter by direct sums, in which the errors of the tree show."""
+        simulation = self.simulation
+        if not simulation.total_force.by_tree:
+            return simulation.phase.energy_meter
         from mpp_taichi.energy.energy_meter import EnergyMeter
         from mpp_taichi.forces._total_force import TotalForce, compose
 
-        spec, start = with_force_solver(self.problem.spec, None), self.problem.start
-        return EnergyMeter(self.simulation.state, TotalForce(compose(spec, start), start.particle_count, spec.dimensions))
+        phase = self.problem.phases[simulation.phase_number]
+        if phase.kernels not in self._meters:
+            spec, start = with_force_solver(phase.spec, None), phase.particles
+            forces = TotalForce(compose(spec, start), start.particle_count, spec.dimensions)
+            self._meters[phase.kernels] = EnergyMeter(simulation.state, forces)
+        return self._meters[phase.kernels]
 
-    def _judge(self, sample: Sample, rows: list[dict]) -> None:
-        if not rows:
-            return
-        first, simulation = rows[0], self.simulation
-        if simulation.phase.conserves_energy:
-            largest = max(row["kinetic_energy"] + abs(row["potential_energy"]) for row in rows)
-            start = first["total_energy"]
-            sample.times = [row["time"] for row in rows]
-            sample.energy_errors = [relative_error(row["total_energy"] - start, start, largest) for row in rows]
-            sample.energy = max(sample.energy_errors)
+    def _kept(self) -> frozenset[str]:
+        """The quantities that the present phase keeps."""
+        phase = self.simulation.phase
         kept = {
-            "momentum": simulation.phase.conserves_momentum,
-            "angular_momentum": simulation.phase.conserves_angular_momentum,
+            "energy": phase.conserves_energy,
+            "momentum": phase.conserves_momentum,
+            "angular_momentum": phase.conserves_angular_momentum,
         }
-        for name in (name for name, stays in kept.items() if stays):
-            scale = max(row[f"{name}_scale"] for row in rows)
-            setattr(sample, name, max(ratio(float(np.linalg.norm(row[name] - first[name])), scale) for row in rows))
+        return frozenset(name for name, stays in kept.items() if stays)
 
 
 def followed(problem: Problem) -> np.ndarray:
     """Indices of the moving particles whose positions are kept: all of them, or at most MOST_FOLLOWED, evenly chosen."""
-    moving = np.flatnonzero(problem.start.free.any(axis=1))
+    moves = np.any([stretch.particles.free.any(axis=1) for stretch in problem.stretches], axis=0)
+    moving = np.flatnonzero(moves)
     return moving[:: -(-len(moving) // MOST_FOLLOWED)]
 
 
@@ -328,18 +457,20 @@ class Workbench:
 
     def __init__(self, problem: Problem, *, backend: str, precision: str) -> None:
         """Begin without a compiled method."""
+        self._whole = problem  # for which methods are compiled, whatever part of it is studied
         self.problem, self.backend, self.precision = problem, backend, precision
         self.machines: dict[str, Machine] = {}
 
     def machine(self, integrator: str) -> Machine:
         """A compiled method; MppError where the scene does not allow it."""
         if integrator not in self.machines:
-            made = Machine(self.problem, integrator, backend=self.backend, precision=self.precision)
+            made = Machine(self._whole, integrator, backend=self.backend, precision=self.precision)
+            made.problem = self.problem
             self.machines[integrator] = made
         return self.machines[integrator]
 
     def shorten(self, problem: Problem) -> None:
-        """Continue with a shorter span of the same scene, or another number of samples."""
+        """Continue with a part of the same scene, with all of it again, or with another number of samples."""
         self.problem = problem
         for machine in self.machines.values():
             machine.change(problem)

@@ -19,6 +19,7 @@ from mpp_taichi.precision import PRECISIONS
 
 if TYPE_CHECKING:
     from mpp_taichi.accuracy.budget import Budget
+    from mpp_taichi.accuracy.phase_studies import PhaseStudies
     from mpp_taichi.accuracy.problem import Problem
     from mpp_taichi.accuracy.study import Study, StudyWishes
     from mpp_taichi.scene.spec import SceneSpec
@@ -82,11 +83,11 @@ def execute(arguments: argparse.Namespace) -> int:
 
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
     quantity, of = asked_of(spec, arguments.of)
-    wishes = _wishes(arguments, "integrators" if spec.contacts is None else "contacts", quantity)
     try:
         problem = pose(spec, arguments.until, of)
     except ValueError as error:
         raise UsageError(f"--of {of}: {error}") from None
+    wishes = _wishes(arguments, "contacts" if problem.compares_solvers else "integrators", quantity)
     from mpp_taichi.cli._signals import Interrupted, Interruption
     from mpp_taichi.recorders._lock import OutputLock
 
@@ -95,6 +96,7 @@ def execute(arguments: argparse.Namespace) -> int:
     with output_reserved(arguments.json), Interruption() as interruption:
         from mpp_taichi.accuracy.budget import Budget
         from mpp_taichi.accuracy.findings import findings
+        from mpp_taichi.accuracy.phase_studies import PhaseStudies
         from mpp_taichi.accuracy.store import Store, identity
         from mpp_taichi.accuracy.study import Study
 
@@ -105,7 +107,9 @@ def execute(arguments: argparse.Namespace) -> int:
             if (quantity, of) == (None, None):
                 problem = _expected_instead(problem, budget, tell)
             store = Store(folder, identity(problem, problem.span, __version__), fresh=arguments.fresh)
-            study = Study(problem, store, budget, wishes, tell)
+            phases = PhaseStudies(tell)
+            then = phases.run if len(problem.stretches) > 1 else None
+            study = Study(problem, store, budget, wishes, tell, then=then)
             _check_methods(wishes, list(study.methods), tell)
             if store.resumed:
                 tell(f"{store.resumed} runs are known from before")
@@ -114,22 +118,22 @@ def execute(arguments: argparse.Namespace) -> int:
             except Interrupted as signal:
                 study.status, code = "interrupted", signal.code
             own = spec.accuracy.error if spec.accuracy is not None else None
-            found: dict[str, Any] = findings(study, arguments.target or own or _usual_target(study))
-            found["files"] = _write(folder, found, study)
+            found: dict[str, Any] = findings(study, arguments.target or own or _usual_target(study), phases.found)
+            found["files"] = _write(folder, found, study, phases)
         finally:
             lock.release()
-    _report(found, study, arguments)
+    _report(found, study, phases, arguments)
     return code
 
 
-def _write(folder: Path, found: dict[str, Any], study: "Study") -> list[str]:
+def _write(folder: Path, found: dict[str, Any], study: "Study", phases: "PhaseStudies") -> list[str]:
     """Write accuracy.json and accuracy.html."""
     from mpp_taichi.accuracy.report import page
     from mpp_taichi.atomic_file import whole_file
 
     texts = {
         "accuracy.json": json.dumps(plain(found), indent=1, allow_nan=False),
-        "accuracy.html": page(found, study.rows()),
+        "accuracy.html": page(found, study.rows(), [phase.study.rows() for phase in phases.found]),
     }
     for name, text in texts.items():
         with whole_file(folder / name, "the report") as temporary:
@@ -137,9 +141,9 @@ def _write(folder: Path, found: dict[str, Any], study: "Study") -> list[str]:
     return [str(folder / name) for name in texts]
 
 
-def _report(found: dict[str, Any], study: "Study", arguments: argparse.Namespace) -> None:
+def _report(found: dict[str, Any], study: "Study", phases: "PhaseStudies", arguments: argparse.Namespace) -> None:
     from mpp_taichi.accuracy.report import circumstances, machine
-    from mpp_taichi.accuracy.table import lines
+    from mpp_taichi.accuracy.table import front_lines, lines
 
     if arguments.json:
         put_json(found)
@@ -147,6 +151,8 @@ def _report(found: dict[str, Any], study: "Study", arguments: argparse.Namespace
         verdict = found["verdict"]
         fronts = {name: verdict.get(f"{name}_front", ()) for name in ("time", "evaluations")}
         put("\n".join([*lines(study.rows(), fronts, found["wanted"]), "", *circumstances(found), machine(found)]))
+        for facts, phase in zip(found["phases"], phases.found):
+            put("\n".join(["", phase.told, *front_lines(phase.study.rows(), facts["verdict"]), facts["sentence"]]))
         put(f"\n{found['sentence']}")
         put(f"\nwrote {', '.join(found['files'])}")
 

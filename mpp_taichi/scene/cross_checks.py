@@ -50,11 +50,8 @@ def _check_accuracy(spec: SceneSpec, tree: Node, faults: Faults) -> None:
             wanted_entries(spec, spec.accuracy.of)
         except ValueError as error:
             faults.add(tree.value["accuracy"].value["of"].location, "accuracy.of", str(error))
-    elif tree.get("contacts") is not None:
-        of = "say which quantity is to be right, such as accuracy: {of: pressure, below: 1e-2}"
-        faults.add(place, "accuracy", f"collisions may leave positions no meaning: {of}")
-    if tree.get("timeline") is not None:
-        faults.add(place, "accuracy", "cannot be chosen for a scene with timeline; give it an integrator with a step")
+        if tree.get("timeline") is not None:
+            faults.add(place, "accuracy.of", "a quantity of expect: is no target in a scene with a timeline, positions are")
 
 
 def _check_expect(spec: SceneSpec, faults: Faults) -> None:

@@ -135,6 +135,11 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
             None,
             "the error allowed, of positions or of a quantity of expect:; integrator, step and precision are chosen for it",
         ),
+        horizon=_key(
+            fields.Flag(),
+            None,
+            "say until when positions are right to a thousandth of the system's size; absent: only with accuracy",
+        ),
         move_to_center_of_mass=_key(fields.Flag(), False, "start with the centre of mass at rest at the origin"),
         run=(RunSpec, Describe(RunSpec(), description="length of the run")),
         timeline=(_list_of(EventSpec), Describe([], description="changes at given times; a list of {at, set}")),

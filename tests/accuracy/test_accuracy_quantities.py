@@ -228,12 +228,9 @@ def test_a_bad_solver_differs_by_more_than_the_scatter(gas_study):
 
 
 def test_a_target_of_positions_in_a_gas_is_refused_with_a_target_that_it_can_have(tmp_path):
-    problem = pose(load_scene(gas()))
-    store = Store(tmp_path, identity(problem, problem.span, "test"))
-    study = Study(problem, store, Budget(200.0), StudyWishes(("swept",), (("cpu", "f64"),), aim=1e-3))
-    study.run()
-    assert study.quantity is None
-    assert "say which quantity is to be right, such as accuracy: {of: pressure, below: 1e-2}" in study.reason
+    spec = load_scene(gas(accuracy=1e-3))
+    with pytest.raises(mpp.StabilityError, match="keeps its meaning: accuracy: {of: pressure, below: …}"):
+        choose(spec, tmp_path, integrators=("swept",), precisions=("f64",), seconds=30.0)
 
 
 # --- the verb ---------------------------------------------------------------------------------------------------------

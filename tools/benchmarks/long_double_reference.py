@@ -35,7 +35,7 @@ def acceleration(spec, start):
         terms.append(_springs(start.springs, mass, along=spec.spring_damping == "axial"))
 
     def of(t, x, v):
-        return sum(term(t, x, v) for term in terms) * free
+        return sum((term(t, x, v) for term in terms), np.zeros_like(x)) * free
 
     return of
 
@@ -96,21 +96,38 @@ NOT_OF_PLACES_ALONE = {"linear_drag", "harmonic_drive"}
 
 def reference_end(spec, start, span):
     """Positions at the end of the span, (particle_count, 3), in long double."""
+    return reference_state(spec, start, start.position.astype(EXACT), (start.velocity * start.free).astype(EXACT), 0.0, span)[0]
+
+
+def reference_end_of_phases(phases, until):
+    """Positions at the end of a run through the phases of a timeline, each with a time `at`, a `spec` and its `particles`."""
+    start = phases[0].particles
+    y = start.position.astype(EXACT), (start.velocity * start.free).astype(EXACT)
+    ends = [*(phase.at for phase in phases[1:]), until]
+    for phase, end in zip(phases, ends):
+        began, end = max(phase.at, 0.0), min(end, until)
+        if end > began:
+            y = reference_state(phase.spec, phase.particles, y[0], y[1] * phase.particles.free, began, end)
+    return y[0]
+
+
+def reference_state(spec, start, position, velocity, began, ended):
+    """Positions and velocities at the time `ended`, from those at the time `began`; masses and springs as in `start`."""
     of, moves = acceleration(spec, start), start.free.astype(EXACT)
     general = any(force.name in NOT_OF_PLACES_ALONE for force in spec.forces) or bool(np.any(start.springs.damping))
     steps = _midpoint_steps if general else _leapfrog_steps
-    y = np.stack([start.position, start.velocity * start.free]).astype(EXACT)
-    span = EXACT(span)
-    t, h = EXACT(0), span / 64
-    while t < span:
-        h = min(h, span - t)
+    y = np.stack([position, velocity])
+    t, ended = EXACT(began), EXACT(ended)
+    h = (ended - t) / 64
+    while t < ended:
+        h = min(h, ended - t)
         found, rows = _extrapolated(steps, of, moves, t, y, h)
         if found is None:
             h /= 2
         else:
             t, y = t + h, found
             h *= EXACT(3) / 2 if rows < LONGEST - 2 else 1
-    return y[0]
+    return y
 
 
 def _extrapolated(steps, of, moves, t, y, h):
