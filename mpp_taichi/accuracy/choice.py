@@ -19,7 +19,9 @@ from mpp_taichi.accuracy.store import Store, identity
 from mpp_taichi.accuracy.study import Study, StudyWishes
 from mpp_taichi.accuracy.sweep import WORTH
 from mpp_taichi.accuracy.trials import SAFETY, Trial, Trials, as_run
+from mpp_taichi.accuracy.value_reference import ValueReference
 from mpp_taichi.accuracy.verdict import duration
+from mpp_taichi.accuracy.wanted import first_expected
 from mpp_taichi.errors import MppError, StabilityError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
@@ -65,11 +67,12 @@ def choose(
     """
     from mpp_taichi import __version__
 
-    problem, target = pose(spec), spec.accuracy
+    target = spec.accuracy
     assert target is not None
+    problem = pose(spec, of=target.of)
     path = folder / "choice.json"
     known = chosen.read(path)
-    wanted = (problem.identity(), problem.span, target.error, target.quantity)
+    wanted = (problem.identity(), problem.span, target.error, target.asked)
     if known is not None and (known.scene, known.whole_span, known.target, known.asked) == wanted:
         if known.precision in precisions:
             return known
@@ -83,7 +86,7 @@ def choose(
     trials = Trials(target.error)
     study = Study(problem, store, Budget(seconds, look), wishes, tell, trials.run)
     study.run()
-    found = _decide(study, trials, target.error, target.quantity)
+    found = _decide(study, trials, target.error, target.asked)
     chosen.write(path, found)
     return found
 
@@ -94,9 +97,9 @@ def _decide(study: Study, trials: Trials, target: float, asked: str | None) -> C
     if quantity is None:
         advice = ""
         if study.problem.has_contacts and study.search.horizon is not None:
-            advice = (
-                "; shorten run.duration, or give a target for a quantity that keeps its meaning: accuracy: {of: …, below: …}"
-            )
+            name = first_expected(study.problem.spec) or "…"
+            other = f"accuracy: {{of: {name}, below: …}}"
+            advice = f"; shorten run.duration, or give a target for a quantity that keeps its meaning: {other}"
         raise StabilityError(
             f"{place}: nothing can be chosen for {target:g} of {asked or QUANTITIES[0]}: {study.reason}{advice}"
         )
@@ -122,6 +125,8 @@ def _decide(study: Study, trials: Trials, target: float, asked: str | None) -> C
             control=configuration.control,
             tolerance=configuration.tolerance,
         )
+    if (values := study.value_reference) is not None and trials.allowed(study) <= 0.0:
+        raise StabilityError(f"{place}: {target:g} of {quantity} is beyond its reference: {values.told}")
     if study.reference is not None and trials.allowed(study) <= 0.0:
         beyond = f"is beyond the reference itself, which is {study.reference.told}"
         raise StabilityError(f"{place}: {target:g} of {quantity} {beyond}")
@@ -142,6 +147,8 @@ def _best(study: Study, errors: Sequence[float]) -> str:
 
 def _why(trials: Trials, chosen: Trial, study: Study) -> str:
     measured = {trial.offer: trial.seconds for trial in trials.reached}
+    if (values := study.value_reference) is not None and values.runs > 1:
+        return _why_among_runs(chosen, values)
     part = "" if study.problem.span == study.whole else f" over the first t = {study.problem.span:.4g}"
     said = f"its error was {chosen.error}{part}, in {duration(chosen.seconds)}"
     others = [offer for offer in trials.offers if offer.integrator != chosen.configuration.integrator]
@@ -152,3 +159,12 @@ def _why(trials: Trials, chosen: Trial, study: Study) -> str:
     elif len({row.sample.configuration.integrator for row in study.rows()}) > 1:
         said += f"; no other method that was tried reaches the target in {WORTH:g} times that"
     return said
+
+
+def _why_among_runs(chosen: Trial, values: ValueReference) -> str:
+    """The reason where mean values of several runs are compared."""
+    differs = f"by {chosen.error}" if chosen.error.value is not None else "by less than the scatter"
+    mean = (
+        f"its mean of {values.runs} runs differs {differs} from the reference ({chosen.error}), in {duration(chosen.seconds)}"
+    )
+    return f"{mean}; a single run scatters by {values.scatter:.1e}"

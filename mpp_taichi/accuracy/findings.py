@@ -23,8 +23,12 @@ def findings(study: Study, target: float, phases: Sequence[PhaseStudy] = ()) -> 
         "span": study.problem.span,
         "whole_span": study.whole,
         "quantity": study.quantity,
+        "wanted": None if study.problem.wanted is None else study.problem.wanted.column,
         "quantity_because": study.reason,
         "reference": None if reference is None else reference.facts(),
+        "values": None
+        if study.value_reference is None
+        else {**study.value_reference.facts(), "told": study.value_reference.told},
         "chaos": None if chaos is None else chaos.facts(),
         "remarks": study.remarks,
         "budget_seconds": study.budget.seconds,
@@ -49,7 +53,7 @@ def phase_facts(phase: PhaseStudy, target: float) -> dict[str, Any]:
 def row_facts(row: StudyRow) -> dict[str, Any]:
     """One row as plain data: each error as {value, at_most}, of which one at most is a number."""
     names = ("position", "position_rms", "energy", "momentum", "angular_momentum")
-    errors = {name: vars(getattr(row, name)) for name in names}
+    errors = {name: vars(getattr(row, name)) for name in (*names, "wanted")}
     sample = {key: value for key, value in row.sample.facts().items() if key not in names}
     key = row.sample.configuration.key
     return {"key": key, "is_own": row.is_own, **sample, "median_seconds": row.seconds, "errors": errors}

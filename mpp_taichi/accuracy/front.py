@@ -23,10 +23,11 @@ class StudyRow:
     momentum: MeasuredError
     angular_momentum: MeasuredError
     is_own: bool = False
+    wanted: MeasuredError = MeasuredError(None)  # of the wanted quantity of `expect:`
 
     def error(self, quantity: str) -> MeasuredError:
-        """The error of one of QUANTITIES."""
-        return self.position if quantity == "position" else self.energy
+        """The error of one of QUANTITIES, or for another name that of the wanted quantity."""
+        return {"position": self.position, "energy": self.energy}.get(quantity, self.wanted)
 
     @property
     def seconds(self) -> float | None:

@@ -29,6 +29,7 @@ class Ladder:
     coarsest     the error above which coarser steps are of no interest
     tolerance    of rung 0 of an adaptive method, which takes `anchor` samples at every rung; else None
     patient      continue where a rung reduces the error little: errors of contacts fall irregularly
+    uneven       continue after one such rung: the error of a single number may change its sign, and be small by chance
     """
 
     integrator: str
@@ -40,6 +41,7 @@ class Ladder:
     coarsest: float = COARSEST
     tolerance: float | None = None
     patient: bool = False
+    uneven: bool = False
     closed_below: bool = False
     closed_above: bool = False
 
@@ -78,6 +80,9 @@ class Ladder:
             gained = (
                 self.patient or coarser is None or not math.isfinite(coarser) or coarser > COARSEST or error * GAIN < coarser
             )
+            before, before_it = self.errors.get(rung - 1, math.inf), self.errors.get(rung - 2, math.inf)
+            if self.uneven and not gained and before * GAIN < before_it:
+                gained = True
             self.closed_above = error <= self.floor or not gained
 
     def close(self, rung: int) -> None:

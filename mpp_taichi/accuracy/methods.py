@@ -172,9 +172,9 @@ def promise(method: StudyMethod) -> tuple[int, bool, float]:
 
 
 def equal_cost(problem: Problem, method: StudyMethod, own: StudyMethod) -> float:
-    """The steps for which a method evaluates as many forces as the scene's own setting; LOOKS for an adaptive method."""
+    """The steps for which a method evaluates as many forces as the scene's own setting; the samples of an adaptive method."""
     if method.adaptive:
-        return float(LOOKS)
+        return float(problem.samples)
     return problem.own_steps * own.evaluations / method.evaluations
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from mpp_taichi import component
 from mpp_taichi.accuracy import force_solvers
 from mpp_taichi.accuracy.contact_methods import exact_solvers, with_solver
-from mpp_taichi.accuracy.stretches import Stretch, own_step, stretches_of
+from mpp_taichi.accuracy.stretches import LOOKS, Stretch, own_step, stretches_of
+from mpp_taichi.accuracy.wanted import Wanted
 from mpp_taichi.component import REQUIRED
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.contacts import merges
@@ -36,6 +37,7 @@ class Problem:
     start: Snapshot
     span: float  # [time]
     phases: tuple[Phase, ...]
+    wanted: Wanted | None = None  # the quantity whose error is compared in place of positions
 
     @cached_property
     def stretches(self) -> tuple[Stretch, ...]:
@@ -67,6 +69,11 @@ class Problem:
     def compares_solvers(self) -> bool:
         """Whether the methods of the problem are contact solvers; else integrators, with the scene's own contacts."""
         return self.has_contacts and not any(_keeps_solver(phase.spec) for phase in self.phases)
+
+    @property
+    def samples(self) -> int:
+        """Samples in a run of a method that needs no step."""
+        return LOOKS if self.wanted is None else self.wanted.samples
 
     def shortened(self, span: float) -> "Problem":
         """The problem over the first part of its span."""
@@ -103,6 +110,8 @@ class Problem:
     def identity(self) -> str:
         """Hash of the physics: particles, springs, forces and contacts; names, colours, methods and the view do not count.
 
+        With a wanted quantity also of its parameters.
+
         A force is the same whether it is summed directly or by a tree.
 
         With a timeline the times and the physics of all phases count, and the parts of the steps that they take.
@@ -117,6 +126,8 @@ class Problem:
             times = [[stretch.began, stretch.share] for stretch in self.stretches]
             written = [[each.spec.integrator.name, _besides_step(each.spec.integrator)] for each in self.stretches]
             digest.update(json.dumps([times, self.own_method == AS_WRITTEN and written], default=str).encode())
+        if self.wanted is not None:
+            digest.update(json.dumps(self.wanted.identity(), sort_keys=True, default=str).encode())
         return digest.hexdigest()[:16]
 
 
@@ -141,13 +152,16 @@ def _digest(digest: Any, spec: SceneSpec, start: Snapshot) -> None:
     digest.update(json.dumps(rest, sort_keys=True, default=str).encode())
 
 
-def pose(spec: SceneSpec, until: float | None = None) -> Problem:
-    """The problem that a scene poses.
+def pose(spec: SceneSpec, until: float | None = None, of: str | None = None) -> Problem:
+    """The problem that a scene poses; `of` is the quantity of `expect:` that is wanted, None for positions.
 
     Raises:
+        ValueError: the scene does not have this quantity.
         SceneError: methods of different steps cannot be compared in this scene, or the scene has no duration.
     """
     place = spec.integrator.location
+    if of is not None and spec.timeline:
+        raise SceneError(f"{place}: accuracy of {of}: a quantity of expect: is not compared in a scene with a timeline")
     scenes = (spec, *(event.scene for event in spec.timeline))
     for scene in scenes:
         _check_methods(scene)
@@ -165,7 +179,7 @@ def pose(spec: SceneSpec, until: float | None = None) -> Problem:
         until = spec.run.duration if spec.run.duration is not None else time_after(spec, spec.run.steps or 0)
     if until <= 0.0:
         raise SceneError(f"{place}: the scene has no run.duration: say how long, --until T")
-    return Problem(spec, phases[0].particles, until, phases)
+    return Problem(spec, phases[0].particles, until, phases, None if of is None else Wanted.of(spec, of))
 
 
 def _check_methods(spec: SceneSpec) -> None:

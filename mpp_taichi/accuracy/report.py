@@ -20,6 +20,12 @@ EXPLANATION = (
     "largest error of a particle at the end, and the root mean square over particles, relative to the size of the system. "
     "Energy, momentum, angular momentum: largest relative error of the run. Times: medians of the steps without samples."
 )
+EXPLANATION_OF_WANTED = (
+    "* on the front of error and time, + on the front of error and force evaluations, o the scene’s own setting. The column "
+    "after the time: difference of the quantity from its reference value, over this value (or absolute, where the value is 0 "
+    "or an error itself); with several entries in expect: the largest. Energy, momentum, angular momentum: largest relative "
+    "error of the run."
+)
 STYLE = """
 :root { color-scheme: light dark; --paper: #ffffff; --field: #fafafa; --ink: #1c1f24; --quiet: #5a616b; --line: #d9dde3; %s }
 @media (prefers-color-scheme: dark) { :root { --paper: #14171b; --field: #1a1e23; --ink: #e8eaed; --quiet: #a3abb6;
@@ -54,8 +60,8 @@ def page(found: dict[str, Any], rows: Sequence[StudyRow], phases: Sequence[Seque
         _legend(rows, numbers),
         f'<div class="plots">{"".join(figures)}</div>',
         "<h2>Every run</h2>",
-        f'<p class="quiet">{escape(EXPLANATION)}</p>',
-        _table(rows, found["verdict"]),
+        f'<p class="quiet">{escape(EXPLANATION if wanted_of(found) is None else EXPLANATION_OF_WANTED)}</p>',
+        _table(rows, found["verdict"], wanted_of(found)),
         *(_phase(*each) for each in zip(found["phases"], phases)),
     ]
     return framed(title, found["sentence"], circumstances(found), body, machine(found))
@@ -79,6 +85,11 @@ def framed(title: str, sentence: str, circumstances: Sequence[str], body: Sequen
     return "\n".join(parts)
 
 
+def wanted_of(found: dict[str, Any]) -> str | None:
+    """The name of the quantity of `expect:` that was asked for; None for positions and energies."""
+    return None if found["wanted"] is None else str(found["wanted"])
+
+
 def circumstances(found: dict[str, Any]) -> list[str]:
     """The reference, the chaos and the omissions of a study: lines for a person."""
     reference, chaos = found["reference"], found["chaos"]
@@ -86,7 +97,14 @@ def circumstances(found: dict[str, Any]) -> list[str]:
     if found["span"] < found["whole_span"]:
         span += f", the first part of the scene's {found['whole_span']:.6g}"
     lines = [f"{span}; {found['particle_count']:,} particles."]
-    if reference is None:
+    if found["wanted"] is not None:
+        known = found["values"]
+        lines.append(
+            f"There is no reference: {found['quantity_because']}." if known is None else f"Reference: {known['told']}."
+        )
+        if known is not None and known["runs"] > 1:
+            lines.append(_scatter(found["wanted"], known))
+    elif reference is None:
         lines.append(f"There is no reference: {found['quantity_because']}.")
     else:
         shown = f"its end positions are good to {reference['bar']:.0e} of the system's size ({reference['size']:.4g})"
@@ -105,6 +123,13 @@ def circumstances(found: dict[str, Any]) -> list[str]:
     return [*lines, *(f"Left undone: {remark}." for remark in found["remarks"])]
 
 
+def _scatter(name: str, known: dict[str, Any]) -> str:
+    largest = max(scatter / scale for scatter, scale in zip(known["scatters"], known["scales"]))
+    runs = known["runs"]
+    told = f"{name} of a single run scatters by {largest:.1e}, as rounding decides it: every setting is the mean of {runs} runs"
+    return f"{told}, and a number with ≤ says that it differs by less than their scatter."
+
+
 def machine(found: dict[str, Any]) -> str:
     """Machine, versions and effort in one line."""
     known = found["known"]
@@ -118,7 +143,7 @@ def _plots(found: dict[str, Any], rows: Sequence[StudyRow], numbers: dict[str, i
     quantity = found["quantity"]
     if quantity is None:
         return []
-    told = f"error of {'position at the end' if quantity == 'position' else 'energy'}"
+    told = f"error of {'position at the end' if quantity == 'position' else quantity}"
     verdict = found["verdict"]
     ringed = "Rings: the front. Hollow: at most so much, the reference is no better. Dashed: not f64."
     return [
@@ -209,18 +234,19 @@ def _phase(facts: dict[str, Any], rows: Sequence[StudyRow]) -> str:
     said = facts["sentence"]
     parts = [facts["told"], f"{said[:1].upper()}{said[1:]}."]
     heading, sentence = (escape(f"{part[:1].upper()}{part[1:]}") for part in parts)
-    return f"<h2>{heading}</h2><p>{sentence}</p>{_table(rows, facts['verdict'])}"
+    return f"<h2>{heading}</h2><p>{sentence}</p>{_table(rows, facts['verdict'], None)}"
 
 
-def _table(rows: Sequence[StudyRow], verdict: dict[str, Any]) -> str:
+def _table(rows: Sequence[StudyRow], verdict: dict[str, Any], wanted: str | None) -> str:
     fronts = {name: verdict.get(f"{name}_front", ()) for name in ("time", "evaluations")}
-    head = "".join(f"<th>{escape(name)}</th>" for name in table.HEAD)
+    names = table.head(wanted)
+    head = "".join(f"<th>{escape(name)}</th>" for name in names)
     body = []
     for row in rows:
-        cells = table.cells(row, fronts)
+        cells = table.cells(row, fronts, wanted)
         style = "broken" if row.sample.status != "ok" else "front" if row.sample.configuration.key in fronts["time"] else ""
         last = len(cells) - 1
-        span = len(table.HEAD) - last
+        span = len(names) - last
         tags = "".join(
             f'<td colspan="{span}">{escape(text)}</td>' if span > 1 and k == last else f"<td>{escape(text)}</td>"
             for k, text in enumerate(cells)

@@ -42,9 +42,10 @@ class Sample:
     """The result of a run. Errors are relative, see `workbench`; None where a quantity is not conserved.
 
     evaluations   force evaluations of the whole run; for an implicit method the iterations of its solver
-    status        "ok"; "diverged" or "refused", and `reason` says why
+    status        "ok"; "diverged", "refused", or "undefined" where the run lacks the wanted quantity; `reason` says why
     seconds       of the steps without samples on a quiet machine, see StepClock; one number for each repeat
     energy_errors over the run, one for each of `times`
+    values        of the wanted quantity, one list for each run, with one number for each entry of `expect:`
     end           positions at the end, (particle_count, 3) [length]; None for a run that did not reach the end. A sphere that
                   has become a part of sphere k has nan, k, nan
     """
@@ -61,6 +62,7 @@ class Sample:
     energy: float | None = None
     momentum: float | None = None
     angular_momentum: float | None = None
+    values: list[list[float]] = field(default_factory=list)
     end: np.ndarray | None = None
 
     @property

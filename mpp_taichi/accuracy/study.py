@@ -10,7 +10,7 @@ from mpp_taichi.accuracy.families import promised
 from mpp_taichi.accuracy.force_solvers import split
 from mpp_taichi.accuracy.front import ENERGY_BAR, QUANTITIES, StudyRow, time_front
 from mpp_taichi.accuracy.ladder import COARSEST, Ladder
-from mpp_taichi.accuracy.methods import LOOKS, StudyMethod, equal_cost, methods
+from mpp_taichi.accuracy.methods import StudyMethod, equal_cost, methods
 from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.reference import ReferenceSolution
 from mpp_taichi.accuracy.reference_search import DEVICE as REFERENCE
@@ -18,6 +18,8 @@ from mpp_taichi.accuracy.reference_search import ReferenceSearch
 from mpp_taichi.accuracy.sample import Configuration, MeasuredError, Sample
 from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.sweep import StepSweep
+from mpp_taichi.accuracy.value_reference import ValueReference
+from mpp_taichi.accuracy.value_search import ValueSearch
 from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import BackendError
 
@@ -74,11 +76,13 @@ class Study:
         """
         self._after_sweep, self._then = after_sweep, then
         self.whole = problem.span
-        self.problem = problem if store.span is None else problem.shortened(store.span)
+        self.problem = problem if store.span is None or problem.wanted else problem.shortened(store.span)
         self.store, self.budget, self.wishes, self.tell = store, budget, wishes, tell
         self.methods = methods(problem, wishes.integrators or ())
         self.own = self.methods[problem.own_method]
-        self.search = ReferenceSearch(*(self.problem, store, budget, self.methods), wished=wishes.reference, tell=tell)
+        parts = (self.problem, store, budget, self.methods)
+        self.search = ReferenceSearch(*parts, wished=wishes.reference, tell=tell)
+        self.values = None if problem.wanted is None else ValueSearch(*parts, wished=wishes.reference, tell=tell)
         self.status = "unfinished"
         self.cut: dict[tuple[str, str], int] = {}  # ladders of steps that the budget cut short
         self._remarks: list[str] = []
@@ -126,6 +130,11 @@ class Study:
         return self.search.reference
 
     @property
+    def value_reference(self) -> ValueReference | None:
+        """The values of the wanted quantity from which its errors are measured."""
+        return None if self.values is None else self.values.desk.reference
+
+    @property
     def chaos(self) -> Chaos | None:
         """The separation of neighbouring trajectories."""
         return self.search.chaos
@@ -133,16 +142,23 @@ class Study:
     @property
     def conserves_energy(self) -> bool:
         """Whether the scene keeps its energy, as far as a run has shown it."""
-        return self._keeps_energy or self.search.conserves_energy
+        return (
+            self._keeps_energy
+            or self.search.conserves_energy
+            or (self.values is not None and self.values.desk.conserves_energy)
+        )
 
     @property
     def quantity(self) -> str | None:
         """The quantity that is compared, or None where nothing can be compared.
 
         Energies where the wishes say so, or where they name no quantity and a time before the end was found at which positions
-        lose their meaning; else positions, once their reference is known. Nothing takes the place of the positions for which a
-        scene with contacts has a target: its energy does not tell how well contacts are found.
+        lose their meaning; else positions, once their reference is known. A wanted quantity once its values are known. Nothing
+        takes the place of the positions for which a scene with contacts has a target: its energy does not tell how well
+        contacts are found.
         """
+        if self.values is not None and self.problem.wanted is not None:
+            return self.problem.wanted.column if self.values.desk.is_known else None
         asked = self.wishes.quantity
         if asked != "energy" and self.reference is not None and self.reference.positions_mean_something:
             return "position"
@@ -153,6 +169,8 @@ class Study:
     @property
     def reason(self) -> str:
         """Why this quantity is compared, or why nothing can be compared; one clause for a person."""
+        if self.values is not None:
+            return self._reason_of_values(self.values)
         asked, horizon, reference = self.wishes.quantity, self.search.horizon, self.reference
         kept = "" if self.conserves_energy else ", and the scene does not keep its energy"
         if asked == "energy":
@@ -168,6 +186,15 @@ class Study:
             return f"positions mean nothing beyond t = {horizon:.4g}, before the end{kept if asked is None else ''}"
         return f"the budget ended before the reference was known ({reference.told}); a longer budget goes on"
 
+    @staticmethod
+    def _reason_of_values(values: ValueSearch) -> str:
+        if values.desk.is_known:
+            return f"{values.desk.wanted.name} was asked for"
+        if values.desk.reason:
+            return f"{values.desk.wanted.name} is not known: {values.desk.reason}"
+        known = "" if values.desk.reference is None else f" ({values.desk.reference.told})"
+        return f"the budget ended before the value of {values.desk.wanted.name} was known{known}; a longer budget goes on"
+
     def rows(self) -> list[StudyRow]:
         """Every sample with its errors, as far as the reference shows them; in the order of method, precision and step."""
         own = self.own_configuration.key
@@ -182,7 +209,7 @@ class Study:
 
     @property
     def _own_steps(self) -> int:
-        return LOOKS if self.own.adaptive else self.problem.own_steps
+        return self.problem.samples if self.own.adaptive else self.problem.own_steps
 
     def _row(self, sample: Sample, is_own: bool) -> StudyRow:
         position = position_rms = MeasuredError(None)
@@ -190,7 +217,8 @@ class Study:
             position, position_rms = self.reference.errors(sample)
         kept = (sample.energy, sample.momentum, sample.angular_momentum)
         energy, momentum, angular_momentum = (MeasuredError.against(error, ENERGY_BAR) for error in kept)
-        return StudyRow(sample, position, position_rms, energy, momentum, angular_momentum, is_own)
+        wanted = MeasuredError(None) if self.value_reference is None else self.value_reference.error(sample)
+        return StudyRow(sample, position, position_rms, energy, momentum, angular_momentum, is_own, wanted)
 
     def error(self, sample: Sample, quantity: str) -> MeasuredError:
         """The error of a sample in one of QUANTITIES; infinite for a run that broke off."""
@@ -202,7 +230,7 @@ class Study:
     def allowed(self, target: float, quantity: str) -> float:
         """The error that is allowed for the part of the run that is studied, where a target is set for the whole run.
 
-        Errors of positions grow up to quadratically, errors of energies linearly.
+        Errors of positions grow up to quadratically, errors of energies linearly. A wanted quantity belongs to the whole run.
         """
         part = self.problem.span / self.whole
         return target * part ** (2 if quantity == "position" else 1)
@@ -217,8 +245,11 @@ class Study:
 
     def _go(self) -> None:
         with Workbench(self.problem, backend=REFERENCE[0], precision=REFERENCE[1]) as bench:
-            self._choose_span(bench)
-            if self.wishes.quantity == "energy":
+            if self.values is None:
+                self._choose_span(bench)
+            if self.values is not None:
+                self._find_values(bench, self.values)
+            elif self.wishes.quantity == "energy":
                 self._keeps_energy = bench.machine(self.own.name).conserves_energy
             else:
                 self._find_reference(bench)
@@ -253,6 +284,17 @@ class Study:
             self._remarks.append(self.reason)
         elif self.quantity == "energy":
             self.tell(f"energies are compared: {self.reason}")
+
+    def _find_values(self, bench: Workbench, values: ValueSearch) -> None:
+        values.desk.aim = self._aim
+        try:
+            values.find(bench)
+        finally:
+            self.problem = values.desk.problem
+        if values.desk.reference is not None:
+            self.tell(f"reference: {values.desk.reference.told}")
+        if self.quantity is None:
+            self._remarks.append(self.reason)
 
     def _first_share(self, others: Sequence[tuple[str, str]]) -> float:
         """The share of the budget at the end of the first backend and precision."""
@@ -349,10 +391,12 @@ class Study:
         floor = ENERGY_BAR
         if self.quantity == "position" and self.reference is not None:
             floor = self.reference.bar
+        elif self.value_reference is not None:
+            floor = self.value_reference.bar
         coarsest = COARSEST
         if (aim := self._aim) is not None:
             floor, coarsest = max(floor, aim), min(COARSEST, AROUND * aim)
         fewest = float(method.fewest_steps)
         patient, tolerance = self.problem.has_contacts, method.tolerance
         steps = (method.name, method.order, anchor, fewest)
-        return Ladder(*steps, floor, coarsest=coarsest, tolerance=tolerance, patient=patient)
+        return Ladder(*steps, floor, coarsest=coarsest, tolerance=tolerance, patient=patient, uneven=self.values is not None)

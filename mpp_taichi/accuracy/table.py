@@ -6,10 +6,17 @@ from typing import Any
 from mpp_taichi.accuracy.front import StudyRow
 from mpp_taichi.accuracy.verdict import duration
 
-HEAD = ("", "integrator", "", "dt", "forces", "time", "position", "(rms)", "energy", "momentum", "ang. mom.")
+_SETTING = ("", "integrator", "", "dt", "forces", "time")
+_CONSERVED = ("energy", "momentum", "ang. mom.")
+HEAD = (*_SETTING, "position", "(rms)", *_CONSERVED)
 
 
-def cells(row: StudyRow, fronts: dict[str, Sequence[str]]) -> tuple[str, ...]:
+def head(wanted: str | None) -> tuple[str, ...]:
+    """The names of the columns; a `wanted` quantity of `expect:` takes the place of the positions."""
+    return HEAD if wanted is None else (*_SETTING, wanted, *_CONSERVED)
+
+
+def cells(row: StudyRow, fronts: dict[str, Sequence[str]], wanted: str | None = None) -> tuple[str, ...]:
     """A row as texts; the first cell holds * for the front in time, + for that in evaluations, o for the scene's own."""
     sample = row.sample
     key = sample.configuration.key
@@ -19,7 +26,7 @@ def cells(row: StudyRow, fronts: dict[str, Sequence[str]]) -> tuple[str, ...]:
         where += f" {sample.configuration.backend}"
     if sample.status != "ok":
         return (marks, sample.configuration.integrator, where, f"{sample.dt:.3g}", "", f"{sample.status}: {sample.reason}")
-    errors = (row.position, row.position_rms, row.energy, row.momentum, row.angular_momentum)
+    errors = (row.position, row.position_rms) if wanted is None else (row.wanted,)
     return (
         marks,
         sample.configuration.integrator,
@@ -27,15 +34,16 @@ def cells(row: StudyRow, fronts: dict[str, Sequence[str]]) -> tuple[str, ...]:
         sample.setting.removeprefix("dt = "),
         f"{sample.evaluations:,}",
         duration(row.seconds),
-        *(str(error) for error in errors),
+        *(str(error) for error in (*errors, row.energy, row.momentum, row.angular_momentum)),
     )
 
 
-def lines(rows: Sequence[StudyRow], fronts: dict[str, Sequence[str]]) -> list[str]:
+def lines(rows: Sequence[StudyRow], fronts: dict[str, Sequence[str]], wanted: str | None = None) -> list[str]:
     """The table, columns aligned; the width of reasons is not limited."""
-    table = [HEAD, *(cells(row, fronts) for row in rows)]
-    full = [row for row in table if len(row) == len(HEAD)]
-    widths = [max(len(row[column]) for row in full) for column in range(len(HEAD))]
+    first = head(wanted)
+    table = [first, *(cells(row, fronts, wanted) for row in rows)]
+    full = [row for row in table if len(row) == len(first)]
+    widths = [max(len(row[column]) for row in full) for column in range(len(first))]
     return [
         "  ".join(_fit(text, width, column) for column, (text, width) in enumerate(zip(row, widths))).rstrip() for row in table
     ]

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.front import QUANTITIES, StudyRow
-from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.offers import Offer, offers_for
 from mpp_taichi.accuracy.sample import Configuration, MeasuredError
 from mpp_taichi.accuracy.study import Study
@@ -56,6 +55,8 @@ class Trials:
         if quantity is None:
             return -1.0
         allowed = study.allowed(self.target, quantity)
+        if (values := study.value_reference) is not None:  # with many runs, the bar of a difference holds that of the reference
+            return allowed - values.bar if values.runs == 1 else allowed
         return allowed if quantity != QUANTITIES[0] or study.reference is None else allowed - study.reference.bar
 
     def run(self, study: Study, bench: Workbench) -> None:
@@ -110,7 +111,9 @@ def as_run(study: Study, target: float) -> Trial | None:
 def _step(study: Study, configuration: Configuration) -> float:
     """The step of the run for which a setting is chosen [time]; of a method that needs none, the time between two samples."""
     needs_none = configuration.tolerance is not None or configuration.integrator in exact_solvers()
-    return study.whole / LOOKS_OF_ADAPTIVE if needs_none else study.problem.span / configuration.steps
+    if study.values is not None or not needs_none:
+        return study.problem.span / configuration.steps
+    return study.whole / LOOKS_OF_ADAPTIVE
 
 
 def _is_candidate(study: Study, row: StudyRow, bench: Workbench) -> bool:
@@ -130,7 +133,7 @@ def try_offer(study: Study, bench: Workbench, offer: Offer, allowed: float) -> T
     before: tuple[float, float] | None = None  # fineness and error of the last run
     machine = bench.machine(offer.integrator)
     for _ in range(TRIALS):
-        steps, tolerance = (LOOKS, 1.0 / fineness) if method.adaptive else (math.ceil(fineness), None)
+        steps, tolerance = (study.problem.samples, 1.0 / fineness) if method.adaptive else (math.ceil(fineness), None)
         configuration = machine.configuration(steps, tolerance)
         sample, _ = machine.run(configuration, budget)
         error = study.error(sample, quantity)

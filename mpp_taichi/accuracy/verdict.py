@@ -132,8 +132,7 @@ def sentence(found: dict[str, Any], because: str = "") -> str:
         parts.append(_other_backends(found))
         parts.append(_film(found))
     elif best := found.get("best"):
-        error = best["error"] if best["error"] is not None else best["error_at_most"]
-        parts.append(f"nothing that was tried reaches {target} of {quantity}; {best['integrator']} came to {error:.1e}")
+        parts.append(f"nothing that was tried reaches {target} of {quantity}; {best['integrator']} came to {_error(best)}")
     if own := found.get("own"):
         parts.append(_own(own, found))
     return "; ".join(part for part in parts if part) or "too little was measured to say what accuracy costs"
@@ -183,6 +182,8 @@ def _own(own: dict[str, Any], found: dict[str, Any]) -> str:
         return ""
     error = f"{own['error']:.1e}" if own["error"] is not None else f"at most {rounded_up(own['error_at_most']):.0e}"
     if own["step_ratio"] is None:
+        if (bound := own["error_at_most"]) is not None and bound > found["target"]:
+            return f"{setting} has an error of {error}, more of which is not known"
         relation = f"misses {target}" if own["error"] is not None and own["error"] > found["target"] else f"reaches {target}"
         return f"{setting} {relation}: its error is {error}"
     ratio = own["step_ratio"]

@@ -4,6 +4,7 @@ The step is an argument of the kernels, so that one compilation of a method serv
 at a time: a workbench of another precision ends the present workbench.
 """
 
+import math
 import time as clock
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -14,10 +15,11 @@ import numpy as np
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.conserved import PhaseLooks, judge
 from mpp_taichi.accuracy.force_solvers import with_force_solver
+from mpp_taichi.accuracy.measuring import Measurement, measure, shifted_start
 from mpp_taichi.accuracy.problem import AS_WRITTEN, Problem
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.step_clock import LaunchTime, StepClock
-from mpp_taichi.accuracy.stretches import LOOKS, Leg, Stretch, legs
+from mpp_taichi.accuracy.stretches import Leg, Stretch, legs
 from mpp_taichi.device import backends
 from mpp_taichi.errors import MppError
 from mpp_taichi.simulation.simulation import Simulation
@@ -164,6 +166,8 @@ class Machine:
             sample.dt = self.problem.span / max(1, own_steps)
         sample.evaluations = round(evaluations)
         judge(sample, looks)
+        if sample.status == "ok" and start is None and self.problem.wanted is not None:
+            self._measure_wanted(sample, budget)
         if sample.status != "ok":
             return sample, None
         if not follow:
@@ -200,11 +204,45 @@ class Machine:
         self._advance(leg, before, stop, budget)
         return self.simulation.state.read()
 
+    def measure(self, configuration: Configuration, budget: Budget, *, number: int = 0, finer: float = 1.0) -> Measurement:
+        """Measure the wanted quantity in a run from shifted start `number`; see `measuring`."""
+        self._tolerance = configuration.tolerance
+        self._set_tolerance()
+        start = shifted_start(self.problem, number, self.precision)
+        return measure(self.simulation, self.problem, configuration.steps, budget, finer=finer, start=start)
+
+    def change(self, problem: Problem) -> None:
+        """Go on with another span of the scene, or another number of samples."""
+        if self._is_adaptive:
+            for cost in self.costs.values():
+                cost.seconds *= self.problem.samples / problem.samples
+        self.problem = problem
+
     def close(self) -> None:
         """Free the memory."""
         self.simulation.close()
 
     # Internals
+
+    asked_interval = math.inf  # the shortest time between samples for which the wanted quantity asked in the last run
+
+    def _measure_wanted(self, sample: Sample, budget: Budget) -> None:
+        """Add the values of the wanted quantity to a sample."""
+        assert self.problem.wanted is not None
+        for number in range(self.problem.wanted.runs):
+            found = self.measure(sample.configuration, budget, number=number)
+            if found.values is None:
+                sample.status, sample.reason = "diverged" if found.broken else "undefined", found.reason
+                sample.end, sample.values = None, []
+                return
+            sample.values.append(list(found.values))
+            self.asked_interval = found.shortest
+
+    def _set_tolerance(self) -> None:
+        """Give the method of the present phase the tolerance of the present run."""
+        integrator = self.simulation.integrator
+        if self._is_adaptive:
+            setattr(integrator, integrator.controlled_by, self._own_tolerance if self._tolerance is None else self._tolerance)
 
     def _kernels(self, stretch: Stretch) -> object:
         return self.problem.phases[stretch.number].kernels
@@ -242,9 +280,7 @@ class Machine:
             start = (problem.start.position, problem.start.velocity * problem.start.free)
         if begins and start is not None:
             simulation.state.write(*start)
-        if self._is_adaptive:
-            asked = self._own_tolerance if self._tolerance is None else self._tolerance
-            setattr(simulation.integrator, simulation.integrator.controlled_by, asked)
+        self._set_tolerance()
         simulation.launcher.prepare(leg.stretch.began, leg.dt)
         self.contacts = simulation.contacts
         if self.contacts is not None:
@@ -316,7 +352,7 @@ class Machine:
         """Seconds per step, from launches of more and more steps until the clock can resolve them."""
         began = leg.stretch.began
         if "step_control" in self.simulation.launcher.facts():
-            return TRIAL * self._launch_seconds(began, self.problem.span / LOOKS / TRIAL, 1)
+            return TRIAL * self._launch_seconds(began, self.problem.span / self.problem.samples / TRIAL, 1)
         steps, limit = 1, self.simulation.phase.launch_limit
         dt = leg.dt if self._solves or self.contacts else TINY * leg.dt
         if self.contacts is not None:  # beyond the span the motion may fail
@@ -435,10 +471,10 @@ class Workbench:
         return self.machines[integrator]
 
     def shorten(self, problem: Problem) -> None:
-        """Continue with a part of the same scene, or with all of it again."""
+        """Continue with a part of the same scene, with all of it again, or with another number of samples."""
         self.problem = problem
         for machine in self.machines.values():
-            machine.problem = problem
+            machine.change(problem)
 
     def __enter__(self) -> "Workbench":
         """Use as a context manager."""

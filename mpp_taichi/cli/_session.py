@@ -158,8 +158,7 @@ class _Run:
         self.spec, self.request, self.goal, self.simulation, self.stopwatch = spec, request, goal, simulation, stopwatch
         self.right, self.validity = right, validity or Validity()
         self.total_steps, self.rewound = total_steps, rewound
-        sparse = simulation.total_force.has_pairs and simulation.plan == "parallel"
-        self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps, sparse=sparse)
+        self.every = request.every or TableRecorder.every_of(simulation, self.total_steps)
         self.table = TableRecorder(self.every, asked_columns(simulation) if request.diagnostics is not None else None)
         self.table.validity = self.validity.number if self.validity.horizon else None
         simulation.when_phase_begins.append(self._forget_horizon)

@@ -7,6 +7,7 @@ the first one ended.
 
 import argparse
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,11 +18,15 @@ from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, pu
 from mpp_taichi.precision import PRECISIONS
 
 if TYPE_CHECKING:
+    from mpp_taichi.accuracy.budget import Budget
     from mpp_taichi.accuracy.phase_studies import PhaseStudies
+    from mpp_taichi.accuracy.problem import Problem
     from mpp_taichi.accuracy.study import Study, StudyWishes
+    from mpp_taichi.scene.spec import SceneSpec
 
 BUDGET_SECONDS = 60.0
 TARGET = 1e-6
+OWN_QUANTITIES = {"positions": "position", "energy": "energy"}  # words of --of, and the quantities of a study
 UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
 
@@ -40,6 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=_options.positive_number,
         metavar="E",
         help="largest allowed error, for which the report names a method; absent: 1e-6",
+    )
+    parser.add_argument(
+        "--of",
+        metavar="NAME",
+        help="quantity whose error is compared: any quantity of expect:, such as orbital_period; or energy, or positions; "
+        "absent: positions at the end, and for contacts that make them meaningless the first entry of expect:",
     )
     parser.add_argument(
         "--until", type=_options.positive_number, metavar="T", help="simulated time; the scene's own when absent"
@@ -71,9 +82,12 @@ def execute(arguments: argparse.Namespace) -> int:
     from mpp_taichi.scene.load import load_scene
 
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
-    asked = None if spec.accuracy is None else spec.accuracy.quantity
-    problem = pose(spec, arguments.until)
-    wishes = _wishes(arguments, "contacts" if problem.compares_solvers else "integrators", asked)
+    quantity, of = asked_of(spec, arguments.of)
+    try:
+        problem = pose(spec, arguments.until, of)
+    except ValueError as error:
+        raise UsageError(f"--of {of}: {error}") from None
+    wishes = _wishes(arguments, "contacts" if problem.compares_solvers else "integrators", quantity)
     from mpp_taichi.cli._signals import Interrupted, Interruption
     from mpp_taichi.recorders._lock import OutputLock
 
@@ -88,11 +102,14 @@ def execute(arguments: argparse.Namespace) -> int:
 
         lock = OutputLock(folder / "accuracy.json")
         try:
-            store = Store(folder, identity(problem, problem.span, __version__), fresh=arguments.fresh)
             tell = (lambda _: None) if arguments.quiet else say
+            budget = Budget(arguments.budget, interruption.raise_if_any)
+            if (quantity, of) == (None, None):
+                problem = _expected_instead(problem, budget, tell)
+            store = Store(folder, identity(problem, problem.span, __version__), fresh=arguments.fresh)
             phases = PhaseStudies(tell)
             then = phases.run if len(problem.stretches) > 1 else None
-            study = Study(problem, store, Budget(arguments.budget, interruption.raise_if_any), wishes, tell, then=then)
+            study = Study(problem, store, budget, wishes, tell, then=then)
             _check_methods(wishes, list(study.methods), tell)
             if store.resumed:
                 tell(f"{store.resumed} runs are known from before")
@@ -100,8 +117,8 @@ def execute(arguments: argparse.Namespace) -> int:
                 study.run()
             except Interrupted as signal:
                 study.status, code = "interrupted", signal.code
-            own = spec.accuracy.error if spec.accuracy is not None else TARGET
-            found: dict[str, Any] = findings(study, arguments.target or own, phases.found)
+            own = spec.accuracy.error if spec.accuracy is not None else None
+            found: dict[str, Any] = findings(study, arguments.target or own or _usual_target(study), phases.found)
             found["files"] = _write(folder, found, study, phases)
         finally:
             lock.release()
@@ -133,11 +150,42 @@ def _report(found: dict[str, Any], study: "Study", phases: "PhaseStudies", argum
     elif not arguments.quiet:
         verdict = found["verdict"]
         fronts = {name: verdict.get(f"{name}_front", ()) for name in ("time", "evaluations")}
-        put("\n".join([*lines(study.rows(), fronts), "", *circumstances(found), machine(found)]))
+        put("\n".join([*lines(study.rows(), fronts, found["wanted"]), "", *circumstances(found), machine(found)]))
         for facts, phase in zip(found["phases"], phases.found):
             put("\n".join(["", phase.told, *front_lines(phase.study.rows(), facts["verdict"]), facts["sentence"]]))
         put(f"\n{found['sentence']}")
         put(f"\nwrote {', '.join(found['files'])}")
+
+
+def _expected_instead(problem: "Problem", budget: "Budget", tell: Callable[[str], None]) -> "Problem":
+    """The problem with the first entry of `expect:`, where collisions leave the positions at the end no meaning."""
+    from dataclasses import replace
+
+    from mpp_taichi.accuracy.collisions import meaning_ends
+    from mpp_taichi.accuracy.wanted import Wanted, first_expected
+
+    name = first_expected(problem.spec)
+    if name is None or (end := meaning_ends(problem, budget)) is None:
+        return problem
+    tell(f"positions mean nothing beyond t = {end:.4g}: {name} is compared, the first entry of expect:; --of names another")
+    return replace(problem, wanted=Wanted.of(problem.spec, name))
+
+
+def asked_of(spec: "SceneSpec", option: str | None) -> tuple[str | None, str | None]:
+    """The quantity of a study, position or energy, and the quantity of `expect:` in its place, by --of or by the scene."""
+    if option in OWN_QUANTITIES:
+        return OWN_QUANTITIES[option], None
+    if option is not None:
+        return None, option
+    return (None, None) if spec.accuracy is None else (spec.accuracy.quantity, spec.accuracy.of)
+
+
+def _usual_target(study: "Study") -> float:
+    """The target where none is given: TARGET, or for a quantity that scatters the power of ten above its bars."""
+    values = study.value_reference
+    if values is None or values.runs == 1:
+        return TARGET
+    return float(10.0 ** math.ceil(math.log10(2.0 * math.sqrt(2.0) * values.bar)))
 
 
 def _wishes(arguments: argparse.Namespace, kind: str, quantity: str | None) -> "StudyWishes":

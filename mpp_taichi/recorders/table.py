@@ -97,6 +97,12 @@ class TableRecorder:
         """
         return max(SPARSE_STEPS if sparse else 1, 100 if steps is None else steps // SAMPLES_PER_RUN)
 
+    @staticmethod
+    def every_of(simulation: "Simulation", steps: int | None) -> int:
+        """Steps between samples of a run of so many steps: as the scene says by `run.every`, else `every_for`."""
+        sparse = simulation.total_force.has_pairs and simulation.plan == "parallel"
+        return simulation.scene.run.every or TableRecorder.every_for(steps, sparse=sparse)
+
     def steps_until_due(self, simulation: "Simulation") -> int:
         """Until the next sample; a new phase has a sample at its beginning."""
         if self.rows and simulation.phase_number != self._phase_number:

@@ -31,20 +31,21 @@ class Verdict:
     @property
     def label(self) -> str:
         """`orbital_period(of=1, around=0)`."""
-        inside = ", ".join(f"{key}={value}" for key, value in self.parameters.items() if value is not None)
-        return f"{self.quantity}({inside})" if inside else self.quantity
+        return _label(self.quantity, self.parameters)
 
 
 class Watcher:
     """The recorder that measures the quantities of a scene's `expect:`; no other diagnostics and quantities are imported.
 
     It takes samples at the start, every `every` steps, as often as a diagnostic asks for, and at the end (`finish`).
+
+    shortest   time between two samples that a diagnostic has asked for so far [time]; infinite where none has asked
     """
 
-    def __init__(self, expectations: Sequence[Expectation], every: int) -> None:
-        """Import and build the diagnostics and quantities."""
+    def __init__(self, expectations: Sequence[Expectation], every: int, *, finer: float = 1.0) -> None:
+        """Import and build the diagnostics and quantities; samples are taken `finer` times as often as they ask for."""
         self.expectations = tuple(expectations)
-        self.every = every
+        self.every, self.finer = every, finer
         self.restart()
 
     def restart(self) -> None:
@@ -56,6 +57,7 @@ class Watcher:
                 self._diagnostics[number] = diagnostic_of(expectation)
         self._due_step: int | None = None
         self._seen_step = -1
+        self.shortest = math.inf
 
     def steps_until_due(self, simulation: "Simulation") -> int:
         """Until the earliest sample that any diagnostic asks for."""
@@ -72,7 +74,9 @@ class Watcher:
         self._each(lambda diagnostic: diagnostic.observe(sample))
         watching = [diagnostic for number, diagnostic in self._diagnostics.items() if number not in self._failures]
         shortest = min((diagnostic.interval for diagnostic in watching), default=math.inf)
-        steps = self.every if shortest == math.inf else min(self.every, max(1, int(shortest / simulation.dt)))
+        self.shortest = min(self.shortest, shortest) if shortest > 0.0 else self.shortest
+        asked = shortest / self.finer
+        steps = self.every if shortest == math.inf else min(self.every, max(1, int(asked / simulation.dt)))
         self._due_step = simulation.step_count + steps
 
     def _begin(self, simulation: "Simulation") -> None:
@@ -96,12 +100,15 @@ class Watcher:
     def verdicts(self, summary: Mapping[str, Any], precision: str) -> list[Verdict]:
         """Judge every expectation; `summary` holds the quantities that every run measures anyway."""
         rows = []
-        for number, expectation in enumerate(self.expectations):
-            value, reason = self._value(number, expectation, summary)
+        for expectation, (value, reason) in zip(self.expectations, self.values(summary)):
             passed = value is not None and holds(expectation, value, precision)
             bound = bound_text(expectation, precision)
             rows.append(Verdict(expectation.quantity, _shown(expectation), value, bound, passed, reason))
         return rows
+
+    def values(self, summary: Mapping[str, Any]) -> list[tuple[float | None, str]]:
+        """The value of every expectation, or None and the reason; `summary` as for `verdicts`."""
+        return [self._value(number, expectation, summary) for number, expectation in enumerate(self.expectations)]
 
     def _value(self, number: int, expectation: Expectation, summary: Mapping[str, Any]) -> tuple[float | None, str]:
         if number not in self._diagnostics:
@@ -123,6 +130,16 @@ def diagnostic_of(expectation: Expectation) -> Diagnostic:
         return found
     keys = {key: given.pop(key, default) for key, default in reduction_keys(expectation.quantity).items()}
     return reduced(component.build("quantities", expectation.quantity, given), **keys)
+
+
+def label_of(expectation: Expectation) -> str:
+    """The quantity and its parameters as in a verdict, `orbital_period(of=1, around=0)`."""
+    return _label(expectation.quantity, _shown(expectation))
+
+
+def _label(quantity: str, parameters: Mapping[str, Any]) -> str:
+    inside = ", ".join(f"{key}={value}" for key, value in parameters.items() if value is not None)
+    return f"{quantity}({inside})" if inside else quantity
 
 
 def _shown(expectation: Expectation) -> dict[str, Any]:

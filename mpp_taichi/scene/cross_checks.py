@@ -7,6 +7,7 @@ from mpp_taichi.scene.integrator_checks import check_integrator
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import check_tree
 from mpp_taichi.scene.view_checks import check_view
+from mpp_taichi.scene.wanted import wanted_entries
 
 
 def check_together(spec: SceneSpec, tree: Node, faults: Faults) -> None:
@@ -44,6 +45,13 @@ def _check_accuracy(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     place = tree.value["accuracy"].place
     if spec.run.duration is None:
         faults.add(place, "accuracy", "needs run.duration: the step is to be chosen")
+    if spec.accuracy.of is not None:
+        try:
+            wanted_entries(spec, spec.accuracy.of)
+        except ValueError as error:
+            faults.add(tree.value["accuracy"].value["of"].location, "accuracy.of", str(error))
+        if tree.get("timeline") is not None:
+            faults.add(place, "accuracy.of", "a quantity of expect: is no target in a scene with a timeline, positions are")
 
 
 def _check_expect(spec: SceneSpec, faults: Faults) -> None:

@@ -130,7 +130,11 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
             integrator | None,
             Describe(None, description="the method that advances time; not needed where contacts are event_driven"),
         ),
-        accuracy=_key(Target(), None, "the error allowed, from which integrator, step and precision are chosen"),
+        accuracy=_key(
+            Target(),
+            None,
+            "the error allowed, of positions or of a quantity of expect:; integrator, step and precision are chosen for it",
+        ),
         horizon=_key(
             fields.Flag(),
             None,

@@ -190,7 +190,9 @@ def test_a_run_that_reaches_the_target_as_it_is_counts_where_no_step_can_be_inte
     made = {steps: row(steps, error, seconds=1e-3 * steps) for steps, error in ((10, 2e-9), (20, 9e-10), (40, 9.5e-10))}
     wishes = SimpleNamespace(integrators=None, devices=[("cpu", "f64")])
     problem = SimpleNamespace(span=2.0)
-    study = SimpleNamespace(quantity="position", wishes=wishes, methods={"leapfrog": None}, problem=problem, whole=2.0)
+    study = SimpleNamespace(
+        quantity="position", wishes=wishes, methods={"leapfrog": None}, problem=problem, whole=2.0, values=None
+    )
     study.allowed, study.rows = lambda target, quantity: target, lambda: list(made.values())
     found = as_run(study, 1e-9)
     assert found.configuration.steps == 20 and found.dt == 0.1 and found.error.bound == 9e-10
