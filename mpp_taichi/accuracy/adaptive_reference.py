@@ -11,10 +11,11 @@ from dataclasses import replace
 
 from mpp_taichi import component
 from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.methods import LOOKS, StudyMethod
 from mpp_taichi.accuracy.reference import MEANING, ReferenceSolution, distance, lost_at, size_of
 from mpp_taichi.accuracy.sample import Sample
-from mpp_taichi.accuracy.workbench import Machine, Trace
+from mpp_taichi.accuracy.trace import Trace
 
 MIDDLE = 1  # of three tolerances
 ROUNDED = 1e-9  # of the size: after the first sample runs that differ by less differ by rounding errors alone

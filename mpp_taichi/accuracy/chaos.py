@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.stretches import legs
-from mpp_taichi.accuracy.workbench import Machine, PhasePoint
+from mpp_taichi.accuracy.trace import PhasePoint
 
 APART = 1e-8  # of the size of the system, and of its typical velocity
 PIECES = 96

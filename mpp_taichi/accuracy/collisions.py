@@ -3,11 +3,12 @@
 from mpp_taichi.accuracy import flight_reference
 from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.contact_methods import exact_solvers
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.measuring import shifted_start
 from mpp_taichi.accuracy.methods import methods
 from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.reference import MEANING, distance, lost_at, size_of
-from mpp_taichi.accuracy.workbench import Machine, Workbench
+from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import BackendError, MppError
 
 DEVICE = ("cpu", "f64")

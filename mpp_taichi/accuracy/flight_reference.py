@@ -3,10 +3,10 @@
 import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.reference import MEANING, ReferenceSolution, distance, lost_at, size_of
 from mpp_taichi.accuracy.sample import Sample
-from mpp_taichi.accuracy.workbench import Machine
 
 SHIFT = 1e-14  # of the size of the system: some 50 roundings, more than the few of a flight between two collisions
 SEED = 20261121

@@ -18,8 +18,9 @@ import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.contact_methods import exact_solvers
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.sample import MeasuredError, Sample
-from mpp_taichi.accuracy.workbench import Machine, Trace
+from mpp_taichi.accuracy.trace import Trace
 
 ROUND_OFF = 1e-13  # of the size of the system: smaller differences are close to rounding
 FALLING = 2.0  # the least ratio of differences at a halved step that shows convergence

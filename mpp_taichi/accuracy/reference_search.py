@@ -16,6 +16,7 @@ from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.chaos import Chaos
 from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.families import meets
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.methods import LOOKS, StudyMethod, first_steps, for_reference, leads
 from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.reference import Convergence, ReferenceSolution, Refinement, converge
@@ -23,7 +24,7 @@ from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.scattered_convergence import ScatteredConvergence
 from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.sweep import timed
-from mpp_taichi.accuracy.workbench import Machine, Workbench
+from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import BackendError, MppError
 
 log = logging.getLogger(__name__)

@@ -14,7 +14,7 @@ import numpy as np
 from mpp_taichi.accuracy.reference import MEANING, ReferenceSolution, distance, lost_at, size_of
 from mpp_taichi.accuracy.sample import Sample
 from mpp_taichi.accuracy.stretches import LOOKS
-from mpp_taichi.accuracy.workbench import Trace
+from mpp_taichi.accuracy.trace import Trace
 
 COMPARED = 3  # runs before the finest
 GROWTH = 1.4

@@ -11,12 +11,13 @@ import math
 import numpy as np
 
 from mpp_taichi.accuracy.contact_methods import exact_solvers
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.measuring import means
 from mpp_taichi.accuracy.reference import FALLING, FLOOR
 from mpp_taichi.accuracy.sample import Configuration
 from mpp_taichi.accuracy.value_desk import PATIENCE, ValueDesk
 from mpp_taichi.accuracy.value_reference import EPSILON, STUDENT, scales_of
-from mpp_taichi.accuracy.workbench import Machine, Workbench
+from mpp_taichi.accuracy.workbench import Workbench
 
 RUNS = 6  # of a quantity that scatters
 SCATTERS = 1e-9  # the least difference, over the value, of runs from shifted starts whose mean is taken

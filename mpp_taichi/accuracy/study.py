@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.chaos import ROUND_OFF, Chaos
+from mpp_taichi.accuracy.compared import Compared
 from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.families import promised
 from mpp_taichi.accuracy.force_solvers import split
@@ -157,43 +158,12 @@ class Study:
         takes the place of the positions for which a scene with contacts has a target: its energy does not tell how well
         contacts are found.
         """
-        if self.values is not None and self.problem.wanted is not None:
-            return self.problem.wanted.column if self.values.desk.is_known else None
-        asked = self.wishes.quantity
-        if asked != "energy" and self.reference is not None and self.reference.positions_mean_something:
-            return "position"
-        may = asked is None and not (self.problem.has_contacts and self.wishes.aim is not None)
-        by_energy = asked == "energy" or (may and self.search.horizon is not None)
-        return "energy" if by_energy and self.conserves_energy else None
+        return self._compared.quantity
 
     @property
     def reason(self) -> str:
         """Why this quantity is compared, or why nothing can be compared; one clause for a person."""
-        if self.values is not None:
-            return self._reason_of_values(self.values)
-        asked, horizon, reference = self.wishes.quantity, self.search.horizon, self.reference
-        kept = "" if self.conserves_energy else ", and the scene does not keep its energy"
-        if asked == "energy":
-            return "energies were asked for" if kept == "" else "the scene does not keep its energy"
-        if reference is None:
-            return "the budget ended before the first run was done"
-        if reference.positions_mean_something:
-            return "positions at the end are known" if asked is None else "positions were asked for"
-        if horizon is not None and self.problem.has_contacts:
-            because = "since every collision enlarges the errors of rounding"
-            return f"positions mean nothing beyond t = {horizon:.4g}, before the end, {because}{kept if asked is None else ''}"
-        if horizon is not None:
-            return f"positions mean nothing beyond t = {horizon:.4g}, before the end{kept if asked is None else ''}"
-        return f"the budget ended before the reference was known ({reference.told}); a longer budget goes on"
-
-    @staticmethod
-    def _reason_of_values(values: ValueSearch) -> str:
-        if values.desk.is_known:
-            return f"{values.desk.wanted.name} was asked for"
-        if values.desk.reason:
-            return f"{values.desk.wanted.name} is not known: {values.desk.reason}"
-        known = "" if values.desk.reference is None else f" ({values.desk.reference.told})"
-        return f"the budget ended before the value of {values.desk.wanted.name} was known{known}; a longer budget goes on"
+        return self._compared.reason
 
     def rows(self) -> list[StudyRow]:
         """Every sample with its errors, as far as the reference shows them; in the order of method, precision and step."""
@@ -210,6 +180,11 @@ class Study:
     @property
     def _own_steps(self) -> int:
         return self.problem.samples if self.own.adaptive else self.problem.own_steps
+
+    @property
+    def _compared(self) -> Compared:
+        wishes = self.wishes
+        return Compared(self.problem, self.search, self.values, wishes.quantity, wishes.aim is not None, self.conserves_energy)
 
     def _row(self, sample: Sample, is_own: bool) -> StudyRow:
         position = position_rms = MeasuredError(None)

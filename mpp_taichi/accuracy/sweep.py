@@ -15,10 +15,11 @@ from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.families import representatives
 from mpp_taichi.accuracy.force_solvers import by_tree
 from mpp_taichi.accuracy.ladder import Ladder
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.methods import StudyMethod, rank
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.store import Store
-from mpp_taichi.accuracy.workbench import Machine, Workbench
+from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import BackendError, MppError, PrecisionError
 
 log = logging.getLogger(__name__)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.measuring import with_runs
 from mpp_taichi.accuracy.methods import StudyMethod
 from mpp_taichi.accuracy.problem import Problem
@@ -14,7 +15,7 @@ from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.sweep import timed
 from mpp_taichi.accuracy.value_reference import MEANING, ValueReference, scales_of
 from mpp_taichi.accuracy.wanted import Wanted
-from mpp_taichi.accuracy.workbench import Machine, Workbench
+from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import BackendError, MppError
 
 log = logging.getLogger(__name__)

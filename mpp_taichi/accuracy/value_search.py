@@ -17,13 +17,14 @@ import numpy as np
 from mpp_taichi.accuracy import adaptive_reference
 from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.families import meets
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.methods import StudyMethod, first_steps, for_reference
 from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.start_search import StartSearch
 from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.value_desk import PATIENCE, ValueDesk
 from mpp_taichi.accuracy.value_reference import EPSILON, ValueConvergence, scales_of
-from mpp_taichi.accuracy.workbench import Machine, Workbench
+from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import MppError
 
 DEVICE = ("cpu", "f64")

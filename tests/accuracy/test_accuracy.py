@@ -18,14 +18,16 @@ from scipy.integrate import solve_ivp
 from mpp_taichi.accuracy import chaos, front
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.ladder import Ladder
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.reference import Convergence, converge
 from mpp_taichi.accuracy.reference_search import MOST_BUDGETS
 from mpp_taichi.accuracy.sample import Configuration, MeasuredError, Sample
 from mpp_taichi.accuracy.store import Store, identity
 from mpp_taichi.accuracy.study import Study, StudyWishes
+from mpp_taichi.accuracy.trace import Trace
 from mpp_taichi.accuracy.verdict import duration, factor, sentence, step_ratio
-from mpp_taichi.accuracy.workbench import Machine, Trace, Workbench
+from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.cli.main import main
 from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.scene.load import load_scene
@@ -113,7 +115,7 @@ def test_the_reference_is_as_close_to_the_closed_form_as_its_bar_says(kepler_stu
 def test_a_coarse_reference_is_found_out_and_its_bar_still_holds():
     with_leapfrog = machine_of({**kepler(ECCENTRICITY, dt=0.01), "run": {"duration": SPAN}}, "leapfrog")
     budget = Budget(1e9)
-    for cost in with_leapfrog.costs.values():
+    for cost in with_leapfrog.stepper.costs.values():
         cost.seconds = 1.0
     runs = Convergence(2, 64)
     converge(runs, with_leapfrog, budget, share=1e-12, add=lambda sample: None)

@@ -10,10 +10,10 @@ from mpp_taichi.accuracy import adaptive_reference
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.choice import choose
 from mpp_taichi.accuracy.ladder import Ladder
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.reference import ReferenceSolution, size_of
-from mpp_taichi.accuracy.workbench import Machine
 from mpp_taichi.scene.load import load_scene
 
 TURNS = 10

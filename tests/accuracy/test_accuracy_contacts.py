@@ -12,6 +12,7 @@ from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.choice import choose
 from mpp_taichi.accuracy.contact_methods import solvers, with_solver
 from mpp_taichi.accuracy.flight_reference import fly
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.methods import methods
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.reference import distance
@@ -19,7 +20,6 @@ from mpp_taichi.accuracy.sample import MeasuredError
 from mpp_taichi.accuracy.scattered_convergence import ScatteredConvergence
 from mpp_taichi.accuracy.store import Store, identity
 from mpp_taichi.accuracy.study import Study, StudyWishes
-from mpp_taichi.accuracy.workbench import Machine
 from mpp_taichi.cli.main import main
 from mpp_taichi.scene.load import load_scene
 

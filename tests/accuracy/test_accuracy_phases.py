@@ -12,13 +12,13 @@ from counted_budget import CountedBudget
 import mpp_taichi as mpp
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.choice import choose
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.phase_studies import PhaseStudies
 from mpp_taichi.accuracy.problem import AS_WRITTEN, pose
 from mpp_taichi.accuracy.settled import settled
 from mpp_taichi.accuracy.store import Store, identity
 from mpp_taichi.accuracy.stretches import LOOKS, legs
 from mpp_taichi.accuracy.study import Study, StudyWishes
-from mpp_taichi.accuracy.workbench import Machine
 from mpp_taichi.cli.main import main
 from mpp_taichi.scene.load import load_scene
 

@@ -12,13 +12,13 @@ import mpp_taichi as mpp
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.choice import choose
 from mpp_taichi.accuracy.collisions import meaning_ends
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.store import Store, identity
 from mpp_taichi.accuracy.study import Study, StudyWishes
 from mpp_taichi.accuracy.value_reference import STUDENT, ValueConvergence, ValueReference, scales_of
 from mpp_taichi.accuracy.wanted import Wanted
-from mpp_taichi.accuracy.workbench import Machine
 from mpp_taichi.cli.main import main
 from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.scene.load import load_scene

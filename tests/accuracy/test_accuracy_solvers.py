@@ -10,11 +10,11 @@ from mpp_taichi.accuracy import force_solvers
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.choice import Choice
 from mpp_taichi.accuracy.findings import findings
+from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.methods import for_reference, methods
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.store import Store, identity
 from mpp_taichi.accuracy.study import Study, StudyWishes
-from mpp_taichi.accuracy.workbench import Machine
 from mpp_taichi.cli.main import main
 from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.errors import SceneError
