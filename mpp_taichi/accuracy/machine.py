@@ -140,17 +140,21 @@ class Machine:
         A short run is repeated for SHORT, and its shortest time counts: other programs, which share the caches and the units of
         the processor, only add to the time.
         """
-        self._tolerance = configuration.tolerance
-        parts = legs(self.problem.stretches, configuration.steps)
         shortest, spent = float("inf"), 0.0
         while spent < SHORT:
-            seconds = 0.0
-            for number, leg in enumerate(parts):
-                self._enter(leg, begins=number == 0)
-                seconds += self.stepper.advance(leg, 0, leg.steps, budget)[0]
-            shortest, spent = min(shortest, seconds), spent + max(seconds, SHORT / MOST_REPEATS * len(parts))
+            seconds = self.steps_alone(configuration, budget)
+            shortest, spent = min(shortest, seconds), spent + max(seconds, SHORT / MOST_REPEATS * len(self.problem.stretches))
             budget = Budget(float("inf"))  # repeats are too short to be broken off
         return shortest
+
+    def steps_alone(self, configuration: Configuration, budget: Budget) -> float:
+        """Run once without samples; seconds of the steps on a quiet machine."""
+        self._tolerance = configuration.tolerance
+        seconds = 0.0
+        for number, leg in enumerate(legs(self.problem.stretches, configuration.steps)):
+            self._enter(leg, begins=number == 0)
+            seconds += self.stepper.advance(leg, 0, leg.steps, budget)[0]
+        return seconds
 
     def enter(self, leg: Leg) -> None:
         """Go to the phase of a leg, whatever the state is, for `advance_from`."""

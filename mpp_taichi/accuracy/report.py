@@ -239,11 +239,12 @@ def _phase(facts: dict[str, Any], rows: Sequence[StudyRow]) -> str:
 
 def _table(rows: Sequence[StudyRow], verdict: dict[str, Any], wanted: str | None) -> str:
     fronts = {name: verdict.get(f"{name}_front", ()) for name in ("time", "evaluations")}
-    names = table.head(wanted)
+    joules = table.has_joules(rows)
+    names = table.head(wanted, joules=joules)
     head = "".join(f"<th>{escape(name)}</th>" for name in names)
     body = []
     for row in rows:
-        cells = table.cells(row, fronts, wanted)
+        cells = table.cells(row, fronts, wanted, joules=joules)
         style = "broken" if row.sample.status != "ok" else "front" if row.sample.configuration.key in fronts["time"] else ""
         last = len(cells) - 1
         span = len(names) - last

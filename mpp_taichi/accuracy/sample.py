@@ -39,11 +39,12 @@ class Configuration:
 
 @dataclass(eq=False)
 class Sample:
-    """The result of a run. Errors are relative, see `workbench`; None where a quantity is not conserved.
+    """The result of a run. Errors are relative, see `machine`; None where a quantity is not conserved.
 
     evaluations   force evaluations of the whole run; for an implicit method the iterations of its solver
     status        "ok"; "diverged", "refused", or "undefined" where the run lacks the wanted quantity; `reason` says why
     seconds       of the steps without samples on a quiet machine, see StepClock; one number for each repeat
+    joules        energy of the whole machine during a run; None where the machine does not count it
     energy_errors over the run, one for each of `times`
     values        of the wanted quantity, one list for each run, with one number for each entry of `expect:`
     end           positions at the end, (particle_count, 3) [length]; None for a run that did not reach the end. A sphere that
@@ -60,6 +61,7 @@ class Sample:
     times: list[float] = field(default_factory=list)
     energy_errors: list[float] = field(default_factory=list)
     energy: float | None = None
+    joules: float | None = None
     momentum: float | None = None
     angular_momentum: float | None = None
     values: list[list[float]] = field(default_factory=list)

@@ -354,6 +354,7 @@ class Study:
         try:
             sweep.climb(ladders, share=end - repeats * (end - begin), first=self.own.name)
             sweep.repeat(share=end)
+            sweep.weigh(share=end)
         except OutOfTime:  # what was measured is used all the same
             self._after_sweep(self, bench)
             raise

@@ -14,12 +14,14 @@ from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.families import representatives
 from mpp_taichi.accuracy.force_solvers import by_tree
+from mpp_taichi.accuracy.joules import LEAST_SECONDS, joules_of
 from mpp_taichi.accuracy.ladder import Ladder
 from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.methods import StudyMethod, rank
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.workbench import Workbench
+from mpp_taichi.device.energy_counters import energy_counters
 from mpp_taichi.errors import BackendError, MppError, PrecisionError
 
 log = logging.getLogger(__name__)
@@ -112,6 +114,20 @@ class StepSweep:
                 expected = sum(sample.seconds[:1]) + (0.0 if self._is_compiled(name) else self._compile_seconds(name))
                 if wanted and expected < self.budget.left(share):
                     sample.seconds.append(self.bench.machine(name).time(sample.configuration, self.budget))
+
+    def weigh(self, *, share: float) -> None:
+        """Measure the electrical energy of the runs, where the machine counts it and the share of the budget lasts."""
+        if not energy_counters():
+            return
+        for sample in self._mine():
+            name, expected = sample.configuration.integrator, max(LEAST_SECONDS, sample.median_seconds or 0.0)
+            if (
+                sample.status == "ok"
+                and sample.joules is None
+                and self._is_compiled(name)
+                and expected < self.budget.left(share)
+            ):
+                sample.joules = joules_of(self.bench.machine(name), sample.configuration, self.budget)
 
     def learn(self, machine: Machine) -> None:
         """Learn the time of a force evaluation from a run."""

@@ -8,15 +8,22 @@ from mpp_taichi.accuracy.verdict import duration
 
 _SETTING = ("", "integrator", "", "dt", "forces", "time")
 _CONSERVED = ("energy", "momentum", "ang. mom.")
-HEAD = (*_SETTING, "position", "(rms)", *_CONSERVED)
 
 
-def head(wanted: str | None) -> tuple[str, ...]:
+def head(wanted: str | None, *, joules: bool = False) -> tuple[str, ...]:
     """The names of the columns; a `wanted` quantity of `expect:` takes the place of the positions."""
-    return HEAD if wanted is None else (*_SETTING, wanted, *_CONSERVED)
+    errors = ("position", "(rms)") if wanted is None else (wanted,)
+    return (*_SETTING, *(("J",) if joules else ()), *errors, *_CONSERVED)
 
 
-def cells(row: StudyRow, fronts: dict[str, Sequence[str]], wanted: str | None = None) -> tuple[str, ...]:
+def has_joules(rows: Sequence[StudyRow]) -> bool:
+    """Whether the energy of a run was measured."""
+    return any(row.sample.joules is not None for row in rows)
+
+
+def cells(
+    row: StudyRow, fronts: dict[str, Sequence[str]], wanted: str | None = None, *, joules: bool = False
+) -> tuple[str, ...]:
     """A row as texts; the first cell holds * for the front in time, + for that in evaluations, o for the scene's own."""
     sample = row.sample
     key = sample.configuration.key
@@ -34,14 +41,16 @@ def cells(row: StudyRow, fronts: dict[str, Sequence[str]], wanted: str | None = 
         sample.setting.removeprefix("dt = "),
         f"{sample.evaluations:,}",
         duration(row.seconds),
+        *(("–" if sample.joules is None else f"{sample.joules:.2g}",) if joules else ()),
         *(str(error) for error in (*errors, row.energy, row.momentum, row.angular_momentum)),
     )
 
 
 def lines(rows: Sequence[StudyRow], fronts: dict[str, Sequence[str]], wanted: str | None = None) -> list[str]:
     """The table, columns aligned; the width of reasons is not limited."""
-    first = head(wanted)
-    table = [first, *(cells(row, fronts, wanted) for row in rows)]
+    joules = has_joules(rows)
+    first = head(wanted, joules=joules)
+    table = [first, *(cells(row, fronts, wanted, joules=joules) for row in rows)]
     full = [row for row in table if len(row) == len(first)]
     widths = [max(len(row[column]) for row in full) for column in range(len(first))]
     return [

@@ -106,6 +106,7 @@ def _described(row: StudyRow, quantity: str) -> dict[str, Any]:
         "dt": row.sample.dt,
         "setting": row.sample.setting,
         "seconds": row.seconds,
+        "joules": row.sample.joules,
         "evaluations": row.sample.evaluations,
         "error": error.value,
         "error_at_most": error.at_most,
@@ -126,7 +127,7 @@ def sentence(found: dict[str, Any], because: str = "") -> str:
     if choice := found.get("choice"):
         parts.append(
             f"for {target} of {quantity} take {choice['integrator']} in {choice['precision']} with {choice['setting']}, "
-            f"{duration(choice['seconds'])}"
+            f"{duration(choice['seconds'])}{_energy(choice)}"
         )
         parts.append(_other_times(found))
         parts.append(_other_backends(found))
@@ -167,6 +168,10 @@ def _film(found: dict[str, Any]) -> str:
     where = "" if film["backend"] == choice["backend"] else f" on {film['backend']}"
     how = f"{film['integrator']} in {film['precision']}{where} with {film['setting']}"
     return f"for a film, in which the eye sees {FILM:.0e}, {how} is enough{gain}".replace("e-0", "e-", 1)
+
+
+def _energy(described: dict[str, Any]) -> str:
+    return "" if described["joules"] is None else f" and {described['joules']:.2g} J"
 
 
 def _error(described: dict[str, Any]) -> str:
