@@ -7,9 +7,7 @@ from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.sample import Configuration
 from mpp_taichi.device.energy_counters import EnergyMeasurement, energy_counters
 
-LEAST_SECONDS = (
-    0.2  # of a measurement: counters of processors are renewed about every 1 ms, counters of GPUs every 20 to 100 ms
-)
+LEAST_SECONDS = 0.2  # of a measurement: processors renew their counters about every 1 ms, GPUs every 20 to 100 ms
 
 
 def joules_of(machine: Machine, configuration: Configuration, budget: Budget) -> float | None:

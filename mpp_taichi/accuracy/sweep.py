@@ -121,12 +121,8 @@ class StepSweep:
             return
         for sample in self._mine():
             name, expected = sample.configuration.integrator, max(LEAST_SECONDS, sample.median_seconds or 0.0)
-            if (
-                sample.status == "ok"
-                and sample.joules is None
-                and self._is_compiled(name)
-                and expected < self.budget.left(share)
-            ):
+            wanted = sample.status == "ok" and sample.joules is None and self._is_compiled(name)
+            if wanted and expected < self.budget.left(share):
                 sample.joules = joules_of(self.bench.machine(name), sample.configuration, self.budget)
 
     def learn(self, machine: Machine) -> None:
