@@ -14,7 +14,7 @@ def settled(spec: "SceneSpec", arguments: argparse.Namespace) -> tuple["SceneSpe
     """The scene with the chosen method, its precision, and the facts of the choice; unchanged for a scene without a target."""
     if spec.accuracy is None:
         return spec, arguments.precision, {}
-    from dataclasses import asdict
+    from dataclasses import asdict, replace
 
     from mpp_taichi.accuracy.choice import choose
     from mpp_taichi.cli._signals import Interruption
@@ -25,4 +25,7 @@ def settled(spec: "SceneSpec", arguments: argparse.Namespace) -> tuple["SceneSpe
     with Interruption() as interruption:
         found = choose(spec, folder, precisions=precisions, look=interruption.raise_if_any, tell=tell)
     tell(found.line())
-    return found.settle(spec), found.precision, {"accuracy": asdict(found)}
+    chosen = found.settle(spec)
+    if chosen.horizon is None:
+        chosen = replace(chosen, horizon=True)
+    return chosen, found.precision, {"accuracy": asdict(found)}

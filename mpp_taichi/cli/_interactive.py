@@ -129,7 +129,7 @@ class _Steered:
         if self.inspection is not None:
             self.inspection.inspector.look(self.simulation)
         acceleration = self.simulation.accelerations() if self.spec.view.wants_acceleration else None
-        snapshot, words = self.simulation.snapshot(), {"title": self.spec.title, "extra": self.caption()}
+        snapshot, words = self.simulation.snapshot(), {"title": self.spec.title, "extra": self.caption().replace("≈", "~")}
         return Frame.of(snapshot, **words, walls=self._walls, acceleration=acceleration)
 
     def restart(self) -> None:

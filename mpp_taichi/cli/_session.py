@@ -18,6 +18,7 @@ from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._start_simulation import start, start_another
 from mpp_taichi.cli._step_check import check_steps
 from mpp_taichi.cli._terminal import UsageError, say
+from mpp_taichi.cli._validity import Validity
 from mpp_taichi.cli._window_desk import save_log
 from mpp_taichi.errors import MppError, OutputError, StabilityError
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
@@ -103,7 +104,8 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
             goal = request.rewind.goal(goal, simulation)
         steps = check_steps(simulation, goal, force=request.force)
         total = goal.step_count(spec) if request.rewind is None else steps
-        run = _Run(spec, request, goal, simulation, stopwatch, total, rewound, right)
+        validity = Validity.of(simulation, goal, stopwatch, interruption) if stage is None else Validity()
+        run = _Run(spec, request, goal, simulation, stopwatch, total, rewound, right, validity)
         run.glass = None if stage is None else stage.glass
         return run.go(interruption, sinks, trajectory)
 
@@ -151,13 +153,16 @@ class _Run:
         total_steps: int | None,
         rewound: str,
         right: RightHalf | None = None,
+        validity: Validity | None = None,
     ) -> None:
         self.spec, self.request, self.goal, self.simulation, self.stopwatch = spec, request, goal, simulation, stopwatch
-        self.right = right
+        self.right, self.validity = right, validity or Validity()
         self.total_steps, self.rewound = total_steps, rewound
         sparse = simulation.total_force.has_pairs and simulation.plan == "parallel"
         self.every = request.every or spec.run.every or TableRecorder.every_for(self.total_steps, sparse=sparse)
         self.table = TableRecorder(self.every, asked_columns(simulation) if request.diagnostics is not None else None)
+        self.table.validity = self.validity.number if self.validity.horizon else None
+        simulation.when_phase_begins.append(self._forget_horizon)
         self.blow_up = BlowUpWatch(self.table)
         simulation.when_phase_begins.append(self.blow_up.restart)  # a change of a parameter may add energy
         self.watchdog = EnergyWatchdog(self.table)
@@ -276,6 +281,7 @@ class _Run:
         for page in pages:
             page.begin(self.spec, self.simulation.start.name, self.table.rows, count)
         more: dict[str, Any] = {"title": self.spec.title, "caption": self._caption, "stopwatch": self.stopwatch}
+        more["is_dimmed"] = self.validity.is_beyond
         more["raise_if_interrupted"] = interruption.raise_if_any
         if self.right is not None:
             return self.right.film(size, pictures, count, **more)
@@ -285,9 +291,17 @@ class _Run:
         rows = self.table.rows
         return rows[-1]["relative_energy_error"] if rows and self.simulation.phase.conserves_energy else None
 
+    def _forget_horizon(self) -> None:
+        if len(self.simulation.scene.timeline) != len(self.spec.timeline):  # a slider was moved
+            self.validity.forget()
+
     def _caption(self) -> str:
         error = self._energy_error()
-        told = (f"energy error {error:.1e}" if error else "", self.modes.caption() if self.modes else "")
+        told = (
+            f"energy error {error:.1e}" if error else "",
+            self.modes.caption() if self.modes else "",
+            self.validity.caption(),
+        )
         return "\n".join(line for line in told if line)
 
     def _finish(self, recorders: Sequence[Any]) -> None:
@@ -344,7 +358,12 @@ class _Run:
 
     def _outcome(self) -> Outcome:
         summary = summarize(self.simulation, self.table, self.stopwatch, plan_asked=self.request.plan)
-        summary |= self.network | (self.modes.summary() if self.modes else {}) | (self.right.summary() if self.right else {})
+        summary |= (
+            self.network
+            | self.validity.summary()
+            | (self.modes.summary() if self.modes else {})
+            | (self.right.summary() if self.right else {})
+        )
         verdicts: list[Verdict] = []
         if self._reached_the_end():
             verdicts = self.watcher.verdicts(summary, self.simulation.device.precision)

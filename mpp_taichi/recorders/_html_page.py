@@ -76,6 +76,7 @@ def page(recording: Recording) -> str:
         "fps": recording.fps,
         "times": [frame.time for frame in frames],
         "captions": [frame.extra for frame in frames] if any(frame.extra for frame in frames) else None,
+        "dimmed": [frame.dimmed for frame in frames] if any(frame.dimmed for frame in frames) else None,
         "names": list(recording.names) if any(recording.names) else None,
         "camera": _camera(camera, recording.size),
         "view": _view(spec, trails) | {"period": outline_of(spec, frames[0].position).repeating.period},

@@ -83,10 +83,13 @@ class FilmRecorder:
         between: BetweenSteps = DenseOutput(),  # noqa: B008 — it holds nothing
         title: str = "",
         caption: Callable[[], str] = lambda: "",
+        is_dimmed: Callable[[float], bool] = lambda time: False,
         stopwatch: Callable[[str], AbstractContextManager[Any]],
         raise_if_interrupted: Callable[[], None] = lambda: None,
     ) -> None:
         """`stopwatch(name)` times a block; drawing is counted as capture, handing over to a sink as encode.
+
+        `is_dimmed` says of a time whether its frame is drawn with less contrast.
 
         `pages` and `moments` get every frame, `sinks` every picture of a frame; without a view there are no pictures.
         `raise_if_interrupted` is called before each frame: any number of frames may lie between two steps.
@@ -94,6 +97,7 @@ class FilmRecorder:
         self.pages, self.moments, self._between = tuple(pages), tuple(moments), between
         self.view, self.sinks, self.frame_count, self.span = view, tuple(sinks), frame_count, span
         self.title, self.caption, self.stopwatch = title, caption, stopwatch
+        self._is_dimmed = is_dimmed
         self._raise_if_interrupted = raise_if_interrupted
         self.drawn_count = 0
         self._walls: Outline | None = None
@@ -147,7 +151,7 @@ class FilmRecorder:
             with self.stopwatch("capture"):
                 acceleration = simulation.accelerations(snapshot)
         frame = Frame.of(snapshot, title=self.title, extra=self.caption(), walls=self._walls, acceleration=acceleration)
-        return replace(frame, time=self._due_time())
+        return replace(frame, time=self._due_time(), dimmed=self._is_dimmed(self._due_time()))
 
     def _due_time(self) -> float:
         assert self._start is not None

@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,6 +57,9 @@ class TableRecorder:
 
     Where an external force acts or a particle is held (`conserves_momentum` is False), the last three are changes, not errors.
 
+    `validity`, if given, tells of a time whether positions are valid then (1, 0, or NaN where this is unknown), for a last
+    column `valid`.
+
     With an energy balance also energy_balance_error, |E + D − W − E₀| over the largest kinetic energy, dissipated energy D or
     |work| W of the whole run, or over its largest kinetic + |potential| where these three are no more than rounding.
     """
@@ -65,6 +68,7 @@ class TableRecorder:
         """Sample every `every` steps; `finish` takes the last sample."""
         self.every, self.asked = max(1, every), asked
         self.rows: list[dict[str, Any]] = []
+        self.validity: Callable[[float], float] | None = None
         self.restart()
 
     def restart(self) -> None:
@@ -185,12 +189,18 @@ class TableRecorder:
     def _derived(self) -> dict[str, list[float]]:
         """The columns that are computed from others: the errors, and the energy balance where it is kept."""
         found = {name: [row[name] for row in self.rows] for name in (*ERRORS, *(_BALANCE if self.is_balanced else ()))}
-        return found | ({"energy_balance_error": self._balance_errors()} if self.is_balanced else {})
+        found |= {"energy_balance_error": self._balance_errors()} if self.is_balanced else {}
+        return found | self._valid()
+
+    def _valid(self) -> dict[str, list[float]]:
+        """The column `valid`, where it is asked for."""
+        return {} if self.validity is None else {"valid": [self.validity(row["time"]) for row in self.rows]}
 
     def columns(self) -> dict[str, Any]:
         """Every column: scalars (sample_count,), vectors (sample_count, 3); or the columns asked for, (sample_count,) each."""
         if self.asked is not None:
-            return {name: np.array([row["asked"][k] for row in self.rows]) for k, name in enumerate(self.asked.names)}
+            found = {name: np.array([row["asked"][k] for row in self.rows]) for k, name in enumerate(self.asked.names)}
+            return found | {name: np.array(values) for name, values in self._valid().items()}
         measured = {name: [row[name] for row in self.rows] for name in (*_SCALARS, *_VECTORS)}
         return {name: np.array(values) for name, values in (measured | self._derived()).items()}
 
@@ -212,8 +222,10 @@ class TableRecorder:
 
     def _lines(self) -> list[Sequence[str]]:
         """Header and rows; numbers in their shortest exact spelling."""
+        valid = self._valid()
         if self.asked is not None:
-            return [self.asked.names, *([repr(float(value)) for value in row["asked"]] for row in self.rows)]
+            table = [(*row["asked"], *more) for row, *more in zip(self.rows, *valid.values(), strict=True)]
+            return [[*self.asked.names, *valid], *([repr(float(value)) for value in row] for row in table)]
         derived = self._derived()
         header = [*_SCALARS, *(f"{name}_{axis}" for name in _VECTORS for axis in "xyz"), *derived]
         lines: list[Sequence[str]] = [header]

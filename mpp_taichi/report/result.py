@@ -55,17 +55,27 @@ def run(
         watcher = Watcher(simulation.scene.expect if whole else (), every)
         if any(each.quantity in BALANCE_QUANTITIES for each in watcher.expectations):
             simulation.keep_energy_balance()
+        told = _horizon(simulation, count) if simulation.scene.horizon else {}
         table, moments = TableRecorder(every), Moments(every)
         simulation.run(duration, steps=steps, recorders=[table, moments, watcher, *recorders])
         for look in (table, moments, watcher):
             look.finish(simulation)
         summary = summarize(simulation, table, stopwatch, plan_asked="auto")
+        summary |= told
         verdicts = watcher.verdicts(summary, simulation.device.precision)
         summary["status"] = "ok" if all(verdict.passed for verdict in verdicts) else "failed"
         return Result(simulation, summary, verdicts, table, moments.seen)
     except BaseException:
         simulation.close()
         raise
+
+
+def _horizon(simulation: Simulation, steps: int) -> dict[str, Any]:
+    """The entry of the summary about the time until which positions are valid."""
+    from mpp_taichi.horizon.search import compile_step, find
+
+    compile_step(simulation)
+    return {"horizon": find(simulation, timeline.time_after(simulation.scene, steps)).facts()}
 
 
 def _step_count(simulation: Simulation, duration: float | None, steps: int | None) -> int:

@@ -215,6 +215,7 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         ("solver", _solver_line(found)),
         ("contact", contact_line(found)),
         ("errors", _errors(found)),
+        ("valid", found.get("horizon", {}).get("sentence", "")),
         ("balance", _balance(found)),
         ("damping", _damping(found)),
         ("beside", _beside(found)),
@@ -320,7 +321,7 @@ def _beside(found: Mapping[str, Any]) -> str:
 
 def _times(found: Mapping[str, Any]) -> str:
     total = found["wall_seconds"]
-    names = ("setup", "compile", "step", "diagnostics", "beside", "capture", "encode")
+    names = ("setup", "compile", "horizon", "step", "diagnostics", "beside", "capture", "encode")
     parts = [(name, found.get(f"{name}_seconds", 0.0)) for name in names]
     parts.append(("other", total - sum(seconds for _, seconds in parts)))
     told = ", ".join(f"{name} {seconds:.2f}" for name, seconds in parts if seconds >= 0.005)

@@ -157,6 +157,7 @@ def _specification(validated: Any, tree: Node, name: str, context: Context, faul
         expect=expectations.build(validated.expect, tree.get("expect"), faults),
         modes=validated.modes,
         inspect=inspection.build(validated.inspect, tree.get("inspect"), faults),
+        horizon=validated.horizon,
         accuracy=validated.accuracy,
         resolved=tree.plain(),
     )

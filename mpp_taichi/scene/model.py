@@ -131,6 +131,11 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
             Describe(None, description="the method that advances time; not needed where contacts are event_driven"),
         ),
         accuracy=_key(Target(), None, "the error allowed, from which integrator, step and precision are chosen"),
+        horizon=_key(
+            fields.Flag(),
+            None,
+            "say until when positions are right to a thousandth of the system's size; absent: only with accuracy",
+        ),
         move_to_center_of_mass=_key(fields.Flag(), False, "start with the centre of mass at rest at the origin"),
         run=(RunSpec, Describe(RunSpec(), description="length of the run")),
         timeline=(_list_of(EventSpec), Describe([], description="changes at given times; a list of {at, set}")),

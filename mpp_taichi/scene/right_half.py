@@ -26,7 +26,20 @@ DEVICE_SETTINGS: dict[str, tuple[str, ...]] = {
     "plan": ("auto", "serial", "parallel"),
     "threads": (),
 }
-SHARED = ("title", "dimensions", "units", "run", "view", "record", "inspect", "expect", "modes", "sliders", "accuracy")
+SHARED = (
+    "title",
+    "dimensions",
+    "units",
+    "run",
+    "view",
+    "record",
+    "inspect",
+    "expect",
+    "modes",
+    "sliders",
+    "accuracy",
+    "horizon",
+)
 """Keys of a scene that both halves share: the length of the run, its view and its measurements."""
 _WORD = re.compile(r"[a-z]\w*", re.ASCII)
 _COUNT = re.compile(r"[0-9]{1,9}")

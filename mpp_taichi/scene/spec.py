@@ -262,6 +262,7 @@ class SceneSpec:
     resolved: dict[str, Any]  # plain YAML-able mapping, itself a scene: extends and overrides applied, expressions kept
     timeline: tuple[Event, ...] = ()  # this scene itself is the first phase
     sliders: tuple[SliderSpec, ...] = ()
+    horizon: bool | None = None  # None: only where `accuracy` chooses the method
     accuracy: TargetSpec | None = None  # until a method is chosen, the integrator is the first candidate
 
     @property

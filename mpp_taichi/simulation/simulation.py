@@ -70,9 +70,7 @@ class Simulation:
         check_threads(threads)
         read = load_scene(scene, overrides=overrides)
         if read.accuracy is not None:
-            raise SceneError(
-                f"{read.source}: accuracy: what reaches it is still to be chosen, by mpp_taichi.settle or the run verb"
-            )
+            raise SceneError(f"{read.source}: accuracy: its method is still to be chosen, by mpp_taichi.settle or the run verb")
         self.estimate = estimate(read)
         check_capacity(self.estimate)
         course = course_of(read, start)
@@ -193,13 +191,18 @@ class Simulation:
         self._require_life()
         self._runner.return_to(mark)
 
-    def try_steps(self, steps: int, dt: float | None = None) -> bool:
-        """Advance without recorders and accounts, by steps of the run's dt or of another; False where the state is not sound.
+    def try_steps(self, steps: int, dt: float | None = None, *, judged: bool = True) -> bool:
+        """Advance without recorders and accounts, by steps of the run or of another `dt`.
 
-        A sound state has finite numbers only, and every implicit step that led to it was solved.
+        False where a number is not finite or an implicit step was not solved; True where this is not `judged`.
         """
         self._require_life()
-        return self._launches.try_steps(self.phase, steps, self.dt if dt is None else dt)
+        return self._launches.try_steps(self.phase, steps, self.dt if dt is None else dt, judged=judged)
+
+    def begin_next_phase(self) -> None:
+        """Go on with the next phase of the timeline, at its time; for callers of `try_steps`, as `run` does this by itself."""
+        self._require_life()
+        self._runner.begin(self._runner.number + 1)
 
     def bookmark(self) -> Bookmark:
         """This moment with its parameters and accounts, for `go_back`; valid until a change replaces its kernels."""

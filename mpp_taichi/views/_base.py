@@ -25,6 +25,7 @@ class Frame:
     velocity     [length / time], shape (particle_count, 3); shows a camera without a position in which plane particles move
     acceleration [length / time²], shape (particle_count, 3); None where no view asks for it
     extra        one more line of caption, such as the energy error
+    dimmed       drawn with less contrast, as positions have lost their meaning
     outline      segments of walls [length], shape (count, 2, 3)
     mass, charge, name   of the particles, shape (particle_count,); None, or no names, where they are unknown
     rest_length, stiffness   of the springs, shape (spring_count,); None where they are unknown
@@ -38,6 +39,7 @@ class Frame:
     time: float = 0.0
     title: str = ""
     extra: str = ""
+    dimmed: bool = False
     center: tuple[float, float, float] | None = None
     velocity: np.ndarray | None = None
     acceleration: np.ndarray | None = None

@@ -21,6 +21,7 @@ from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame, View
 from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
+from mpp_taichi.views.dimming import dim
 from mpp_taichi.views.legend import draw_labels, draw_legend
 from mpp_taichi.views.trails import Trails
 
@@ -233,6 +234,8 @@ class GguiView(View):
         self._scene.draw(frame, self.camera, self.trails)
         picture = read_back(self._window)
         draw_labels(picture, appearance.labels(), self.camera, self.spec.background)
+        if frame.dimmed:
+            dim(picture, self.spec.background)
         if self.spec.caption:
             draw_caption(picture, frame, self.spec.background)
         draw_legend(picture, appearance.legend(), self.spec.background)

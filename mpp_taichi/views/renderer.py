@@ -19,6 +19,7 @@ from mpp_taichi.views._primitives import Primitives, Screen, at_least_one, bin_i
 from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
+from mpp_taichi.views.dimming import dim
 from mpp_taichi.views.legend import draw_labels, draw_legend
 from mpp_taichi.views.sky import Sky
 from mpp_taichi.views.srgb import linear_from_srgb
@@ -57,6 +58,8 @@ class Renderer(View):
         primitives, tables = self._primitives(frame, self.camera, screen)
         picture = self._rasterize(primitives, tables, screen)
         draw_labels(picture, self._appearance.labels(), self.camera, self.spec.background)
+        if frame.dimmed:
+            dim(picture, self.spec.background)
         if self.spec.caption:
             draw_caption(picture, frame, self.spec.background)
         draw_legend(picture, self._appearance.legend(), self.spec.background)

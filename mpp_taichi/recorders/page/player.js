@@ -124,10 +124,11 @@ class Player {
   draw() {
     this.dirty = false;
     this.shownCount++;
-    const { frame, run, camera } = this, { units, captions } = run.header, time = run.times[frame];
+    const { frame, run, camera } = this, { units, captions, dimmed } = run.header, time = run.times[frame];
     this.drawing?.draw(frame, camera, this.trails ? run.header.view.trails : 0);
     element("time").textContent = `t = ${spelled(time)}${units ? ` ${units.time}` : ""}`;
     element("extra").textContent = captions ? captions[frame] : "";
+    element("stage").classList.toggle("dimmed", Boolean(dimmed?.[frame]));
     element("slider").value = frame;
     element("count").textContent = `${frame + 1} / ${run.frameCount}`;
     this.inspector.draw(time);
