@@ -169,6 +169,7 @@ def test_each_phase_has_its_price_list_from_the_state_of_the_reference(tmp_path)
     assert np.linalg.norm(last.reference.end - exact_end(scene).astype(float), axis=1).max() < 1e-9
 
 
+@pytest.mark.thorough
 def test_the_page_and_the_table_tell_of_each_phase(tmp_path, capsys):
     path = tmp_path / "planet.yaml"
     path.write_text(yaml.safe_dump(planet(timeline=planet()["timeline"][:1])), encoding="utf-8")
