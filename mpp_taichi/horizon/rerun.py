@@ -70,7 +70,7 @@ class Rerun:
         while simulation.time_to_next_phase <= time - simulation.time + HAIR * simulation.dt:
             if not self._advance_by(simulation.time_to_next_phase):
                 return False
-            simulation.begin_next_phase()
+            simulation.begin_phase(simulation.phase_number + 1)
             self._set_step(own)
         return self._advance_by(time - simulation.time)
 

@@ -147,10 +147,7 @@ class Simulation:
         self._runner.guard.check(self.dt, steps)
 
     def begin_phase(self, number: int) -> None:
-        """Go on with a phase of the scene at once, from the present state, at exactly the time at which the phase begins.
-
-        `run` does so by itself. This is for programs that launch the steps themselves.
-        """
+        """Go on with a phase at once, from the present state and at the phase's time; `run` does so by itself."""
         self._require_life()
         self._runner.begin(number)
 
@@ -198,11 +195,6 @@ class Simulation:
         """
         self._require_life()
         return self._launches.try_steps(self.phase, steps, self.dt if dt is None else dt, judged=judged)
-
-    def begin_next_phase(self) -> None:
-        """Go on with the next phase of the timeline, at its time; for callers of `try_steps`, as `run` does this by itself."""
-        self._require_life()
-        self._runner.begin(self._runner.number + 1)
 
     def bookmark(self) -> Bookmark:
         """This moment with its parameters and accounts, for `go_back`; valid until a change replaces its kernels."""
