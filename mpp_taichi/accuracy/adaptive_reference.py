@@ -1,8 +1,8 @@
 """A reference by an adaptive method: compensated sums keep its round-off below the round-off of runs with equal steps.
 
-Three runs with different steps have independent rounding errors. The largest difference of their ends is the error bar. As
-the steps of all three are so short that nothing but rounding is left, runs that part tell the time at which rounding
-errors have grown to the size of the system: the horizon of positions.
+Three runs with different steps have independent rounding errors. The error bar is SEEN times the largest difference of their
+ends. As the steps of all three are so short that nothing but rounding is left, runs that part tell the time at which
+rounding errors have grown to the size of the system: the horizon of positions.
 """
 
 import itertools
@@ -18,6 +18,8 @@ from mpp_taichi.accuracy.sample import Sample
 from mpp_taichi.accuracy.trace import Trace
 
 MIDDLE = 1  # of three tolerances
+# Of three normally distributed errors one exceeds their range in 12.5 % of all cases, and twice their range in 2.5 %.
+SEEN = 2.0
 ROUNDED = 1e-9  # of the size: after the first sample runs that differ by less differ by rounding errors alone
 
 
@@ -86,4 +88,4 @@ def _bars(runs: list[tuple[Sample, Trace]], size: float) -> tuple[float, float, 
     ends = [sample.end for sample, _ in runs if sample.end is not None]
     found = [distance(one, other, size) for one, other in itertools.combinations(ends, 2)]
     largest, rms = ([pair[part] for pair in found] for part in (0, 1))
-    return max(*largest, 2.0**-52), max(*rms, 2.0**-52), largest
+    return max(SEEN * max(largest), 2.0**-52), max(SEEN * max(rms), 2.0**-52), largest
