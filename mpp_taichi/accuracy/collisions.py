@@ -8,10 +8,10 @@ from mpp_taichi.accuracy.measuring import shifted_start
 from mpp_taichi.accuracy.methods import methods
 from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.reference import MEANING, distance, lost_at, size_of
+from mpp_taichi.accuracy.reference_machines import DEVICE
 from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import BackendError, MppError
 
-DEVICE = ("cpu", "f64")
 FEWEST_COLLISIONS = 10  # in a run: fewer collisions make no gas, and what rounding decides is where they happen at one instant
 
 

@@ -26,7 +26,7 @@ class StudyRow:
     wanted: MeasuredError = MeasuredError(None)  # of the wanted quantity of `expect:`
 
     def error(self, quantity: str) -> MeasuredError:
-        """The error of one of QUANTITIES, or for another name that of the wanted quantity."""
+        """The error of one of QUANTITIES; for every other name, the error of the wanted quantity."""
         return {"position": self.position, "energy": self.energy}.get(quantity, self.wanted)
 
     @property

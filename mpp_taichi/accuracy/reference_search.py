@@ -7,7 +7,6 @@ times the budget: without a reference nothing can be said about positions. The s
 
 import contextlib
 import functools
-import logging
 from collections.abc import Callable
 
 from mpp_taichi.accuracy import adaptive_reference, flight_reference
@@ -20,20 +19,16 @@ from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.methods import LOOKS, StudyMethod, first_steps, for_reference, leads
 from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.reference import Convergence, ReferenceSolution, Refinement, converge
+from mpp_taichi.accuracy.reference_machines import DEVICE, MOST_BUDGETS, SHARE, machine_of
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.scattered_convergence import ScatteredConvergence
 from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.sweep import timed
 from mpp_taichi.accuracy.workbench import Workbench
-from mpp_taichi.errors import BackendError, MppError
+from mpp_taichi.errors import MppError
 
-log = logging.getLogger(__name__)
-
-DEVICE = ("cpu", "f64")
-SHARE = 0.3  # of the budget
 LEAST_SHARE, MOST_SHARE = 0.15, 0.45
 END_SHARE = 0.65  # of the budget: no further reference and no chaos is looked for later
-MOST_BUDGETS = 4.0
 CHAOS_SHARE = 0.5  # of the time left until END_SHARE
 WELL_KNOWN = 1e-12  # an error bar below which no better reference is tried
 WITHIN_AIM = 0.1  # of an aim: no better reference is tried below this error bar
@@ -241,18 +236,8 @@ class ReferenceSearch:
         return needed > self.budget.left(END_SHARE)
 
     def _machine(self, bench: Workbench, name: str) -> Machine | None:
-        """The compiled method; None where the scene does not allow it."""
-        if name not in self.methods:
-            return None
-        if name not in bench.machines:
-            self.budget.check()  # before the compiler, which is not cut off
-        try:
-            return bench.machine(name)
-        except BackendError:
-            raise
-        except MppError as error:
-            log.info("%s is no reference here: %s", name, error)
-            return None
+        """See machine_of."""
+        return machine_of(bench, name, self.methods, self.budget)
 
     def _halved_machine(self, bench: Workbench) -> tuple[Machine, int]:
         """The most promising method that the scene allows, and its first number of steps."""

@@ -14,7 +14,7 @@ from mpp_taichi.accuracy.ladder import COARSEST, Ladder
 from mpp_taichi.accuracy.methods import StudyMethod, equal_cost, methods
 from mpp_taichi.accuracy.problem import Problem
 from mpp_taichi.accuracy.reference import ReferenceSolution
-from mpp_taichi.accuracy.reference_search import DEVICE as REFERENCE
+from mpp_taichi.accuracy.reference_machines import DEVICE as REFERENCE
 from mpp_taichi.accuracy.reference_search import ReferenceSearch
 from mpp_taichi.accuracy.sample import Configuration, MeasuredError, Sample
 from mpp_taichi.accuracy.store import Store

@@ -55,7 +55,7 @@ class Trials:
         if quantity is None:
             return -1.0
         allowed = study.allowed(self.target, quantity)
-        if (values := study.value_reference) is not None:  # with many runs, the bar of a difference holds that of the reference
+        if (values := study.value_reference) is not None:  # of many runs: their bar contains the bar of the reference
             return allowed - values.bar if values.runs == 1 else allowed
         return allowed if quantity != QUANTITIES[0] or study.reference is None else allowed - study.reference.bar
 

@@ -1,6 +1,5 @@
 """Value desk: the state of a search for reference values, and the steps that all ways of searching have in common."""
 
-import logging
 from collections.abc import Callable
 
 import numpy as np
@@ -10,15 +9,13 @@ from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.measuring import with_runs
 from mpp_taichi.accuracy.methods import StudyMethod
 from mpp_taichi.accuracy.problem import Problem
+from mpp_taichi.accuracy.reference_machines import machine_of
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.sweep import timed
 from mpp_taichi.accuracy.value_reference import MEANING, ValueReference, scales_of
 from mpp_taichi.accuracy.wanted import Wanted
 from mpp_taichi.accuracy.workbench import Workbench
-from mpp_taichi.errors import BackendError, MppError
-
-log = logging.getLogger(__name__)
 
 WELL_KNOWN = 1e-13  # a bar below which no better reference is tried
 WITHIN_AIM = 0.05  # of an aim: no better reference is tried below this bar
@@ -136,15 +133,5 @@ class ValueDesk:
         self.store.notes["values"] = self.reference.facts()
 
     def machine_of(self, bench: Workbench, name: str) -> Machine | None:
-        """The compiled method; None where the scene does not allow it."""
-        if name not in self.methods:
-            return None
-        if name not in bench.machines:
-            self.budget.check()  # before the compiler, which is not cut off
-        try:
-            return bench.machine(name)
-        except BackendError:
-            raise
-        except MppError as error:
-            log.info("%s is no reference here: %s", name, error)
-            return None
+        """See reference_machines.machine_of."""
+        return machine_of(bench, name, self.methods, self.budget)

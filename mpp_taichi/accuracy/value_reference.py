@@ -56,7 +56,8 @@ class ValueReference:
     def error(self, sample: Sample) -> MeasuredError:
         """The largest error of the entries: |value − reference| / scale, of means where the quantity scatters.
 
-        The bar of a mean of n runs is Student's t times its standard error, scatter / √n, together with that of the reference.
+        The bar of a mean of n runs is Student's t times its standard error, scatter / √n, together with the bar of the
+        reference.
         """
         if sample.status != "ok" or not sample.values:
             return MeasuredError(None)

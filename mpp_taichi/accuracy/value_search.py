@@ -20,6 +20,7 @@ from mpp_taichi.accuracy.families import meets
 from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.methods import StudyMethod, first_steps, for_reference
 from mpp_taichi.accuracy.problem import Problem
+from mpp_taichi.accuracy.reference_machines import MOST_BUDGETS, SHARE
 from mpp_taichi.accuracy.start_search import StartSearch
 from mpp_taichi.accuracy.store import Store
 from mpp_taichi.accuracy.value_desk import PATIENCE, ValueDesk
@@ -27,9 +28,6 @@ from mpp_taichi.accuracy.value_reference import EPSILON, ValueConvergence, scale
 from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import MppError
 
-DEVICE = ("cpu", "f64")
-SHARE = 0.3  # of the budget
-MOST_BUDGETS = 4.0
 FINER = (4.0, 16.0)  # times the samples of the run verb; the second where the first leaves too large a bar
 MOST_SAMPLES = 2**13  # in a reference run; fewer times FINER where the quantity asks for many samples
 MOST_RUNGS = 24

@@ -57,7 +57,7 @@ class TableRecorder:
 
     Where an external force acts or a particle is held (`conserves_momentum` is False), the last three are changes, not errors.
 
-    `validity`, if given, tells of a time whether positions are valid then (1, 0, or NaN where this is unknown), for a last
+    `validity`, if given, is a function of the time: 1 where positions are valid, 0 where not, NaN where unknown, for a last
     column `valid`.
 
     With an energy balance also energy_balance_error, |E + D − W − E₀| over the largest kinetic energy, dissipated energy D or

@@ -4,7 +4,7 @@ import numpy as np
 
 from mpp_taichi.views.caption import Background
 
-CONTRAST = 0.35  # what is left of the difference from the background
+CONTRAST = 0.35  # part of the difference from the background that a dimmed colour keeps
 
 
 def dim(picture: np.ndarray, background: Background) -> None:

@@ -213,7 +213,7 @@ def test_a_setting_of_a_gas_is_compared_by_means_with_a_bar(gas_study):
     assert known.bars[0] == pytest.approx(STUDENT * known.scatters[0] / math.sqrt(6.0), rel=1e-9)
     rows = [row for row in gas_study.rows() if row.sample.configuration.integrator == "swept" and row.sample.values]
     assert rows
-    for row in rows:  # exact at any step: what is left is the scatter
+    for row in rows:  # exact at any step, so that the only error is the scatter of the runs
         assert len(row.sample.values) == 6 and len({value for (value,) in row.sample.values}) == 6
         assert row.wanted.value is None and row.wanted.at_most < 3.0 * math.hypot(1.0, 1.0) * known.bar + 2.0 * known.scatter
 

@@ -58,8 +58,8 @@ def test_rounding_is_the_cause_where_differences_are_at_its_level_and_do_not_fal
     coarse, fine = np.sqrt(1.5) * level, np.sqrt(3.0) * level
     cause = cause_of(coarse, fine, steps, "f32", LEAPFROG)
     assert cause.by == "rounding"
-    # The standard deviation of the best linear estimate is √(35/49) of that of the error; differences of these sizes all of one
-    # sign give (4 √1.5 + √3) / 7 = 0.95 of it.
+    # The standard deviation of the best linear estimate is √(35/49) of the standard deviation of the error;
+    # differences of these sizes, all of one sign, give (4 √1.5 + √3) / 7 = 0.95 of the error.
     assert cause.errors(coarse, fine) == pytest.approx(0.947 * level, rel=1e-3)
 
 
