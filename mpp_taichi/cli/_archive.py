@@ -1,0 +1,122 @@
+"""The archive of a run of the command line, out/SCENE.run: kept while the run goes on, and found by the same command again."""
+
+import signal
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi.archive import object_state
+from mpp_taichi.cli._goal import Goal
+from mpp_taichi.cli._options import OUTPUT_FOLDER, output_stem
+from mpp_taichi.cli._request import Request
+from mpp_taichi.cli._terminal import UsageError, say
+from mpp_taichi.errors import StateError
+from mpp_taichi.simulation.moment import go_to
+from mpp_taichi.simulation.run_archive import FoundRun, RunArchive, header_of
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation.simulation import Simulation
+
+MOST_TOLD = 5  # keys that differ
+
+
+class KeptRun:
+    """The archive of one run: it goes on from an unfinished run of the same command, and writes its own records."""
+
+    def __init__(self, simulation: "Simulation", request: Request, goal: Goal, every: int, objects: Mapping[str, Any]) -> None:
+        """`objects` are the recorders whose samples belong to the run, by name."""
+        options = {
+            "until": goal.until,
+            "steps": goal.steps,
+            "every": every,
+            "force": request.force,
+            "recorders": sorted(objects),
+            "energy_balance": simulation.energy_balance is not None,
+        }
+        self.path = archive_path(simulation.scene.source)
+        self.archive = RunArchive(self.path, header_of(simulation, options), objects)
+        self._objects, self._request = dict(objects), request
+
+    def go_on(self, simulation: "Simulation") -> dict[str, Any] | None:
+        """Go to the last record of an unfinished run; where it was, or None where there is no such run.
+
+        Raises:
+            UsageError: the unfinished run is of another scene, or had other options.
+            StateError: the file is no archive of a run.
+        """
+        if not self.path.is_file():
+            return None
+        if self._request.fresh:
+            self.path.unlink()
+            return None
+        found = FoundRun(self.path)
+        if found.has_ended:
+            found.close()
+            self.path.unlink()
+            return None
+        self._require_same(found)
+        state = found.state()
+        go_to(simulation, state["moment"])
+        try:
+            object_state.restore(state["samples"], self._objects)
+        except StateError as error:
+            raise StateError(f"{self.path}: {error}; --fresh begins anew") from None
+        self.archive.go_on(found)
+        torn = f"; a record that was being written, {found.torn:,} bytes, is lost" if found.torn else ""
+        if not self._request.quiet:
+            say(f"going on with {self.path} from step {state['step']:,}, t = {state['time']:.9g}{torn}; --fresh begins anew")
+        return {"file": str(self.path), "time": state["time"], "step": state["step"], "torn_bytes": found.torn}
+
+    def _require_same(self, found: FoundRun) -> None:
+        old, new = dict(found.header), dict(self.archive.header)
+        versions = differences(old.pop("versions", {}), new.pop("versions"))
+        devices = differences({"device": old.pop("device", "")}, {"device": new.pop("device")})
+        old.pop("source", None), new.pop("source")
+        if differing := differences(old, new):
+            found.close()
+            told = "; ".join(differing[:MOST_TOLD]) + ("; …" if len(differing) > MOST_TOLD else "")
+            raise UsageError(f"{self.path} is of another run ({told}): --fresh begins anew and replaces it")
+        for each in (*versions, *devices):
+            say(f"note: {self.path} was written with another {each}: the last bits of the results may differ")
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """A block in which SIGUSR1 asks for a record."""
+        number = getattr(signal, "SIGUSR1", None)
+        if number is None or threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        before = signal.signal(number, lambda *_: self.archive.ask())
+        try:
+            yield
+        finally:
+            signal.signal(number, before if before is not None else signal.SIG_DFL)
+
+
+def archive_path(source: str) -> Path:
+    """Where the archive of a scene is kept."""
+    return OUTPUT_FOLDER / f"{output_stem(source)}.run"
+
+
+def is_kept(request: Request, goal: Goal) -> bool:
+    """Whether a run keeps an archive: a run without pictures that has an end. Films and trajectories cannot be gone on with."""
+    unlike = request.window or request.films or request.beside is not None or request.rewind is not None
+    return request.archive and not (unlike or goal.endless or request.trajectory is not None)
+
+
+def differences(old: Any, new: Any, path: str = "") -> list[str]:
+    """The keys in which two plain values differ, each with both values."""
+    if isinstance(old, Mapping) and isinstance(new, Mapping):
+        keys = dict.fromkeys((*old, *new))
+        return [line for key in keys for line in differences(old.get(key), new.get(key), f"{path}.{key}" if path else str(key))]
+    if isinstance(old, (list, tuple)) and isinstance(new, (list, tuple)) and len(old) == len(new):
+        return [line for k, pair in enumerate(zip(old, new)) for line in differences(*pair, f"{path}[{k}]")]
+    same: Callable[[Any, Any], bool] = lambda a, b: a == b or (a != a and b != b)  # noqa: E731 - NaN is the same as NaN
+    return [] if same(old, new) else [f"{path}: {_short(old)} there, {_short(new)} here"]
+
+
+def _short(value: Any) -> str:
+    text = "nothing" if value is None else repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}…"

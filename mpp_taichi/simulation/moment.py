@@ -1,0 +1,72 @@
+"""Moment: all that a run knows at one time, as plain values for an archive, and the way back to it in another process.
+
+A moment is a dictionary. `phase` is the number of the phase; `clock` holds the origin of the time [time], its step, the steps
+since then, and dt [time]. `fields` are positions, velocities, the memory of the method and of the contacts, and the moving
+frame, as they are on the device; `prepared` says whether the forces and the history with which the next step begins are among
+them. `accounts` are the counts of the solvers, the work of the phases, the energy balance and the findings of the judge.
+"""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from mpp_taichi.archive import object_state
+from mpp_taichi.device import one_thread
+from mpp_taichi.errors import StateError
+from mpp_taichi.simulation.clock import Reading
+from mpp_taichi.simulation.compiled_phase import SavedFields
+from mpp_taichi.simulation.in_turn import require_life
+from mpp_taichi.simulation.saved_state import Mark
+
+if TYPE_CHECKING:
+    from mpp_taichi.simulation.simulation import Simulation
+
+
+def moment_of(simulation: "Simulation") -> dict[str, Any]:
+    """The present moment of a simulation."""
+    mark, runner = simulation.mark(), simulation._runner
+    reading = mark.clock
+    return {
+        "phase": runner.number,
+        "clock": [reading.origin_time, reading.origin_step, reading.steps, reading.dt],
+        "fields": list(mark.fields.arrays),
+        "prepared": mark.fields.prepared,
+        "accounts": object_state.captured({"accounts": runner.accounts.save(), "judge": simulation.judge}),
+    }
+
+
+def go_to(simulation: "Simulation", moment: Mapping[str, Any]) -> None:
+    """Take a simulation to a moment of a run of the same scene on the same backend and in the same precision, bit for bit.
+
+    Raises:
+        StateError: the moment is of another run.
+    """
+    require_life(simulation)
+    with one_thread.lock:
+        _go_to(simulation, moment)
+
+
+def _go_to(simulation: "Simulation", moment: Mapping[str, Any]) -> None:
+    runner = simulation._runner
+    try:
+        number, reading = int(moment["phase"]), Reading(*moment["clock"])
+        if not runner.course.first <= number < len(runner.course.phases):
+            raise StateError(f"the archive is of a run in its phase {number}, and this run has no such phase")
+        again = number != runner.number
+        if again:
+            runner.enter(number)
+        fields, here = tuple(moment["fields"]), runner.phase.save()
+        for known, wanted in zip((*fields, *(None,) * len(here.arrays)), (*here.arrays, *(None,) * len(fields))):
+            if (known is None) != (wanted is None) or (known is not None and _form(known) != _form(wanted)):
+                raise StateError("the archive has other fields than this run: it is of another scene, method or precision")
+        accounts = runner.accounts.save()
+        object_state.restore(moment["accounts"], {"accounts": accounts, "judge": simulation.judge})
+        mark = Mark(SavedFields(fields, bool(moment["prepared"])), reading)
+        runner.go_to(number, mark, accounts, again=again)
+        runner.phase.warm_up(runner.clock)
+        runner.return_to(mark)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise StateError(f"the archive is damaged: {error!r}") from error
+
+
+def _form(array: Any) -> tuple[Any, ...]:
+    return array.dtype, array.shape

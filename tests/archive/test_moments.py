@@ -1,0 +1,174 @@
+"""A moment of a run, packed and put into a new simulation: the rest of the run has the same bits."""
+
+import numpy as np
+import pytest
+
+import mpp_taichi as mpp
+from mpp_taichi import component
+from mpp_taichi.archive.values import pack, unpack
+from mpp_taichi.errors import BackendError, StateError
+from mpp_taichi.simulation.moment import go_to, moment_of
+from mpp_taichi.simulation.run_archive import FoundRun, RunArchive, header_of
+from mpp_taichi.simulation.simulation import Simulation
+
+STEPS = 60
+PRECISIONS = ("f64", "f32", "ds")
+METHODS = [
+    (name, precision, plan)
+    for name in component.names("integrators")
+    if not component.flag("integrators", name, "flies")
+    for precision in PRECISIONS
+    for plan in ("serial", "parallel")
+]
+SOLVERS = [(name, precision) for name in component.names("contacts") for precision in ("f64", "f32")]
+
+
+def orbits(integrator):
+    """A planet and a moon around a heavy body, at an odd place of space; springs where the method is for springs."""
+    bodies = [(1.0, [0.3, 0.1, 0.0], [0, 0, 0]), (1e-3, [1.3, 0.1, 0.1], [0, 0.9, 0]), (1e-4, [-1.7, 0.2, 0.0], [0, -0.7, 0.1])]
+    scene = {
+        "title": "Orbits",
+        "particles": [{"body": {"mass": m, "position": x, "velocity": v}} for m, x, v in bodies],
+        "forces": [{"newtonian_gravity": {"strength": 1}}],
+        "integrator": {integrator: {"dt": 0.01}},
+        "run": {"duration": 1},
+    }
+    if component.flag("integrators", integrator, "implicit"):
+        scene["springs"] = [{"link": {"between": [1, 2], "stiffness": 2, "damping": 0.01}}]
+    return scene
+
+
+def gas(solver):
+    """Disks that fall onto each other between walls."""
+    places = [[1.1 + 1.7 * column + 0.13 * row, 1.2 + 1.9 * row] for row in range(4) for column in range(5)]
+    scene = {
+        "title": "Gas",
+        "dimensions": 2,
+        "particles": [
+            {
+                "body": {
+                    "mass": 1 + 0.1 * (k % 3),
+                    "radius": 0.6,
+                    "position": place,
+                    "velocity": [(-1) ** k * (1 + 0.1 * k), 0.7],
+                }
+            }
+            for k, place in enumerate(places)
+        ],
+        "walls": [{"box": {"lower": [0, 0], "upper": [10, 10]}}],
+        "contacts": {"hard_spheres": {"solver": solver}},
+        "run": {"duration": 3},
+    }
+    method = "event_driven" if component.flag("contacts", solver, "flies") else "ias15" if solver == "located" else "leapfrog"
+    scene["integrator"] = {method: {"dt": 0.02}}
+    if solver == "located":
+        scene["forces"] = [{"newtonian_gravity": {"strength": 0.1}}]
+    return scene
+
+
+def bits(simulation):
+    now = simulation.snapshot()
+    arrays = (now.position, now.velocity, now.mass, now.radius)
+    return now.time, now.step, *(array.tobytes() for array in arrays)
+
+
+def counts(simulation):
+    """The whole numbers of both reports."""
+    both = vars(simulation.contact_report) | vars(simulation.solver_report)
+    return {key: value for key, value in both.items() if isinstance(value, int)}
+
+
+def same_after_a_cut(scene, cut, **options):
+    """Whether a run, and a run that went on in a new simulation after `cut` steps, end with the same bits and counts.
+
+    The virial and the impulses on walls are summed by launches, whose lengths the clock decides: they may differ by rounding.
+    """
+    with Simulation(scene, backend="cpu", **options) as whole:
+        whole.run(steps=STEPS)
+        wanted = bits(whole), counts(whole)
+    with Simulation(scene, backend="cpu", **options) as first:
+        first.run(steps=cut)
+        data = pack(moment_of(first))
+    with Simulation(scene, backend="cpu", **options) as second:
+        go_to(second, unpack(data))
+        second.run(steps=STEPS - cut)
+        return (bits(second), counts(second)) == wanted
+
+
+@pytest.mark.sampled(12)
+@pytest.mark.parametrize(("integrator", "precision", "plan"), METHODS)
+def test_every_method_goes_on_with_the_same_bits(integrator, precision, plan):
+    cut = 1 + METHODS.index((integrator, precision, plan)) * 7 % (STEPS - 2)
+    try:
+        assert same_after_a_cut(orbits(integrator), cut, precision=precision, plan=plan)
+    except BackendError as refused:
+        pytest.skip(str(refused).splitlines()[0])
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(("solver", "precision"), SOLVERS)
+def test_every_contact_solver_goes_on_with_the_same_bits(solver, precision):
+    cut = 5 + SOLVERS.index((solver, precision)) * 11 % (STEPS - 10)
+    try:
+        assert same_after_a_cut(gas(solver), cut, precision=precision)
+    except BackendError as refused:
+        pytest.skip(str(refused).splitlines()[0])
+
+
+def test_a_run_that_goes_on_within_a_phase_ends_it_with_the_same_bits():
+    scene = orbits("pefrl") | {"timeline": [{"at": 0.3333333, "set": {"forces.newtonian_gravity.strength": 1.1}}]}
+    wanted = None
+    for cuts in ([], [0.1], [0.1, 0.27, 0.5], [0.3333333]):
+        moment = None
+        for until in (*cuts, 0.7777777):
+            with Simulation(scene, backend="cpu") as simulation:
+                if moment is not None:
+                    go_to(simulation, unpack(moment))
+                if until in cuts:
+                    simulation.run(steps=int((until - simulation.time) / simulation.dt + 0.5) if until < 0.3 else 10)
+                else:
+                    simulation.run(until=until)
+                moment, found = pack(moment_of(simulation)), bits(simulation)
+        wanted = wanted or found
+        assert found[0] == wanted[0]
+        assert found[2:] == wanted[2:]
+
+
+def test_a_moment_of_another_run_is_refused():
+    with Simulation(orbits("leapfrog"), backend="cpu") as simulation:
+        moment = moment_of(simulation)
+        with pytest.raises(StateError, match="no such phase"):
+            go_to(simulation, moment | {"phase": 3})
+        with pytest.raises(StateError, match="other fields"):
+            go_to(simulation, moment | {"fields": moment["fields"][:1]})
+        with pytest.raises(StateError, match="other fields"):
+            go_to(simulation, moment | {"fields": [each.astype(np.float32) for each in moment["fields"]]})
+        with pytest.raises(StateError, match="damaged"):
+            go_to(simulation, {})
+
+
+def test_resume_gives_any_moment_of_an_archive(tmp_path):
+    path = tmp_path / "a.run"
+    wanted = {}
+    with Simulation(orbits("taylor"), backend="cpu", precision="f64") as simulation:
+        archive = RunArchive(path, header_of(simulation), {})
+        for _ in range(3):
+            simulation.run(steps=10)
+            archive.record(simulation)
+            wanted[simulation.step_count] = bits(simulation)
+        archive.close()
+        simulation.run(steps=10)
+        end = bits(simulation)
+    found = FoundRun(path)
+    assert found.times == pytest.approx([0.1, 0.2, 0.3])
+    assert not found.has_ended
+    found.close()
+    with mpp.resume(path, at=0.2500001) as again:
+        assert bits(again) == wanted[20]
+        again.run(steps=10)
+        assert bits(again) == wanted[30]
+    with mpp.resume(path) as again:
+        again.run(steps=10)
+        assert bits(again) == end
+    with pytest.raises(StateError, match="its first state is of t = 0.1"):
+        mpp.resume(path, at=0.05)

@@ -1,0 +1,106 @@
+"""The file of records: a torn end costs no more than the record that was being written."""
+
+import os
+
+import pytest
+
+from mpp_taichi.archive import record_file
+from mpp_taichi.archive.record_file import END, HEADER, MAGIC, STATE, RecordFile
+from mpp_taichi.errors import OutputError, StateError
+
+PAYLOADS = [(HEADER, b"what the run is"), (STATE, b""), (STATE, b"x" * 100), (END, b"{}")]
+
+
+def written(path):
+    """A file with PAYLOADS; returns its bytes and the offsets at which its records end."""
+    file = RecordFile.create(path)
+    for kind, payload in PAYLOADS:
+        file.append(kind, payload)
+    ends = [record.end for record in file.records]
+    file.close()
+    return path.read_bytes(), ends
+
+
+def test_records_are_read_as_they_were_written(tmp_path):
+    written(tmp_path / "a.run")
+    file = RecordFile.open(tmp_path / "a.run")
+    assert [(record.kind, file.read(record)) for record in file.records] == PAYLOADS
+    assert file.torn == 0
+    assert file.read(file.last(STATE)) == b"x" * 100
+
+
+def test_a_file_that_ends_anywhere_keeps_every_whole_record_and_can_be_appended_to(tmp_path):
+    data, ends = written(tmp_path / "a.run")
+    for length in range(len(MAGIC), len(data) + 1):
+        path = tmp_path / "cut.run"
+        path.write_bytes(data[:length])
+        file = RecordFile.open(path)
+        whole = sum(end <= length for end in ends)
+        assert len(file.records) == whole
+        assert file.torn == length - ([len(MAGIC), *ends][whole])
+        file.append(STATE, b"more")
+        file.close()
+        again = RecordFile.open(path)
+        assert [again.read(record) for record in again.records] == [payload for _, payload in PAYLOADS[:whole]] + [b"more"]
+        again.close()
+
+
+def test_a_changed_byte_ends_the_records_there(tmp_path):
+    data, ends = written(tmp_path / "a.run")
+    for place in range(len(MAGIC), len(data)):
+        path = tmp_path / "changed.run"
+        path.write_bytes(data[:place] + bytes([data[place] ^ 0x40]) + data[place + 1 :])
+        file = RecordFile.open(path)
+        before = sum(end <= place for end in ends)
+        assert len(file.records) == before
+        file.close()
+
+
+def test_other_files_are_refused(tmp_path):
+    (tmp_path / "a.run").write_bytes(b"PK\x03\x04 no archive")
+    with pytest.raises(StateError, match="is no archive of a run"):
+        RecordFile.open(tmp_path / "a.run")
+
+
+@pytest.mark.skipif(record_file.fcntl is None, reason="Windows has no locks of this kind")
+def test_a_file_has_one_writer(tmp_path):
+    file = RecordFile.create(tmp_path / "a.run")
+    for second in (RecordFile.create, RecordFile.open):
+        with pytest.raises(OutputError, match="another process is writing"):
+            second(tmp_path / "a.run")
+    file.close()
+    RecordFile.open(tmp_path / "a.run").close()
+
+
+def test_a_large_file_loses_every_second_state_and_never_the_last(tmp_path, monkeypatch):
+    monkeypatch.setattr(record_file, "MOST_BYTES", 1000)
+    file = RecordFile.create(tmp_path / "a.run")
+    file.append(HEADER, b"header")
+    for number in range(40):
+        file.append(STATE, b"%03d" % number * 20)
+        file.thin_out()
+        assert file.records[-1].end <= 1000
+        assert file.read(file.last(STATE))[:3] == b"%03d" % number
+    kept = [int(file.read(record)[:3]) for record in file.records if record.kind == STATE]
+    file.close()
+    again = RecordFile.open(tmp_path / "a.run")
+    assert again.read(again.records[0]) == b"header"
+    assert [int(again.read(record)[:3]) for record in again.records[1:]] == kept == sorted(kept)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.run"]
+
+
+def test_a_full_disk_takes_back_the_part_of_a_record(tmp_path, monkeypatch):
+    file = RecordFile.create(tmp_path / "a.run")
+    file.append(STATE, b"first")
+
+    def full(_descriptor):
+        raise OSError(28, os.strerror(28))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(record_file.os, "fsync", full)
+        with pytest.raises(OutputError, match="No space left"):
+            file.append(STATE, b"second")
+    file.append(STATE, b"third")
+    file.close()
+    again = RecordFile.open(tmp_path / "a.run")
+    assert [again.read(record) for record in again.records] == [b"first", b"third"]
