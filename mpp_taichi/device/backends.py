@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mpp_taichi.device import fast_taichi
+from mpp_taichi.device import fast_taichi, forked, one_thread, own_runtime
 from mpp_taichi.device.availability import BACKENDS, availability, cpu_name, present, remembered
 from mpp_taichi.device.taichi_environment import user_variables_hidden
-from mpp_taichi.device.thread_count import check_threads, require_threads
+from mpp_taichi.device.thread_count import bounded, check_threads, require_threads
 from mpp_taichi.errors import BackendError
 from mpp_taichi.missing_package import missing_packages_named
 from mpp_taichi.precision import PRECISIONS, carries_low_parts, forces_have_low_parts, number_type
@@ -64,8 +64,8 @@ class Device:
 
 @dataclass
 class _Runtime:
+    taichi: Any = None  # the module, once it is imported and its parts are in place
     device: Device | None = None
-    state: Any = None  # Taichi's own object of the runtime, a new object after each ti.init and ti.reset
     generation: int = 0
     users: int = 0
 
@@ -74,12 +74,14 @@ _runtime = _Runtime()  # Taichi has one runtime in a process; this mirrors it.
 
 
 def import_taichi() -> Any:
-    """Import Taichi without its banner, and put the parts of `fast_taichi` in place.
+    """Import Taichi without its banner, and put the parts of `fast_taichi` in place; a second call only returns the module.
 
     Raises:
         ArgumentError: MPP_TAICHI_FAST has a name that no part has.
         BackendError: Taichi cannot be imported.
     """
+    if _runtime.taichi is not None:  # some callers ask before each launch of a kernel
+        return _runtime.taichi
     if os.name != "nt" and "HOME" not in os.environ and "XDG_CACHE_HOME" not in os.environ:
         home = os.path.expanduser("~")
         os.environ["HOME"] = home if os.path.isabs(home) else os.devnull  # without it Taichi ends the process
@@ -91,6 +93,9 @@ def import_taichi() -> Any:
             f"taichi cannot be imported ({error}); it has wheels for Python 3.10–3.13 on Linux x86-64, Windows, macOS arm64"
         ) from error
     fast_taichi.install(taichi)
+    own_runtime.install()
+    forked.install()
+    _runtime.taichi = taichi
     return taichi
 
 
@@ -101,11 +106,19 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
     on other backends.
 
     Raises:
-        BackendError: the backend does not start here, or computes wrongly in this precision.
+        BackendError: the backend does not start here, or computes wrongly in this precision; or this process was forked from
+            one in which Taichi ran.
+        MppError: another thread has an open simulation.
         ArgumentError: too many threads, or an unknown name in MPP_TAICHI_FAST.
     """
     _check_names(backend, precision)
-    threads = check_threads(threads)
+    forked.refuse_child()
+    one_thread.refuse_second(_open_here())  # without the lock, which the other thread may hold for long
+    with one_thread.lock:
+        return _start(backend, precision, large=large, threads=check_threads(threads))
+
+
+def _start(backend: str, precision: str | None, *, large: bool, threads: int | None) -> Device:
     chosen = _choose(large) if backend == "auto" else backend
     if chosen != "cpu":
         report = availability(chosen)
@@ -114,10 +127,14 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
             raise BackendError(f"backend {chosen} does not start here: {report['reason']}; here are: {here}")
     precision = precision or ("f64" if chosen == "cpu" else "f32")
     _forget_what_others_ended()
-    running = _runtime.device
+    one_thread.refuse_second(_open_here())
+    running = _runtime.device if one_thread.is_owner() else None
+    threads = bounded(threads) if threads and chosen == "cpu" else None
     if running and (running.backend, running.precision) == (chosen, precision) and threads in (None, running.threads):
         return running
     ti = import_taichi()
+    if own_runtime.has_foreign_fields():
+        log.warning("the fields of Taichi that this program made have ended: %s", own_runtime.ONE_RUNTIME)
     initialise(ti, chosen, precision, threads)
     _forget()  # the start has ended the earlier runtime
     probes = _probe_here(ti, chosen)
@@ -137,10 +154,13 @@ def start(backend: str = "auto", precision: str | None = None, *, large: bool = 
     if not probes.finds_nan:
         stop()
         raise BackendError(f"backend {chosen} on this device does not detect NaN, so no result of it can be trusted")
+    if ti.lang.impl.get_runtime().prog.get_snode_tree_size():
+        # Taichi numbers fields, and a kernel that it kept fits only fields of the same numbers. The probes of a first start
+        # made fields; after a new start the scene's fields have the numbers that they will have in every later run.
+        initialise(ti, chosen, precision, threads)
     name = cpu_name() if chosen == "cpu" else availability(chosen)["device"]
     used = threads or os.cpu_count() or 1
     _runtime.device = Device(chosen, name, precision, used if chosen == "cpu" else 0, probes, _runtime.generation)
-    _runtime.state = ti.lang.impl.get_runtime()
     return _runtime.device
 
 
@@ -154,7 +174,7 @@ def initialise(ti: Any, backend: str, precision: str, threads: int | None = None
         here = str(Path(__file__).parent)
         options |= {"offline_cache": False, "offline_cache_file_path": here, "offline_cache_cleaning_policy": "never"}
     try:
-        with contextlib.redirect_stdout(io.StringIO()), user_variables_hidden():
+        with contextlib.redirect_stdout(io.StringIO()), user_variables_hidden(), own_runtime.being_started():
             ti.init(
                 arch=getattr(ti, backend),
                 default_fp=getattr(ti, number_type(precision)),
@@ -208,14 +228,13 @@ def stop() -> None:
 def _forget() -> None:
     """Note that our runtime no longer exists."""
     _runtime.device = None
-    _runtime.state = None
     _runtime.users = 0
     _runtime.generation += 1
 
 
 def _forget_what_others_ended() -> None:
     """Notice a ti.init or ti.reset by the program: a process has one Taichi runtime, so either has ended ours."""
-    if _runtime.device is not None and sys.modules["taichi"].lang.impl.get_runtime() is not _runtime.state:
+    if _runtime.device is not None and not own_runtime.is_own():
         _forget()
 
 
@@ -224,18 +243,23 @@ def retain(device: Device) -> None:
     _runtime.users += 1
 
 
+def _open_here() -> int:
+    """Number of the open simulations, of every thread."""
+    return _runtime.users if own_runtime.is_own() else 0
+
+
 def release(device: Device) -> None:
     """Count one simulation less; after the last simulation Taichi is reset, which frees memory and kernels."""
-    if is_alive(device):
-        _runtime.users -= 1
-        if _runtime.users <= 0:
-            stop()
+    with one_thread.lock:
+        if is_alive(device):
+            _runtime.users -= 1
+            if _runtime.users <= 0:
+                stop()
 
 
 def is_alive(device: Device) -> bool:
     """Whether fields made under this device still exist."""
-    _forget_what_others_ended()
-    return _runtime.device is not None and _runtime.generation == device.generation
+    return _runtime.device is not None and _runtime.generation == device.generation and own_runtime.is_own()
 
 
 def all_probes(device: Device) -> Probes:

@@ -1,16 +1,19 @@
 """Thread count: how many threads or processes a user may ask for, and whether the system starts them.
 
-More threads than logical processors take turns, and every thread takes memory for its stack. Four threads for each logical
-processor are enough to measure the loss. On every machine 64 threads are allowed, so that a command that was written for a
-large machine runs on a small machine as well.
+More threads than logical processors only take turns, and every thread takes memory for its stack. So kernels run on as many
+threads as the process has processors, at most, and a note says so where more were asked for: a command that was written for a
+large machine runs on a small machine as well. More than four threads for each processor, and more than 64, are refused.
 """
 
+import logging
 import operator
 import os
 import threading
 from typing import Any
 
 from mpp_taichi.errors import ArgumentError, CapacityError
+
+log = logging.getLogger(__name__)
 
 THREADS_PER_PROCESSOR = 4
 ALWAYS_ALLOWED = 64
@@ -42,6 +45,19 @@ def check_threads(threads: Any) -> int | None:
     if not 1 <= count <= most_threads():
         raise ArgumentError(f"threads={threads!r} must be {allowed_threads()}")
     return count
+
+
+def bounded(count: int) -> int:
+    """The count, or the number of processors of this process where that is less, with a note."""
+    most = processors()
+    if count > most:
+        log.warning("threads: %d instead of %d, as this process has %d processors", most, count, most)
+    return min(count, most)
+
+
+def processors() -> int:
+    """The number of logical processors on which this process may run."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def require_threads(count: int) -> None:

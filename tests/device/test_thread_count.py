@@ -1,7 +1,5 @@
 """The number of threads or processes is checked before any of them starts."""
 
-import os
-
 import numpy as np
 import pytest
 import yaml
@@ -9,7 +7,7 @@ import yaml
 from mpp_taichi import MppError, Simulation
 from mpp_taichi.cli.main import main
 from mpp_taichi.device import backends
-from mpp_taichi.device.thread_count import most_threads
+from mpp_taichi.device.thread_count import most_threads, processors
 from scenes import kepler
 
 REFUSED = ["1000000", "1e6", "0", "-3", "2.5", "nan", "inf", "two", "", "9" * 5000]
@@ -67,7 +65,11 @@ def test_a_count_in_python_is_refused_before_anything_starts(no_start, count):
         assert caught.value.exit_code == 2
 
 
-def test_as_many_threads_as_are_allowed_run():
-    with Simulation({**kepler(dt=0.02), "run": {"steps": 3}}, backend="cpu", threads=np.int64(most_threads())) as simulation:
-        simulation.run()
-        assert simulation.device.threads == most_threads() >= 4 * (os.cpu_count() or 1)
+def test_more_threads_than_processors_are_bounded_with_a_note(caplog):
+    for count in (most_threads(), processors()):
+        caplog.clear()
+        with Simulation({**kepler(dt=0.02), "run": {"steps": 3}}, backend="cpu", threads=np.int64(count)) as simulation:
+            simulation.run()
+            assert simulation.device.threads == processors()
+        note = f"threads: {processors()} instead of {count}, as this process has {processors()} processors"
+        assert [each.getMessage() for each in caplog.records] == [note] * (count > processors())

@@ -10,11 +10,17 @@ Both options are part of the key under which Taichi's offline cache keeps a kern
 
 from types import TracebackType
 
-import taichi as ti
+from mpp_taichi.device import own_runtime
 
 Options = tuple[int, bool]
 TAICHIS_OWN: Options = (1, True)
 """`opt_level` and `real_matrix_scalarize` as Taichi sets them."""
+
+
+def leave_all() -> None:
+    """Give the compiler Taichi's own options: the block of a mode may have been interrupted before it gave them back."""
+    config = own_runtime.config()
+    config.opt_level, config.real_matrix_scalarize = TAICHIS_OWN
 
 
 class CompileMode:
@@ -36,10 +42,10 @@ class CompileMode:
         self._options = opt_level, real_matrix_scalarize
 
     def __enter__(self) -> None:
-        config = ti.lang.impl.current_cfg()
+        config = own_runtime.config()
         self._before.append((config.opt_level, config.real_matrix_scalarize))
         config.opt_level, config.real_matrix_scalarize = self._options
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        config = ti.lang.impl.current_cfg()
+        config = own_runtime.config()
         config.opt_level, config.real_matrix_scalarize = self._before.pop()

@@ -10,6 +10,8 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.device import own_runtime
+
 FEW = 4096  # particles: a loop of 15 ns for each is done in 60 µs
 
 
@@ -30,9 +32,14 @@ class SerialLoops:
         SerialLoops.depth -= SerialLoops.counted
 
 
+def leave_all() -> None:
+    """Make later loops parallel again: a block of `SerialLoops` may have been interrupted before it was left."""
+    SerialLoops.depth = 0
+
+
 def on_cpu() -> bool:
     """Whether the backend that runs is a CPU: its threads are few and fast, and a loop on it may take as long as it likes."""
-    return ti.lang.impl.current_cfg().arch in (ti.x64, ti.arm64)
+    return own_runtime.config().arch in (ti.x64, ti.arm64)
 
 
 def is_short(count: int) -> bool:

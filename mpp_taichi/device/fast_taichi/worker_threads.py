@@ -56,6 +56,11 @@ def stop() -> None:
         stop_running()
 
 
+def let_go() -> None:
+    """Forget the threads without ending them: in a forked child they do not exist."""
+    _Running.stop = None
+
+
 class _Running:
     stop: Callable[[], None] | None = None  # ends the threads that run; None where none run
 
