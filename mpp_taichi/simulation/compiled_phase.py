@@ -67,6 +67,7 @@ class CompiledPhase:
             derivatives=self.integrator.derivatives,
             two_parts=two_parts,
         )
+        refusals.check_numbers(start, self.total_force, device.precision)
         refusals.check_sines(spec, self.total_force.forces, device)
         self.replica_count = max(1, len(replica_starts))
         self.plan = settle_plan(
@@ -225,6 +226,20 @@ class CompiledPhase:
         self.launcher.clear_trouble()
 
     # Steps
+
+    def warm_up(self, clock: Clock) -> None:
+        """Take a step as after a start, so that all fields are filled that no saved state has, such as tolerances and sums.
+
+        The state is meaningless afterwards, until `restore`; counts and collisions of the step are dropped.
+        """
+        self.integrator.arrange(self.state)
+        self.prepared = False
+        self.prepare(clock)
+        self.launcher.advance(clock.time, clock.dt, 0, 1)
+        self.launcher.collect()
+        if self.contacts is not None:
+            self.contacts.collect()
+            self.contacts.take_log()
 
     def prepare(self, clock: Clock) -> None:
         """Compute the forces and the history that the next step begins with, unless they are there."""

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Sequence
 
 from mpp_taichi.device.backends import Device
+from mpp_taichi.device.interrupted import tidied_after
 from mpp_taichi.simulation.compiled_phase import CompiledPhase
 from mpp_taichi.simulation.course import Phase
 from mpp_taichi.snapshot import Snapshot
@@ -24,9 +25,10 @@ class CompiledPhases:
     def of(self, phase: Phase) -> CompiledPhase:
         """The compiled phase with the numbers of this one; BackendError, CapacityError, … where it cannot be compiled."""
         if phase.kernels not in self._of_kernels:
-            self._of_kernels[phase.kernels] = CompiledPhase(
-                phase, self._device, plan=self.plan_asked, replica_starts=self._replica_starts, event_log=self._event_log
-            )
+            with tidied_after():
+                self._of_kernels[phase.kernels] = CompiledPhase(
+                    phase, self._device, plan=self.plan_asked, replica_starts=self._replica_starts, event_log=self._event_log
+                )
         compiled = self._of_kernels[phase.kernels]
         compiled.adopt(phase)
         return compiled

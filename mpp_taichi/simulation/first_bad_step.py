@@ -1,5 +1,6 @@
 """First bad step: where a run broke, the first step with a number that is not finite, and its particle and pair."""
 
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -42,11 +43,12 @@ def unresolved(count: int, contacts: Any, *, step: int, time: float) -> Stabilit
     return error
 
 
-def unsolved(before: Snapshot, particle: int, *, step: int, time: float) -> StabilityError:
+def unsolved(before: Snapshot, particle: int, *, dt: float, step: int, time: float) -> StabilityError:
     """The error for a step whose implicit equations were not solved; `before` is the state after the last solved step."""
+    cure = "try a smaller dt" if dt * dt >= sys.float_info.min else f"the square of dt = {dt:g} is 0: try a longer dt"
     error = StabilityError(
         f"step {step}, time {time:.9g}: Newton's method does not solve the equations of the step, "
-        f"{label(before, particle)} is the furthest from its place; try a smaller dt"
+        f"{label(before, particle)} is the furthest from its place; {cure}"
     )
     error.step, error.time, error.particle = step, time, particle
     return error

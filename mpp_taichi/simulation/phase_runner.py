@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from mpp_taichi.contacts._base import ContactReport
 from mpp_taichi.errors import MppError
 from mpp_taichi.scene import sliders
-from mpp_taichi.simulation.accounts import Accounts
+from mpp_taichi.simulation.accounts import Accounts, SavedAccounts
 from mpp_taichi.simulation.clock import Clock
 from mpp_taichi.simulation.compiled_phase import CompiledPhase
 from mpp_taichi.simulation.compiled_phases import CompiledPhases
@@ -42,8 +42,13 @@ class PhaseRunner:
     @property
     def time_to_next_phase(self) -> float:
         """Simulated time until the timeline changes something; infinite in the last phase."""
+        return max(0.0, self.next_phase_at - self.clock.time)
+
+    @property
+    def next_phase_at(self) -> float:
+        """Simulated time at which the timeline changes something; infinite in the last phase."""
         following = self.course.phases[self.number + 1 : self.number + 2]
-        return max(0.0, following[0].at - self.clock.time) if following else math.inf
+        return following[0].at if following else math.inf
 
     def enter(self, number: int) -> None:
         """Make a phase the present one, with the step of its scene; it is compiled if no phase of the same kernels was."""
@@ -161,13 +166,17 @@ class PhaseRunner:
             raise MppError("what was set since has replaced the kernels of that moment")
         again = bookmark.number != self.number or bookmark.course is not self.course
         self.course = bookmark.course
+        self.go_to(bookmark.number, bookmark.mark, bookmark.accounts, again=again)
+
+    def go_to(self, number: int, mark: Mark, accounts: SavedAccounts, *, again: bool) -> None:
+        """Go to a moment of the course, bit for bit; `again` where its phase is to be entered."""
         if again:
-            self.enter(bookmark.number)
-        self.return_to(bookmark.mark)
+            self.enter(number)
+        self.return_to(mark)
         if again:
-            at_start = bookmark.number == self.course.first
+            at_start = number == self.course.first
             self._guard_step(self.course.start if at_start else self.phase.snapshot(self.clock))
-        self.accounts.restore(bookmark.accounts)
+        self.accounts.restore(accounts)
         self.accounts.measure(self.phase)
 
     # Members that the energy balance reads

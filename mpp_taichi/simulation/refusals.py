@@ -8,10 +8,20 @@ import numpy as np
 from mpp_taichi.contacts._base import ContactSolver
 from mpp_taichi.device.backends import Device
 from mpp_taichi.errors import CapacityError, PrecisionError, SceneError, UnsupportedError
-from mpp_taichi.precision import FARTHEST_PAIR, SMALLEST_IN_TWO_PARTS, forces_have_low_parts, forces_see_low_parts
+from mpp_taichi.precision import (
+    FARTHEST_PAIR,
+    FARTHEST_PAIR_IN_SINGLE,
+    LARGEST_SINGLE,
+    SMALLEST_IN_TWO_PARTS,
+    SMALLEST_SINGLE,
+    forces_have_low_parts,
+    forces_see_low_parts,
+    number_type,
+)
 from mpp_taichi.scene.estimate import LARGEST_COUNT, available_bytes
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
+from mpp_taichi.simulation import first_bad_step
 from mpp_taichi.snapshot import Snapshot
 
 NUMBERS_PER_ENTRY = {"scalar": 1, "wide": 1, "index": 0.5, "pair": 2, "wide_pair": 2, "vector4": 4, "vector8": 8}
@@ -93,6 +103,33 @@ def check_range(start: Snapshot, total_force: Any, precision: str) -> None:
                 f"{precision} keeps the digits of numbers from {SMALLEST_IN_TWO_PARTS:.2g} on, and here is a {name} of "
                 f"{sizes.min():.3g}; choose a smaller unit of {name}, or use f64 or ds"
             )
+
+
+def check_numbers(start: Snapshot, total_force: Any, precision: str) -> None:
+    """Refuse numbers that single precision does not have: they would become 0 or infinite, and a body massless.
+
+    Raises:
+        PrecisionError: a number is too large or too small, or particles that act on each other are too far apart.
+    """
+    if number_type(precision) == "f64":
+        return
+    used = [name for name in ("mass", "charge", "radius") if name in total_force.needs]
+    for name in ("position", "velocity", *used):
+        values = getattr(start, name)
+        size = np.abs(values).reshape(start.particle_count, -1).max(axis=1)
+        lost = (size < SMALLEST_SINGLE) & (size > 0.0) & (name in used)
+        wrong = np.flatnonzero(lost | (size > LARGEST_SINGLE))
+        if len(wrong):
+            raise PrecisionError(
+                f"{first_bad_step.label(start, int(wrong[0]))} has a {name} of {size[wrong[0]]:.3g}, and {precision} has "
+                f"numbers from {SMALLEST_SINGLE:.2g} to {LARGEST_SINGLE:.2g}; choose another unit, or use f64"
+            )
+    extent = float(np.linalg.norm(np.ptp(start.position, axis=0))) if total_force.has_pairs else 0.0
+    if extent > FARTHEST_PAIR_IN_SINGLE:
+        raise PrecisionError(
+            f"{precision} computes forces between particles up to {FARTHEST_PAIR_IN_SINGLE:.2g} lengths apart, and here they "
+            f"are {extent:.3g} apart; choose a larger unit of length, or use f64"
+        )
 
 
 def check_room(fields: Mapping[str, tuple[str, int]], *, dimensions: int, replica_count: int, on_cpu: bool) -> None:

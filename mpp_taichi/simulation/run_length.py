@@ -2,9 +2,12 @@
 
 import math
 
-from mpp_taichi.errors import MppError
+from mpp_taichi.errors import CapacityError, MppError
 from mpp_taichi.scene.spec import RunSpec
 from mpp_taichi.scene.timeline import whole_steps
+
+MOST_STEPS = 2.0**53
+"""Steps beyond which time + dt is no new number; a machine would take years."""
 
 
 def time_and_steps(
@@ -35,7 +38,14 @@ def steps_to(span: float, steps: float, to_next_phase: float, dt: float) -> tupl
     """The way of a run to the end of its phase, or to its own end where this is nearer: after `span`, or after `steps`.
 
     The whole steps, the length of a shorter last step, or 0, and whether it is the number of `steps` that ends the run.
+
+    Raises:
+        CapacityError: more steps than the clock can tell apart.
     """
     leg = min(span, to_next_phase)
+    if leg < math.inf and not leg / dt <= MOST_STEPS:
+        raise CapacityError(
+            f"a time of {leg:.6g} is {leg / dt:.3g} steps of dt = {dt:.6g}, allowed: {MOST_STEPS:.3g}; take a longer dt"
+        )
     whole, rest = whole_steps(leg, dt) if leg < math.inf else (steps, 0.0)
     return (steps, 0.0, True) if steps < whole + (rest > 0.0) else (whole, rest, False)

@@ -5,28 +5,33 @@ import time as clock
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mpp_taichi.contacts._base import ContactReport, ContactSolver
-from mpp_taichi.device import backends
+from mpp_taichi.device import backends, one_thread
 from mpp_taichi.device.thread_count import check_threads
-from mpp_taichi.errors import MppError, SceneError
+from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.estimate import check_capacity, estimate
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.simulation import dropped
 from mpp_taichi.simulation.accounts import Accounts
 from mpp_taichi.simulation.clock import Clock
 from mpp_taichi.simulation.compiled_phase import CompiledPhase
 from mpp_taichi.simulation.compiled_phases import CompiledPhases
 from mpp_taichi.simulation.course import Course, Phase, course_of
+from mpp_taichi.simulation.in_turn import in_turn, require_life
+from mpp_taichi.simulation.judge import RunJudge
 from mpp_taichi.simulation.phase_runner import PhaseRunner
 from mpp_taichi.simulation.recorder import Recorder
 from mpp_taichi.simulation.run_length import time_and_steps
 from mpp_taichi.simulation.run_loop import RunLoop
 from mpp_taichi.simulation.saved_state import Bookmark, Mark
+from mpp_taichi.simulation.verdict import RunVerdict
 from mpp_taichi.simulation.watched_launches import Timings, WatchedLaunches
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.solvers.report import SolverReport
@@ -76,13 +81,18 @@ class Simulation:
         course = course_of(read, start)
         # No scene with contacts is sent to a GPU unasked.
         work = 0 if any(phase.spec.contacts for phase in course.phases) else max(phase.work for phase in course.phases)
-        self.device = backends.start(backend, precision, large=work >= GPU_WORTH_WORK, threads=threads)
-        backends.retain(self.device)
-        self._closed = False
         self._clock, self._accounts = Clock(course.phases[course.first].dt), Accounts()
-        compiled = CompiledPhases(self.device, plan=plan, replica_starts=replica_starts, event_log=event_log)
-        self._runner = PhaseRunner(course, compiled, self._clock, self._accounts, force=force)
+        with one_thread.lock:
+            dropped.free_dropped()
+            self.device = backends.start(backend, precision, large=work >= GPU_WORTH_WORK, threads=threads)
+            compiled = CompiledPhases(self.device, plan=plan, replica_starts=replica_starts, event_log=event_log)
+            backends.retain(self.device)
+            self._watcher = dropped.watch(self, compiled, self.device)
+            self._closed = False
+            self._runner = PhaseRunner(course, compiled, self._clock, self._accounts, force=force)
         self._launches = WatchedLaunches(self._clock, self._accounts)
+        self.judge = RunJudge()
+        self._runner.when_phase_begins.append(self.judge.renew)
         self.when_phase_begins: list[Callable[[], None]] = self._runner.when_phase_begins
         self.timings: Timings = self._launches.timings
         self.timings.setup_seconds = clock.perf_counter() - began
@@ -120,19 +130,24 @@ class Simulation:
         until: float | None = None,
         steps: int | None = None,
         recorders: Sequence[Recorder] = (),
+        judge: str = "warn",
     ) -> "Simulation":
         """Advance by `duration`, `until` a time, or by `steps`; without any of them as the scene's `run:` says.
 
-        A loop of: ask the recorders when they are due, step that far at most, check that every number is finite, call the
-        recorders. If the end is no whole number of steps away, one shorter step reaches it exactly. The end of a phase is
-        reached in the same way, and the next phase begins at this time. A step longer than the springs allow is refused with
-        a StabilityError, see `check_step`.
+        A shorter last step reaches the end exactly, and the end of each phase. Recorders are called when they are due.
+        `judge` says how findings of `verdict` are told: "warn" by a Python warning, an AccuracyWarning; "raise" by a
+        StabilityError; "off" not at all, and then nothing is looked at. A run in many short calls is looked at now and then.
         """
-        self._require_life()
+        require_life(self)
         span, left = time_and_steps(self.spec.run, self.time, duration, until, steps)
         end = self.time + span if until is None else float(until)
-        RunLoop(self, self._runner, self._launches, recorders, self._require_life).run(span, left, end)
+        RunLoop(self, self._runner, self._launches, recorders).run(span, left, end, judge)
         return self
+
+    @property
+    def verdict(self) -> RunVerdict:
+        """The judgement of the run so far, by the rules by which commands call a run `inaccurate`: see `RunVerdict`."""
+        return self.judge.verdict(self)
 
     @property
     def step_advice(self) -> StepAdvice | None:
@@ -146,93 +161,96 @@ class Simulation:
         """
         self._runner.guard.check(self.dt, steps)
 
+    @in_turn
     def begin_phase(self, number: int) -> None:
         """Go on with a phase at once, from the present state and at the phase's time; `run` does so by itself."""
-        self._require_life()
         self._runner.begin(number)
 
     # Changes and steps backwards
 
+    @in_turn
     def set(self, changes: str | Mapping[str, Any], value: Any = None) -> None:
         """Change parameters from now on: a path and its value, or a mapping of several, as `timeline:` takes them.
 
         Positions, velocities and the time stay, bit for bit. Kernels load the parameters that the scene's `sliders:` move:
         within the range of a slider nothing is compiled. Other numbers are part of the kernels, so that a change compiles them
         anew: forces, springs, walls, contacts, the integrator and its step, constants, and of particles all but their places;
-        at time 0 all of the scene. `run` refuses a step that the springs do not allow any more. The change becomes an event of
-        `scene`, so that `restart`, or a Simulation of `scene`, goes through it again, bit for bit.
+        at time 0 all of the scene. The change becomes an event of `scene`: `restart` goes through it again, bit for bit.
 
         Raises:
             MppError: there is no such parameter, or it cannot have this value; nothing has changed then.
         """
-        self._require_life()
         self._runner.change({changes: value} if isinstance(changes, str) else dict(changes))
+        self.judge.renew()
 
+    @in_turn
     def parameter_change(self) -> AbstractContextManager[None]:
         """A block in which parameters, fields or forces are replaced; an energy balance books the change of energy as work."""
-        self._require_life()
+        self.judge.renew()
         return self._runner.parameter_change()
 
+    @in_turn
     def restart(self, *, as_written: bool = False) -> None:
         """Go back to the start, and through all changes again; or, `as_written`, forget the changes, but for the sliders."""
-        self._require_life()
         self._runner.restart_as_written() if as_written else self._runner.restart()
+        self.judge.restart()
 
+    @in_turn
     def mark(self) -> Mark:
         """The state and its time, for `return_to`; valid within the phase."""
-        self._require_life()
         return self._runner.mark()
 
+    @in_turn
     def return_to(self, mark: Mark) -> None:
         """Go back, bit for bit, with all that the method and the contacts remember."""
-        self._require_life()
         self._runner.return_to(mark)
 
+    @in_turn
     def try_steps(self, steps: int, dt: float | None = None, *, judged: bool = True) -> bool:
         """Advance without recorders and accounts, by steps of the run or of another `dt`.
 
         False where a number is not finite or an implicit step was not solved; True where this is not `judged`.
         """
-        self._require_life()
         return self._launches.try_steps(self.phase, steps, self.dt if dt is None else dt, judged=judged)
 
+    @in_turn
     def bookmark(self) -> Bookmark:
         """This moment with its parameters and accounts, for `go_back`; valid until a change replaces its kernels."""
-        self._require_life()
         return self._runner.bookmark()
 
+    @in_turn
     def go_back(self, bookmark: Bookmark) -> None:
         """Go back to a moment, bit for bit, with its parameters; later changes are forgotten.
 
         Raises:
             MppError: a later change has replaced the kernels of that moment.
         """
-        self._require_life()
         self._runner.go_back(bookmark)
+        self.judge.go_back(self.time)
 
     # Samples
 
+    @in_turn
     def snapshot(self, replica: int = 0) -> Snapshot:
         """Host copy of all particles now, float64 whatever the precision."""
-        self._require_life()
         return self.phase.snapshot(self._clock, replica)
 
+    @in_turn
     def snapshot_ahead(self, offset: float) -> Snapshot:
         """The particles an `offset` < dt later, by the motion that the step goes on with: x + v offset, or along orbits."""
-        self._require_life()
         return self.phase.snapshot_ahead(self._clock, offset)
 
+    @in_turn
     def accelerations(self, snapshot: Snapshot | None = None) -> np.ndarray:
         """Accelerations [length / time²] by the forces now, or where a snapshot of this phase is, (particle_count, 3).
 
         Friction is included, and 0 stands along an axis that is held; contacts and walls, which act in an instant, are not.
         """
-        self._require_life()
         return self.phase.acceleration_meter.measure(self.snapshot() if snapshot is None else snapshot)
 
+    @in_turn
     def mechanics(self) -> dict[str, Any]:
         """Energies, momentum, angular momentum and centre of mass now; see `energy.mechanics`."""
-        self._require_life()
         return self._runner.mechanics()
 
     def diagnostics(self) -> dict[str, Any]:
@@ -242,9 +260,9 @@ class Simulation:
             found |= self.energy_balance.account(self._runner, found["total_energy"])
         return found
 
+    @in_turn
     def keep_energy_balance(self) -> "EnergyBalance":
         """Integrate dissipated energy and work from now on, step by step."""
-        self._require_life()
         return self._accounts.keep_energy_balance(self.phase)
 
     def checkpoint(self, path: str | Path) -> None:
@@ -275,6 +293,16 @@ class Simulation:
 
     # Scene and phases
 
+    phase_number = property(attrgetter("_runner.number"), doc="Number of the present phase.")
+    time_to_next_phase = property(
+        attrgetter("_runner.time_to_next_phase"),
+        doc="Time until the timeline changes something, or infinity.",
+    )
+    state = property(attrgetter("phase.state"), doc="The fields of the particles.")
+    total_force = property(attrgetter("phase.total_force"), doc="The sum of the forces.")
+    integrator = property(attrgetter("phase.integrator"), doc="The method.")
+    launcher = property(attrgetter("phase.launcher"), doc="The kind of step, as kernels that are launched.")
+
     @property
     def course(self) -> Course:
         """The phases of the run, with the phase and the state that it began with; `set` replaces it."""
@@ -296,16 +324,6 @@ class Simulation:
         return self._runner.course.start
 
     @property
-    def phase_number(self) -> int:
-        """Number of the present phase."""
-        return self._runner.number
-
-    @property
-    def time_to_next_phase(self) -> float:
-        """Simulated time until the timeline changes something; infinite in the last phase."""
-        return self._runner.time_to_next_phase
-
-    @property
     def phase(self) -> CompiledPhase:
         """The present phase on its device."""
         return self._runner.phase
@@ -321,29 +339,9 @@ class Simulation:
         return self.phase.plan
 
     @property
-    def state(self) -> Any:
-        """The fields of the particles."""
-        return self.phase.state
-
-    @property
-    def total_force(self) -> Any:
-        """The sum of the forces."""
-        return self.phase.total_force
-
-    @property
-    def integrator(self) -> Any:
-        """The method."""
-        return self.phase.integrator
-
-    @property
     def contacts(self) -> ContactSolver | None:
         """The contact solver, where the scene has contacts."""
         return self.phase.contacts
-
-    @property
-    def launcher(self) -> Any:
-        """The kind of step, as kernels that are launched."""
-        return self.phase.launcher
 
     @property
     def phase_work(self) -> list[float]:
@@ -377,16 +375,16 @@ class Simulation:
         """Whether the particles can still be read and moved."""
         return not self._closed and backends.is_alive(self.device)
 
-    def _require_life(self) -> None:
-        if not self.is_alive:
-            raise MppError(
-                "this simulation has ended: it was closed, another one started a different backend or precision, or the program"
-                " called ti.init or ti.reset"
-            )
-
     def close(self) -> None:
         """Give the device memory back."""
+        with one_thread.lock:
+            if not self._closed:
+                self._closed = True
+                self._watcher()
+            dropped.free_dropped()
+        """Give the device memory back, after a last look at the run."""
         if not self._closed and backends.is_alive(self.device):
+            self.judge.close(self)
             self._runner.compiled.destroy()
             backends.release(self.device)
         self._closed = True
@@ -395,6 +393,8 @@ class Simulation:
         """Return the simulation, for a block that closes it."""
         return self
 
-    def __exit__(self, *_: object) -> None:
-        """Close at the end of the block."""
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Close at the end of the block; after an error without a last look."""
+        if kind is not None:
+            self.judge.renew()
         self.close()

@@ -119,7 +119,7 @@ class WatchedLaunches:
         self._clock.move(trouble.steps, dt)
         if report is not None:
             self._accounts.solver_report.add(report)
-        raise first_bad_step.unsolved(phase.snapshot(self._clock), particle, **self._next_step(dt))
+        raise first_bad_step.unsolved(phase.snapshot(self._clock), particle, dt=dt, **self._next_step(dt))
 
     def _count_contacts(self, phase: CompiledPhase, saved: SavedFields) -> None:
         """Add the counts of the contact solver; a contact that it gave up on ends the run where the launch began."""

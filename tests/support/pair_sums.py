@@ -4,6 +4,7 @@ import os
 
 import numpy as np
 
+from mpp_taichi.device import own_runtime
 from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.neighbors.all_pairs import AllPairs
 from mpp_taichi.types import Template
@@ -128,7 +129,8 @@ class Launcher:
 
 
 def started(name, **options):
-    ti.init(arch=ti.cpu, default_fp=getattr(ti, name), fast_math=False, log_level=ti.ERROR, **options)
+    with own_runtime.being_started():  # kernels of the package are compiled in its own runtimes only
+        ti.init(arch=ti.cpu, default_fp=getattr(ti, name), fast_math=False, log_level=ti.ERROR, **options)
     yield getattr(ti, name)
     ti.reset()
 
