@@ -1,7 +1,7 @@
 """Generator: parameters of one entry of `particles:` → a group of particles, in NumPy on the host."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,7 +49,7 @@ class GeneratorContext:
     strength, softening   of the scene's newtonian_gravity; (0, 0) in a scene without it
     find      particles placed by the entries before this one, by index
     dimensions  2 or 3
-    placed    the groups of the entries before this one
+    placed    the groups of the entries before this one; a group may hold the particles of several entries
     """
 
     random: np.random.Generator
@@ -57,15 +57,28 @@ class GeneratorContext:
     softening: float
     find: Callable[[int], Center]
     dimensions: int = 3
-    placed: tuple[Group, ...] = ()
+    placed: Sequence[Group] = ()
 
 
 class Generator(ABC):
-    """A generator of particles. Its parameters are declared in its file."""
+    """A generator of particles. Its parameters are declared in its file.
+
+    one_particle   whether an entry makes one particle, whatever its parameters are
+    """
+
+    one_particle = False
 
     @abstractmethod
     def particle_count(self) -> int:
         """The number of particles, found without making them."""
+
+    @classmethod
+    def at_once(cls, entries: Iterable[Mapping[str, Any]]) -> Group | None:
+        """The particles of the first of these entries, given by their parameters, whose particles need no context.
+
+        None where the first entry needs one. The group is the one that `generate` makes of each, one after the other.
+        """
+        return None
 
     @abstractmethod
     def generate(self, context: GeneratorContext) -> Group:

@@ -1,11 +1,25 @@
 """One particle, with every property given; the position is given directly, or by the elements of an orbit."""
 
+from collections.abc import Iterable, Mapping
+from itertools import takewhile
+from typing import Any
+
 import numpy as np
 
 from mpp_taichi.component import Axes, Color, Particle, Vector, component, marked, param
 from mpp_taichi.errors import PlacementError
 from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make_group
 from mpp_taichi.generators._orbit import on_orbit, true_anomaly_at
+
+_COPIED = ("velocity", "mass", "radius", "charge", "color", "free", "name")
+_OF_ORBIT = ("around", "semi_major_axis", "true_anomaly", "mean_anomaly")
+_ANGLES = ("eccentricity", "inclination", "ascending_node", "argument_of_pericentre")
+
+
+def _has_position_only(given: Mapping[str, Any]) -> bool:
+    """Whether the parameters of a body give its position, and nothing of an orbit."""
+    of_orbit = any(given[key] is not None for key in _OF_ORBIT) or any(given[key] != 0.0 for key in _ANGLES)
+    return given["position"] is not None and not of_orbit
 
 
 @component
@@ -16,6 +30,8 @@ class Body(Generator):
     newtonian_gravity and both masses; softening and all other bodies are left out. A given velocity is added to the velocity of
     the orbit. The plane of reference is x–y, the direction of reference x.
     """
+
+    one_particle = True
 
     name: str = param("", help="name of the particle; absent: the scene refers to it by its index")
     mass: float = param(minimum=0.0, unit="mass")
@@ -49,6 +65,17 @@ class Body(Generator):
         """One."""
         return 1
 
+    @classmethod
+    def at_once(cls, entries: Iterable[Mapping[str, Any]]) -> Group | None:
+        """The bodies up to the first that is on an orbit."""
+        there = list(takewhile(_has_position_only, entries))
+        if not there:
+            return None
+        columns = {key: [each[key] for each in there] for key in _COPIED}
+        rest = np.array([each["position"] for each in there], float)
+        displaced = np.add(rest, [each["displacement"] for each in there])
+        return make_group(len(there), position=displaced, rest_position=rest, **columns)
+
     def generate(self, context: GeneratorContext) -> Group:
         """Put the particle at its position."""
         position, velocity = self._place(context)
@@ -68,9 +95,8 @@ class Body(Generator):
     def _place(self, context: GeneratorContext) -> tuple[np.ndarray, np.ndarray]:
         velocity = np.array(self.velocity, float)
         if self.semi_major_axis is None:
-            named = [name for name in ("around", "true_anomaly", "mean_anomaly") if getattr(self, name) is not None]
-            angles = ("eccentricity", "inclination", "ascending_node", "argument_of_pericentre")
-            named += [name for name in angles if getattr(self, name) != 0.0]
+            named = [name for name in _OF_ORBIT if getattr(self, name) is not None]
+            named += [name for name in _ANGLES if getattr(self, name) != 0.0]
             if named:
                 raise PlacementError(f"{named[0]} is of an orbit, which needs semi_major_axis too")
             if self.position is None:

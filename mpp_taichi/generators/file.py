@@ -3,6 +3,7 @@
 import csv
 import io
 import struct
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path as FilePath
@@ -12,12 +13,14 @@ import numpy as np
 from mpp_taichi.component import Path, component, param
 from mpp_taichi.errors import PlacementError
 from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make_group
+from mpp_taichi.generators._table_cells import from_word
 from mpp_taichi.scene.faults import printable
 
 # What zipfile, zlib and NumPy raise on a damaged archive.
 _UNREADABLE: tuple[type[Exception], ...] = (
     *(OSError, ValueError, LookupError, EOFError, RuntimeError, TypeError, MemoryError, SyntaxError),
     *(zipfile.BadZipFile, zlib.error, struct.error),
+    *(tokenize.TokenError, SyntaxError, MemoryError, ArithmeticError),  # of the text in which NumPy describes an array
 )
 BYTES_ALLOWED = 1 << 31  # of one array
 _VECTORS = ("position", "velocity", "color", "free")
@@ -147,7 +150,9 @@ class File(Generator):
             if len(row) != len(header):
                 raise PlacementError(f"{self._short}: row {number} has {len(row)} entries, the header {len(header)}")
         columns = {word: [row[index] for row in body] for index, word in enumerate(header)}
-        arrays: dict[str, np.ndarray] = {"name": np.array(columns.pop("name"), dtype=str)} if "name" in columns else {}
+        arrays: dict[str, np.ndarray] = {}
+        if "name" in columns:
+            arrays["name"] = np.array([from_word(cell) for cell in columns.pop("name")], dtype=str)
         for word, texts in columns.items():
             self._place_column(arrays, word, self._numbers(word, texts))
         return arrays

@@ -50,8 +50,6 @@ def _check_accuracy(spec: SceneSpec, tree: Node, faults: Faults) -> None:
             wanted_entries(spec, spec.accuracy.of)
         except ValueError as error:
             faults.add(tree.value["accuracy"].value["of"].location, "accuracy.of", str(error))
-        if tree.get("timeline") is not None:
-            faults.add(place, "accuracy.of", "a quantity of expect: is no target in a scene with a timeline, positions are")
 
 
 def _check_expect(spec: SceneSpec, faults: Faults) -> None:

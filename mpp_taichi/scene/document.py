@@ -2,14 +2,13 @@
 
 import numbers
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from mpp_taichi.errors import SceneError
-from mpp_taichi.scene import yaml_limits
+from mpp_taichi.scene import rows, yaml_limits
 from mpp_taichi.scene.faults import Faults, printable, shown
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.scalars import read_plain
@@ -17,20 +16,40 @@ from mpp_taichi.scene.scalars import read_plain
 _DEEPEST_DICT = yaml_limits.DEPTH_ALLOWED
 
 
-@dataclass(frozen=True)
 class Node:
     """A value and its place.
 
-    value          dict of Nodes, list of Nodes, or a scalar
+    value          dict of Nodes, list of Nodes, or a scalar; of an entry of a long list it is made when it is first asked for
     location       where the value begins
     key_location   where its key begins, if it has one
     text_column    column of the first character of a text on its line, 0 when the text is escaped or folded
+    row            the numbers of an entry of a long list, whose value is made from them; None for every other node
     """
 
-    value: Any
-    location: Location
-    key_location: Location | None = None
-    text_column: int = 0
+    __slots__ = ("_value", "key_location", "location", "row", "text_column")
+
+    def __init__(
+        self,
+        value: Any,
+        location: Location,
+        key_location: Location | None = None,
+        text_column: int = 0,
+        row: rows.Row | None = None,
+    ) -> None:
+        """Keep a value, or the row from which it is made."""
+        self._value, self.location, self.key_location = value, location, key_location
+        self.text_column, self.row = text_column, row
+
+    @property
+    def value(self) -> Any:
+        """The value, which is read from the row where there is one."""
+        if self.row is not None and self._value is None:
+            self._value = self.row.read(self.location.line).value
+        return self._value
+
+    def with_value(self, value: Any) -> "Node":
+        """Another value at the same place."""
+        return Node(value, self.location, self.key_location, self.text_column)
 
     @property
     def place(self) -> Location:
@@ -39,6 +58,8 @@ class Node:
 
     def plain(self) -> Any:
         """The value without places, of plain dicts, lists and scalars."""
+        if self.row is not None:
+            return self.row.plain()
         if isinstance(self.value, dict):
             return {key: node.plain() for key, node in self.value.items()}
         if isinstance(self.value, list):
@@ -47,6 +68,8 @@ class Node:
 
     def get(self, key: str) -> "Node | None":
         """The entry of a mapping; None where the entry is absent or the node is no mapping."""
+        if self.row is not None and key not in self.row.shape.keys:
+            return None
         return self.value.get(key) if isinstance(self.value, dict) else None
 
     def along(self, path: tuple[Any, ...]) -> Iterator[tuple[Any, "Node"]]:
@@ -78,9 +101,28 @@ def read_file(path: Path, file: str, faults: Faults) -> Node:
 
 def read_text(text: str, file: str, faults: Faults) -> Node:
     """The tree of a YAML text, whose root must be a mapping."""
+    text = text.replace("\r\n", "\n")
     faults.sources[file] = text.splitlines()
-    yaml_limits.check_events(text, file)
-    root = yaml.compose(text, Loader=yaml_limits.LOADER)
+
+    def read_entry(written: str, line: int) -> Node:
+        """One entry of a long list, read at its own line."""
+        own = Faults(faults.sources)
+        root = _composed("\n" * (line - 1) + written, file)
+        found: Node = _build(root, file, own).value[0]
+        own.raise_if_any()
+        return found
+
+    in_rows: SceneError | None = None
+    try:
+        if (cut := rows.cut(text, file, read_entry)) is not None and (tree := _with_rows(cut, file, faults)) is not None:
+            return tree
+    except SceneError as error:
+        in_rows = error
+    try:
+        root = _composed(text, file)
+    except SceneError as error:
+        too_many = yaml_limits.IN_BULK in str(error)
+        raise (in_rows if in_rows is not None and too_many else error) from None
     if root is None or (isinstance(root, yaml.ScalarNode) and root.value == ""):
         raise SceneError(f"{file}:1:1: the scene is empty; it needs at least particles: and integrator:")
     if not isinstance(root, yaml.MappingNode):
@@ -89,30 +131,51 @@ def read_text(text: str, file: str, faults: Faults) -> Node:
     return _build(root, file, faults)
 
 
+def _composed(text: str, file: str) -> Any:
+    yaml_limits.check_events(text, file)
+    return yaml.compose(text, Loader=yaml_limits.LOADER)
+
+
+def _with_rows(cut: rows.Cut, file: str, faults: Faults) -> Node | None:
+    """The tree of a scene from its long list and its rest; None where the rest does not show that the list is one."""
+    root = _composed(cut.rest, file)
+    if not rows.is_placeholder(root, cut.line):
+        return None
+    tree, column = _build(root, file, faults), cut.indent + 1
+    entries = [Node(None, Location(file, line, column + 2), row=row) for row, line in cut.rows]
+    place = tree.value[rows.KEY].key_location
+    listed = Node(entries, Location(file, cut.line + 1, column), place)
+    return tree.with_value({**tree.value, rows.KEY: listed})
+
+
 def read_value(text: str, location: Location) -> Node:
     """The tree of one value, as `--set` gives it; every part of it is placed at `location`."""
-    yaml_limits.check_events(yaml_limits.check_characters(text, location.file), location.file)
     faults = Faults()
-    root = yaml.compose(text, Loader=yaml_limits.LOADER)
+    root = _composed(yaml_limits.check_characters(text, location.file), location.file)
     node = Node(None, location) if root is None else _placed(_build(root, location.file, faults), location)
     faults.raise_if_any()
     return node
 
 
-def from_python(value: Any, location: Location, depth: int = 0) -> Node:
-    """The tree of a Python value of the same shape as the YAML; tuples and NumPy values are welcome."""
+def from_python(value: Any, location: Location, depth: int = 0, key: str = "") -> Node:
+    """The tree of a Python value of the same shape as the YAML; tuples and NumPy values are welcome.
+
+    `key` is the path of the value, for the message of a fault.
+    """
     if depth > _DEEPEST_DICT:
         raise SceneError(f"{location}: nested deeper than {_DEEPEST_DICT} levels")
     if hasattr(value, "tolist"):  # NumPy arrays and scalars
         value = value.tolist()
     if isinstance(value, Mapping):
-        return Node({str(key): from_python(entry, location, depth + 1) for key, entry in value.items()}, location)
+        below = f"{key}." if key else ""
+        entries = {str(name): from_python(entry, location, depth + 1, f"{below}{name}") for name, entry in value.items()}
+        return Node(entries, location)
     if isinstance(value, (list, tuple)):
-        return Node([from_python(entry, location, depth + 1) for entry in value], location)
+        return Node([from_python(entry, location, depth + 1, f"{key}[{k}]") for k, entry in enumerate(value)], location)
     if isinstance(value, Path):
         value = str(value)
     if value is not None and not isinstance(value, (bool, str, numbers.Real)):
-        raise SceneError(f"{location}: a {type(value).__name__} cannot stand in a scene")
+        raise SceneError(f"{location}: {key and printable(key) + ': '}a {type(value).__name__} cannot stand in a scene")
     return Node(value, location)
 
 
@@ -122,7 +185,7 @@ def _placed(node: Node, location: Location) -> Node:
         value = {key: _placed(child, location) for key, child in value.items()}
     elif isinstance(value, list):
         value = [_placed(child, location) for child in value]
-    return replace(node, value=value, location=location, key_location=None, text_column=0)
+    return Node(value, location)
 
 
 def _build(node: Any, file: str, faults: Faults, key_location: Location | None = None) -> Node:

@@ -7,6 +7,8 @@ Whatever does not give a real number (1/0, sqrt(-1), overflow) is an error at th
 import ast
 import math
 import operator
+import re
+import sys
 import warnings
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -18,6 +20,8 @@ from mpp_taichi.scene.did_you_mean import suggestion
 from mpp_taichi.scene.faults import shown
 
 LENGTH_ALLOWED = 1000  # characters
+SMALLEST_NUMBER = sys.float_info.min
+"""Numbers below it have fewer digits, and kernels take them for 0."""
 NODES_ALLOWED = 300
 _ANY = (1, 50)
 # name → (on numbers, on arrays, (fewest, most) arguments)
@@ -55,6 +59,12 @@ _BINARY: dict[type, Callable[[Any, Any], Any]] = {
     ast.Mod: operator.mod,
     ast.Pow: operator.pow,
 }
+_DATE = re.compile(
+    r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}|[0-9]{1,2}-[0-9]{1,2}-[0-9]{4}"
+    r"|(19|20)[0-9]{2}/[0-9]{2}/[0-9]{2}|[0-9]{2}/[0-9]{2}/(19|20)[0-9]{2}"
+)
+"""Year, month and day without a space, or in the other order: a date to a reader, a difference or a quotient to `ast`."""
+_LITERAL = re.compile(r"(?<![\w.])([0-9][0-9_]*\.?[0-9_]*|\.[0-9][0-9_]*)[eE][-+]?[0-9_]+")
 _UNARY: dict[type, Callable[[Any], Any]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
 
 
@@ -114,6 +124,13 @@ def parse(text: str) -> Expression:
     """Read an expression; ExpressionError says which part is not allowed and where it is."""
     if len(text) > LENGTH_ALLOWED:
         raise ExpressionError(f"an expression of {len(text)} characters is too long, allowed: {LENGTH_ALLOWED}")
+    if _DATE.fullmatch(text.strip()):
+        raise ExpressionError(f"{shown(text)} is a date and no number; an expression has spaces around its operators")
+    for number in _LITERAL.finditer(text):
+        if is_lost(number[0]):
+            raise ExpressionError(
+                f"{shown(number[0])} is too small for a number, the least is {SMALLEST_NUMBER:.3g}", number.start()
+            )
     padding = len(text) - len(text.lstrip())
     flat = text.replace("\n", " ").replace("\t", " ")
     try:
@@ -131,6 +148,12 @@ def parse(text: str) -> Expression:
     expression = Expression(flat, tree)
     _check(expression)
     return expression
+
+
+def is_lost(literal: str) -> bool:
+    """Whether a number that is written with a digit above 0 is too small for a float64 with all its digits."""
+    mantissa = literal.lower().partition("e")[0]
+    return abs(float(literal)) < SMALLEST_NUMBER and any(digit in mantissa for digit in "123456789")
 
 
 def _offset(text: str, node: ast.AST) -> int:

@@ -1,6 +1,5 @@
 """`extends: base.yaml`: a scene that completes another one in its folder."""
 
-from dataclasses import replace
 from pathlib import Path
 
 from mpp_taichi.scene.document import Node, read_file
@@ -14,7 +13,7 @@ def resolve(tree: Node, file: Path, root: Path, faults: Faults, chain: tuple[Pat
     node = tree.get("extends")
     if node is None:
         return tree
-    rest = replace(tree, value={key: child for key, child in tree.value.items() if key != "extends"})
+    rest = tree.with_value({key: child for key, child in tree.value.items() if key != "extends"})
     chain = (*chain, _resolved(file))
     name = node.value
     if not isinstance(name, str):
@@ -45,7 +44,7 @@ def merge(base: Node, over: Node, key: str = "") -> Node:
     merged = dict(base.value)
     for name, child in over.value.items():
         merged[name] = merge(merged[name], child, name) if name in merged else child
-    return replace(over, value=merged)
+    return over.with_value(merged)
 
 
 def _resolved(path: Path) -> Path:

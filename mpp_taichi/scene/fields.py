@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 from pydantic_core import PydanticCustomError, core_schema
 
 from mpp_taichi.scene.did_you_mean import choices
-from mpp_taichi.scene.expressions import ExpressionError, Formula, UnresolvedConstant, parse
+from mpp_taichi.scene.expressions import SMALLEST_NUMBER, ExpressionError, Formula, UnresolvedConstant, parse
 from mpp_taichi.scene.faults import shown
 
 LARGEST_NUMBER = 1e300
@@ -78,6 +78,8 @@ def calculate(value: Any, context: Context) -> float:
         raise Wrong(f"{shown(value)} is not a number")
     if not abs(value) <= LARGEST_NUMBER:
         raise Wrong(f"{shown(value)} is not a finite number" + ("" if math.isnan(value) else f" up to {LARGEST_NUMBER:g}"))
+    if 0.0 < abs(value) < SMALLEST_NUMBER:
+        raise Wrong(f"{shown(value)} is too small for a number with all its digits, the least is {SMALLEST_NUMBER:.3g}")
     return float(value)
 
 

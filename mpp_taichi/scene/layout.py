@@ -109,14 +109,20 @@ def particle_layout(entries: Sequence[ComponentSpec], count: Callable[[Component
 
 def layout_of(spec: SceneSpec) -> ParticleLayout:
     """The layout of a checked scene; SceneError where a file that the scene names can no longer be read as it was."""
+    single = singles(spec.particles)
 
     def count(entry: ComponentSpec) -> int:
         try:
-            return build("generators", entry).particle_count()
+            return 1 if entry.name in single else build("generators", entry).particle_count()
         except PlacementError as error:
             raise SceneError(f"{entry.location}: {entry.name}: {error}") from None
 
     return particle_layout(spec.particles, count)
+
+
+def singles(entries: Sequence[ComponentSpec]) -> set[str]:
+    """The components among these entries that make one particle each, whatever their parameters are."""
+    return {name for name in {entry.name for entry in entries} if component.flag("generators", name, "one_particle")}
 
 
 def sum_before(counts: Sequence[int]) -> list[int]:

@@ -1,6 +1,8 @@
 """Loading: from a file, a dict or a SceneSpec, with overrides, to a checked SceneSpec. Every fault of a scene at once."""
 
-from collections.abc import Mapping, Sequence
+import gc
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +31,7 @@ from mpp_taichi.scene.faults import Faults, printable, shown
 from mpp_taichi.scene.fields import Context, Whole, Wrong
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.model import scene_model, select
+from mpp_taichi.scene.row_entries import RowEntries
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec, default_integrator
 
 _Overrides = Mapping[str, Any] | Sequence[str]
@@ -43,11 +46,30 @@ def load_scene(source: str | Path | Mapping[str, Any] | SceneSpec, *, overrides:
     if isinstance(source, SceneSpec) and not overrides:
         return source
     faults = Faults()
-    tree, name, folder = _read(source, faults)
-    tree = _override(tree, overrides, faults)
-    spec = _whole(tree, name, folder, faults)
-    right_half.check(spec, tree, faults, lambda changed: _whole(changed, name, folder, Faults(faults.sources)))
+    with _collector_paused():
+        tree, name, folder = _read(source, faults)
+        tree = _override(tree, overrides, faults)
+        spec = _whole(tree, name, folder, faults)
+        right_half.check(spec, tree, faults, lambda changed: _whole(changed, name, folder, Faults(faults.sources)))
     return spec
+
+
+def load_resolved(resolved: Mapping[str, Any], source: str) -> SceneSpec:
+    """The scene that a SceneSpec held as `resolved`, read from the file `source`; SceneError lists every fault."""
+    faults = Faults()
+    return _whole(from_python(dict(resolved), Location(source, 0, 0)), source, Path(source).parent, faults)
+
+
+@contextmanager
+def _collector_paused() -> Iterator[None]:
+    """Keep Python from looking for cycles among the values of a scene, which takes half of the time where there are 10⁶."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
 
 
 def _whole(tree: Node, name: str, folder: Path, faults: Faults) -> SceneSpec:
@@ -78,16 +100,17 @@ def _set(path: str, value: Any) -> Node:
 
 def _check(tree: Node, name: str, folder: Path, faults: Faults) -> tuple[SceneSpec, list[float]]:
     """The scene of a tree, and the times of its timeline; the phases of the timeline are made later."""
-    context = _context(tree, folder, faults)
-    model = scene_model(select(tree.plain()))
+    context, plain = _context(tree, folder, faults), tree.plain()
+    model, particles = scene_model(select(plain)), RowEntries(tree, flat=context.dimensions == 2)
     try:
-        validated: Any = model.model_validate(tree.plain(), context=context)
+        validated: Any = model.model_validate(particles.for_model(plain), context=context)
     except ValidationError as error:
-        messages.report(error, tree, model, faults)
+        messages.report(error, tree, model, faults, particles.place)
         faults.raise_if_any()
         raise  # a fault without a message would be a bug
     faults.raise_if_any()
-    spec = _specification(validated, tree, name, context, faults)
+    made = particles.specifications(validated.particles, _entry)
+    spec = _specification(validated, tree, name, context, faults, particles=made, resolved=plain)
     faults.raise_if_any()
     spec = references.resolve(spec, tree, faults)
     check_together(spec, tree, faults)
@@ -133,7 +156,16 @@ def _context(tree: Node, folder: Path, faults: Faults) -> Context:
     return Context(values, 2 if flat else 3, folder)
 
 
-def _specification(validated: Any, tree: Node, name: str, context: Context, faults: Faults) -> SceneSpec:
+def _specification(
+    validated: Any,
+    tree: Node,
+    name: str,
+    context: Context,
+    faults: Faults,
+    *,
+    particles: tuple[ComponentSpec, ...],
+    resolved: dict[str, Any],
+) -> SceneSpec:
     gravity = context.constants.get("G", 1.0) if validated.units else 1.0
     forces = tuple(_with_gravity(entry, gravity) for entry in _entries(validated.forces, tree, "forces"))
     spec = SceneSpec(
@@ -143,7 +175,7 @@ def _specification(validated: Any, tree: Node, name: str, context: Context, faul
         seed=validated.seed,
         units=dict(validated.units) if validated.units else None,
         constants={key: value for key, value in context.constants.items() if value is not None},
-        particles=_entries(validated.particles, tree, "particles"),
+        particles=particles,
         springs=spring_types.resolve(_entries(validated.springs, tree, "springs"), validated.spring_types or {}, tree, faults),
         spring_damping=validated.spring_damping,
         forces=forces,
@@ -159,7 +191,7 @@ def _specification(validated: Any, tree: Node, name: str, context: Context, faul
         inspect=inspection.build(validated.inspect, tree.get("inspect"), faults),
         horizon=validated.horizon,
         accuracy=validated.accuracy,
-        resolved=tree.plain(),
+        resolved=resolved,
     )
     return sliders.with_sliders(spec, validated, tree, faults)
 

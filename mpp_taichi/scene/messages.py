@@ -2,7 +2,7 @@
 
 import dataclasses
 import typing
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -24,14 +24,18 @@ _KIND_WORDS = {
     "quantities": "quantity",
 }
 
+_Path = tuple[Any, ...]
 EXAMINED = 1000  # faults for which a message is composed; the others are only counted
 
 
-def report(error: ValidationError, tree: Node, model: type[BaseModel], faults: Faults) -> None:
-    """Add every fault that a ValidationError holds."""
+def report(
+    error: ValidationError, tree: Node, model: type[BaseModel], faults: Faults, place_of: Callable[[_Path], _Path]
+) -> None:
+    """Add every fault that a ValidationError holds; `place_of` gives the path in the tree for a path that the error names."""
     details = error.errors(include_url=False, include_input=False)
     faults.more += max(len(details) - EXAMINED, 0)
     for detail in details[:EXAMINED]:
+        detail["loc"] = place_of(detail["loc"])
         place = _Place(tree, detail["loc"])
         if detail["type"] == "wrong":
             for below, offset, message in detail["ctx"]["parts"]:

@@ -7,7 +7,6 @@ has or may have at that place; `+path=value` adds any key. Values are read as in
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from mpp_taichi.errors import SceneError
@@ -82,13 +81,13 @@ def steps(text: str) -> Path:
 def _put(node: Node, path: Path, new: Node, adding: bool, walked: Path) -> Node:
     """A copy of the tree with `new` at `path` below `walked`; nodes beside the path are shared."""
     if not path:
-        return replace(new, key_location=None)
+        return Node(new.value, new.location, None, new.text_column)
     step, rest = path[0], path[1:]
     where = key_text(walked) or "the scene"
     if isinstance(node.value, list):
-        return replace(node, value=_put_in_list(node.value, step, rest, new, adding, walked))
+        return node.with_value(_put_in_list(node.value, step, rest, new, adding, walked))
     if node.value is None:
-        node = replace(node, value={})
+        node = node.with_value({})
     if not isinstance(node.value, dict):
         raise SceneError(f"{new.location}: {where} is {shown(node.plain())} and has no {shown(str(step))}")
     key = str(step)
@@ -98,7 +97,7 @@ def _put(node: Node, path: Path, new: Node, adding: bool, walked: Path) -> Node:
             near = suggestion(key, node.value) or f", +{key_text((*walked, *path))}=… adds it,"
             raise SceneError(f"{new.location}: unknown key {shown(key)} in {where}{near} {allowed(node.value)}")
         child = Node(None, new.location)
-    return replace(node, value={**node.value, key: _put(child, rest, new, adding, (*walked, key))})
+    return node.with_value({**node.value, key: _put(child, rest, new, adding, (*walked, key))})
 
 
 def _put_in_list(entries: list[Node], step: Any, rest: Path, new: Node, adding: bool, walked: Path) -> list[Node]:

@@ -9,11 +9,13 @@ from mpp_taichi.scene.did_you_mean import choices
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.expectations import kind_of
 from mpp_taichi.scene.faults import Faults, shown
-from mpp_taichi.scene.layout import ParticleLayout, build, particle_layout
+from mpp_taichi.scene.layout import ParticleLayout, build, particle_layout, singles
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.model import KIND_OF_KEY
 from mpp_taichi.scene.spec import ComponentSpec, PairSpec, PanelSpec, SceneSpec
 from mpp_taichi.scene.view_checks import resolve_view
+
+_NAMING = ("Particle", "Particles", "Pair", "ModeNumbers")  # types of parameters that name particles or a lattice
 
 
 def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
@@ -21,11 +23,12 @@ def resolve(spec: SceneSpec, tree: Node, faults: Faults) -> SceneSpec:
 
     def count(entry: ComponentSpec) -> int:
         try:
-            return build("generators", entry).particle_count()
+            return 1 if entry.name in single else build("generators", entry).particle_count()
         except PlacementError as error:
             faults.add(entry.location, entry.name, str(error))
             return 1
 
+    single = singles(spec.particles)
     layout = particle_layout(spec.particles, count)
     _check_names(spec, tree, faults)
     finder = _Finder(layout, tree, faults)
@@ -71,8 +74,16 @@ class _Finder:
 
     def __init__(self, layout: ParticleLayout, tree: Node, faults: Faults) -> None:
         self.layout, self.tree, self.faults = layout, tree, faults
+        self._naming: dict[tuple[str, str], list[str]] = {}
 
     def entry(self, entry: ComponentSpec, kind: str, path: tuple[Any, ...]) -> ComponentSpec:
+        """The entry with indices for the particles that it names; the entry itself where it names none."""
+        naming = self._naming.get((kind, entry.name))
+        if naming is None:
+            naming = [each.name for each in declaration(kind, entry.name).parameters if each.type in _NAMING]
+            self._naming[kind, entry.name] = naming
+        if all(entry.parameters[key] is None for key in naming):
+            return entry
         return replace(entry, parameters=self.parameters(entry.parameters, declaration(kind, entry.name), path))
 
     def parameters(self, given: dict[str, Any], declared: Declaration | None, path: tuple[Any, ...]) -> dict[str, Any]:
@@ -163,10 +174,12 @@ def _check_names(spec: SceneSpec, tree: Node, faults: Faults) -> None:
         name = entry.parameters.get("name")
         if not name:
             continue
-        key = f"particles[{number}].{entry.name}.name"
-        place = tree.value["particles"].value[number].value[entry.name].value["name"].location
+        told = ""
         if name in first:
-            faults.add(place, key, f"{shown(name)} is the name of particles[{first[name]}] already")
+            told = f"{shown(name)} is the name of particles[{first[name]}] already"
         elif "[" in name or name.isdigit():
-            faults.add(place, key, f"{shown(name)} cannot be a name, allowed: text without [ that is no number")
+            told = f"{shown(name)} cannot be a name, allowed: text without [ that is no number"
+        if told:
+            place = tree.value["particles"].value[number].value[entry.name].value["name"].location
+            faults.add(place, f"particles[{number}].{entry.name}.name", told)
         first.setdefault(name, number)

@@ -6,7 +6,6 @@ They are the paths of `--set`, and also `integrator: rk4`, the method with the s
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
 import yaml
@@ -80,8 +79,8 @@ def check(spec: SceneSpec, tree: Node, faults: Faults, load: Callable[[Node], Sc
         return
     record = tree.value["record"]
     given = record.value["beside"]
-    alone = replace(record, value={key: node for key, node in record.value.items() if key != "beside"})
-    right = replace(tree, value={**tree.value, "record": alone})
+    alone = record.with_value({key: node for key, node in record.value.items() if key != "beside"})
+    right = tree.with_value({**tree.value, "record": alone})
     name, dt = spec.integrator.name, spec.integrator.parameters["dt"]
     for key, node in _method_first(given.value):
         value = _text(node.plain())

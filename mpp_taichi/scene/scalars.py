@@ -1,10 +1,12 @@
 """Plain YAML scalars as YAML 1.2's core schema means them, without the traps of YAML 1.1.
 
-`1e-9`, `.5` and `1E3` are numbers; `yes`, `on` and `2020-01-01` are text; `010` and `1:30`, which older readers take for
-8 and 90, are refused.
+`1e-9`, `.5` and `1E3` are numbers; `yes`, `on` and `2020-01-01` are text, which no key for a number takes; `010` and `1:30`,
+which older readers take for 8 and 90, are refused, and so is `1e-400`, which would become 0.
 """
 
 import re
+
+from mpp_taichi.scene.expressions import SMALLEST_NUMBER, is_lost
 
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _BASED = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
@@ -35,5 +37,7 @@ def read_plain(text: str) -> None | bool | int | float | str:
             raise ValueError(f"an integer of {len(text)} digits is too long, allowed: {_LONGEST_INTEGER}")
         return int(text, 0)
     if _FLOAT.fullmatch(text):
+        if is_lost(text):
+            raise ValueError(f"{text[:20]} is too small for a number, the least is {SMALLEST_NUMBER:.3g}")
         return float(text)
     return text

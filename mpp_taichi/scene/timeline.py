@@ -71,7 +71,7 @@ def with_change(
 
 def without_timeline(tree: Node) -> Node:
     """The tree of the scene without its timeline."""
-    return replace(tree, value={key: child for key, child in tree.value.items() if key != "timeline"})
+    return tree.with_value({key: child for key, child in tree.value.items() if key != "timeline"})
 
 
 def _events(

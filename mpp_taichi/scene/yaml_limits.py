@@ -13,9 +13,13 @@ import yaml
 
 from mpp_taichi.errors import SceneError
 
-BYTES_ALLOWED = 1 << 20
+MEBIBYTES_ALLOWED = 32
+BYTES_ALLOWED = MEBIBYTES_ALLOWED << 20
+TEXT_ALLOWED = 1 << 20  # characters of one value
 DEPTH_ALLOWED = 64
-NODES_ALLOWED = 200_000  # after every alias is expanded
+NODES_ALLOWED = 200_000  # after every alias is expanded; entries that are alike are read apart from them (rows.py)
+ENTRIES_ALLOWED = 200_000  # particles that are written one by one
+IN_BULK = "put bulk particles into a .npz or .csv file and name it with particles: - file: {path: …}"
 LOADER = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # resolves no scalar: scalars.py does
 _NODE_EVENTS = (yaml.ScalarEvent, yaml.SequenceStartEvent, yaml.MappingStartEvent)
 _END_EVENTS = (yaml.SequenceEndEvent, yaml.MappingEndEvent)
@@ -32,12 +36,9 @@ class _Open:
 
 
 def decode(data: bytes, file: str) -> str:
-    """Bytes of a scene as text: UTF-8 with or without byte order mark, at most 1 MiB, no control characters."""
+    """Bytes of a scene as text: UTF-8 with or without byte order mark, at most 32 MiB, no control characters."""
     if len(data) > BYTES_ALLOWED:
-        raise SceneError(
-            f"{file}:1:1: the file is larger than {BYTES_ALLOWED} bytes; put bulk particles into a .npz or .csv file and name "
-            "it with particles: - file: {path: …}"
-        )
+        raise SceneError(f"{file}:1:1: the file is larger than {MEBIBYTES_ALLOWED} MiB; {IN_BULK}")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -89,6 +90,8 @@ def check_events(text: str, file: str) -> None:
             if event.anchor:
                 anchors.pop(event.anchor, None)  # an anchor is defined only after its node has ended
             if kind is yaml.ScalarEvent:
+                if len(event.value) > TEXT_ALLOWED:
+                    refuse(event, f"a text of {len(event.value)} characters, allowed: {TEXT_ALLOWED}")
                 entry.height = 0
                 _name(anchors, entry)
                 _close(stack, entry)
@@ -101,7 +104,7 @@ def check_events(text: str, file: str) -> None:
             _name(anchors, entry)
             _close(stack, entry)
         if total > NODES_ALLOWED:
-            refuse(event, f"more than {NODES_ALLOWED} values after expanding aliases; put bulk particles into a file")
+            refuse(event, f"more than {NODES_ALLOWED} values after expanding aliases; {IN_BULK}")
 
 
 def _events(text: str, file: str) -> Iterator[Any]:
