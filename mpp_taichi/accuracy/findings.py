@@ -19,6 +19,7 @@ def findings(study: Study, target: float, phases: Sequence[PhaseStudy] = ()) -> 
         "title": study.problem.spec.title,
         "status": study.status,
         "known": study.store.known,
+        "other_devices": {name: facts["device"] for name, facts in study.store.notes.get("elsewhere", {}).items()},
         "particle_count": study.problem.start.particle_count,
         "span": study.problem.span,
         "whole_span": study.whole,
@@ -44,7 +45,7 @@ def findings(study: Study, target: float, phases: Sequence[PhaseStudy] = ()) -> 
 def phase_facts(phase: PhaseStudy, target: float) -> dict[str, Any]:
     """The results of a phase."""
     found = findings(phase.study, target)
-    same = ("scene", "title", "known", "whole_span", "particle_count", "phases")
+    same = ("scene", "title", "known", "other_devices", "whole_span", "particle_count", "phases")
     facts = {key: value for key, value in found.items() if key not in same}
     times = {"began": phase.stretch.began, "ended": phase.stretch.ended, "changes": list(phase.stretch.changes)}
     return {"phase": phase.stretch.number + 1, **times, "told": phase.told, **facts}

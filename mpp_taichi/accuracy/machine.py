@@ -11,6 +11,7 @@ import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.conserved import PhaseLooks, judge
+from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.measuring import Measurement, measure, shifted_start
 from mpp_taichi.accuracy.observer import Observer
 from mpp_taichi.accuracy.problem import AS_WRITTEN, Problem
@@ -22,7 +23,7 @@ from mpp_taichi.errors import MppError
 from mpp_taichi.simulation.simulation import Simulation
 
 SHORT = 2e-3  # seconds over which runs are repeated for their time, at most MOST_REPEATS times
-MOST_REPEATS = 20
+MOST_REPEATS = 8
 LOST = 1e9  # times the initial extent of the system: a run that goes beyond it is stopped
 
 
@@ -170,9 +171,16 @@ class Machine:
     def measure(self, configuration: Configuration, budget: Budget, *, number: int = 0, finer: float = 1.0) -> Measurement:
         """Measure the wanted quantity in a run from shifted start `number`; see `measuring`."""
         self._tolerance = configuration.tolerance
-        self._set_tolerance()
-        start = shifted_start(self.problem, number, self.precision)
-        return measure(self.simulation, self.problem, configuration.steps, budget, finer=finer, start=start)
+        start, steps = shifted_start(self.problem, number, self.precision, configuration.key), configuration.steps
+        lengths = None
+        if len(self.problem.stretches) > 1 and (self._is_adaptive or self.name in exact_solvers()):
+            lengths = {stretch.number: self.problem.span / steps for stretch in self.problem.stretches}
+        elif len(self.problem.stretches) > 1:
+            parts = legs(self.problem.stretches, steps)
+            steps, lengths = sum(leg.steps for leg in parts), {leg.stretch.number: leg.dt for leg in parts}
+        return measure(
+            self.simulation, self.problem, steps, budget, finer=finer, start=start, lengths=lengths, begin=self._set_tolerance
+        )
 
     def change(self, problem: Problem) -> None:
         """Go on with another span of the scene, or another number of samples."""

@@ -8,6 +8,7 @@ from typing import Any
 from mpp_taichi import component
 from mpp_taichi.accuracy import force_solvers
 from mpp_taichi.accuracy.contact_methods import exact_solvers, flies_exactly, orders, solvers
+from mpp_taichi.accuracy.method_variants import split_variant, variants_of
 from mpp_taichi.accuracy.problem import AS_WRITTEN, Problem, defaults, with_integrator
 from mpp_taichi.accuracy.stretches import LOOKS as LOOKS
 from mpp_taichi.accuracy.stretches import Stretch, own_step
@@ -25,7 +26,7 @@ GENERAL_BASES = ("Integrator", "Adaptive")  # classes from which methods of many
 
 @dataclass(frozen=True)
 class StudyMethod:
-    """One integrator, for one scene; its name may include a tree, see force_solvers.
+    """One integrator, for one scene; its name may include a tree, see force_solvers, or a variant, see method_variants.
 
     evaluations    forces per step; a guess for implicit methods, 1 for adaptive methods
     fewest_steps   over the span that springs and drag allow
@@ -77,6 +78,7 @@ def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, StudyMetho
         made = [(with_integrator(each.spec, name, own_step(each.spec)), each.particles) for each in problem.different]
         if all(suits(spec, particles, layout) for (spec, particles), layout in zip(made, layouts)):
             found[name] = _method(problem, name)
+            found |= {variant: _method(problem, variant) for variant in variants_of(name) if not _is_own(problem, variant)}
     if leads(problem) and all(flies_exactly(stretch.spec) for stretch in problem.stretches):
         found |= {name: StudyMethod(name, 0, True, False, 1.0, 1, name) for name in exact_solvers()}
     for name in force_solvers.variants(problem.spec, problem.start, asked):
@@ -85,6 +87,12 @@ def methods(problem: Problem, asked: Sequence[str] = ()) -> dict[str, StudyMetho
         if integrator in found and all(map(force_solvers.allows_tree, scenes)):
             found[name] = replace(found[integrator], name=name)
     return found
+
+
+def _is_own(problem: Problem, variant: str) -> bool:
+    """Whether the scene's own integrator is this variant."""
+    own, (name, parameters) = problem.spec.integrator, split_variant(variant)
+    return own.name == name and all(own.parameters.get(key) == value for key, value in parameters.items())
 
 
 def leads(problem: Problem) -> bool:
@@ -115,8 +123,9 @@ def _method(problem: Problem, name: str) -> StudyMethod:
     control = (made.controlled_by, float(getattr(made, made.controlled_by))) if made.controlled_by else ()
     is_implicit = made.evaluations_per_step is None and not control
     evaluations = ITERATIONS if is_implicit else 1.0 if control else max(1.0, float(made.evaluations_per_step))
-    base = component.declaration("integrators", name).base
-    family = name if base in GENERAL_BASES else base
+    integrator = split_variant(name)[0]
+    base = component.declaration("integrators", integrator).base
+    family = integrator if base in GENERAL_BASES else base
     flags = (bool(made.slow_to_compile), tuple(made.promising_for))
     return StudyMethod(name, made.order, bool(made.symplectic), is_implicit, evaluations, fewest, family, *flags, *control)
 

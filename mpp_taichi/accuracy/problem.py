@@ -11,6 +11,7 @@ import numpy as np
 from mpp_taichi import component
 from mpp_taichi.accuracy import force_solvers
 from mpp_taichi.accuracy.contact_methods import exact_solvers, with_solver
+from mpp_taichi.accuracy.method_variants import split_variant
 from mpp_taichi.accuracy.stretches import LOOKS, Stretch, own_step, stretches_of
 from mpp_taichi.accuracy.wanted import Wanted
 from mpp_taichi.component import REQUIRED
@@ -160,8 +161,6 @@ def pose(spec: SceneSpec, until: float | None = None, of: str | None = None) -> 
         SceneError: methods of different steps cannot be compared in this scene, or the scene has no duration.
     """
     place = spec.integrator.location
-    if of is not None and spec.timeline:
-        raise SceneError(f"{place}: accuracy of {of}: a quantity of expect: is not compared in a scene with a timeline")
     scenes = (spec, *(event.scene for event in spec.timeline))
     for scene in scenes:
         _check_methods(scene)
@@ -206,7 +205,7 @@ def with_integrator(spec: SceneSpec, name: str, dt: float, *, by_contacts: bool 
     """The scene with a method, its defaults and the `chosen` parameters; the scene's own method keeps its parameters.
 
     `name` is the contact solver of a scene with contacts, and where `by_contacts` says so, of a phase without contacts in such
-    a scene; otherwise it may include a tree, see force_solvers.
+    a scene; otherwise it may include a tree, see force_solvers, or be a variant, see method_variants.
     """
     own = spec.integrator
     if name == AS_WRITTEN:
@@ -217,9 +216,10 @@ def with_integrator(spec: SceneSpec, name: str, dt: float, *, by_contacts: bool 
         return replace(with_solver(spec, name, dt), accuracy=None)
     name, tree_accuracy = force_solvers.split(name)
     spec = force_solvers.with_force_solver(spec, tree_accuracy)
+    name, varied = split_variant(name)
     given = own.parameters if own.name == name else defaults(name)
     assert given is not None
-    return replace(spec, integrator=ComponentSpec(name, {**given, "dt": dt, **chosen}, own.location), accuracy=None)
+    return replace(spec, integrator=ComponentSpec(name, {**given, **varied, "dt": dt, **chosen}, own.location), accuracy=None)
 
 
 def _keeps_solver(spec: SceneSpec) -> bool:

@@ -125,8 +125,9 @@ def circumstances(found: dict[str, Any]) -> list[str]:
 
 def _scatter(name: str, known: dict[str, Any]) -> str:
     largest = max(scatter / scale for scatter, scale in zip(known["scatters"], known["scales"]))
-    runs = known["runs"]
-    told = f"{name} of a single run scatters by {largest:.1e}, as rounding decides it: every setting is the mean of {runs} runs"
+    runs, shift = known["runs"], known["shift"]
+    by = f"starts that differ by {shift:g} of the system's size over the run decide it" if shift else "rounding decides it"
+    told = f"{name} of a single run scatters by {largest:.1e}, as {by}: every setting is the mean of {runs} runs"
     return f"{told}, and a number with ≤ says that it differs by less than their scatter."
 
 
@@ -136,7 +137,8 @@ def machine(found: dict[str, Any]) -> str:
     versions = ", ".join(f"{name} {known[name]}" for name in ("mpp_taichi", "taichi", "numpy", "python"))
     effort = f"{found['spent_seconds']:.0f} s of a budget of {found['budget_seconds']:.0f} s, {len(found['rows'])} runs"
     again = f", {found['resumed_samples']} of them from before" if found["resumed_samples"] else ""
-    return f"{known['cpu']}, {known['system']}; {versions}; {effort}{again}; {found['status']}"
+    others = "".join(f"; {backend}: {device}" for backend, device in found["other_devices"].items())
+    return f"{known['cpu']}, {known['system']}{others}; {versions}; {effort}{again}; {found['status']}"
 
 
 def _plots(found: dict[str, Any], rows: Sequence[StudyRow], numbers: dict[str, int]) -> list[Plot]:

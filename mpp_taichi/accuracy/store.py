@@ -70,6 +70,10 @@ class Store:
             with whole_file(self.folder / f"{key}.npy", "the positions of a sample") as temporary:
                 np.save(temporary, sample.end)
 
+    def forget(self) -> None:
+        """Forget all samples, which were measured in another way than those that follow."""
+        self._samples.clear()
+
     def save(self) -> None:
         """Write the samples."""
         text = json.dumps(

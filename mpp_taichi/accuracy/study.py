@@ -24,10 +24,11 @@ from mpp_taichi.accuracy.value_search import ValueSearch
 from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.errors import BackendError
 
-FIRST_SHARE_OF_AIM = 0.8  # the same where one error is aimed at
+FIRST_SHARE_OF_FEW = 0.8  # the same for few particles, for which f32 gains no time
 FIRST_SHARE = 0.65  # of the budget, until the end of the first backend and precision, where others follow
 ALL_SHARE = 0.96  # of the budget; the rest is for writing the report
 OWN_PART = 0.6  # of the share of a backend and precision, where other work follows
+SMALL_RUN = 0.01  # seconds of a run with the scene's own setting: the scenes with shorter runs are small
 WORTH_RETURNING = 0.2  # of the budget: a larger rest is spent on ladders that were cut short
 REPEATS_SHARE_OF_AIM = 0.1
 REPEATS_SHARE = 0.25  # of the time for a backend and precision
@@ -45,6 +46,7 @@ class StudyWishes:
 
     quantity   the quantity whose errors are compared, None for a choice by the scene; energies need no reference
     aim        the only error of interest: methods are tried around it, and methods of first order are not tried
+    small      the budget of a small scene, in place of the given budget, None for the given budget [s]
     """
 
     integrators: Sequence[str] | None = None
@@ -52,6 +54,7 @@ class StudyWishes:
     reference: str | None = None
     quantity: str | None = None
     aim: float | None = None
+    small: float | None = None
 
 
 class Study:
@@ -220,6 +223,8 @@ class Study:
 
     def _go(self) -> None:
         with Workbench(self.problem, backend=REFERENCE[0], precision=REFERENCE[1]) as bench:
+            if self.wishes.small is not None and self._is_small(bench):
+                self.budget.seconds = self.wishes.small
             if self.values is None:
                 self._choose_span(bench)
             if self.values is not None:
@@ -275,7 +280,7 @@ class Study:
         """The share of the budget at the end of the first backend and precision."""
         if not any(self._is_worth(precision) for _, precision in others):
             return ALL_SHARE
-        return FIRST_SHARE if self.wishes.aim is None else FIRST_SHARE_OF_AIM
+        return FIRST_SHARE_OF_FEW if self.problem.start.particle_count < FEWEST_ROUNDED else FIRST_SHARE
 
     def _is_worth(self, precision: str) -> bool:
         """Whether runs of a precision other than f64 may reach the aim, and may be faster; or none is in f64."""
@@ -322,8 +327,7 @@ class Study:
     def _choose_span(self, bench: Workbench) -> None:
         """Shorten a scene that takes too long for dozens of runs; the store remembers the span, whatever the next budget is."""
         if self.store.span is None:
-            machine = bench.machine(split(self.own.name)[0])  # the reference is without a tree
-            own_seconds = self._own_steps * machine.budget_per_step
+            own_seconds = self._own_seconds(bench)
             allowed = OWN_SHARE * self.budget.seconds
             if own_seconds > allowed and not self._needs_whole:
                 least = min(1.0, FEWEST_OWN_STEPS / self.problem.own_steps)
@@ -335,6 +339,14 @@ class Study:
             self.tell(
                 f"studying the first t = {self.problem.span:.6g} of {self.whole:.6g}: all of it does not fit the budget often"
             )
+
+    def _is_small(self, bench: Workbench) -> bool:
+        """Whether all runs of a study are short: positions are compared, in one phase, and the scene's own run is short."""
+        return self.values is None and len(self.problem.stretches) == 1 and self._own_seconds(bench) < SMALL_RUN
+
+    def _own_seconds(self, bench: Workbench) -> float:
+        """The seconds of a run with the scene's own setting, by direct sums as the reference."""
+        return self._own_steps * bench.machine(split(self.own.name)[0]).budget_per_step
 
     @property
     def _needs_whole(self) -> bool:

@@ -34,6 +34,7 @@ COMPILE_SECONDS = 1.0  # of a simple method, until one has been compiled
 LONG_COMPILE = 2.5  # ratio of the compile times of implicit and adaptive methods to the compile times of other methods
 FIRST_ORDER_LAST = 8.0  # methods of first order are begun late, as if they cost this many times as much
 LAST_STAGE = 3
+TRIAL_SHARE = 0.92  # of the whole budget, in which every family has its trial, whatever the share of the sweep is
 CLIMBING_SHARE = 0.2  # of the share of a sweep, in which nothing more is compiled
 TRIAL_RUNGS = 2  # of a ladder, until every family has been tried
 WORTH = 4.0  # times the shortest time in which an aim was reached: slower runs, and methods of slower families, are left out
@@ -59,7 +60,9 @@ class StepSweep:
         self.bench, self.store, self.budget, self.methods, self._error_of = bench, store, budget, methods, error_of
         self.seconds_per_evaluation: dict[bool, float] = {}  # by whether a tree sums
         self.left_out = 0
+        self._exact = frozenset(exact_solvers())
         self._names: set[str] = set()
+        self._began = 0.0  # part of the budget that was spent before
         self._errors: dict[str, float] = {}
 
     def configuration(self, ladder: Ladder, rung: int) -> Configuration:
@@ -74,6 +77,7 @@ class StepSweep:
         Raises:
             OutOfTime: all of the budget is spent.
         """
+        self._began = self.budget.used
         waiting, self._names = list(ladders), {ladder.integrator for ladder in ladders}
         trial = representatives([self.methods[ladder.integrator] for ladder in ladders])
         while waiting:
@@ -88,18 +92,23 @@ class StepSweep:
             if not offers:
                 return
 
-            def turn(offer: tuple[float, Ladder, int]) -> tuple[int, bool, bool, float]:
+            def turn(offer: tuple[float, Ladder, int]) -> tuple[int, bool, bool, bool, float, str]:
                 seconds, ladder, _ = offer
                 stage = self._stage(ladder, first, trial)
                 if stage == LAST_STAGE:
-                    return stage, False, False, seconds * self._dearness(ladder)
-                method = self.methods[ladder.integrator]  # splittings compile fastest
-                return stage, method.implicit or method.adaptive, not method.symplectic, seconds
+                    return stage, False, False, False, seconds * self._dearness(ladder), ladder.integrator
+                # The methods that compile fastest begin, whatever was measured: Taichi finds the kernels of an earlier study
+                # again where methods are compiled in the same order.
+                method = self.methods[ladder.integrator]
+                slow = (method.slow_to_compile, method.implicit or method.adaptive, not method.symplectic)
+                return stage, *slow, float(method.evaluations), method.name
 
             seconds, ladder, rung = min(offers, key=turn)
             if self._is_slow(ladder, rung):
                 ladder.close(rung)
-            elif self._run_seconds(ladder, rung) > DEAREST * self.budget.seconds or seconds > self._left(ladder, share):
+            elif self._run_seconds(ladder, rung) > DEAREST * self.budget.seconds or seconds > self._left(
+                ladder, share, is_trial=turn((seconds, ladder, rung))[0] < LAST_STAGE
+            ):
                 ladder.close(rung)
                 self.left_out += 1
             else:
@@ -147,9 +156,12 @@ class StepSweep:
 
     # Internals
 
-    def _left(self, ladder: Ladder, share: float) -> float:
+    def _left(self, ladder: Ladder, share: float, *, is_trial: bool) -> float:
         """The seconds left for a rung: compilations leave a part of the share to the methods that are compiled."""
-        return self.budget.left(share if self._is_compiled(ladder.integrator) else (1.0 - CLIMBING_SHARE) * share)
+        if is_trial and self.aim is None:  # a target leaves time for other precisions, in which it may cost half as much
+            return self.budget.left(max(share, TRIAL_SHARE))
+        climbing = 0.0 if self._is_compiled(ladder.integrator) else CLIMBING_SHARE * (share - self._began)
+        return self.budget.left(share - climbing)
 
     def _stage(self, ladder: Ladder, first: str, trial: Collection[str]) -> int:
         """When a ladder has its turn: the scene's own method, the promised methods, one of each family, then the cheapest."""
@@ -218,9 +230,8 @@ class StepSweep:
         """Note a sample in its ladder, which ends where other methods are as good at far lower cost."""
         error = self._error(sample)
         ladder.note(rung, error)
-        others = [
-            each for each in self._mine() if each.configuration.integrator not in exact_solvers()
-        ]  # no method with steps can compete with exact flight
+        # No method with steps can compete with exact flight.
+        others = [each for each in self._mine() if each.configuration.integrator not in self._exact]
         if any(sample.evaluations > HOPELESS * each.evaluations and self._error(each) <= error for each in others):
             ladder.closed_above = True
 

@@ -16,6 +16,7 @@ SAFETY = 0.7  # of the target: the error for which the step is interpolated
 TOO_GOOD = 3.0  # an error smaller than the target by this factor: a coarser step is tried as well
 TRIALS = 3  # runs with the chosen step, each corrected by the result of the last
 FEWEST_TRIED, MOST_TRIED = 3, 6  # offers that are run, more than the fewest only while TRIALS_SHARE of the budget lasts
+COARSER = 1.5  # ratio of the steps of two trials where the error is only known to be within the scatter
 ALIKE = 1.5  # ratio of times: offers that seem slower than the best trial by more than this are not run
 TRIALS_SHARE = 0.05  # of a budget
 POWER_OF_TOLERANCE = {"tolerance": 1.0}  # by the name of the control: of the error of an adaptive method, where it is not known
@@ -56,7 +57,8 @@ class Trials:
             return -1.0
         allowed = study.allowed(self.target, quantity)
         if (values := study.value_reference) is not None:  # of many runs: their bar contains the bar of the reference
-            return allowed - values.bar if values.runs == 1 else allowed
+            within = allowed - values.bar
+            return within if values.runs == 1 or within <= 0.0 else allowed
         return allowed if quantity != QUANTITIES[0] or study.reference is None else allowed - study.reference.bar
 
     def run(self, study: Study, bench: Workbench) -> None:
@@ -124,15 +126,20 @@ def _is_candidate(study: Study, row: StudyRow, bench: Workbench) -> bool:
 
 
 def try_offer(study: Study, bench: Workbench, offer: Offer, allowed: float) -> Trial | None:
-    """Run an offer, again with a finer or coarser step if its error is too large or far too small; None if it fails."""
+    """Run an offer, again with a finer or coarser step if its error is too large or far too small; None if it fails.
+
+    Where means are compared, a bound is mostly scatter, and does not tell the step that would just reach the target: coarser
+    steps are tried until one does not reach it.
+    """
     method, fineness, quantity = study.methods[offer.integrator], offer.fineness, study.quantity or QUANTITIES[0]
     # Where a budget ended early, all known runs may reach the target, with the tolerances of the reference even by far.
     power = (offer.power or POWER_OF_TOLERANCE.get(method.controlled_by, LARGE_POWER)) if method.adaptive else method.order
     budget = Budget(study.budget.seconds)
+    scatters = study.value_reference is not None and study.value_reference.runs > 1
     reached: tuple[float, Trial] | None = None
     before: tuple[float, float] | None = None  # fineness and error of the last run
     machine = bench.machine(offer.integrator)
-    for _ in range(TRIALS):
+    for _ in range(TRIALS + scatters):
         steps, tolerance = (study.problem.samples, 1.0 / fineness) if method.adaptive else (math.ceil(fineness), None)
         configuration = machine.configuration(steps, tolerance)
         sample, _ = machine.run(configuration, budget)
@@ -142,6 +149,14 @@ def try_offer(study: Study, bench: Workbench, offer: Offer, allowed: float) -> T
             if reached is None or fineness < reached[0]:
                 seconds = statistics.median(machine.time(configuration, budget) for _ in range(REPEATS))
                 reached = fineness, Trial(offer, configuration, dt, error, seconds)
+        if offer.integrator in exact_solvers():
+            break  # it has no step
+        if scatters and not method.adaptive and error.value is None and error.bound <= allowed:
+            coarser = max(fineness / COARSER, float(method.fewest_steps))
+            if coarser == fineness:
+                break
+            fineness = coarser
+            continue
         is_close = allowed / TOO_GOOD < error.bound <= allowed
         if not math.isfinite(error.bound) or is_close or (reached and error.bound > allowed and not method.adaptive):
             break

@@ -30,6 +30,7 @@ class ValueDesk:
     reference  None until it is found
     reason     why there is no value, where a run said so
     undefined  runs in turn that had no value
+    ended      whether more runs would change nothing
     """
 
     def __init__(
@@ -44,6 +45,7 @@ class ValueDesk:
         self.reason = ""
         self.conserves_energy = False
         self.undefined = 0
+        self.ended = False
 
     @property
     def wanted(self) -> Wanted:
@@ -77,11 +79,13 @@ class ValueDesk:
         if known is None:
             return False
         self.reference = ValueReference(**known)
-        self.problem = with_runs(self.problem, runs=self.reference.runs, samples=self.reference.samples)
+        self.problem = with_runs(
+            self.problem, runs=self.reference.runs, samples=self.reference.samples, shift=self.reference.shift
+        )
         return self.is_known
 
-    def change(self, bench: Workbench, **changes: int) -> None:
-        """Go on with another number of runs or samples."""
+    def change(self, bench: Workbench, **changes: float) -> None:
+        """Go on with another number of runs or samples, or with another shift of the starts."""
         self.problem = with_runs(self.problem, **changes)
         bench.shorten(self.problem)
 
@@ -129,6 +133,7 @@ class ValueDesk:
             differences=differences,
             control="" if tolerance is None else machine.integrator.controlled_by,
             tolerance=tolerance,
+            shift=self.wanted.shift,
         )
         self.store.notes["values"] = self.reference.facts()
 

@@ -25,6 +25,7 @@ class ValueReference:
                    within twice their bars, or below 10⁻¹³ without a unit, so that the error is absolute
     runs           of every setting; with more than one, mean values are compared
     samples        in a run of a method that needs no step
+    shift          by which the starts of the runs differ, see Wanted; 0 for roundings
     differences    of each pair of runs over the scale, the largest of the entries, coarse to fine
     """
 
@@ -42,6 +43,7 @@ class ValueReference:
     differences: list[float] = field(default_factory=list)
     control: str = ""
     tolerance: float | None = None
+    shift: float = 0.0
 
     @property
     def bar(self) -> float:

@@ -65,7 +65,7 @@ class ValueSearch:
         search = StartSearch(desk).find if has_contacts else self._by_tolerances_or_halving
         with contextlib.suppress(OutOfTime):
             search(bench, SHARE)
-        if not (desk.is_known if has_contacts else desk.suffices) and desk.undefined < PATIENCE:
+        if not (desk.is_known if has_contacts else desk.suffices) and desk.undefined < PATIENCE and not desk.ended:
             share = f"{SHARE:.0%} of the budget"
             desk.tell(f"the reference needs more than {share}: up to {MOST_BUDGETS:g} budgets are spent to find it")
             with desk.budget.beyond(MOST_BUDGETS, SHARE):

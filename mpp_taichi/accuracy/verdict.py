@@ -20,6 +20,7 @@ def verdict(rows: Sequence[StudyRow], quantity: str | None, target: float) -> di
     best         the smallest error of all rows, where no row reaches the target
     faster, slower  the smallest error in a tenth of the time of the choice, and in ten times its time; absent without a row
     elsewhere    for each other backend with rows the row to take for the target there; absent where none reaches it
+    missed       for each other backend where no row reaches it, the row with the smallest error
     film         the row to take for FILM of positions, which is all that an eye sees; absent for targets near it
     own          the scene's own setting: its error, and `step_ratio`, the factor by which its step could be longer (above 1)
                  or must be shorter (below 1) for the target, from the errors of its own method
@@ -40,7 +41,7 @@ def verdict(rows: Sequence[StudyRow], quantity: str | None, target: float) -> di
         for name, times in (("faster", 1.0 / TEN), ("slower", TEN)):
             if (other := _best_within(rows, quantity, times * (chosen.seconds or math.inf))) is not None:
                 found[name] = _described(other, quantity)
-        found["elsewhere"] = _elsewhere(rows, quantity, target, chosen)
+        found["elsewhere"], found["missed"] = _elsewhere(rows, quantity, target, chosen)
         if quantity == "position" and target * TEN <= FILM and (enough := choice(rows, quantity, FILM)) is not None:
             found["film"] = _described(enough, quantity)
     elif ends := time_front(rows, quantity):
@@ -62,12 +63,21 @@ def choice(rows: Sequence[StudyRow], quantity: str, target: float) -> StudyRow |
     return min(alike, key=lambda row: (row.error(quantity).bound, row.sample.evaluations, row.seconds))
 
 
-def _elsewhere(rows: Sequence[StudyRow], quantity: str, target: float, chosen: StudyRow) -> list[dict[str, Any]]:
-    """The choice on every other backend that was tried."""
+def _elsewhere(
+    rows: Sequence[StudyRow], quantity: str, target: float, chosen: StudyRow
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """The choice on every other backend that was tried; and the smallest error on backends where no row reaches the target."""
     here = chosen.sample.configuration.backend
-    backends = dict.fromkeys(row.sample.configuration.backend for row in rows)
-    groups = ([row for row in rows if row.sample.configuration.backend == other] for other in backends if other != here)
-    return [_described(found, quantity) for group in groups if (found := choice(group, quantity, target)) is not None]
+    reached, missed = [], []
+    for backend in dict.fromkeys(row.sample.configuration.backend for row in rows):
+        group = [row for row in rows if row.sample.configuration.backend == backend]
+        if backend == here:
+            continue
+        if (found := choice(group, quantity, target)) is not None:
+            reached.append(_described(found, quantity))
+        elif ends := time_front(group, quantity):
+            missed.append(_described(ends[-1], quantity))
+    return reached, missed
 
 
 def _best_within(rows: Sequence[StudyRow], quantity: str, seconds: float) -> StudyRow | None:
@@ -126,7 +136,7 @@ def sentence(found: dict[str, Any], because: str = "") -> str:
     target = f"{found['target']:.0e}".replace("e-0", "e-")
     if choice := found.get("choice"):
         parts.append(
-            f"for {target} of {quantity} take {choice['integrator']} in {choice['precision']} with {choice['setting']}, "
+            f"for {target} of {quantity} take {_method(choice)} with {choice['setting']}, "
             f"{duration(choice['seconds'])}{_energy(choice)}"
         )
         parts.append(_other_times(found))
@@ -144,19 +154,30 @@ def _other_times(found: dict[str, Any]) -> str:
     said = []
     for name, words in (("faster", "a tenth of this time"), ("slower", "ten times this time")):
         if (other := found.get(name)) and other["key"] != found["choice"]["key"]:
-            said.append(f"{words} buys {_error(other)} ({other['integrator']} in {other['precision']}, {other['setting']})")
+            said.append(f"{words} buys {_error(other)} ({_method(other)}, {other['setting']})")
     return ", ".join(said)
 
 
 def _other_backends(found: dict[str, Any]) -> str:
     """The time that the target takes on every other backend that was tried, over the time of the choice."""
-    said, seconds = [], found["choice"]["seconds"]
+    said, choice = [], found["choice"]
     for other in found["elsewhere"]:
-        slower = other["seconds"] >= seconds
-        ratio = f"{factor(other['seconds'] / seconds)} longer" if slower else f"{factor(seconds / other['seconds'])} less"
+        ratio = other["seconds"] / choice["seconds"]
+        relation = f"{factor(ratio)} as long" if ratio >= 1.0 else f"{factor(1.0 / ratio)} faster"
+        is_same = all(other[name] == choice[name] for name in ("integrator", "setting"))
+        where = f"{other['backend']} in {other['precision']} the same" if is_same else f"{other['backend']} it"
+        how = "" if is_same else f", by {other['integrator']} in {other['precision']} with {other['setting']}"
+        said.append(f"on {where} takes {duration(other['seconds'])} ({relation}){how}")
+    for other in found["missed"]:
         how = f"{other['integrator']} in {other['precision']}, {other['setting']}"
-        said.append(f"on {other['backend']} it takes {duration(other['seconds'])}, {ratio} ({how})")
+        said.append(f"on {other['backend']} nothing that was tried reaches it: {how}, came to {_error(other)}")
     return ", ".join(said)
+
+
+def _method(described: dict[str, Any]) -> str:
+    """`leapfrog in f64`, and the backend where it is not the CPU."""
+    where = "" if described["backend"] == "cpu" else f" on {described['backend']}"
+    return f"{described['integrator']} in {described['precision']}{where}"
 
 
 def _film(found: dict[str, Any]) -> str:
@@ -165,8 +186,7 @@ def _film(found: dict[str, Any]) -> str:
     if film is None or film["key"] == choice["key"]:
         return ""
     gain = f", {factor(choice['seconds'] / film['seconds'])} faster" if film["seconds"] < choice["seconds"] / ALIKE else ""
-    where = "" if film["backend"] == choice["backend"] else f" on {film['backend']}"
-    how = f"{film['integrator']} in {film['precision']}{where} with {film['setting']}"
+    how = f"{_method(film)} with {film['setting']}"
     return f"for a film, in which the eye sees {FILM:.0e}, {how} is enough{gain}".replace("e-0", "e-", 1)
 
 
@@ -198,7 +218,9 @@ def _own(own: dict[str, Any], found: dict[str, Any]) -> str:
 
 
 def factor(value: float) -> str:
-    """`12×`, `1.4×`, or near and below one `1.03×`."""
+    """`25,000×`, `12×`, `1.4×`, or near and below one `1.03×`."""
+    if value >= 1000.0:
+        return f"{float(f'{value:.2g}'):,.0f}×"
     return f"{value:.0f}×" if value >= 10.0 else f"{value:.1f}×" if value >= 1.05 else f"{value:.2f}×"
 
 

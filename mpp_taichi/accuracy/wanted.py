@@ -19,12 +19,14 @@ class Wanted:
     """A quantity of `expect:`, with each of its entries.
 
     runs      of every setting, from starts that differ by rounding: more than one where the values scatter
+    shift     by which the starts differ in place of rounding, where every step gives another heap; see measuring.shifted_start
     samples   moments in a run of a method that needs no step, between which the quantity may be measured
     """
 
     name: str
     entries: tuple[Expectation, ...]
     runs: int = 1
+    shift: float = 0.0
     samples: int = SAMPLES
 
     @staticmethod

@@ -76,3 +76,8 @@ def turns(path: np.ndarray) -> float:
     extent = np.linalg.norm(inner.max(axis=0) - inner.min(axis=0), axis=1)
     moving = extent > 0.0
     return float(np.median(way[moving] / (WAY_OF_A_TURN * extent[moving]))) if moving.any() else 0.0
+
+
+def strides(path: np.ndarray) -> float:
+    """The median over the samples of the longest way of a particle from one sample to the next [length]."""
+    return float(np.median(np.linalg.norm(np.diff(path, axis=0), axis=2).max(axis=1))) if len(path) > 1 else 0.0

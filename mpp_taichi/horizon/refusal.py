@@ -2,7 +2,6 @@
 
 from typing import TYPE_CHECKING
 
-from mpp_taichi.scene.contacts import merges
 from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.stability.step_limit import spectral_radius
 
@@ -15,12 +14,8 @@ DAMPED = 0.5  # of an amplitude, left after one step: with this step and with ha
 def refusal(simulation: "Simulation") -> str:
     """The reason why a scene has no horizon that reruns could find; empty where there is none."""
     for phase in simulation.phases:
-        if merges(phase.spec):
-            return "spheres merge"
         if tree_of(phase.spec) is not None:
             return "gravity by a tree has an error of its own, which does not depend on the step"
-        if phase.spec.contacts is not None:
-            return "a collision of spheres enlarges an error by a factor that differs from collision to collision"
     if not simulation.start.free.any():
         return "no particle moves"
     return _damped(simulation)

@@ -16,10 +16,11 @@ if TYPE_CHECKING:
 def sample_times(simulation: "Simulation", end: float, count: int) -> np.ndarray:
     """About `count` times from the start to `end`, after even numbers of steps in each phase, and some times before the first.
 
-    So the coarse rerun reaches them with whole steps. Of a method that chooses its steps there are `count` even times.
+    So the coarse rerun reaches them with whole steps. Of a flight, and of a method that chooses its steps, there are
+    `count` even times.
     """
     begin = simulation.time
-    if simulation.integrator.controlled_by:
+    if simulation.integrator.controlled_by or not simulation.launcher.takes_steps:
         return np.linspace(begin, end, count + 1)[1:]
     begins = [begin, *(phase.at for phase in simulation.phases if begin < phase.at < end)]
     found: list[float] = []
@@ -40,15 +41,23 @@ def even_and_early(last: int, count: int) -> list[int]:
 class Walk:
     """The positions of a run or a rerun at given times; afterwards the number of its evaluations, and how far it came."""
 
-    def __init__(self, simulation: "Simulation", coarseness: float, times: np.ndarray, look: Callable[[], None]) -> None:
+    def __init__(
+        self, simulation: "Simulation", coarseness: float, times: np.ndarray, look: Callable[[], None], shift: float = 0.0
+    ) -> None:
         """Bind the parts; nothing is followed yet. `look` is called at every time, and may raise."""
-        self._rerun, self._times, self._look = Rerun(simulation, coarseness), times, look
+        self._rerun, self._times, self._look = Rerun(simulation, coarseness, shift), times, look
         self.reached = simulation.time
+        self.path: list[np.ndarray] = []  # the places of which `differences` were taken
 
     @property
     def evaluations(self) -> int:
         """Evaluations of the force, of a method that chooses its steps."""
         return self._rerun.evaluations
+
+    @property
+    def meetings(self) -> int:
+        """Contacts of a sphere with another or with a wall, summed over the spheres."""
+        return self._rerun.meetings
 
     def positions(self) -> np.ndarray:
         """Positions at all times that the run reaches, (samples, followed, 3) [length]."""
@@ -59,6 +68,7 @@ class Walk:
         found: list[float] = []
         with closing(self._places()) as places:
             for k, place in enumerate(places):
+                self.path.append(place)
                 found.append(float(np.linalg.norm(place - own[k], axis=1).max()))
                 if not found[-1] < far:
                     break

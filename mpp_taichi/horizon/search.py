@@ -13,9 +13,11 @@ import numpy as np
 
 from mpp_taichi.errors import MppError
 from mpp_taichi.horizon.cause import Cause, cause_of
-from mpp_taichi.horizon.growth import LEAST_POINTS, LEAST_TURNS, first_crossing, law, turns
+from mpp_taichi.horizon.contact_search import ContactSearch, size_of
+from mpp_taichi.horizon.growth import LEAST_POINTS, LEAST_TURNS, first_crossing, law, strides, turns
 from mpp_taichi.horizon.horizon import LIMIT, Horizon
 from mpp_taichi.horizon.refusal import refusal
+from mpp_taichi.horizon.rerun import HAIR
 from mpp_taichi.horizon.samples import Walk, sample_times
 from mpp_taichi.horizon.work_budget import FINE_PART, LEAST_WORK, SHARE, WorkBudget, budget_of
 
@@ -26,6 +28,8 @@ STAGES = {1.0 / 16.0: 24, 1.0: 48}  # parts of the part of the run that may be f
 PROBES = 128  # parts of the run, in the first of which the evaluations of an adaptive method are counted
 COARSE, FINE = 2.0, 0.5
 SURE = 0.5  # of LIMIT: a coarser run that stays below it shows that the run itself does
+LONG_STRIDE = 0.3  # of the size, between two samples: from here on the error between two samples may be larger than at both
+FINELY = 256  # samples up to a crossing that the first samples have told late
 OVER = 4.0  # times LIMIT: a rerun that differs so much is not followed farther
 
 
@@ -60,7 +64,9 @@ def find(
         return Horizon("unknown", until, reason=reason)
     launches = simulation.timings.launch_count
     try:
-        return _Search(simulation, until, share, least, look).result()
+        touches = any(phase.spec.contacts is not None for phase in simulation.phases)
+        search = ContactSearch if touches else _Search
+        return search(simulation, until, share, least, look).result()
     except MppError as error:
         return Horizon("unknown", until, reason=str(error).splitlines()[0])
     finally:
@@ -89,7 +95,7 @@ class _Search:
 
     def result(self) -> Horizon:
         """Follow an early part, then all of the part that the budget allows, until the error reaches LIMIT."""
-        early: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        early: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
         for stage, samples in STAGES.items():
             times = sample_times(self.simulation, self.begin + stage * self.part * self.span, samples)
             if len(times) < LEAST_POINTS:
@@ -98,7 +104,7 @@ class _Search:
             if len(own) < len(times):
                 return self._unknown("the run breaks off before its end")
             last = stage == 1.0 or self._is_all(stage)
-            size = float(np.sqrt(np.mean(np.sum((own - own.mean(axis=(0, 1))) ** 2, axis=-1)))) or 1.0
+            size = size_of(own)
             if early is not None and (told := self._crossing(*early, size)):
                 return told
             coarse = self._differences(COARSE, times, own, size)
@@ -111,20 +117,39 @@ class _Search:
             kept = int(np.searchsorted(self._steps_until(times), self.budget.fine_steps(self.spent), side="right"))
             kept = max(LEAST_POINTS, kept if parted else min(kept, int(FINE_PART * len(times))))
             fine = self._differences(FINE, times[:kept], own, size)
-            told = self._crossing(times, coarse, fine, size)
+            told = self._crossing(times, own, coarse, fine, size)
             if last or (told and turns(own) >= LEAST_TURNS):
                 return told or self._not_reached(times, own, coarse, fine, size)
-            early = (times, coarse, fine)  # judged again when the size of the system in the whole run is known
+            early = (times, own, coarse, fine)  # judged again when the size of the system in the whole run is known
         whole = "the run" if self.part >= 1.0 else f"the first {self.part:.2g} of the run, all that the search may follow,"
         return self._unknown(f"{whole} has too few steps")
 
-    def _crossing(self, times: np.ndarray, coarse: np.ndarray, fine: np.ndarray, size: float) -> Horizon | None:
+    def _crossing(
+        self, times: np.ndarray, own: np.ndarray, coarse: np.ndarray, fine: np.ndarray, size: float
+    ) -> Horizon | None:
         """The horizon where the error reaches LIMIT at one of the times; None where it does not."""
         cause, errors = self._errors(times, coarse / size, fine / size)
         crossing = first_crossing(times[: len(errors)] - self.begin, errors, LIMIT)
         if crossing is None:
             return None
+        if strides(own[: len(errors)]) > LONG_STRIDE * size:
+            crossing = min(crossing, self._sharpened(times, coarse, fine, errors, size))
         return Horizon("before_end", self.until, self.begin + crossing, error=LIMIT, **self._known(cause))
+
+    def _sharpened(self, times: np.ndarray, coarse: np.ndarray, fine: np.ndarray, errors: np.ndarray, size: float) -> float:
+        """The time of the crossing, looked for with more samples, as the error may be large only near a pericentre."""
+        k = int(np.flatnonzero(~(errors < LIMIT * (1.0 - HAIR)))[0])
+        nearer = sample_times(self.simulation, float(times[k]), FINELY)
+        own = self._own_path(nearer)
+        affordable = self.budget.fine_steps(self.spent) >= self._steps_until(times)[k]
+        coarseness, before = (FINE, fine) if affordable else (COARSE, coarse)
+        j = min(k, len(before) - 1)
+        if not before[j] > 0.0:
+            return float("inf")
+        scale = errors[j] * size / before[j]
+        found = scale / size * self._differences(coarseness, nearer, own, size, over=max(OVER, OVER / scale))
+        crossing = first_crossing(nearer[: len(found)] - self.begin, found, LIMIT)
+        return float("inf") if crossing is None else crossing
 
     def _not_reached(self, times: np.ndarray, own: np.ndarray, coarse: np.ndarray, fine: np.ndarray, size: float) -> Horizon:
         """The answer where the error stays below LIMIT in the part that was followed."""
@@ -173,9 +198,11 @@ class _Search:
         self.part = max(followed, self.budget.part)
         return self.part == followed
 
-    def _differences(self, coarseness: float, times: np.ndarray, own: np.ndarray, size: float) -> np.ndarray:
+    def _differences(
+        self, coarseness: float, times: np.ndarray, own: np.ndarray, size: float, over: float = OVER
+    ) -> np.ndarray:
         walk = Walk(self.simulation, coarseness, times, self.look)
-        found = walk.differences(own, OVER * LIMIT * size)
+        found = walk.differences(own, over * LIMIT * size)
         self._book(walk, coarseness)
         return found
 

@@ -9,6 +9,8 @@ from mpp_taichi.device import bulk_copy
 from mpp_taichi.integrators._base import Integrator
 from mpp_taichi.integrators._launchers import Launchers
 from mpp_taichi.integrators._trouble import Trouble, not_finite
+from mpp_taichi.precision import FARTHEST_PAIR_IN_SINGLE
+from mpp_taichi.scene.physics_checks import LARGEST_COORDINATE
 from mpp_taichi.types import Template
 
 
@@ -72,6 +74,10 @@ class Adaptive(Integrator):
     def _clock(self, state: Any) -> np.ndarray:
         kind = ti.lang.util.to_numpy_type(state.wide)
         return bulk_copy.read([state.clock], kind)[0].reshape(-1, self.CLOCK).astype(float)
+
+    def first_lengths(self, state: Any) -> np.ndarray:
+        """Length with which the first step begins, roughly, of each replica; only after `begin` [time]."""
+        return self._clock(state)[:, 2]
 
     def counts(self, state: Any) -> np.ndarray:
         """Steps taken, steps refused, evaluations and whether it stalled, (replicas, 4)."""
@@ -171,11 +177,12 @@ class Adaptive(Integrator):
     def time_of_change(self, state: Template, fastest, most, widest, dt):
         """Time in which the largest acceleration doubles the largest speed, or carries a particle from rest across the system.
 
-        It is dt where nothing moves and nothing is accelerated.
+        It is dt where nothing moves and nothing is accelerated. Where accelerations are next to nothing, it ends before a
+        particle is so far away that the cube of its distance is no number.
         """
         result = ti.cast(dt, state.wide)
         if most > 0.0 and fastest > 0.0:
-            result = fastest / most
+            result = ti.min(fastest / most, ti.static(farthest()) / fastest)
         elif most > 0.0 and widest > 0.0:
             result = ti.sqrt(widest / most)
         return result
@@ -213,6 +220,11 @@ class Adaptive(Integrator):
 def rounding() -> float:
     """Distance between 1 and the next larger number in the precision of the run."""
     return 2.0**-23 if ti.lang.impl.current_cfg().default_fp == ti.f32 else 2.0**-52
+
+
+def farthest() -> float:
+    """A distance whose cube is a number, in the precision of the run [length]."""
+    return FARTHEST_PAIR_IN_SINGLE if ti.lang.impl.current_cfg().default_fp == ti.f32 else LARGEST_COORDINATE
 
 
 def smallest() -> float:

@@ -32,6 +32,7 @@ class Integrator:
     memory           work fields that a step leaves for the next step
     can_use_tree     needs nothing but accelerations, of all particles at once, so that a tree can sum them
     takes_low_parts  moves particles by the functions of `particle_update`, so that it runs in f32c, ds and df64
+    carries_rounding  keeps the rounding errors of positions and velocities, so that changes below their spacing are not lost
     controlled_by    name of the parameter that sets the accuracy of a method that chooses its steps itself; else empty
     stable_for_any_stiffness  no spring is too stiff for any step
     steps_about_center   where particles act on each other only, the state holds positions and velocities relative to a frame
@@ -73,6 +74,7 @@ class Integrator:
     takes_time = True
     memory: tuple = ()
     takes_low_parts = False
+    carries_rounding = False
     controlled_by = ""
     stable_for_any_stiffness = False
     steps_about_center = False

@@ -54,6 +54,7 @@ class Embedded(Adaptive):
     orbit_factor = 1.0  # error of an orbit over the estimates of its steps, measured
     leverage_factor = 0.0  # part of a pair's leverage that counts
     tolerance: float
+    carries_rounding = True
     controlled_by = "tolerance"
     launchers = replace(Adaptive.launchers, quickly=True)
     VECTORS = ("start_position", "start_velocity", "start_acceleration", "position_rest", "velocity_rest")

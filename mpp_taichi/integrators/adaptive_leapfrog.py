@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import taichi as ti
 
 from mpp_taichi.arithmetic.particle_update import drifted, kicked
@@ -47,6 +48,10 @@ class AdaptiveLeapfrog(Adaptive):
             "density": ("wide", 2),
             **vectors,
         }
+
+    def first_lengths(self, state: Any) -> np.ndarray:
+        """η/ρ, of each replica [time]."""
+        return self.step / np.abs(state.density.to_numpy()[::2])
 
     @ti.func
     def begin(self, state: Template, total_force: Template, first, time: Template, dt: Template, shape: Template):

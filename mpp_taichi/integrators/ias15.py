@@ -46,6 +46,7 @@ class Ias15(Adaptive):
 
     order = 15
     path_degree = TERMS + 2
+    carries_rounding = True
     controlled_by = "epsilon"
     begins_anew = True
     reference_tolerances = (1e-9, 3e-10, 1e-10)  # steps in the ratio 1 : 0.84 : 0.72

@@ -101,7 +101,7 @@ class Janus(Integrator):
         """Put positions and velocities on the lattice, which stays the same until they are set again.
 
         Raises:
-            SceneError: they lie beyond its end.
+            SceneError: they lie beyond its end, or all velocities below its spacing.
         """
         self.spacings = self._spacings(dt)
         state.spacing.from_numpy(np.tile(self.spacings, state.replica_count))
@@ -114,6 +114,11 @@ class Janus(Integrator):
                 raise SceneError(
                     f"integrator.janus: its lattice ends at a {name} of {LIMIT * spacing:.6g}, and the scene has a {name} of "
                     f"{np.abs(numbers).max() * spacing:.6g}; give it a larger `lattice` than {self.spacings[0]:.6g}"
+                )
+            if name == "velocity" and values.any() and not numbers.any():
+                raise SceneError(
+                    f"integrator.janus: its velocities are {spacing:.6g} apart, and the largest of the scene is "
+                    f"{np.abs(values).max():.6g}, which would be 0; take a longer dt than {dt:.6g}, or a smaller `lattice`"
                 )
             getattr(state, f"lattice_{name}").from_numpy(numbers.astype(np.int64))
             held = state.free.to_numpy() == 0.0 if state.has_fixed_axes else False

@@ -46,6 +46,7 @@ class Taylor(Adaptive):
     )
     order: int = param(20, minimum=4, maximum=40, help="order of the series; 13 is a little faster for errors above 1e-4")
 
+    carries_rounding = True
     controlled_by = "tolerance"
     begins_anew = True
     reference_tolerances = (1e-14, 1e-15, 1e-16)  # steps in the ratio 1 : 0.89 : 0.79

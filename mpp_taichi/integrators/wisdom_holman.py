@@ -57,7 +57,9 @@ class WisdomHolman(Integrator):
     made_for_reason = "its drifts are Kepler's orbits"
     orbits_central_body = True
     steps_about_center = True
+    carries_rounding = True
     correctors = (0, 3, 5, 7, 11, 17)
+    variants = {"lazy": {"kernel": "lazy"}}
     launchers = Launchers(serial="own_state", replicas="own_state", parallel="", cpu_only=True)
     nodes = (0.5,)
     VECTORS = ("jacobi_position", "jacobi_velocity", "position_rest", "velocity_rest")

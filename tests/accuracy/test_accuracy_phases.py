@@ -182,6 +182,8 @@ def test_the_page_and_the_table_tell_of_each_phase(tmp_path, capsys):
         "leapfrog",
         "--precisions",
         "f64",
+        "--backends",
+        "cpu",
         "--out",
         str(tmp_path),
     ]

@@ -239,7 +239,7 @@ def test_a_target_of_positions_in_a_gas_is_refused_with_a_target_that_it_can_hav
 def run_verb(folder, scene, *words):
     path = folder / "scene.yaml"
     path.write_text(yaml.safe_dump(scene), encoding="utf-8")
-    return main(["accuracy", str(path), "--out", str(folder / "out"), "--precisions", "f64", *words])
+    return main(["accuracy", str(path), "--out", str(folder / "out"), "--precisions", "f64", "--backends", "cpu", *words])
 
 
 def test_the_table_has_a_column_of_the_quantity(tmp_path, capfd):
