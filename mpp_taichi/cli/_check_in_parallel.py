@@ -13,6 +13,7 @@ from typing import IO, Any
 
 from mpp_taichi.cli._signals import Interruption
 from mpp_taichi.cli._terminal import say
+from mpp_taichi.device.with_parent import child_environment
 from mpp_taichi.errors import INTERNAL_ERROR_CODE
 
 PROGRAM = (sys.executable, "-m", "mpp_taichi", "check")
@@ -60,7 +61,8 @@ def _started(scene: Path, arguments: argparse.Namespace) -> _Job:
     words += ["--threads", str(arguments.threads)] if arguments.threads else []
     words += ["--quiet"] if arguments.quiet else []
     answer, told = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # a full pipe would block
-    process = subprocess.Popen([*words, "--", str(scene)], stdin=subprocess.DEVNULL, stdout=answer, stderr=told)
+    command = [*words, "--", str(scene)]
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=answer, stderr=told, env=child_environment())
     return _Job(scene, process, answer, told)
 
 

@@ -58,6 +58,8 @@ class Request:
     force: bool = False
     rewind: "Rewind | None" = None
     beside: "Beside | None" = None
+    archive: bool = False
+    fresh: bool = False
 
     @property
     def films(self) -> bool:

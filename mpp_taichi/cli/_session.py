@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.beside.settings import BesideError
 from mpp_taichi.cli._amounts import check_amounts
+from mpp_taichi.cli._archive import KeptRun, is_kept
 from mpp_taichi.cli._beside import RightHalf
 from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._options import OUTPUT_FOLDER, output_stem
+from mpp_taichi.cli._outputs import lock_outputs, open_sinks
 from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._start_simulation import start, start_another
@@ -22,20 +24,16 @@ from mpp_taichi.cli._validity import Validity
 from mpp_taichi.cli._window_desk import save_log
 from mpp_taichi.errors import MppError, OutputError, StabilityError
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
-from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.recorders.blow_up import BlowUpWatch
 from mpp_taichi.recorders.event_log import EventLogRecorder
 from mpp_taichi.recorders.film import FilmRecorder
-from mpp_taichi.recorders.frames import FrameRecorder
 from mpp_taichi.recorders.html import HtmlRecorder
 from mpp_taichi.recorders.inspection import InspectionRecorder
 from mpp_taichi.recorders.modes import ModeRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
 from mpp_taichi.recorders.speed_histogram import SpeedHistogram
-from mpp_taichi.recorders.still import StillRecorder
 from mpp_taichi.recorders.table import TableRecorder, asked_columns
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
-from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
 from mpp_taichi.report.expectations import Verdict, Watcher
 from mpp_taichi.report.summary import Stopwatch, Timed, lines, summarize
@@ -89,9 +87,9 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
     goal.check(spec, may_be_endless=request.window)
     check_amounts(spec, request, goal)
     with ExitStack() as stack:
-        interruption = stack.enter_context(Interruption())
-        _lock_outputs(request, stack)
-        sinks = _open_sinks(spec, request, stack)
+        interruption = stack.enter_context(Interruption(until_first_step=True))
+        lock_outputs(request, stack)
+        sinks = open_sinks(spec, request, stack)
         trajectory = stack.enter_context(TrajectoryRecorder(request.trajectory)) if request.trajectory else None
         right = None
         if request.beside is not None:
@@ -108,36 +106,6 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
         run = _Run(spec, request, goal, simulation, stopwatch, total, rewound, right, validity)
         run.glass = None if stage is None else stage.glass
         return run.go(interruption, sinks, trajectory)
-
-
-def _lock_outputs(request: Request, stack: ExitStack) -> None:
-    """Reserve the names of the files written at the end, so that a second run with the same names is refused now."""
-    for path in (
-        request.snapshot,
-        request.diagnostics,
-        request.modes,
-        request.speeds,
-        request.events,
-        request.log,
-        *request.inspect,
-    ):
-        if path is not None:
-            stack.callback(OutputLock(path).release)
-
-
-def _open_sinks(spec: SceneSpec, request: Request, stack: ExitStack) -> list[Any]:
-    """Open the files of the film; after an exception they keep the frames written so far."""
-    sinks: list[Any] = []
-    size, fps = request.size or spec.record.size, request.fps or spec.record.fps
-    if request.video is not None:
-        sinks.append(stack.enter_context(VideoRecorder(request.video, size, fps)))
-    if request.frames is not None:
-        sinks.append(stack.enter_context(FrameRecorder(request.frames)))
-    if request.still is not None:
-        sinks.append(stack.enter_context(StillRecorder(request.still)))
-    if request.html is not None:
-        sinks.append(stack.enter_context(HtmlRecorder(request.html, size, fps)))
-    return sinks
 
 
 class _Run:
@@ -162,6 +130,7 @@ class _Run:
         self.table = TableRecorder(self.every, asked_columns(simulation) if request.diagnostics is not None else None)
         self.table.validity = self.validity.number if self.validity.horizon else None
         simulation.when_phase_begins.append(self._forget_horizon)
+        simulation.judge.use_log()
         self.blow_up = BlowUpWatch(self.table)
         simulation.when_phase_begins.append(self.blow_up.restart)  # a change of a parameter may add energy
         self.watchdog = EnergyWatchdog(self.table)
@@ -186,6 +155,9 @@ class _Run:
         self.files: list[str] = []
         self.error: MppError | None = None
         self.interrupted: Interrupted | None = None
+        self.kept: KeptRun | None = None
+        self.went_on: dict[str, Any] | None = None
+        self.first_step = 0  # of this process
 
     def go(self, interruption: Interruption, sinks: Sequence[Any], trajectory: TrajectoryRecorder | None) -> Outcome:
         """Run to the end, or to the time of an error or a signal; then write all files."""
@@ -209,26 +181,46 @@ class _Run:
         timed = [Timed(look, self.stopwatch, "diagnostics") for look in looks]
         bar = sys.stderr is not None and sys.stderr.isatty()
         total = None if self.total_steps is None else self.simulation.step_count + self.total_steps
+        self._keep(looks)
         progress = ProgressRecorder(total, self._energy_error, bar=bar)
         wants_progress = not (self.request.quiet or self.request.window)
         recorders = [*timed, *self.films, interruption, *([progress] if wants_progress else [])]
         try:
             self._advance(recorders, progress, interruption)
+            if self.kept is not None:
+                self.kept.archive.end()
             self._finish([*looks, *self.films])
             if self.right is not None:
                 self.right.end()
         except Interrupted as signal:
             self.interrupted = signal
-            self._finish([self.table, self.watchdog, *measured, *([trajectory] if trajectory else [])])
+            if self.kept is not None and self.simulation.step_count > self.first_step:
+                self.kept.archive.record(self.simulation)  # before the samples that only an interrupted run takes
+            if self.simulation.step_count > 0:  # else there is nothing to measure, and the kernels would still be compiled
+                self._finish([self.table, self.watchdog, *measured, *([trajectory] if trajectory else [])])
         except StabilityError as error:
             self.error = self.blow_up.explain(error, self.simulation)
             say(f"error: {self.error}")
+            if self.kept is not None:
+                self.kept.archive.end()  # a run that goes on from here would break down again
         except (BesideError, OutputError) as error:
             self.error = error
             say(f"error: {error}")
+        if self.kept is not None:
+            self.kept.archive.close()
         with self.stopwatch("encode"):
             self._close(sinks, trajectory)
         return self._outcome()
+
+    def _keep(self, looks: Sequence[Any]) -> None:
+        """Keep an archive, and go on with the run that an earlier process has left there."""
+        if not is_kept(self.request, self.goal):
+            return
+        names = {type(look).__name__: look for look in looks}
+        self.kept = KeptRun(self.simulation, self.request, self.goal, self.every, names)
+        self.went_on = self.kept.go_on(self.simulation)
+        self.first_step = self.simulation.step_count
+        self.simulation.when_phase_begins.append(self.kept.archive.phase_begins)
 
     def _advance(self, recorders: list[Any], progress: ProgressRecorder, interruption: Interruption) -> None:
         if self.request.window:
@@ -238,11 +230,17 @@ class _Run:
             self.next = show(
                 *looks, start=partial(start_another, device=self.simulation.device, request=self.request), glass=self.glass
             )
-        elif self.request.quiet:
-            self.simulation.run(until=self.goal.until, steps=self.goal.steps, recorders=recorders)
         else:
-            with progress:
-                self.simulation.run(until=self.goal.until, steps=self.goal.steps, recorders=recorders)
+            steps = (
+                self.goal.steps if self.went_on is None or self.goal.steps is None else self.goal.steps - self.went_on["step"]
+            )
+            with ExitStack() as stack:
+                if not self.request.quiet:
+                    stack.enter_context(progress)
+                if self.kept is not None:
+                    stack.enter_context(self.kept.listening())
+                    recorders = [*recorders, self.kept.archive]
+                self.simulation.run(until=self.goal.until, steps=steps, recorders=recorders)
 
     def _inspection(self) -> InspectionRecorder | None:
         """The recorder that samples the scene's panels; None where they are neither shown nor written."""
@@ -317,7 +315,8 @@ class _Run:
         jobs: list[tuple[Path, Any]] = []
         for sink in sinks:
             if sink.frame_count == 0 and (self.error or self.interrupted):
-                continue  # the context manager of the file removes it
+                sink.abandon()
+                continue
             jobs.append((sink.path, sink.close))
         if trajectory is not None and trajectory.frame_count > 0:
             jobs.append((trajectory.path, trajectory.close))
@@ -349,6 +348,8 @@ class _Run:
     def _state_file(self) -> Path | None:
         """The file of the last state: the file of `--snapshot`, or, when the run broke off, a file beside the other output."""
         stem = output_stem(self.spec.source)
+        if self.interrupted and self.simulation.step_count == 0:
+            return None
         if self.interrupted:
             return OUTPUT_FOLDER / f"{stem}.interrupted.npz"
         if isinstance(self.error, StabilityError):
@@ -367,7 +368,7 @@ class _Run:
         if self._reached_the_end():
             verdicts = self.watcher.verdicts(summary, self.simulation.device.precision)
         failed = any(not verdict.passed for verdict in verdicts)
-        inaccurate = self.watchdog.broken_at is not None
+        verdict = self.simulation.verdict
         code = 0
         if self.error is not None:
             status, code = "failed", self.error.exit_code
@@ -375,13 +376,14 @@ class _Run:
             status, code = "interrupted", self.interrupted.code
         elif failed:
             status, code = "failed", StabilityError.exit_code
-        elif inaccurate:
-            status, code = "inaccurate", 0 if self.request.allow_inaccurate else StabilityError.exit_code
         else:
-            status = "ok"
-        summary["status"] = status
+            status = verdict.status
+            code = 0 if verdict.is_sound or self.request.allow_inaccurate else StabilityError.exit_code
+        summary |= {"status": status, "findings": [vars(each) for each in verdict.findings]}
         if self.rewound:
             summary["rewound"] = self.rewound
+        if self.went_on is not None:
+            summary["went_on"] = self.went_on
         return Outcome(summary, code, self.error, verdicts, self.files, self.next)
 
     def _reached_the_end(self) -> bool:

@@ -5,11 +5,13 @@ import json
 import logging
 import math
 import os
+import re
 import sys
+import warnings
 from collections.abc import Iterator
 from typing import Any
 
-from mpp_taichi.errors import MppError, OutputError, SceneError
+from mpp_taichi.errors import AccuracyWarning, MppError, OutputError, SceneError
 
 
 class UsageError(MppError):
@@ -41,31 +43,46 @@ class _LineHandler(logging.Handler):
 
 @contextlib.contextmanager
 def warnings_shown() -> Iterator[None]:
-    """Show the program's own warnings."""
+    """Show the program's own warnings; findings of a verdict, which are Python warnings in a script, come by this way."""
     logger = logging.getLogger("mpp_taichi")
     handler = _LineHandler(logging.WARNING)
     logger.addHandler(handler)
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", AccuracyWarning)
+            yield
     finally:
         logger.removeHandler(handler)
 
 
+# Controls of a terminal but for the ends of lines and tabs, and those that turn the direction of writing.
+_CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+
+
+def without_controls(text: str) -> str:
+    """Text whose control characters, from a title or a name say, are replaced, so that a terminal only shows them."""
+    return _CONTROLS.sub("�", text)
+
+
 def say(text: str) -> None:
-    """Print a line for a person on standard error; it is lost without an error when standard error is closed."""
+    """Print a line for a person on standard error; it is lost without an error when standard error is closed.
+
+    Control characters are replaced.
+    """
+    text = without_controls(text)
     if sys.stderr is not None:  # closed: print would take standard output instead
         with contextlib.suppress(OSError, ValueError):
             print(text, file=sys.stderr, flush=True)
 
 
 def put(text: str) -> None:
-    """Print a result on standard output.
+    """Print a result on standard output, with control characters replaced.
 
     Raises:
         ClosedOutputError: the reader of standard output has closed it.
     """
     try:
-        print(text, flush=True)
+        print(without_controls(text), flush=True)
     except (BrokenPipeError, ValueError):
         _drop_output()
         raise ClosedOutputError from None

@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from mpp_taichi.accuracy.study import Study, StudyWishes
     from mpp_taichi.scene.spec import SceneSpec
 
-BUDGET_SECONDS = 60.0
+BUDGET_SECONDS, SMALL_BUDGET_SECONDS = 60.0, 20.0
 TARGET = 1e-6
+DEFAULT_PRECISIONS, DEFAULT_BACKENDS = ("f64", "f32"), ("cpu",)
 OWN_QUANTITIES = {"positions": "position", "energy": "energy"}  # words of --of, and the quantities of a study
 UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
@@ -36,9 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--budget",
         type=span_of_time,
-        default=BUDGET_SECONDS,
         metavar="60s",
-        help="processor time that the study may take, of all threads together: 60s, 10min, 1h",
+        help="processor time that the study may take, of all threads together: 60s, 10min, 1h; absent: 60s, or 20s "
+        "for a scene in one phase whose own run takes less than 10 ms and whose positions are compared",
     )
     parser.add_argument(
         "--target",
@@ -64,11 +65,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--precisions",
         type=names,
-        default=["f64", "f32"],
         metavar="P,Q",
         help="precisions to try, of f64,df64,ds,f32c,f32; absent: f64,f32",
     )
-    parser.add_argument("--backends", type=names, default=["cpu"], metavar="B,C", help="backends to try; absent: cpu")
+    parser.add_argument(
+        "--backends",
+        type=names,
+        metavar="B,C",
+        help="backends to try, such as cpu or cpu,vulkan; absent: cpu, and then the chosen setting on the others that start",
+    )
     parser.add_argument(
         "--out", type=_options.output_path, metavar="DIR", help="folder of the results; absent: out/SCENE.accuracy"
     )
@@ -95,6 +100,7 @@ def execute(arguments: argparse.Namespace) -> int:
     code = 0
     with output_reserved(arguments.json), Interruption() as interruption:
         from mpp_taichi.accuracy.budget import Budget
+        from mpp_taichi.accuracy.elsewhere import Elsewhere
         from mpp_taichi.accuracy.findings import findings
         from mpp_taichi.accuracy.phase_studies import PhaseStudies
         from mpp_taichi.accuracy.store import Store, identity
@@ -103,7 +109,7 @@ def execute(arguments: argparse.Namespace) -> int:
         lock = OutputLock(folder / "accuracy.json")
         try:
             tell = (lambda _: None) if arguments.quiet else say
-            budget = Budget(arguments.budget, interruption.raise_if_any)
+            budget = Budget(arguments.budget or BUDGET_SECONDS, interruption.raise_if_any)
             if (quantity, of) == (None, None):
                 problem = _expected_instead(problem, budget, tell)
             store = Store(folder, identity(problem, problem.span, __version__), fresh=arguments.fresh)
@@ -113,11 +119,15 @@ def execute(arguments: argparse.Namespace) -> int:
             _check_methods(wishes, list(study.methods), tell)
             if store.resumed:
                 tell(f"{store.resumed} runs are known from before")
+            own = spec.accuracy.error if spec.accuracy is not None else None
             try:
-                study.run()
+                with interruption.at_once():
+                    study.run()
+                    if arguments.backends is None:
+                        target = arguments.target or own or _usual_target(study)
+                        Elsewhere(study, target, arguments.precisions or PRECISIONS).run()
             except Interrupted as signal:
                 study.status, code = "interrupted", signal.code
-            own = spec.accuracy.error if spec.accuracy is not None else None
             found: dict[str, Any] = findings(study, arguments.target or own or _usual_target(study), phases.found)
             found["files"] = _write(folder, found, study, phases)
         finally:
@@ -198,16 +208,19 @@ def _wishes(arguments: argparse.Namespace, kind: str, quantity: str | None) -> "
         for name in getattr(arguments, option) or ():
             if _without_tree(name) not in known:
                 raise UsageError(f"--{option} {name}: allowed are {', '.join(known)}")
-    devices = [(backend, precision) for backend in arguments.backends for precision in arguments.precisions]
-    return StudyWishes(arguments.integrators, devices, quantity=quantity)
+    precisions = arguments.precisions or DEFAULT_PRECISIONS
+    devices = [(backend, precision) for backend in arguments.backends or DEFAULT_BACKENDS for precision in precisions]
+    small = SMALL_BUDGET_SECONDS if arguments.budget is None else None
+    return StudyWishes(arguments.integrators, devices, quantity=quantity, small=small)
 
 
 def _without_tree(name: str) -> str:
-    """The integrator of a method, without its tree."""
+    """The integrator of a method, without its tree and its variant."""
     from mpp_taichi.accuracy.force_solvers import split
+    from mpp_taichi.accuracy.method_variants import split_variant
 
     try:
-        return split(name)[0]
+        return split_variant(split(name)[0])[0]
     except ValueError as error:
         raise UsageError(f"--integrators {name}: {error}") from None
 

@@ -45,9 +45,13 @@ def execute(arguments: argparse.Namespace) -> int:
     if suffix in SCENES:
         if imported is None:
             raise UsageError(f"convert: {arguments.source} is no other program's file; only such a file becomes a scene")
+        from mpp_taichi.scene.document import read_text
+        from mpp_taichi.scene.faults import Faults
         from mpp_taichi.scene.write import scene_text
+        from mpp_taichi.scene.yaml_limits import decode
 
         text = scene_text(imported, f"From {arguments.source.name}.")
+        read_text(decode(text.encode(), str(target)), str(target), Faults())  # refuses what could not be read back
         with whole_file(target, "the scene") as temporary:
             temporary.write_text(text, encoding="utf-8")
     elif suffix != STATE:

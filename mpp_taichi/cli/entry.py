@@ -1,14 +1,25 @@
-"""The entry point of the command line: it imports the program, and names the missing package where an import fails."""
+"""The entry point of the command line: it imports the program, and names the missing package where an import fails.
 
+Imports take most of a second, so they are made in `main`, where SIGINT is answered by a line.
+"""
+
+import os
+import signal
 import sys
-
-from mpp_taichi.cli._terminal import prepare_streams, put_failure, say
-from mpp_taichi.errors import MissingPackageError
-from mpp_taichi.missing_package import missing_packages_named
+from types import FrameType
 
 
 def main() -> int:
     """Run the command line and return its exit code."""
+    listens = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # and is not ignored, as in a job with `&`
+    if listens:
+        signal.signal(signal.SIGINT, _leave)
+    from mpp_taichi.cli._terminal import prepare_streams, put_failure, say
+    from mpp_taichi.device.with_parent import end_with_parent
+    from mpp_taichi.errors import MissingPackageError
+    from mpp_taichi.missing_package import missing_packages_named
+
+    end_with_parent()
     try:
         with missing_packages_named():
             from mpp_taichi.cli.main import main as run
@@ -16,4 +27,13 @@ def main() -> int:
         prepare_streams()
         say(str(error))
         return put_failure(str(error), [str(error)], error.exit_code) if "--json" in sys.argv[1:] else error.exit_code
+    finally:
+        if listens:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
     return run()
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    """End at once: nothing has begun that would have to be ended well."""
+    os.write(2, b"interrupted by SIGINT\n")
+    os._exit(128 + number)

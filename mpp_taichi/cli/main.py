@@ -11,6 +11,7 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from signal import SIGINT
 from types import ModuleType
 from typing import NoReturn
 
@@ -76,9 +77,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             faults = list(error.faults) if isinstance(error, SceneError) else [str(error)]
             code = put_failure(str(error), faults, code)
     except Interrupted as signal:
+        say(f"interrupted by {signal}")
         code = signal.code
     except KeyboardInterrupt:
-        code = 130
+        say("interrupted by SIGINT")
+        code = Interrupted(SIGINT).code
     except OSError as error:  # for example standard output on a full disk
         say(f"error: {error.strerror or error}")
         code = OutputError.exit_code

@@ -50,6 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="go on from the state of a run that blew up or was interrupted, with a stable step; "
         "the newest of out/SCENE.crash.npz and out/SCENE.interrupted.npz when no file is named",
     )
+    parser.add_argument("--fresh", action="store_true", help="begin anew, where out/SCENE.run holds a run that was cut off")
+    parser.add_argument("--no-archive", action="store_true", help="keep no out/SCENE.run from which the same command goes on")
     _options.add_report(parser)
 
 
@@ -103,6 +105,7 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
         "force",
     )
     given = {name: getattr(arguments, name) for name in (*names, *more)}
+    given |= {"archive": not arguments.no_archive, "fresh": arguments.fresh}
     if arguments.rewind is not None:
         from mpp_taichi.cli._rewind import Rewind
 

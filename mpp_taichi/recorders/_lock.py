@@ -41,8 +41,12 @@ class OutputLock:
 
     def _create(self) -> None:
         descriptor = os.open(self.path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644)
-        with os.fdopen(descriptor, "w", encoding="ascii") as stream:
-            stream.write(str(os.getpid()))
+        try:
+            with os.fdopen(descriptor, "w", encoding="ascii") as stream:
+                stream.write(str(os.getpid()))
+        except OSError:  # the disk is full
+            self.path.unlink(missing_ok=True)
+            raise
 
     def _owner(self) -> int | None:
         try:

@@ -7,9 +7,9 @@ import numpy as np
 
 from mpp_taichi import component
 from mpp_taichi.errors import StabilityError
-from mpp_taichi.recorders.massless import MasslessWatch
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.simulation import first_bad_step
+from mpp_taichi.simulation.massless_watch import MasslessWatch
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.stability.network import SpringNetwork
 

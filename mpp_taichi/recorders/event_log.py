@@ -55,6 +55,10 @@ class EventLogRecorder:
             self.append(*(records[name] for name in FIELDS))
         self._due_step = simulation.step_count + self.every
 
+    def drain(self, simulation: "Simulation") -> None:
+        """Take the collisions that wait on the device, before an archive keeps this log."""
+        self.record(simulation)
+
     def finish(self, simulation: "Simulation") -> None:
         """Take the last batch."""
         self.record(simulation)

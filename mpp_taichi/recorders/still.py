@@ -47,10 +47,14 @@ class StillRecorder:
             OutputError: it cannot be written.
         """
         try:
-            if self._picture is not None:
+            picture, self._picture = self._picture, None
+            if picture is not None:
                 from mpp_taichi.views.picture import save_picture  # not imported where only the formats are wanted
 
-                save_picture(self._picture, self.path)
-                self._picture = None
+                save_picture(picture, self.path)
         finally:
             self._lock.release()
+
+    def abandon(self) -> None:
+        """Release the name without a picture."""
+        self._lock.release()

@@ -3,11 +3,13 @@
 import os
 import shutil
 import zipfile
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
+from mpp_taichi.atomic_file import fresh
 from mpp_taichi.errors import OutputError
 from mpp_taichi.recorders._extended_xyz import frame_lines
 from mpp_taichi.recorders._lock import OutputLock
@@ -123,7 +125,7 @@ class _ArrayWriter:
 
     def _open(self, name: str) -> None:
         part = self.path.with_name(f"{self.path.name}.{name}.part")
-        self._streams[name] = open(part, "w+b")
+        self._streams[name] = open(fresh(part), "w+b")
         self._parts[name] = part
 
     def write(self, snapshot: Snapshot, enclosure: Enclosure) -> None:
@@ -141,13 +143,14 @@ class _ArrayWriter:
         whole = self.path.with_name(self.path.name + ".part")
         try:
             if keep:
-                with zipfile.ZipFile(whole, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
+                with zipfile.ZipFile(fresh(whole), "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
                     self._pack(archive)
                 os.replace(whole, self.path)
         finally:
             whole.unlink(missing_ok=True)
             for name, stream in self._streams.items():
-                stream.close()
+                with suppress(OSError):  # the disk is full, and something was still to be written
+                    stream.close()
                 self._parts[name].unlink(missing_ok=True)
 
     def _pack(self, archive: zipfile.ZipFile) -> None:
@@ -174,19 +177,26 @@ class _ArrayWriter:
 
 
 class _TextWriter:
-    """Extended XYZ, one frame after the other."""
+    """Extended XYZ, one frame after the other. Where the disk is full, the frames that it holds whole are kept."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._part = path.with_name(path.name + ".part")
-        self._stream = open(self._part, "w", encoding="utf-8")
+        self._stream = open(fresh(self._part), "wb")
+        self._ends = [0]  # of the frames, in bytes
 
     def write(self, snapshot: Snapshot, enclosure: Enclosure) -> None:
-        self._stream.writelines(f"{line}\n" for line in frame_lines(snapshot, enclosure))
+        data = "".join(f"{line}\n" for line in frame_lines(snapshot, enclosure)).encode()
+        self._ends.append(self._ends[-1] + len(data))
+        self._stream.write(data)
 
     def close(self, *, keep: bool) -> None:
-        self._stream.close()
-        if keep:
-            os.replace(self._part, self.path)
-        else:
+        try:
+            self._stream.close()
+        finally:
+            held = os.path.getsize(self._part)
+            whole = max(end for end in self._ends if end <= held)
+            if keep and whole:
+                os.truncate(self._part, whole)
+                os.replace(self._part, self.path)
             self._part.unlink(missing_ok=True)

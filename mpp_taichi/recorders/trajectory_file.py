@@ -21,6 +21,7 @@ MOST_BYTES = 1 << 31  # of a frame, or of an array that has no frames
 _DAMAGED: tuple[type[Exception], ...] = (
     *(OSError, EOFError, ValueError, KeyError, TypeError, RuntimeError, SyntaxError, tokenize.TokenError),
     *(zipfile.BadZipFile, zlib.error, struct.error),
+    *(tokenize.TokenError, SyntaxError, MemoryError, ArithmeticError),  # of the text in which NumPy describes an array
 )
 _VECTORS = ("position", "velocity")
 _SCALARS = ("mass", "radius", "charge")

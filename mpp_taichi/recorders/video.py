@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi.atomic_file import fresh
 from mpp_taichi.errors import OutputError
 from mpp_taichi.missing_package import is_absent, missing_line
 from mpp_taichi.recorders._lock import OutputLock
@@ -124,7 +125,7 @@ class VideoRecorder:
         self._lock = OutputLock(self.path)
         try:
             self._process = subprocess.Popen(
-                encoder_command(self._executable, self._part, size, fps),
+                encoder_command(self._executable, fresh(self._part), size, fps),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
@@ -232,6 +233,8 @@ class VideoRecorder:
         palette = self.path.with_name(f"{self.path.stem}.palette.png")
         try:
             commands = finishing_commands(self._executable, self._part, whole, palette)
+            for temporary in (whole, palette)[: len(commands)]:
+                fresh(temporary)
             for command in commands:
                 self._run(command)
             os.replace(whole if commands else self._part, self.path)

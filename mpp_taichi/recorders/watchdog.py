@@ -4,18 +4,16 @@ import logging
 from typing import TYPE_CHECKING
 
 from mpp_taichi.recorders.table import TableRecorder
+from mpp_taichi.simulation.verdict import energy_finding
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
 
 log = logging.getLogger(__name__)
 
-ENERGY_LIMIT = 0.1
-"""Relative energy error above which a run of conservative forces is inaccurate: particles are then on other orbits."""
-
 
 class EnergyWatchdog:
-    """Reads the table as it grows; warns of the first sample above `ENERGY_LIMIT`, and keeps its time as `broken_at`.
+    """Reads the table as it grows; warns of the first sample above the limit of the verdict, and keeps its time as `broken_at`.
 
     It must come after its table in the list of recorders. The limit holds while all forces present conserve energy.
     """
@@ -35,14 +33,13 @@ class EnergyWatchdog:
         new = self.table.rows[self._seen :]
         self._seen = len(self.table.rows)
         for row in new:
-            if row["conserves_energy"] and self.broken_at is None and not row["relative_energy_error"] <= ENERGY_LIMIT:
+            finding = energy_finding(row)
+            if finding is None:
+                continue
+            simulation.judge.note(finding)
+            if self.broken_at is None:
                 self.broken_at = row["time"]
-                log.warning(
-                    "the energy was off by %.2g of itself at time %.6g although every force conserves it: "
-                    "the results are not accurate; try a smaller dt, a better integrator or a softening",
-                    row["relative_energy_error"],
-                    row["time"],
-                )
+                log.warning(finding.message)
 
     def restart(self) -> None:
         """Watch the table from its start again; `broken_at` stays."""

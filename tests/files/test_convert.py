@@ -1,11 +1,12 @@
 """Conversion of files of other programs: every digit is kept, and faults are reported with line and column."""
 
 import json
+import zipfile
 
 import numpy as np
 import pytest
 
-from mpp_taichi import SceneError, Simulation
+from mpp_taichi import OutputError, SceneError, Simulation
 from mpp_taichi.cli.main import main
 from mpp_taichi.importers.catalogue import import_scene, importers
 from mpp_taichi.scene.load import load_scene
@@ -287,3 +288,20 @@ integrator: {leapfrog: {dt: 0.01}}
     assert main(["convert", str(path), str(target)]) == 2 and not target.exists()
     assert said in capsys.readouterr().err
     assert main(["convert", str(path), str(tmp_path / "other.yaml")]) == 2  # of a scene no scene is made
+
+
+def test_a_state_whose_arrays_are_described_wrongly_is_refused(tmp_path):
+    """NumPy reads the description of an array with Python's tokenizer, which has errors of its own."""
+    whole, broken, scene = tmp_path / "whole.npz", tmp_path / "broken.npz", tmp_path / "s.yaml"
+    end = "integrator:\n  leapfrog: {dt: 0.1}\n"
+    scene.write_text("particles:\n  - body: {position: [0, 0, 0], mass: 1}\n" + end, encoding="utf-8")
+    assemble(load_scene(scene)).save(whole)
+    with zipfile.ZipFile(whole) as given, zipfile.ZipFile(broken, "w") as made:
+        for name in given.namelist():
+            content = given.read(name)
+            made.writestr(name, content.replace(b"}", b"(") if name == "mass.npy" else content)
+    with pytest.raises(OutputError, match="not a snapshot"):
+        Snapshot.load(broken)
+    scene.write_text("particles:\n  - file: {path: broken.npz}\n" + end, encoding="utf-8")
+    with pytest.raises(SceneError, match=r"broken.npz"):
+        load_scene(scene)

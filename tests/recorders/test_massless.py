@@ -8,9 +8,9 @@ import yaml
 
 from mpp_taichi import Simulation, StabilityError
 from mpp_taichi.cli.main import main
-from mpp_taichi.recorders import massless
 from mpp_taichi.recorders.blow_up import BlowUpWatch
 from mpp_taichi.recorders.table import TableRecorder
+from mpp_taichi.simulation import massless_watch
 
 
 def scene(bodies, dt, duration, integrator="leapfrog"):
@@ -69,8 +69,8 @@ def test_the_run_ends_with_exit_code_4_and_the_remedy_holds(tmp_path, monkeypatc
 @pytest.mark.parametrize("every", [1, 10, 100])
 def test_a_slingshot_past_a_moving_body_is_confirmed_by_smaller_steps(every, monkeypatch):
     examined = []
-    original = massless.MasslessWatch._examine
-    monkeypatch.setattr(massless.MasslessWatch, "_examine", lambda *given: (examined.append(1), original(*given))[1])
+    original = massless_watch.MasslessWatch._examine
+    monkeypatch.setattr(massless_watch.MasslessWatch, "_examine", lambda *given: (examined.append(1), original(*given))[1])
     error, speed = watched(scene(PASSED, 0.005, 12), every)
     assert error is None and examined and speed > 0.5
 

@@ -15,8 +15,9 @@ from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.recorders.progress import ProgressRecorder
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
-from mpp_taichi.recorders.watchdog import ENERGY_LIMIT, EnergyWatchdog
+from mpp_taichi.recorders.watchdog import EnergyWatchdog
 from mpp_taichi.report.summary import Stopwatch
+from mpp_taichi.simulation.verdict import ENERGY_LIMIT
 from scenes import kepler
 
 

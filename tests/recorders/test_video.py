@@ -233,13 +233,14 @@ def test_encoder_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert not recorder._writer.is_alive() and not recorder._listener.is_alive()
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")
-def test_full_disk(tmp_path: Path) -> None:
-    (tmp_path / "film.part.mp4").symlink_to("/dev/full")
-    noise = np.random.default_rng(1).integers(0, 255, (SIZE[1], SIZE[0], 3), np.uint8)
-    with pytest.raises(OutputError, match="No space left"), VideoRecorder(tmp_path / "film.mp4", SIZE, 30) as recorder:
-        for _ in range(60):
-            recorder.write(noise)
+def test_a_link_at_the_temporary_name_is_not_followed(tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    other.write_bytes(b"of someone else")
+    (tmp_path / "film.part.mp4").symlink_to(other)
+    with VideoRecorder(tmp_path / "film.mp4", SIZE, 30) as recorder:
+        recorder.write(picture(0))
+    assert other.read_bytes() == b"of someone else"
+    assert len(decode(tmp_path / "film.mp4", SIZE)) == 1
 
 
 def test_two_writers_of_one_film(tmp_path: Path) -> None:
