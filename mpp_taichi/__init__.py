@@ -11,7 +11,16 @@ Importing the package starts no device and imports no Taichi.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from mpp_taichi.errors import ArgumentError, BackendError, CapacityError, MppError, OutputError, SceneError, StabilityError
+from mpp_taichi.errors import (
+    AccuracyWarning,
+    ArgumentError,
+    BackendError,
+    CapacityError,
+    MppError,
+    OutputError,
+    SceneError,
+    StabilityError,
+)
 from mpp_taichi.version import __version__
 
 if TYPE_CHECKING:
@@ -19,10 +28,12 @@ if TYPE_CHECKING:
     from mpp_taichi.report.result import Result, run
     from mpp_taichi.scene.load import load_scene
     from mpp_taichi.scene.spec import SceneSpec
+    from mpp_taichi.simulation.resume import resume
     from mpp_taichi.simulation.simulation import Simulation
     from mpp_taichi.snapshot import Snapshot
 
 __all__ = [
+    "AccuracyWarning",
     "ArgumentError",
     "BackendError",
     "CapacityError",
@@ -36,6 +47,7 @@ __all__ = [
     "StabilityError",
     "__version__",
     "load_scene",
+    "resume",
     "run",
     "settle",
 ]
@@ -46,6 +58,7 @@ _LAZY = {
     "Simulation": "mpp_taichi.simulation.simulation",
     "Snapshot": "mpp_taichi.snapshot",
     "load_scene": "mpp_taichi.scene.load",
+    "resume": "mpp_taichi.simulation.resume",
     "run": "mpp_taichi.report.result",
     "settle": "mpp_taichi.accuracy.choice",
 }

@@ -1,6 +1,7 @@
 """A file that is written whole or not at all."""
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -21,7 +22,7 @@ def whole_file(path: Path, what: str, *, durable: bool = False) -> Iterator[Path
     temporary = path.with_name(f"{path.stem}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        yield temporary
+        yield fresh(temporary)
         if durable:
             with open(temporary, "rb+") as stream:
                 os.fsync(stream.fileno())
@@ -31,4 +32,24 @@ def whole_file(path: Path, what: str, *, durable: bool = False) -> Iterator[Path
             temporary.unlink()
         if not isinstance(error, OSError):
             raise
-        raise OutputError(f"{path}: cannot write {what}: {error.strerror or error}") from error
+        raise OutputError(f"{path}: cannot write {what}: {reason(error)}") from error
+
+
+def fresh(path: Path) -> Path:
+    """The same path, where an empty file of this process now takes the place of what was there.
+
+    A symbolic link that somebody has put at a temporary name is removed, and the file that it leads to stays as it is. OSError
+    where the file cannot be made.
+    """
+    with suppress(FileNotFoundError):
+        path.unlink()
+    os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    return path
+
+
+def reason(error: Exception) -> str:
+    """Why a file cannot be written, on one line: HDF5 says it in several, with the number of the system's error."""
+    number = re.search(r"errno = (\d+)", str(error))
+    if number is not None:
+        return os.strerror(int(number[1]))
+    return " ".join(str(getattr(error, "strerror", None) or error).split())

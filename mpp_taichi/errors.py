@@ -71,6 +71,10 @@ class StabilityError(MppError):
     particle: int | None = None
 
 
+class AccuracyWarning(UserWarning):
+    """A warning that the results of a run are not accurate; `Simulation.verdict` has the same words and numbers."""
+
+
 class StateError(MppError):
     """A saved state does not belong to the scene that is to go on from it."""
 

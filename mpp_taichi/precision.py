@@ -15,6 +15,10 @@ SMALLEST_IN_TWO_PARTS = 2.0**-78
 """Least size of a number whose products keep 48 bits in two parts: their rounding errors are above 2⁻¹²⁶, the least f32."""
 FARTHEST_PAIR = 2.0**26
 """Largest distance whose inverse cube is above `SMALLEST_IN_TWO_PARTS`."""
+SMALLEST_SINGLE, LARGEST_SINGLE = 2.0**-126, 2.0**128 - 2.0**104
+"""The least f32 with all its digits, below which kernels take a number for 0, and the largest f32."""
+FARTHEST_PAIR_IN_SINGLE = 2.0**42
+"""Largest distance whose inverse cube is an f32 with all its digits."""
 
 
 def number_type(precision: str) -> str:

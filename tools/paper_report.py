@@ -3,22 +3,27 @@
     python tools/paper_report.py [--page out/paper_report.html] [--json FILE] [--only NAME,NAME] [--short]
 
 Numbers of ours come from runs and computations of the program; the paper's are typed in, with their place. Where the paper is
-wrong, the row says what is right. Sections share two processes. `--short` takes shorter runs and leaves out what takes longest;
-it checks that the report can be made.
+wrong, the row says what is right. Sections share two processes; a section that ends its process is left out, and told.
+`--short` takes shorter runs and leaves out what takes longest; it checks that the report can be made.
 """
 
 import argparse
+import contextlib
 import importlib
 import json
 import logging
+import os
 import platform
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from importlib.metadata import version
 from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]  # so that it also runs from a checkout
+
+from mpp_taichi.device.with_parent import end_with_parent  # noqa: E402
 
 NAMES = (
     "two_bodies",
@@ -41,6 +46,25 @@ def make(name, short):
     section = importlib.import_module(f"paper.{name}").section(short=short)
     section.seconds = time.perf_counter() - began
     return section
+
+
+def make_in_processes(names, short):
+    """Every section, two at a time in processes of their own; None for a section whose process ended.
+
+    A pool is lost with one of its processes. The sections that it had not finished are then made again, one at a time, so that
+    only the section is left out that ends its process.
+    """
+    made = dict.fromkeys(names)
+    for count in (2, 1):
+        for part in [names] if count == 2 else [[name] for name in names if made[name] is None]:
+            with ProcessPoolExecutor(count, initializer=end_with_parent, initargs=[os.getpid()]) as pool:
+                waiting = {}
+                with contextlib.suppress(BrokenProcessPool):
+                    waiting |= {name: pool.submit(make, name, short) for name in part}
+                for name, future in waiting.items():
+                    with contextlib.suppress(BrokenProcessPool):
+                        made[name] = future.result()
+    return list(made.values())
 
 
 def machine(seconds):
@@ -74,9 +98,9 @@ def main(words=None):
     if len(chosen) < 2:
         made = [make(chosen[0], arguments.short)]
     else:
-        with ProcessPoolExecutor(max_workers=2) as pool:
-            made = list(pool.map(make, chosen, [arguments.short] * len(chosen)))
-    sections = dict(zip(chosen, made, strict=True))
+        made = make_in_processes(chosen, arguments.short)
+    sections = {name: section for name, section in zip(chosen, made, strict=True) if section is not None}
+    broken = [name for name in chosen if name not in sections]
     from paper.page import APART, page
 
     kind = ["Short: fewer runs and shorter ones than the whole report has."] if arguments.short else []
@@ -84,13 +108,14 @@ def main(words=None):
     arguments.page.write_text(page(sections, machine(time.perf_counter() - began), kind), encoding="utf-8")
     if arguments.json:
         arguments.json.write_text(json.dumps(as_json(sections), indent=1), encoding="utf-8")
-    apart = [row for section in made for row in section.rows if row.mark == APART]
+    apart = [row for section in sections.values() for row in section.rows if row.mark == APART]
     for row in apart:
         sys.stderr.write(f"differs: {row.place}, {row.what}: {row.paper} in the paper, {row.ours} here\n")
-    sys.stdout.write(
-        f"{arguments.page}: {sum(len(section.rows) for section in made)} rows, {time.perf_counter() - began:.0f} s\n"
-    )
-    return 1 if apart else 0
+    for name in broken:
+        sys.stderr.write(f"{name}: its process ended without a result; the page lacks this section\n")
+    rows = sum(len(section.rows) for section in sections.values())
+    sys.stdout.write(f"{arguments.page}: {rows} rows, {time.perf_counter() - began:.0f} s\n")
+    return 1 if apart or broken else 0
 
 
 if __name__ == "__main__":

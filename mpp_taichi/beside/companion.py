@@ -20,6 +20,7 @@ from typing import Any
 from mpp_taichi.beside.half_frame import Moment, MomentReceiver
 from mpp_taichi.beside.settings import Beside, BesideError
 from mpp_taichi.beside.wire import Message, receive
+from mpp_taichi.device.with_parent import child_environment
 from mpp_taichi.errors import INTERNAL_ERROR_CODE
 from mpp_taichi.recorders.video import OWN_GROUP
 
@@ -51,7 +52,7 @@ class Companion:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
-            env=dict(os.environ, PYTHONPATH=os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])),
+            env=child_environment() | {"PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])},
             **OWN_GROUP,  # Ctrl-C reaches the left half only, which then ends both
         )
         source = beside.scene.source

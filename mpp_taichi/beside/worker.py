@@ -17,6 +17,7 @@ from mpp_taichi.beside.film import ExactMoments
 from mpp_taichi.beside.half_frame import MomentSender
 from mpp_taichi.beside.wire import send
 from mpp_taichi.device.backends import import_taichi
+from mpp_taichi.device.with_parent import end_with_parent
 from mpp_taichi.errors import INTERNAL_ERROR_CODE, MppError
 from mpp_taichi.recorders.film import FilmRecorder
 from mpp_taichi.scene.load import load_scene
@@ -45,6 +46,7 @@ def follow(order: dict[str, Any], stream: IO[bytes]) -> None:
     os.chdir(order["folder"])  # where files that the scene names are
     spec, span, count = replace(load_scene(order["scene"]), source=order["source"]), order["span"], order["count"]
     with Simulation(spec, **order["options"]) as simulation:
+        simulation.judge.use_log()
         if count > 1:
             simulation.sample_at_multiples_of(span / (count - 1))
         device = simulation.device
@@ -61,6 +63,7 @@ def follow(order: dict[str, Any], stream: IO[bytes]) -> None:
 
 def main() -> None:
     """Follow the order; an error is the last message."""
+    end_with_parent()
     with os.fdopen(os.dup(1), "wb") as stream:
         os.dup2(2, 1)  # output of libraries goes to standard error
         logging.getLogger("mpp_taichi").addHandler(WarningSender(stream))

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from mpp_taichi.device.availability import cache_folder
+from mpp_taichi.device.with_parent import child_environment
 from mpp_taichi.errors import MppError
 
 LOOK_SECONDS = 0.1  # between two checks for an interruption while an answer is awaited
@@ -32,7 +33,7 @@ class WorkerProcess:
         self._look = look
         self._log = folder / f"worker-{id(self):x}.log"
         root = str(Path(__file__).parents[2])
-        environment = dict(os.environ, PYTHONPATH=os.pathsep.join([root, os.environ.get("PYTHONPATH", "")]))
+        environment = child_environment() | {"PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])}
         environment |= caches(cache)
         with open(self._log, "wb") as log:
             self._process = subprocess.Popen(

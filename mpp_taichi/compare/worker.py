@@ -16,6 +16,7 @@ import numpy as np
 
 from mpp_taichi.compare.evidence import Contender, follow, gather
 from mpp_taichi.device.energy_counters import EnergyMeasurement, energy_counters
+from mpp_taichi.device.with_parent import end_with_parent
 from mpp_taichi.errors import MppError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
@@ -130,6 +131,7 @@ class Worker:
 
 def main() -> None:
     """Answer until standard input ends."""
+    end_with_parent()
     with _own_output() as output:
         worker = Worker()
         for text in sys.stdin:

@@ -15,6 +15,7 @@ class ContactReport:
     merge_count              spheres that became part of another
     potential_change         of the forces' potential energy when spheres became one [energy]
     largest_overlap          largest overlap of two spheres, or of a sphere and a surface, over the smaller radius; not a sum
+    missed_energy            of bounces that a solver for resting spheres left out, as spheres met again in a drift [energy]
     unresolved               contacts that were given up; a run with such contacts ends with an error
     """
 
@@ -27,6 +28,7 @@ class ContactReport:
     merge_count: int = 0
     potential_change: float = 0.0
     largest_overlap: float = 0.0
+    missed_energy: float = 0.0
     unresolved: int = 0
 
     def __add__(self, other: "ContactReport") -> "ContactReport":
@@ -43,5 +45,6 @@ class ContactReport:
             merge_count=self.merge_count + other.merge_count,
             potential_change=self.potential_change + other.potential_change,
             largest_overlap=max(self.largest_overlap, other.largest_overlap),
+            missed_energy=self.missed_energy + other.missed_energy,
             unresolved=self.unresolved + other.unresolved,
         )

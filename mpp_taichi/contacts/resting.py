@@ -8,7 +8,7 @@ import taichi as ti
 from mpp_taichi.component import component, param
 from mpp_taichi.contacts._base import ContactReport, ContactSetup, ContactSolver
 from mpp_taichi.contacts.rest.plans import ParallelPlan, SerialPlan
-from mpp_taichi.contacts.rest.step import LOST, PAIRS, PUSHED, VIRIAL, WALLS, RestingStep
+from mpp_taichi.contacts.rest.step import LOST, MISSED, PAIRS, PUSHED, VIRIAL, WALLS, RestingStep
 from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 
@@ -118,6 +118,7 @@ class Resting(ContactSolver):
             virial=float(sums[VIRIAL]),
             wall_impulse=tuple(float(x) for x in sums[PUSHED:]),
             dissipated_energy=float(sums[LOST]),
+            missed_energy=float(sums[MISSED]),
             largest_overlap=overlap,
             unresolved=unresolved,
         )

@@ -1,4 +1,4 @@
-"""Specific energy: kinetic plus potential energy per mass of massless particles in the field of the massive bodies."""
+"""Specific energy: kinetic plus potential energy per mass of particles without a mass, or with next to none."""
 
 from dataclasses import dataclass
 
@@ -8,6 +8,16 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
 PAIRS_AT_ONCE = 2**20
+LIGHT = 2.0**-24
+"""Share of the largest mass below which a mass, and its energy in the total energy, are lost in the rounding of an f32."""
+
+
+def light_particles(spec: SceneSpec, snapshot: Snapshot) -> np.ndarray:
+    """Numbers of the particles that can move and are massless or, where gravity alone acts, too light for the total energy."""
+    with_mass = spec.contacts is not None or len(snapshot.springs) > 0
+    others = [each for each in spec.forces if each not in (*spec.forces_with("gravitates"), *spec.forces_with("is_uniform"))]
+    limit = 0.0 if with_mass or others else LIGHT * snapshot.mass.max(initial=0.0)
+    return np.flatnonzero((snapshot.mass <= limit) & snapshot.free.any(axis=1) & snapshot.present)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,14 +40,16 @@ class SpecificEnergies:
 
 
 class SpecificEnergyMeter:
-    """Measures the massless particles that can move. The forces on them are gravity and uniform gravity."""
+    """Measures the `light_particles`, in the field of the other bodies. The forces are gravity and uniform gravity."""
 
     def __init__(self, spec: SceneSpec, snapshot: Snapshot) -> None:
-        """Find the massless particles and the bodies that attract them."""
-        self.rows = np.flatnonzero((snapshot.mass == 0.0) & snapshot.free.any(axis=1))
+        """Find the light particles and the bodies that attract them."""
+        self.rows = light_particles(spec, snapshot)
+        heavy = snapshot.mass > 0.0
+        heavy[self.rows] = False
         gravities = [force.parameters for force in spec.forces_with("gravitates")]
         gravity = gravities[-1] if gravities else {"strength": 0.0, "softening": 0.0}
-        self.bodies = np.flatnonzero(snapshot.mass) if gravity["strength"] else np.zeros(0, int)
+        self.bodies = np.flatnonzero(heavy) if gravity["strength"] else np.zeros(0, int)
         self.weight = gravity["strength"] * snapshot.mass[self.bodies]
         self.softening = gravity["softening"]
         fields = [force.parameters["acceleration"] for force in spec.forces_with("is_uniform")]

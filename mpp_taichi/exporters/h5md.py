@@ -3,13 +3,16 @@
 Source: P. de Buyl, P. H. Colberg, F. Höfling, Comput. Phys. Commun. 185 (2014) 1546; nongnu.org/h5md, version 1.1.0.
 """
 
+import gc
 import importlib.util
 import itertools
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from mpp_taichi.atomic_file import reason
 from mpp_taichi.errors import BackendError
 from mpp_taichi.exporters._source import Source
 from mpp_taichi.snapshot import Snapshot
@@ -36,6 +39,24 @@ def write(source: Source, path: Path) -> None:
     import h5py
 
     _check_steps(source)
+    said, hooks = "", (sys.excepthook, sys.unraisablehook)
+    sys.excepthook, sys.unraisablehook = _ignore, _ignore  # h5py prints an error for each part that it cannot close
+    try:
+        _fill(h5py, source, path)
+    except (OSError, RuntimeError) as error:  # RuntimeError at the end of a file that the disk has no room for
+        said = reason(error)
+    finally:
+        gc.collect()  # the parts of a file that was not finished
+        sys.excepthook, sys.unraisablehook = hooks
+    if said:
+        raise OSError(said)
+
+
+def _ignore(*_: Any) -> None:
+    """Print no error."""
+
+
+def _fill(h5py: Any, source: Source, path: Path) -> None:
     frames = source.frames()
     first = next(frames)
     with h5py.File(path, "w") as file:

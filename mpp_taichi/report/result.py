@@ -60,10 +60,14 @@ def run(
         simulation.run(duration, steps=steps, recorders=[table, moments, watcher, *recorders])
         for look in (table, moments, watcher):
             look.finish(simulation)
+        for row in table.rows:
+            simulation.judge.see(row)
         summary = summarize(simulation, table, stopwatch, plan_asked="auto")
         summary |= told
         verdicts = watcher.verdicts(summary, simulation.device.precision)
-        summary["status"] = "ok" if all(verdict.passed for verdict in verdicts) else "failed"
+        verdict = simulation.verdict
+        summary["status"] = verdict.status if all(each.passed for each in verdicts) else "failed"
+        summary["findings"] = [vars(each) for each in verdict.findings]
         return Result(simulation, summary, verdicts, table, moments.seen)
     except BaseException:
         simulation.close()

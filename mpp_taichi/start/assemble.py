@@ -1,11 +1,14 @@
 """Assembly: the entries of a scene → all its particles and springs, as one Snapshot."""
 
+import bisect
+import itertools
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from mpp_taichi import component
 from mpp_taichi.errors import PlacementError, SceneError
 from mpp_taichi.generators._base import Center, GeneratorContext, Group
 from mpp_taichi.networks._base import NetworkContext
@@ -13,7 +16,7 @@ from mpp_taichi.scene.contacts import merges
 from mpp_taichi.scene.layout import ParticleLayout, build, layout_of
 from mpp_taichi.scene.network_warnings import warn_of_networks
 from mpp_taichi.scene.physics_checks import check_physics
-from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot, Springs
 from mpp_taichi.start.overlaps import start_of_contacts
 
@@ -61,29 +64,47 @@ def rest_positions(spec: SceneSpec) -> np.ndarray:
 
 
 def _place(spec: SceneSpec, layout: ParticleLayout) -> list[Group]:
+    """The groups of all entries; entries of the same component that need no context share a group."""
     gravity = next((entry.parameters for entry in spec.forces_with("gravitates")), {})
     groups: list[Group] = []
+    first: list[int] = []  # index of the first particle of each group
 
     def find(index: int) -> Center:
-        number = layout.entry_of(index)
-        if number >= len(groups):
+        number = bisect.bisect_right(first, index) - 1
+        if number < 0 or index - first[number] >= len(groups[number]):
             raise PlacementError(f"{layout.label(index)} is placed later, must come before in the list")
-        group, row = groups[number], index - layout.starts[number]
+        group, row = groups[number], index - first[number]
         return Center(group.position[row], group.velocity[row], float(group.mass[row]))
 
-    for number, entry in enumerate(spec.particles):
-        random = np.random.default_rng([spec.seed, number])
-        context = GeneratorContext(
-            random, gravity.get("strength", 0.0), gravity.get("softening", 0.0), find, spec.dimensions, tuple(groups)
-        )
-        try:
-            group = build("generators", entry).generate(context)
-        except PlacementError as error:
-            raise SceneError(f"{entry.location}: particles[{number}].{entry.name}: {error}") from None
-        if spec.dimensions == 2 and (np.any(group.position[:, 2]) or np.any(group.velocity[:, 2])):
-            raise SceneError(f"{entry.location}: particles[{number}].{entry.name}: leaves the plane z = 0 of dimensions: 2")
-        groups.append(group)
+    number = 0
+    for name, alike in itertools.groupby(spec.particles, key=lambda entry: entry.name):
+        generator: Any = component.load("generators", name)
+        entries, at = list(alike), 0
+        while at < len(entries):
+            group = generator.at_once(entries[i].parameters for i in range(at, len(entries)))
+            together = 1 if group is None else len(group)
+            if group is None:
+                random = np.random.default_rng([spec.seed, number])
+                context = GeneratorContext(
+                    random, gravity.get("strength", 0.0), gravity.get("softening", 0.0), find, spec.dimensions, groups
+                )
+                group = _generated(entries[at], number, context)
+            if spec.dimensions == 2 and np.any(out := (group.position[:, 2] != 0.0) | (group.velocity[:, 2] != 0.0)):
+                row = int(np.flatnonzero(out)[0]) if together > 1 else 0
+                where = f"{entries[at + row].location}: particles[{number + row}].{name}"
+                raise SceneError(f"{where}: leaves the plane z = 0 of dimensions: 2")
+            first.append(layout.starts[number])
+            groups.append(group)
+            number, at = number + together, at + together
     return groups
+
+
+def _generated(entry: ComponentSpec, number: int, context: GeneratorContext) -> Group:
+    try:
+        made: Group = build("generators", entry).generate(context)
+    except PlacementError as error:
+        raise SceneError(f"{entry.location}: particles[{number}].{entry.name}: {error}") from None
+    return made
 
 
 def _link(spec: SceneSpec, layout: ParticleLayout, rest_position: np.ndarray) -> Springs:

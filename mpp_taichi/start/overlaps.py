@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from mpp_taichi.errors import SceneError
-from mpp_taichi.scene.faults import FAULTS_SHOWN
 from mpp_taichi.scene.layout import ParticleLayout
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -14,6 +13,7 @@ from mpp_taichi.walls._base import Surface
 
 ALLOWED = 1e-9
 """The largest overlap, in units of the smaller radius, that rounding can cause: spheres with such an overlap touch."""
+PAIRS_SHOWN = 20  # of entries whose spheres overlap
 LARGE = 4.0  # times the median radius: larger spheres are compared with all others, so that cells may stay small
 MOST_ROUNDS = 10_000  # rounds of pushing pairs apart
 
@@ -154,8 +154,7 @@ def start_of_contacts(spec: SceneSpec, particles: Snapshot, layout: ParticleLayo
         except ValueError as error:
             raise SceneError(f"{place}.overlap: {error}: {faults[0]}") from None
     if faults:
-        more = [f"… and {len(faults) - FAULTS_SHOWN} more overlaps"] if len(faults) > FAULTS_SHOWN else []
-        raise SceneError(*(f"{place}: {fault}" for fault in [*faults[:FAULTS_SHOWN], *more]))
+        raise SceneError(*(f"{place}: {fault}" for fault in faults))
     return particles
 
 
@@ -169,15 +168,29 @@ def _check_size(setup: ContactSetup, layout: ParticleLayout) -> None:
 
 
 def _overlaps(setup: ContactSetup, position: np.ndarray, layout: ParticleLayout) -> list[str]:
-    faults = []
+    """A line for every two entries whose spheres overlap, and for every wall that spheres reach into: the deepest overlap."""
     pairs, depth = overlapping_pairs(setup, position)
-    smaller = np.minimum(setup.radius[pairs[:, 0]], setup.radius[pairs[:, 1]])
-    for (i, j), deep in zip(pairs[depth > ALLOWED * smaller], depth[depth > ALLOWED * smaller]):
-        apart = f"overlap by {deep:.3g}, move them or say overlap: separate"
-        faults.append(f"{layout.label(int(i))} and {layout.label(int(j))} {apart}")
+    real = depth > ALLOWED * np.minimum(setup.radius[pairs[:, 0]], setup.radius[pairs[:, 1]])
+    deepest: dict[tuple[int, int], tuple[float, int, int, int]] = {}  # entries → depth, spheres, number of overlaps
+    for (i, j), deep in zip(pairs[real].tolist(), depth[real].tolist()):
+        key = (layout.entry_of(i), layout.entry_of(j))
+        known, first, second, count = deepest.get(key, (0.0, i, j, 0))
+        deepest[key] = (deep, i, j, count + 1) if deep > known else (known, first, second, count + 1)
+    faults = []
+    for deep, i, j, count in list(deepest.values())[:PAIRS_SHOWN]:
+        more = f"; of their entries {count - 1} more pairs overlap, no deeper" if count > 1 else ""
+        faults.append(
+            f"{layout.label(i)} and {layout.label(j)} overlap by {deep:.3g}, move them or say overlap: separate{more}"
+        )
+    if len(deepest) > PAIRS_SHOWN:
+        faults.append(f"… and {len(deepest) - PAIRS_SHOWN} more overlaps")
     for surface in setup.enclosure.surfaces:
         into, _ = surface_depth(surface, position, setup.radius)
-        for i in np.flatnonzero((into > ALLOWED * setup.radius) & np.any(setup.inverse_mass, axis=1)):
-            deep = f"reaches {into[i]:.3g} into {surface.label}, move it or say overlap: separate"
-            faults.append(f"{layout.label(int(i))} {deep}")
+        inside = np.flatnonzero((into > ALLOWED * setup.radius) & np.any(setup.inverse_mass, axis=1))
+        if len(inside):
+            i = int(inside[np.argmax(into[inside])])
+            more = f"; {len(inside) - 1} more spheres reach into it, no deeper" if len(inside) > 1 else ""
+            faults.append(
+                f"{layout.label(i)} reaches {into[i]:.3g} into {surface.label}, move it or say overlap: separate{more}"
+            )
     return faults

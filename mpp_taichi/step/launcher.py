@@ -70,6 +70,8 @@ class Launcher(ABC):
 
     takes_steps = True
     """Whether a run consists of steps of dt, or dt is only the time between two samples of a free flight."""
+    contacts_in_every_step = True
+    """Whether every step looks for contacts, where the scene has any."""
     moves_between_steps = False
     """Whether `look_ahead` shows more than x + v t."""
     _numbers_of: float | None = None  # the dt whose step numbers the state has

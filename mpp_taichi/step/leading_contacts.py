@@ -7,6 +7,8 @@ from mpp_taichi.step.launcher import Launcher
 class LeadingContacts(Launcher):
     """Steps of an adaptive method up to each contact and on from there; `dt` is the time between two samples."""
 
+    contacts_in_every_step = False
+
     def set_up(self) -> None:
         """The method's own steps, of which only `begin` is launched."""
         self.steps = AdaptiveSteps(self.parts)
@@ -17,6 +19,7 @@ class LeadingContacts(Launcher):
 
     def launch(self, time: float, dt: float, first: int, last: int) -> None:
         """Advance through the samples first + 1 … last."""
+        self.steps.check_span((last - first) * dt)
         self.contacts.lead(time + first * dt, dt, last - first)
 
     def launches_per_step(self) -> int | None:

@@ -404,3 +404,26 @@ def test_a_periodic_box_keeps_momentum_but_is_not_asked_to_keep_angular_momentum
     assert found["contacts"]["pair_count"] == 1 and found["conserves_momentum"] and not found["conserves_angular_momentum"]
     assert found["momentum_error_max"] < 4 * UNIT["f64"] < 0.01 < found["angular_momentum_error_max"]
     assert "angular momentum is not conserved in a periodic box" in printed.err
+
+
+def test_a_wall_within_many_spheres_is_one_fault():
+    """A hundred lines for one number that was mistyped would hide what is wrong."""
+    block = {"shape": [12, 12, 1], "lower": [0, 0, 0], "upper": [11, 11, 0], "mass": 1.0, "radius": 0.4, "name": "block"}
+    walls = [{"plane": {"point": [3.0, 0, 0], "normal": [1, 0, 0]}}]
+    scene = spheres([BALL | {"position": [50, 0, 0]}], solver="swept", walls=walls)
+    scene["particles"].append({"lattice": block})
+    with pytest.raises(SceneError) as caught:
+        assemble(load_scene(scene))
+    (fault,) = caught.value.faults
+    assert "reaches 3.4 into walls[0].plane" in fault and "47 more spheres reach into it, no deeper" in fault
+
+
+def test_entries_whose_spheres_overlap_many_times_are_one_fault():
+    block = {"shape": [6, 6, 1], "mass": 1.0, "radius": 0.4}
+    scene = spheres([BALL | {"position": [50, 0, 0]}], solver="swept")
+    for x in (0.0, 0.1):
+        scene["particles"].append({"lattice": {**block, "lower": [x, 0, 0], "upper": [x + 5, 5, 0], "name": f"block{x}"}})
+    with pytest.raises(SceneError) as caught:
+        assemble(load_scene(scene))
+    (fault,) = caught.value.faults
+    assert "overlap by 0.7" in fault and "35 more pairs overlap" in fault

@@ -1,9 +1,12 @@
 """The paper report: marks follow from numbers, runs agree with the paper, and the page needs no other file."""
 
 import json
+import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from xml.etree import ElementTree
 
 import pytest
@@ -11,6 +14,7 @@ from conftest import ROOT
 
 sys.path.insert(0, str(ROOT / "tools"))
 
+import paper_report  # noqa: E402
 from paper.page import APART, CURED, EMPTY, HOLDS, SAME, WRONG, Figure, Row, Section, half_digit, number, page  # noqa: E402
 
 from mpp_taichi.accuracy import svg  # noqa: E402
@@ -50,6 +54,21 @@ def test_numbers_are_told_with_two_digits_more_than_printed():
     assert [number(365.29931, "365.3"), number(7.93335862, "7.933369"), number(3072.0, "3072"), number("words")] == [
         *("365.299", "7.93335862", "3,072", "words")
     ]
+
+
+def fake(name, short):
+    """A section, or the end of the process."""
+    if name == "dies":
+        time.sleep(0.3)
+        os.kill(os.getpid(), signal.SIGKILL)
+    return f"{name} made"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+def test_sections_are_kept_when_a_process_dies(monkeypatch):
+    monkeypatch.setattr(paper_report, "make", fake)
+    names = ["one", "dies", "two", "three"]
+    assert paper_report.make_in_processes(names, True) == ["one made", None, "two made", "three made"]
 
 
 def test_a_linear_axis_takes_every_sign_and_equal_steps():
