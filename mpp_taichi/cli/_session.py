@@ -348,8 +348,6 @@ class _Run:
     def _state_file(self) -> Path | None:
         """The file of the last state: the file of `--snapshot`, or, when the run broke off, a file beside the other output."""
         stem = output_stem(self.spec.source)
-        if self.interrupted and self.simulation.step_count == 0:
-            return None
         if self.interrupted:
             return OUTPUT_FOLDER / f"{stem}.interrupted.npz"
         if isinstance(self.error, StabilityError):

@@ -98,8 +98,17 @@ def put_json(found: dict[str, Any]) -> None:
 
 def put_failure(text: str, faults: list[str] | None, code: int) -> int:
     """Print the JSON object of a failure; returns the exit code, which differs when the output cannot be written."""
+    return _put_end({"status": "failed", "error": text} | ({} if faults is None else {"faults": faults}), code)
+
+
+def put_interruption(code: int) -> int:
+    """Print the JSON object of a program that a signal ended before a result; returns as `put_failure`."""
+    return _put_end({"status": "interrupted"}, code)
+
+
+def _put_end(found: dict[str, Any], code: int) -> int:
     try:
-        put_json({"status": "failed", "error": text} | ({} if faults is None else {"faults": faults}) | {"exit_code": code})
+        put_json(found | {"exit_code": code})
     except ClosedOutputError:
         return CLOSED_OUTPUT_CODE
     except OSError:

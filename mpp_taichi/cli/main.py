@@ -25,6 +25,7 @@ from mpp_taichi.cli._terminal import (
     explain_error,
     prepare_streams,
     put_failure,
+    put_interruption,
     say,
     warnings_shown,
 )
@@ -76,12 +77,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if json_wanted:
             faults = list(error.faults) if isinstance(error, SceneError) else [str(error)]
             code = put_failure(str(error), faults, code)
-    except Interrupted as signal:
+    except (Interrupted, KeyboardInterrupt) as error:  # before there was anything to save
+        signal = error if isinstance(error, Interrupted) else Interrupted(SIGINT)
         say(f"interrupted by {signal}")
-        code = signal.code
-    except KeyboardInterrupt:
-        say("interrupted by SIGINT")
-        code = Interrupted(SIGINT).code
+        code = put_interruption(signal.code) if json_wanted else signal.code
     except OSError as error:  # for example standard output on a full disk
         say(f"error: {error.strerror or error}")
         code = OutputError.exit_code

@@ -197,6 +197,7 @@ def initialise(ti: Any, backend: str, precision: str, threads: int | None = None
 
 def _cache_of_kernels(ti: Any) -> str:
     """The folder where Taichi keeps compiled kernels unless told otherwise."""
+    ti._lib.core.reset_default_compile_config()  # as ti.init does; the options of an earlier ti.init still stand there
     return ti.lang.impl.default_cfg().offline_cache_file_path
 
 

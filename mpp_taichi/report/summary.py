@@ -79,7 +79,7 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
     control = step_control(simulation)
     evaluations = float(max(1, simulation.integrator.evaluations))
     if control:
-        evaluations = control["step_control"]["force_evaluations"] / simulation.step_count
+        evaluations = control["step_control"]["force_evaluations"] / max(1, simulation.step_count)
     by_pairs = simulation.total_force.has_pairs and not simulation.total_force.by_tree
     pairs = count * (count - 1) * evaluations if by_pairs else 0
     return {

@@ -13,9 +13,11 @@ import pytest
 import yaml
 
 from mpp_taichi import Snapshot
+from mpp_taichi.cli import _session
 from mpp_taichi.cli.main import LATER_VERBS, VERBS, main
 from mpp_taichi.device import backends
 from mpp_taichi.recorders.video import check_encoder
+from mpp_taichi.simulation import run_loop
 from scenes import kepler
 
 ROOT = Path(__file__).parents[2]
@@ -348,8 +350,7 @@ def test_a_closed_or_full_output_ends_quietly(scene, redirection, code):
 def test_a_signal_saves_what_there_is(scene, number):
     name = scene(run={"duration": 4e6}, record={"size": [64, 48], "seconds": 1000})
     program = start(name, "--video", "f.mp4", "--diagnostics", "d.csv", "--trajectory", "t.npz", "--json", "--every", "1000")
-    wait_for(Path("f.part.mp4"), program)
-    time.sleep(1.0)
+    wait_for(Path("f.part.mp4"), program, size=1)  # the first frames are written: steps were made
     program.send_signal(number)
     out, err = program.communicate(timeout=30)
     found = json.loads(out)
@@ -362,13 +363,29 @@ def test_a_signal_saves_what_there_is(scene, number):
     assert not list(Path().glob("*.part*")) and not list(Path().glob(".*.lock"))
 
 
-def wait_for(path, program):
-    for _ in range(300):
-        if path.exists():
+def wait_for(path, program, size=0):
+    for _ in range(1200):
+        if path.exists() and path.stat().st_size >= size:
             return
         assert program.poll() is None, program.communicate()
         time.sleep(0.05)
     raise AssertionError(f"{path} did not appear")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has other signals")
+def test_a_signal_before_the_first_step_is_answered_in_json(scene, monkeypatch, capsys):
+    def interrupted(*_, **__):
+        signal.raise_signal(signal.SIGTERM)
+
+    name = scene(integrator={"adaptive_dop853": {"tolerance": 1e-6}})
+    monkeypatch.setattr(run_loop.RunLoop, "run", interrupted)
+    assert main(["run", name, "--headless", "--json"]) == 143
+    found = json.loads(capsys.readouterr().out)
+    assert (found["status"], found["steps"], found["exit_code"]) == ("interrupted", 0, 143)
+    assert Snapshot.load(Path("out/kepler.interrupted.npz")).step == 0
+    monkeypatch.setattr(_session, "start", interrupted)
+    assert main(["run", name, "--headless", "--json"]) == 143
+    assert json.loads(capsys.readouterr().out) == {"status": "interrupted", "exit_code": 143}
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has other signals")

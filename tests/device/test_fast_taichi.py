@@ -35,6 +35,11 @@ def end(integrator, plan):
         tasks = [(task / "comm").read_text().strip() for task in Path("/proc/self/task").glob("*")]
         return simulation.run(steps=4).snapshot().position.tolist(), "mpp_taichi" in tasks
 
+def wrapped(function):
+    while function is not None:
+        yield function
+        function = getattr(function, "__wrapped__", None)
+
 ends = [end(*which) for which in (("leapfrog", "serial"), ("implicit_midpoint", "parallel"))]
 print(json.dumps({{
     "ends": [position for position, _ in ends],
@@ -42,7 +47,7 @@ print(json.dumps({{
         "source_cache": hasattr(ASTTransformerContext.get_pos_info, "__wrapped__"),
         "launch_cache": hasattr(ti.lang.kernel_impl.Kernel.__call__, "__wrapped__"),
         "serial_loops": not hasattr(ASTTransformer.build_For, "__name__"),
-        "worker_threads": hasattr(ti.lang.impl.reset, "__wrapped__"),
+        "worker_threads": any(each.__globals__["__name__"].endswith(".worker_threads") for each in wrapped(ti.lang.impl.reset)),
     }},
     "threads": ends[-1][1],
     **switch.facts(),

@@ -100,7 +100,7 @@ def test_nothing_is_computed_that_no_panel_asks_for(scene: Path, monkeypatch):
     monkeypatch.setattr(EnergyMeter, "potential_energy", lambda *arguments: asked.append(1) or measure(*arguments))
     with Simulation(str(scene), backend="cpu", precision="f64") as simulation:
         recorder = InspectionRecorder(Inspector(simulation), every=50)
-        simulation.run(recorders=[recorder])
+        simulation.run(recorders=[recorder], judge="off")  # the judge of a run measures its energy
         assert recorder.inspector.samples.count == 5 and not asked
     monkeypatch.setattr(Inspector, "__init__", None)
     assert main(["run", str(scene), "--headless", "--backend", "cpu", "-q"]) == 0, "nobody sees the panels"
