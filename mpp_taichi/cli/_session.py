@@ -186,7 +186,8 @@ class _Run:
         wants_progress = not (self.request.quiet or self.request.window)
         recorders = [*timed, *self.films, interruption, *([progress] if wants_progress else [])]
         try:
-            self._advance(recorders, progress, interruption)
+            with interruption.unwrapped():
+                self._advance(recorders, progress, interruption)
             if self.kept is not None:
                 self.kept.archive.end()
             self._finish([*looks, *self.films])

@@ -62,15 +62,22 @@ class Interruption:
             self.raise_if_any()
 
     @contextmanager
-    def at_once(self) -> Iterator[None]:
-        """Raise Interrupted in the midst of this block when a signal arrives, for work that is not to be saved."""
-        self.raise_if_any()
-        self._at_once = True
+    def unwrapped(self) -> Iterator[None]:
+        """A block out of which Interrupted comes as itself, also where Taichi's compiler has made another error of it."""
         try:
             yield
         except Exception as error:
             self._unwrap(error)
             raise
+
+    @contextmanager
+    def at_once(self) -> Iterator[None]:
+        """Raise Interrupted in the midst of this block when a signal arrives, for work that is not to be saved."""
+        self.raise_if_any()
+        self._at_once = True
+        try:
+            with self.unwrapped():
+                yield
         finally:
             self._at_once = False
 

@@ -1,5 +1,6 @@
 """The abstract contact solver, which is given a ContactSetup and returns ContactReports. Host side; no Taichi."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,13 @@ class ContactSolver:
     def prepare(self, time: float) -> None:
         """Forget the positions and velocities that the solver knows, because the state was changed from outside."""
 
+    def save(self) -> tuple[np.ndarray, ...]:
+        """All that the solver knows of the spheres beyond the State and `memory`, for `restore`; empty for most solvers."""
+        return ()
+
+    def restore(self, saved: Sequence[np.ndarray]) -> None:
+        """Go on from the result of `save`, with the same bits, in place of `prepare`."""
+
     def drift(self, state: Any, time: float, h: float) -> None:
         """Move every sphere by h along its velocity from `time` on, contacts resolved in the order of time."""
         raise NotImplementedError
@@ -66,8 +74,8 @@ class ContactSolver:
     def write_back(self) -> None:
         """Bring the state up to date: between drifts of a `force_free` setup a solver need not have written it."""
 
-    def advance(self, time: float, span: float) -> None:
-        """Go on from `time` to time + span."""
+    def advance(self, begin: float, end: float) -> None:
+        """Go on from one time to another."""
         raise NotImplementedError
 
     def lead(self, time: float, dt: float, looks: int) -> None:

@@ -1,5 +1,6 @@
 """Event-driven hard spheres: exact free flight from contact to contact."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from mpp_taichi.contacts.events.lookahead import LookAhead
 from mpp_taichi.contacts.events.prediction import Prediction
 from mpp_taichi.contacts.events.queue import EventQueue
 from mpp_taichi.contacts.events.spheres import FlyingSpheres
+from mpp_taichi.device import bulk_copy
+from mpp_taichi.device.bulk_copy import MixedFields
 from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 from mpp_taichi.errors import StabilityError
 
@@ -80,7 +83,9 @@ class EventDriven(ContactSolver):
         self._trees = lines.place(), builder.finalize()
         self.collision.write()
         self.look_ahead.write()
-        self.event_count = 0
+        # Where the queue has an event follows from the times of all events, so that the queue is sorted anew.
+        self._lasting = (*self.spheres.lasting, *self.cells.lasting, *self.queue.lasting, *self.prediction.lasting)
+        self._saved = MixedFields(self._lasting)
 
     def prepare(self, time: float) -> None:
         """Begin at `time` from the state."""
@@ -93,20 +98,28 @@ class EventDriven(ContactSolver):
         self.queue.clear(time, self.count)
         self.event_time[None] = time
 
-    def advance(self, time: float, span: float) -> None:
-        """Resolve all events up to time + span, and write the state at this time.
+    def save(self) -> tuple[np.ndarray, ...]:
+        """Each sphere at its own time, its cell, and its next event."""
+        return tuple(self._saved.read())
+
+    def restore(self, saved: Sequence[np.ndarray]) -> None:
+        """Go on with the spheres and events of `save`."""
+        self.prepare(0.0)  # each sphere and event has a time of its own, which is written next
+        bulk_copy.write(self._lasting, saved)
+
+    def advance(self, begin: float, end: float) -> None:
+        """Resolve all events up to the time `end`, and write the state at this time.
 
         Raises StabilityError at an inelastic collapse, and at endless collisions of spheres that are crushed. The motion does
         not depend on the times at which the state is written.
         """
-        end = time + span
         status, most = RUNNING, self.event_limit * max(1.0, self.count / 1000)
         before = self.collision.contacts()
         while status != ARRIVED:
             contacts = self.collision.contacts() - before
             if contacts > most:
                 raise StabilityError(
-                    f"{contacts:,} contacts from time {time:.9g} to {self.event_time[None]:.9g}, short of {end:.9g}: "
+                    f"{contacts:,} contacts from time {begin:.9g} to {self.event_time[None]:.9g}, short of {end:.9g}: "
                     "spheres are crushed, or the time between samples is long (integrator: {event_driven: {dt: …}})"
                 )
             with quick_compilation():  # a sixth of the time, for a kernel that is 5 % slower

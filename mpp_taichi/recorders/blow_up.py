@@ -77,7 +77,7 @@ class BlowUpWatch:
         self._massless.record(simulation)
         self._released = max(self._released, self._release(row))
         if self._is_sound(simulation, row):
-            self._sound = simulation.mark()
+            self._sound = simulation.mark(whole=False)
 
     def explain(self, error: StabilityError, simulation: "Simulation") -> StabilityError:
         """The error for a run that a number not finite has stopped: where a blow-up began, or the given error."""
@@ -94,7 +94,7 @@ class BlowUpWatch:
         self._elastic = float(0.5 * springs.stiffness @ springs.rest_length**2) + _elastic_of_contacts(simulation, start)
         self._extent = float(np.ptp(start.position, axis=0).max() + springs.rest_length.sum())
         self._epsilon = 2.0**-53 if simulation.device.precision == "f64" else 2.0**-24
-        self._sound = simulation.mark()
+        self._sound = simulation.mark(whole=False)
 
     def _start_energy(self, name: str) -> float:
         assert self._start is not None
@@ -139,7 +139,7 @@ class BlowUpWatch:
             return simulation.try_steps(count) and self._is_sound(simulation, _look(simulation))
 
         def keep() -> None:
-            stored[0] = simulation.mark()
+            stored[0] = simulation.mark(whole=False)
 
         def rewind() -> None:
             simulation.return_to(stored[0])

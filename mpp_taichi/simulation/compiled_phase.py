@@ -32,6 +32,7 @@ class SavedFields:
 
     arrays: tuple[np.ndarray, ...]
     prepared: bool
+    contacts: tuple[np.ndarray, ...] = ()  # what the contact solver knows beyond the arrays
 
 
 class CompiledPhase:
@@ -213,9 +214,10 @@ class CompiledPhase:
         self.prepared = False
         self.launcher.collect()  # counts of earlier steps do not belong to later steps
 
-    def save(self) -> SavedFields:
-        """The state now, for `restore`."""
-        return SavedFields(self.state.save(), self.prepared)
+    def save(self, *, whole: bool = True) -> SavedFields:
+        """The state now, for `restore`; not `whole`: without what a contact solver knows beyond it, which changes last bits."""
+        contacts = self.contacts.save() if whole and self.prepared and self.contacts is not None else ()
+        return SavedFields(self.state.save(), self.prepared, contacts)
 
     def restore(self, saved: SavedFields) -> None:
         """Go back to a state. The history of a method was saved with it; forces that other methods keep are computed anew."""
@@ -223,6 +225,9 @@ class CompiledPhase:
         self._forget()
         if self.integrator.memory:
             self.prepared = saved.prepared
+        if saved.contacts and self.contacts is not None:
+            self.contacts.restore(saved.contacts)
+            self.prepared = True
         self.launcher.clear_trouble()
 
     # Steps

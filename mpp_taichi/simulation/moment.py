@@ -3,10 +3,11 @@
 A moment is a dictionary. `phase` is the number of the phase; `clock` holds the origin of the time [time], its step, the steps
 since then, and dt [time]. `fields` are positions, velocities, the memory of the method and of the contacts, and the moving
 frame, as they are on the device; `prepared` says whether the forces and the history with which the next step begins are among
-them. `accounts` are the counts of the solvers, the work of the phases, the energy balance and the findings of the judge.
+them; `contacts` is what a contact solver knows beyond them, such as the times and events of an event-driven run. `accounts`
+are the counts of the solvers, the work of the phases, the energy balance and the findings of the judge.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.archive import object_state
@@ -30,6 +31,7 @@ def moment_of(simulation: "Simulation") -> dict[str, Any]:
         "clock": [reading.origin_time, reading.origin_step, reading.steps, reading.dt],
         "fields": list(mark.fields.arrays),
         "prepared": mark.fields.prepared,
+        "contacts": list(mark.fields.contacts),
         "accounts": object_state.captured({"accounts": runner.accounts.save(), "judge": simulation.judge}),
     }
 
@@ -54,13 +56,13 @@ def _go_to(simulation: "Simulation", moment: Mapping[str, Any]) -> None:
         again = number != runner.number
         if again:
             runner.enter(number)
-        fields, here = tuple(moment["fields"]), runner.phase.save()
-        for known, wanted in zip((*fields, *(None,) * len(here.arrays)), (*here.arrays, *(None,) * len(fields))):
-            if (known is None) != (wanted is None) or (known is not None and _form(known) != _form(wanted)):
-                raise StateError("the archive has other fields than this run: it is of another scene, method or precision")
+        fields, contacts = tuple(moment["fields"]), tuple(moment["contacts"])
+        _require_same_forms(fields, runner.phase.save(whole=False).arrays)
+        if contacts:
+            _require_same_forms(contacts, () if runner.phase.contacts is None else runner.phase.contacts.save())
         accounts = runner.accounts.save()
         object_state.restore(moment["accounts"], {"accounts": accounts, "judge": simulation.judge})
-        mark = Mark(SavedFields(fields, bool(moment["prepared"])), reading)
+        mark = Mark(SavedFields(fields, bool(moment["prepared"]), contacts), reading)
         runner.go_to(number, mark, accounts, again=again)
         runner.phase.warm_up(runner.clock)
         runner.return_to(mark)
@@ -68,5 +70,6 @@ def _go_to(simulation: "Simulation", moment: Mapping[str, Any]) -> None:
         raise StateError(f"the archive is damaged: {error!r}") from error
 
 
-def _form(array: Any) -> tuple[Any, ...]:
-    return array.dtype, array.shape
+def _require_same_forms(found: Sequence[Any], wanted: Sequence[Any]) -> None:
+    if [(each.dtype, each.shape) for each in found] != [(each.dtype, each.shape) for each in wanted]:
+        raise StateError("the archive has other fields than this run: it is of another scene, method or precision")

@@ -143,9 +143,9 @@ class PhaseRunner:
 
     # Steps backwards
 
-    def mark(self) -> Mark:
-        """The state and its time, to `return_to` within the phase."""
-        return Mark(self.phase.save(), self.clock.save())
+    def mark(self, *, whole: bool = True) -> Mark:
+        """The state and its time, to `return_to` within the phase; `whole`: see `CompiledPhase.save`."""
+        return Mark(self.phase.save(whole=whole), self.clock.save())
 
     def return_to(self, mark: Mark) -> None:
         """Go back to a mark, bit for bit."""

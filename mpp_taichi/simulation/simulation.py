@@ -196,9 +196,9 @@ class Simulation:
         self.judge.restart()
 
     @in_turn
-    def mark(self) -> Mark:
-        """The state and its time, for `return_to`; valid within the phase."""
-        return self._runner.mark()
+    def mark(self, *, whole: bool = True) -> Mark:
+        """The state and its time, for `return_to`; valid within the phase. Not `whole`: see `CompiledPhase.save`."""
+        return self._runner.mark(whole=whole)
 
     @in_turn
     def return_to(self, mark: Mark) -> None:

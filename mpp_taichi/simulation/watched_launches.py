@@ -78,7 +78,7 @@ class WatchedLaunches:
         Raises:
             StabilityError: the run cannot go on; the last good state stands.
         """
-        saved, balance = phase.save(), self._accounts.energy_balance
+        saved, balance = phase.save(whole=False), self._accounts.energy_balance
         began = time.perf_counter()
         self.launch(phase, steps, dt, None if balance is None else balance.meter)
         report = phase.launcher.collect()
@@ -140,7 +140,7 @@ class WatchedLaunches:
             return phase.launcher.first_bad_particle() < 0
 
         def keep() -> None:
-            stored[0] = phase.save()
+            stored[0] = phase.save(whole=False)
 
         def rewind() -> None:
             phase.restore(stored[0])

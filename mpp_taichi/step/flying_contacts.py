@@ -10,7 +10,7 @@ class FlyingContacts(Launcher):
 
     def launch(self, time: float, dt: float, first: int, last: int) -> None:
         """Advance from the time of the first sample to the time of the last sample."""
-        self.contacts.advance(time + first * dt, (last - first) * dt)
+        self.contacts.advance(time + first * dt, time + last * dt)
 
     def launches_per_step(self) -> int | None:
         """Not known: it depends on the contacts."""

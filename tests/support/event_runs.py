@@ -65,7 +65,7 @@ class EventRun:
 
     def to(self, time):
         """Go on to a time; the report of what happened."""
-        self.solver.advance(self.time, time - self.time)
+        self.solver.advance(self.time, time)
         self.time = time
         return self.solver.collect()
 

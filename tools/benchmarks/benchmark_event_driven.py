@@ -83,7 +83,7 @@ class Ours:
 
     def advance(self, span):
         """Collisions in a span of time."""
-        self.solver.advance(self.time, span)
+        self.solver.advance(self.time, self.time + span)
         self.time += span
         report = self.solver.collect()
         self.overlap = max(self.overlap, report.largest_overlap)

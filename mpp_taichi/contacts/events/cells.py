@@ -33,6 +33,7 @@ class EventCells:
         builder.dense(ti.i, int(np.prod(grid.cells))).place(self.head)
         self.next, self.cell = lines.field(ti.i32), lines.field(ti.i32)
         self.turns = lines.field(ti.i32, self.dimensions, seldom=True)
+        self.lasting = (self.head, self.next, self.cell, self.turns)
         self.near, self.image = ti.field(ti.i32), ti.field(ti.i32)
         # In a periodic box of one or two cells the same sphere is a neighbour on several sides.
         most = 27 if any(p and m < 3 for p, m in zip(self.periodic, self.cells)) else 1

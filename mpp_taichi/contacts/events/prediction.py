@@ -25,6 +25,7 @@ class Prediction:
         # The next contact of a sphere that crosses a side of its cell before.
         self.contact_time = lines.field(self.spheres.wide)
         self.contact_partner, self.contact_stamp = lines.field(ti.i32), lines.field(ti.i32)
+        self.lasting = (self.contact_time, self.contact_partner, self.contact_stamp)
 
     @ti.func
     def predict(self, i, time, crossed):

@@ -40,6 +40,7 @@ class EventQueue:
         self.wide = wide = spheres.wide
         self.time, self.partner, self.stamp = lines.field(wide), lines.field(ti.i32), lines.field(ti.i32)
         self.place = lines.field(ti.i32)
+        self.lasting = (self.time, self.partner, self.stamp)
         self.first = ti.field(ti.i32)
         builder.dense(ti.i, self.bucket_count).place(self.first)
         self.heap = ti.field(ti.i32)

@@ -45,6 +45,7 @@ class FlyingSpheres:
         self.common_mass = tuple(map(float, inverse_mass[0]))
         if not self.has_common_mass:
             self.own_inverse_mass = lines.field(float, self.dimensions, seldom=True)
+        self.lasting = (self.position, self.velocity, self.clock, self.contacts, self.last_partner, self.stalled)
         self._setup, self._order = setup, order
 
     def write(self, position: np.ndarray, velocity: np.ndarray, time: float) -> None:
