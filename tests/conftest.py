@@ -68,6 +68,18 @@ def opencl():
     return runner
 
 
+@pytest.fixture(scope="module")
+def browser():
+    """A browser without a window; skip where none is installed."""
+    sys.path.insert(0, str(ROOT / "tools" / "benchmarks"))
+    from headless_browser import HeadlessBrowser, find_browser
+
+    if find_browser() is None:
+        pytest.skip("no browser here: chromium is not installed")
+    with HeadlessBrowser((800, 500)) as opened:
+        yield opened
+
+
 def pytest_collection_finish(session):
     """What was imported and collected stays to the end: the garbage collector need not look through it again and again."""
     gc.collect()

@@ -29,4 +29,4 @@ def end_with_parent(parent: int | None = None) -> None:
 def _watch(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(LOOK_SECONDS)
-    os._exit(1)  # without a word: nobody is left to read it
+    os._exit(1)  # and print nothing: the terminal may belong to another program by now

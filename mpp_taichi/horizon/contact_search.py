@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mpp_taichi.horizon.cause import LARGEST_RATIO, SEEN, Cause
-from mpp_taichi.horizon.growth import LEAST_POINTS, LEAST_TURNS, first_crossing, law, turns
+from mpp_taichi.horizon.growth import LEAST_POINTS, LEAST_TURNS, beyond, first_crossing, law, turns
 from mpp_taichi.horizon.horizon import LIMIT, Horizon
 from mpp_taichi.horizon.samples import Walk, sample_times
 from mpp_taichi.horizon.work_budget import WorkBudget, budget_of
@@ -148,13 +148,10 @@ class ContactSearch:
             return self._unknown(
                 f"in {self._followed} each sphere has {meetings:.2g} contacts, too few to tell how contacts enlarge the error"
             )
-        reached = self.begin + growth.time_of(LIMIT)
-        if reached < self.until:
-            return Horizon("extrapolated", self.until, reached, error=LIMIT, **self._known(by))
-        return self._unknown(
-            f"in {self._followed} the error reaches {growth.last:.1g} of the system's size; if it goes on so, it is "
-            f"{growth.at(self.span):.1g} at the end"
-        )
+        reached, reason = beyond(growth, self.begin, self.until, LIMIT, self._followed)
+        if reached is None:
+            return self._unknown(reason)
+        return Horizon("extrapolated", self.until, reached, error=LIMIT, **self._known(by))
 
     def _cost(self, walk: Walk, coarseness: float) -> float:
         """Work of a walk that has ended: in steps of the run, or in the evaluations or contacts that it had."""

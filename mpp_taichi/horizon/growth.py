@@ -69,6 +69,20 @@ def law(times: np.ndarray, errors: np.ndarray) -> Growth | None:
     return Growth(float(times[-1]), float(largest[-1]), min(max(power, 0.0), LARGEST_POWER), None)
 
 
+def beyond(growth: Growth, begin: float, until: float, limit: float, followed: str) -> tuple[float | None, str]:
+    """The time before `until` at which an error that goes on growing so reaches a limit; else None, and the reason.
+
+    Times of the law count from `begin`; `followed` names the part of the run that was followed.
+    """
+    reached = begin + growth.time_of(limit)
+    if reached < until:
+        return reached, ""
+    at_end = growth.at(until - begin)
+    return None, (
+        f"in {followed} the error reaches {growth.last:.1g} of the system's size; if it goes on so, it is {at_end:.1g} at the end"
+    )
+
+
 def turns(path: np.ndarray) -> float:
     """Oscillations or revolutions in a path (samples, particles, 3), the median over the particles: way over extent, halved."""
     inner = path - path.mean(axis=1, keepdims=True) if path.shape[1] > 2 else path

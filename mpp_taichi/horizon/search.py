@@ -14,7 +14,7 @@ import numpy as np
 from mpp_taichi.errors import MppError
 from mpp_taichi.horizon.cause import Cause, cause_of
 from mpp_taichi.horizon.contact_search import ContactSearch, size_of
-from mpp_taichi.horizon.growth import LEAST_POINTS, LEAST_TURNS, first_crossing, law, strides, turns
+from mpp_taichi.horizon.growth import LEAST_POINTS, LEAST_TURNS, beyond, first_crossing, law, strides, turns
 from mpp_taichi.horizon.horizon import LIMIT, Horizon
 from mpp_taichi.horizon.refusal import refusal
 from mpp_taichi.horizon.rerun import HAIR
@@ -167,13 +167,11 @@ class _Search:
                 f"the motion turns {seen:.1g} times in the first {self.part:.2g} of the run, all that the search may follow, "
                 "too few to tell growth of the error from the motion"
             )
-        reached = self.begin + growth.time_of(LIMIT)
-        if reached < self.until:
-            return Horizon("extrapolated", self.until, reached, error=LIMIT, **self._known(cause))
-        return self._unknown(
-            f"in the first {self.part:.2g} of the run, all that the search may follow, the error reaches {growth.last:.1g} of "
-            f"the system's size; if it goes on so, it is {growth.at(self.span):.1g} at the end"
-        )
+        followed = f"the first {self.part:.2g} of the run, all that the search may follow,"
+        reached, reason = beyond(growth, self.begin, self.until, LIMIT, followed)
+        if reached is None:
+            return self._unknown(reason)
+        return Horizon("extrapolated", self.until, reached, error=LIMIT, **self._known(cause))
 
     def _errors(self, times: np.ndarray, coarse: np.ndarray, fine: np.ndarray) -> tuple[Cause, np.ndarray]:
         """The cause of the error, and the error at the first of the times [of the size]."""

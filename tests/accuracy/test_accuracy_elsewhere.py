@@ -1,4 +1,4 @@
-"""The recommended setting on other backends: the run, its row and its words, and what is left out."""
+"""The recommended setting on other backends: the run, its row, its sentence, and the backends left out."""
 
 import json
 import shutil

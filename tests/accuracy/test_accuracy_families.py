@@ -161,7 +161,7 @@ def test_an_eccentric_orbit_is_left_to_an_adaptive_method(tmp_path):
 
 
 def test_a_later_precision_has_time_to_compile_in_its_own_share_of_the_budget(tmp_path):
-    """A part of a share is for rungs of compiled methods: of what is left of it, and not of the whole budget."""
+    """Compiled methods get a part of the rest of a share, and not of the whole budget."""
     problem, found = found_for({**kepler(0.3), "run": {"duration": 1.0}})
     spent = [0.0]
     budget = Budget(20.0, clock=lambda: spent[0])

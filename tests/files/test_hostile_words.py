@@ -3,7 +3,6 @@
 import csv
 import io
 import re
-import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,7 +13,6 @@ from mpp_taichi.cli.main import main
 from scenes import kepler
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "tools" / "benchmarks"))
 SCRIPT = "hacked = 1"
 WORDS = (
     f"</script><script>{SCRIPT}</script><img src=x onerror='{SCRIPT}'>\"><svg onload={SCRIPT}>]]>--><b>{{{{}}}}`${{{SCRIPT}}}`"
@@ -22,16 +20,6 @@ WORDS = (
 ESCAPES = "\\e]0;owned\\a\\e[31m\\u009b31m\\u202e"  # in YAML's spelling, within double quotes
 NODES = "img, iframe, object, embed, base, form:not([method=dialog]), script[src], b, [onerror], [onload], [onclick]"
 FOREIGN = f'[...document.querySelectorAll("{NODES}")].map(node => node.outerHTML)'
-
-
-@pytest.fixture(scope="module")
-def browser():
-    from headless_browser import HeadlessBrowser, find_browser
-
-    if find_browser() is None:
-        pytest.skip("no browser here: chromium is not installed")
-    with HeadlessBrowser((800, 500)) as opened:
-        yield opened
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 import io
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "tools" / "benchmarks"))
 
 SCENE = {
     "title": "Three </script> & a spring",
@@ -237,16 +235,6 @@ def test_what_cannot_be_a_page_is_said_in_one_line(tmp_path, monkeypatch, capsys
     assert main(ring) == 6  # 20 million places of particles are allowed
     assert "60,000 frames of 3,073 particles are more than a page can hold, allowed: 6,508" in capsys.readouterr().err
     assert [each.name for each in tmp_path.iterdir()] == ["file"]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    from headless_browser import HeadlessBrowser, find_browser
-
-    if find_browser() is None:
-        pytest.skip("no browser here: chromium is not installed")
-    with HeadlessBrowser((800, 500)) as opened:
-        yield opened
 
 
 def test_a_browser_draws_particles_where_the_camera_sees_them(tmp_path, browser):

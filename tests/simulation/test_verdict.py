@@ -158,7 +158,7 @@ def test_sound_runs_raise_no_finding(scene):
 @pytest.mark.parametrize("precision", PRECISIONS)
 @pytest.mark.parametrize("far", [0.0, 1e6, 1e12, 1e15])
 def test_a_position_is_called_lost_exactly_where_a_run_does_not_move_it(precision, far):
-    """A body that is alone keeps its velocity, so that the first step tells of all."""
+    """A single body keeps its velocity: a first step that changes nothing proves that no later step does."""
     scene = flight(position=(far, 0, 0))
     with mpp.Simulation(scene, backend="cpu", precision=precision) as simulation, warnings.catch_warnings():
         warnings.simplefilter("ignore")
