@@ -79,17 +79,18 @@ class RecordFile:
         return RecordFile(path, stream, [], 0)
 
     @staticmethod
-    def open(path: Path) -> "RecordFile":
-        """An existing file, with its torn end cut off.
+    def open(path: Path, *, to_append: bool = True) -> "RecordFile":
+        """An existing file, with its torn end cut off; not `to_append`: as it is, also while another process writes it.
 
         Raises:
             OutputError: the file cannot be read or written, or another process writes it.
             StateError: it is no file of records.
         """
         try:
-            stream = open(path, "r+b")
-            _reserve(stream, path)
-            path.with_name(f"{path.name}.part").unlink(missing_ok=True)  # of a process that ended while it thinned out
+            stream = open(path, "r+b" if to_append else "rb")
+            if to_append:
+                _reserve(stream, path)
+                path.with_name(f"{path.name}.part").unlink(missing_ok=True)  # of a process that ended while it thinned out
             size = stream.seek(0, os.SEEK_END)
             stream.seek(0)
             if stream.read(len(MAGIC)) != MAGIC:
@@ -97,7 +98,7 @@ class RecordFile:
                 raise StateError(f"{path}: is no archive of a run")
             records = _scan(stream, size)
             end = records[-1].end if records else len(MAGIC)
-            if end < size:
+            if end < size and to_append:
                 stream.truncate(end)
             stream.seek(end)
         except OSError as error:

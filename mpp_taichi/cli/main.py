@@ -16,7 +16,7 @@ from types import ModuleType
 from typing import NoReturn
 
 from mpp_taichi import __version__
-from mpp_taichi.cli import accuracy, check, compare, convert, explain, info, record, run, schema
+from mpp_taichi.cli import accuracy, check, compare, convert, explain, info, record, replay, run, schema
 from mpp_taichi.cli._signals import Interrupted
 from mpp_taichi.cli._terminal import (
     CLOSED_OUTPUT_CODE,
@@ -41,6 +41,7 @@ VERBS: dict[str, ModuleType] = {
     "explain": explain,
     "check": check,
     "convert": convert,
+    "replay": replay,
     "info": info,
     "schema": schema,
 }

@@ -77,9 +77,9 @@ def beyond(growth: Growth, begin: float, until: float, limit: float, followed: s
     reached = begin + growth.time_of(limit)
     if reached < until:
         return reached, ""
-    at_end = growth.at(until - begin)
     return None, (
-        f"in {followed} the error reaches {growth.last:.1g} of the system's size; if it goes on so, it is {at_end:.1g} at the end"
+        f"in {followed} the error reaches {growth.last:.1g} of the system's size; if it goes on so, it is "
+        f"{growth.at(until - begin):.1g} at the end"
     )
 
 

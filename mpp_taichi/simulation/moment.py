@@ -4,11 +4,12 @@ A moment is a dictionary. `phase` is the number of the phase; `clock` holds the 
 since then, and dt [time]. `fields` are positions, velocities, the memory of the method and of the contacts, and the moving
 frame, as they are on the device; `prepared` says whether the forces and the history with which the next step begins are among
 them; `contacts` is what a contact solver knows beyond them, such as the times and events of an event-driven run. `accounts`
-are the counts of the solvers, the work of the phases, the energy balance and the findings of the judge.
+are the counts of the solvers, the work of the phases, the energy balance and the findings of the judge. A simulation is `Any`
+here, as its class imports this module.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpp_taichi.archive import object_state
 from mpp_taichi.device import one_thread
@@ -18,11 +19,8 @@ from mpp_taichi.simulation.compiled_phase import SavedFields
 from mpp_taichi.simulation.in_turn import require_life
 from mpp_taichi.simulation.saved_state import Mark
 
-if TYPE_CHECKING:
-    from mpp_taichi.simulation.simulation import Simulation
 
-
-def moment_of(simulation: "Simulation") -> dict[str, Any]:
+def moment_of(simulation: Any) -> dict[str, Any]:
     """The present moment of a simulation."""
     mark, runner = simulation.mark(), simulation._runner
     reading = mark.clock
@@ -36,7 +34,7 @@ def moment_of(simulation: "Simulation") -> dict[str, Any]:
     }
 
 
-def go_to(simulation: "Simulation", moment: Mapping[str, Any]) -> None:
+def go_to(simulation: Any, moment: Mapping[str, Any]) -> None:
     """Take a simulation to a moment of a run of the same scene on the same backend and in the same precision, bit for bit.
 
     Raises:
@@ -47,7 +45,7 @@ def go_to(simulation: "Simulation", moment: Mapping[str, Any]) -> None:
         _go_to(simulation, moment)
 
 
-def _go_to(simulation: "Simulation", moment: Mapping[str, Any]) -> None:
+def _go_to(simulation: Any, moment: Mapping[str, Any]) -> None:
     runner = simulation._runner
     try:
         number, reading = int(moment["phase"]), Reading(*moment["clock"])

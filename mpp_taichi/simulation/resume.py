@@ -1,40 +1,54 @@
-"""Resume: the simulation of an archive, at the moment of its last record."""
+"""Resume: the simulation of an archive, at the moment of one of its records."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from mpp_taichi.errors import StateError
 from mpp_taichi.scene.load import load_resolved
 from mpp_taichi.simulation.moment import go_to
-from mpp_taichi.simulation.run_archive import FoundRun
+from mpp_taichi.simulation.run_archive import FoundRun, start_digest
 from mpp_taichi.simulation.simulation import Simulation
 
 
 def resume(path: str | Path, *, at: float | None = None, threads: int | None = None) -> Simulation:
-    """The run of an archive as a Simulation that goes on, bit for bit, from its last record, or from its last one until `at`.
+    """The run of an archive as a Simulation that goes on, bit for bit, from its last record, or its last record until `at`.
+
+    Where every record is later than the time `at`, it goes on from the start of the run.
 
     The scene, backend, precision and plan are those of the run. Tables and other recorders of the command line are not made
     again: repeat the command for that.
 
     Raises:
-        StateError: the file is no archive, or holds no state at such a time.
+        StateError: the file is no archive; the run began after `at`; or the scene reads a file that has changed since the run.
         MppError: the simulation cannot be started here.
     """
-    found = FoundRun(Path(path))
+    found = FoundRun(Path(path), to_append=False)
     try:
         header, times = found.header, found.times
         numbers = [number for number, time in enumerate(times) if at is None or time <= at]
-        if not numbers:
-            earliest = f"its first state is of t = {times[0]:.9g}" if times else "it has no state"
-            raise StateError(f"{path}: {earliest}")
-        state = found.state(numbers[-1])
+        if not numbers and at is None:
+            raise StateError(f"{path}: it has no state")
+        state = found.state(numbers[-1]) if numbers else {}
         spec = load_resolved(state.get("scene", header["scene"]), header["source"])
         where = {name: header[name] for name in ("backend", "precision", "plan")}
     finally:
         found.close()
     simulation = Simulation(spec, **where, threads=threads)
     try:
-        go_to(simulation, state["moment"])
+        if numbers:
+            go_to(simulation, state["moment"])
+        else:
+            _check_start(simulation, header, path, at)
     except BaseException:
         simulation.close()
         raise
     return simulation
+
+
+def _check_start(simulation: Simulation, header: Mapping[str, Any], path: str | Path, at: float | None) -> None:
+    """Require a start that is the start of the run, and no later than `at`."""
+    if at is not None and not simulation.time <= at:
+        raise StateError(f"{path}: the run begins at t = {simulation.time:.9g}, after {at:.9g}")
+    if start_digest(simulation) != header["start"]:
+        raise StateError(f"{path}: the scene reads a file that has changed since the run, so its start cannot be had again")

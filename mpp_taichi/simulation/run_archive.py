@@ -1,7 +1,8 @@
 """Run archive: the file from which a run that was cut off goes on, written while the run goes on.
 
 The archive is a recorder. It writes a record from time to time by the wall clock, and so seldom that writing takes at most
-`SHARE` of the run; and when a phase begins. A run that ends before the first record leaves no file behind.
+`SHARE` of the run; and when a phase begins. A run that ends before the first record leaves no file behind. A simulation is
+`Any` here, as its class imports this module.
 """
 
 import hashlib
@@ -10,34 +11,31 @@ import math
 import time as clock
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mpp_taichi.archive import object_state
 from mpp_taichi.archive.record_file import END, HEADER, STATE, RecordFile
 from mpp_taichi.archive.values import pack, unpack
-from mpp_taichi.errors import OutputError, StateError
+from mpp_taichi.errors import ArgumentError, OutputError, StateError
 from mpp_taichi.simulation.moment import moment_of
 from mpp_taichi.version import __version__
-
-if TYPE_CHECKING:
-    from mpp_taichi.simulation.simulation import Simulation
 
 log = logging.getLogger(__name__)
 
 FORMAT = 1
 EVERY = 5.0  # seconds of the wall clock between two records
 SHARE = 0.01  # of the run, that writing records may take
+SAME_RUN = ("scene", "backend", "precision", "plan", "start")  # parts of a header
 FIRST_PHASE = 1.0  # seconds before which the begin of a phase writes no record
 
 
-def header_of(simulation: "Simulation", options: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def header_of(simulation: Any, options: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """What a run is: the scene, the versions, the device, the digest of its start, and the options of the command line."""
     import taichi
 
     spec, device = simulation.scene, simulation.device
-    arrays = (getattr(simulation.start, name) for name in ("position", "velocity", "mass", "radius", "charge"))
     return {
         "format": FORMAT,
         "scene": spec.resolved,
@@ -51,9 +49,15 @@ def header_of(simulation: "Simulation", options: Mapping[str, Any] | None = None
         "device": device.name,
         "precision": device.precision,
         "plan": simulation.plan,
-        "start": hashlib.sha256(b"".join(np.ascontiguousarray(each).tobytes() for each in arrays)).hexdigest(),
+        "start": start_digest(simulation),
         "options": dict(options or {}),
     }
+
+
+def start_digest(simulation: Any) -> str:
+    """A digest of the particles with which a run begins."""
+    arrays = (getattr(simulation.start, name) for name in ("position", "velocity", "mass", "radius", "charge"))
+    return hashlib.sha256(b"".join(np.ascontiguousarray(each).tobytes() for each in arrays)).hexdigest()
 
 
 class RunArchive:
@@ -76,11 +80,11 @@ class RunArchive:
         """Append to the file of the run that goes on."""
         self._file, self._wrote_step = found.file, None
 
-    def steps_until_due(self, simulation: "Simulation") -> int:
+    def steps_until_due(self, simulation: Any) -> int:
         """0 when the wall clock says so, else a number that is never reached."""
         return 0 if clock.monotonic() >= self._due else 2**31
 
-    def record(self, simulation: "Simulation") -> None:
+    def record(self, simulation: Any) -> None:
         """Write the present moment, unless it is written; where this fails, warn once, and write no more."""
         began = clock.monotonic()
         if self._wrote_step != simulation.step_count:
@@ -95,7 +99,7 @@ class RunArchive:
         now = clock.monotonic()
         self._due = now + max(self.every, (now - began) / SHARE)
 
-    def _write(self, simulation: "Simulation") -> None:
+    def _write(self, simulation: Any) -> None:
         if self._file is None:
             self._file = RecordFile.create(self.path)
             self._file.append(HEADER, pack(self.header))
@@ -130,6 +134,26 @@ class RunArchive:
             self._file = None
 
 
+def begin_archive(simulation: Any, path: Path, every: float) -> RunArchive:
+    """An archive of a run in Python. Records are appended to an archive of the same run that ends no later than now.
+
+    Raises:
+        ArgumentError: `every` is no positive number of seconds.
+    """
+    if not 0.0 < every < math.inf:
+        raise ArgumentError(f"every must be a positive number of seconds, got {every!r}")
+    archive = RunArchive(path, header_of(simulation), {}, every)
+    if path.is_file():
+        found = FoundRun(path)
+        times = found.times
+        same = all(found.header.get(name) == archive.header[name] for name in SAME_RUN)
+        if same and times and times[-1] <= simulation.time:
+            archive.go_on(found)
+        else:
+            found.close()
+    return archive
+
+
 class FoundRun:
     """The archive of an earlier run.
 
@@ -137,14 +161,14 @@ class FoundRun:
     torn      bytes of a record that was being written when the run was cut off
     """
 
-    def __init__(self, path: Path) -> None:
-        """Open the file.
+    def __init__(self, path: Path, *, to_append: bool = True) -> None:
+        """Open the file, to append to it or only to read it.
 
         Raises:
             OutputError: the file cannot be read.
             StateError: it is no archive.
         """
-        self.path, self.file = path, RecordFile.open(path)
+        self.path, self.file = path, RecordFile.open(path, to_append=to_append)
         self.torn = self.file.torn
         header = self.file.last(HEADER)
         self.header: dict[str, Any] = {} if header is None else unpack(self.file.read(header))

@@ -28,13 +28,13 @@ from mpp_taichi.simulation.in_turn import in_turn, require_life
 from mpp_taichi.simulation.judge import RunJudge
 from mpp_taichi.simulation.phase_runner import PhaseRunner
 from mpp_taichi.simulation.recorder import Recorder
+from mpp_taichi.simulation.run_archive import RunArchive, begin_archive
 from mpp_taichi.simulation.run_length import time_and_steps
 from mpp_taichi.simulation.run_loop import RunLoop
 from mpp_taichi.simulation.saved_state import Bookmark, Mark
 from mpp_taichi.simulation.verdict import RunVerdict
 from mpp_taichi.simulation.watched_launches import Timings, WatchedLaunches
 from mpp_taichi.snapshot import Snapshot
-from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.stability import StepAdvice
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class Simulation:
             self._closed = False
             self._runner = PhaseRunner(course, compiled, self._clock, self._accounts, force=force)
         self._launches = WatchedLaunches(self._clock, self._accounts)
-        self.judge = RunJudge()
+        self.judge, self._archives = RunJudge(), list[RunArchive]()
         self._runner.when_phase_begins.append(self.judge.renew)
         self.when_phase_begins: list[Callable[[], None]] = self._runner.when_phase_begins
         self.timings: Timings = self._launches.timings
@@ -141,7 +141,7 @@ class Simulation:
         require_life(self)
         span, left = time_and_steps(self.spec.run, self.time, duration, until, steps)
         end = self.time + span if until is None else float(until)
-        RunLoop(self, self._runner, self._launches, recorders).run(span, left, end, judge)
+        RunLoop(self, self._runner, self._launches, [*recorders, *self._archives]).run(span, left, end, judge)
         return self
 
     @property
@@ -265,9 +265,16 @@ class Simulation:
         """Integrate dissipated energy and work from now on, step by step."""
         return self._accounts.keep_energy_balance(self.phase)
 
-    def checkpoint(self, path: str | Path) -> None:
-        """Write the state now to a `.npz` file, from which `start` or --rewind goes on; OutputError where that fails."""
-        replace(self.snapshot(), dt=self.dt).save(path)
+    def checkpoint(self, path: str | Path, *, every: float | None = None) -> None:
+        """Write the state now to a `.npz` file, from which `start` or --rewind goes on; OutputError where that fails.
+
+        With `every` [seconds of the wall clock] the file becomes an archive, from which `mpp.resume` goes on: each later `run`
+        writes a record of its state so often, and `close` writes the last one.
+        """
+        if every is None:
+            replace(self.snapshot(), dt=self.dt).save(path)
+        else:
+            self._archives.append(begin_archive(self, Path(path), every))
 
     def picture(self, size: tuple[int, int] = (960, 540)) -> np.ndarray:
         """The picture that a window would show now: red, green, blue as uint8, shape (height, width, 3)."""
@@ -343,25 +350,15 @@ class Simulation:
         """The contact solver, where the scene has contacts."""
         return self.phase.contacts
 
-    @property
-    def phase_work(self) -> list[float]:
-        """Energy that each change of the scene has put in, one number for each phase that has begun [energy]."""
-        return self._accounts.phase_work
-
-    @property
-    def phase_energy(self) -> float | None:
-        """Total energy that the last change has left; None in the first phase."""
-        return self._accounts.phase_energy
+    phase_work = property(attrgetter("_accounts.phase_work"), doc="Energy that each change of the scene has put in [energy].")
+    phase_energy = property(attrgetter("_accounts.phase_energy"), doc="Total energy after the last change; None before it.")
 
     @property
     def energy_balance(self) -> "EnergyBalance | None":
         """Dissipated energy and work along the run, where they are kept."""
         return self._accounts.energy_balance
 
-    @property
-    def solver_report(self) -> SolverReport:
-        """Counts of the solver of implicit steps."""
-        return self._accounts.solver_report
+    solver_report = property(attrgetter("_accounts.solver_report"), doc="Counts of the solver of implicit steps.")
 
     @property
     def contact_report(self) -> ContactReport:
@@ -376,18 +373,17 @@ class Simulation:
         return not self._closed and backends.is_alive(self.device)
 
     def close(self) -> None:
-        """Give the device memory back."""
+        """Give the device memory back, after a last look at the run and a last record of each archive."""
+        if self.is_alive:
+            self.judge.close(self)
+            for archive in self._archives:
+                archive.record(self)
+                archive.close()
         with one_thread.lock:
             if not self._closed:
                 self._closed = True
                 self._watcher()
             dropped.free_dropped()
-        """Give the device memory back, after a last look at the run."""
-        if not self._closed and backends.is_alive(self.device):
-            self.judge.close(self)
-            self._runner.compiled.destroy()
-            backends.release(self.device)
-        self._closed = True
 
     def __enter__(self) -> "Simulation":
         """Return the simulation, for a block that closes it."""

@@ -246,3 +246,28 @@ def test_the_limits_are_those_that_the_words_name():
         simulation.run()
         assert simulation.contact_report.largest_overlap > OVERLAP_LIMIT
     assert ENERGY_LIMIT == 0.1
+
+
+def test_the_steps_after_the_last_look_are_looked_at_when_the_simulation_is_closed():
+    scene = orbit(mass=1e-3, speed=1.0, dt=0.01)
+    simulation = mpp.Simulation(scene, backend="cpu", precision="f64")
+    simulation.run(steps=100)
+    simulation.dt = 6.0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        simulation.run(steps=3)  # fewer than an eighth of the steps before: not looked at yet
+    with pytest.warns(AccuracyWarning, match="energy"):
+        simulation.close()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        simulation.close()
+
+
+def test_an_error_within_the_block_of_a_simulation_is_not_followed_by_a_last_look():
+    with pytest.raises(ZeroDivisionError), warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with mpp.Simulation(orbit(mass=1e-3, speed=1.0, dt=0.01), backend="cpu", precision="f64") as simulation:
+            simulation.run(steps=100)
+            simulation.dt = 6.0
+            simulation.run(steps=3)
+            raise ZeroDivisionError
