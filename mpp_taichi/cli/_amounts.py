@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from mpp_taichi.errors import CapacityError
 from mpp_taichi.recorders.trajectory import BYTES_PER_PARTICLE
-from mpp_taichi.scene.estimate import available_bytes, estimate
+from mpp_taichi.scene.available_memory import available_bytes
+from mpp_taichi.scene.estimate import estimate
 from mpp_taichi.scene.spec import SceneSpec
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def _check_memory(what: str, needed: float, advice: str) -> None:
     free = available_bytes()
     if free is not None and needed > free:
         raise CapacityError(
-            f"{what} {_size(needed)} of memory, allowed: the {_size(free)} that this machine has available; {advice}"
+            f"{what} {_size(needed)} of memory, allowed: the {_size(free)} that this process can have; {advice}"
         )
 
 

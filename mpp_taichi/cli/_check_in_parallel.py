@@ -2,19 +2,24 @@
 
 import argparse
 import json
+import logging
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
+from mpp_taichi.cli._exhausted import exhausted
 from mpp_taichi.cli._signals import Interruption
 from mpp_taichi.cli._terminal import say
 from mpp_taichi.device.with_parent import child_environment
 from mpp_taichi.errors import INTERNAL_ERROR_CODE
+
+log = logging.getLogger(__name__)
 
 PROGRAM = (sys.executable, "-m", "mpp_taichi", "check")
 POLL_SECONDS = 0.02
@@ -37,6 +42,7 @@ def check_at_once(scenes: Sequence[Path], count: int, arguments: argparse.Namesp
 
     Raises:
         Interrupted: a signal was received; the processes have been ended.
+        OSError: not even one process can be started.
     """
     results: dict[Path, dict[str, Any]] = {}
     waiting, running = list(dict.fromkeys(scenes)), list[_Job]()
@@ -44,7 +50,15 @@ def check_at_once(scenes: Sequence[Path], count: int, arguments: argparse.Namesp
         try:
             while waiting or running:
                 while waiting and len(running) < count:
-                    running.append(_started(waiting.pop(0), arguments))
+                    try:
+                        running.append(_started(waiting[0], arguments))
+                    except OSError as error:
+                        if not running or exhausted(error) is None:
+                            raise
+                        count = len(running)  # the machine has no room for more of them
+                        log.warning("%s; %d scenes are checked at a time", exhausted(error), count)
+                    else:
+                        del waiting[0]
                 for job in [job for job in running if job.process.poll() is not None]:
                     running.remove(job)
                     results[job.scene] = _result(job, failure)
@@ -60,9 +74,11 @@ def _started(scene: Path, arguments: argparse.Namespace) -> _Job:
     words += ["--precision", arguments.precision] if arguments.precision else []
     words += ["--threads", str(arguments.threads)] if arguments.threads else []
     words += ["--quiet"] if arguments.quiet else []
-    answer, told = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # a full pipe would block
     command = [*words, "--", str(scene)]
-    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=answer, stderr=told, env=child_environment())
+    with ExitStack() as opened:
+        answer, told = (opened.enter_context(tempfile.TemporaryFile()) for _ in range(2))  # a full pipe would block
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=answer, stderr=told, env=child_environment())
+        opened.pop_all()
     return _Job(scene, process, answer, told)
 
 

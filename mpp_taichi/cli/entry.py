@@ -1,4 +1,4 @@
-"""The entry point of the command line: it imports the program, and names the missing package where an import fails.
+"""The entry point of the command line: it imports the program, and says why an import fails: a package or memory is missing.
 
 Imports take most of a second, so they are made in `main`, where SIGINT is answered by a line.
 """
@@ -15,15 +15,17 @@ def main() -> int:
     if listens:
         signal.signal(signal.SIGINT, _leave)
     from mpp_taichi.cli._terminal import prepare_streams, put_failure, say
+    from mpp_taichi.device.memory_limit import require_least
     from mpp_taichi.device.with_parent import end_with_parent
-    from mpp_taichi.errors import MissingPackageError
+    from mpp_taichi.errors import CapacityError, MissingPackageError
     from mpp_taichi.missing_package import missing_packages_named
 
     end_with_parent()
     try:
+        require_least()
         with missing_packages_named():
             from mpp_taichi.cli.main import main as run
-    except MissingPackageError as error:
+    except (CapacityError, MissingPackageError) as error:
         prepare_streams()
         say(str(error))
         return put_failure(str(error), [str(error)], error.exit_code) if "--json" in sys.argv[1:] else error.exit_code

@@ -111,6 +111,8 @@ def _ask_child(program: str) -> dict[str, Any]:
         done = subprocess.run(
             [sys.executable, "-c", program], stdin=subprocess.DEVNULL, capture_output=True, timeout=CHILD_SECONDS, check=False
         )
+    except OSError as error:
+        return {"devices": [], "problem": f"no process for it: {error.strerror or error}"}
     except subprocess.TimeoutExpired:
         return {"devices": [], "problem": f"no answer within {CHILD_SECONDS} s"}
     try:

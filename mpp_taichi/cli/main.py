@@ -17,6 +17,7 @@ from typing import NoReturn
 
 from mpp_taichi import __version__
 from mpp_taichi.cli import accuracy, check, compare, convert, explain, info, record, replay, run, schema
+from mpp_taichi.cli._exhausted import exhausted
 from mpp_taichi.cli._signals import Interrupted
 from mpp_taichi.cli._terminal import (
     CLOSED_OUTPUT_CODE,
@@ -82,10 +83,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         signal = error if isinstance(error, Interrupted) else Interrupted(SIGINT)
         say(f"interrupted by {signal}")
         code = put_interruption(signal.code) if json_wanted else signal.code
-    except OSError as error:  # for example standard output on a full disk
-        say(f"error: {error.strerror or error}")
-        code = OutputError.exit_code
     except Exception as error:
+        short = exhausted(error)
+        if short is not None or isinstance(error, OSError):  # for example standard output on a full disk
+            told = str(short or getattr(error, "strerror", None) or error)
+            say(f"error: {told}")
+            code = short.exit_code if short is not None else OutputError.exit_code
+            return put_failure(told, [told], code) if json_wanted else code
         text = " ".join(str(error).split())[:LONGEST_MESSAGE]
         say(f"internal error: {type(error).__name__}: {text}; please report it")
         if os.environ.get(DEBUG_VARIABLE) == "1":

@@ -189,12 +189,13 @@ class Comparison:
                 self.remarks.append("warm compilation was not measured for all: the budget ended")
                 return
             self._tell(f"starting {row.name} again")
-            row.process = self._process(row)
             try:
+                row.process = self._process(row)
                 row.warm_compile_seconds = self._build(row)["compile_seconds"]
             except WorkerError as error:
                 self.remarks.append(f"{row.name} did not start a second time: {error}")
-            row.process.end()
+            if row.process is not None:
+                row.process.end()
             row.process = None
 
     def _scale(self, end: float) -> None:

@@ -29,22 +29,29 @@ class WorkerProcess:
     """A child process; `look` is called while an answer is awaited and may raise."""
 
     def __init__(self, folder: Path, cache: Path, look: Callable[[], None]) -> None:
-        """Start the worker. `folder` is for its standard error, `cache` for the compilers' caches."""
+        """Start the worker. `folder` is for its standard error, `cache` for the compilers' caches.
+
+        Raises:
+            WorkerError: the system starts no process.
+        """
         self._look = look
         self._log = folder / f"worker-{id(self):x}.log"
         root = str(Path(__file__).parents[2])
         environment = child_environment() | {"PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])}
         environment |= caches(cache)
-        with open(self._log, "wb") as log:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "mpp_taichi.compare.worker"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=log,
-                env=environment,
-                text=True,
-                encoding="utf-8",
-            )
+        try:
+            with open(self._log, "wb") as log:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-m", "mpp_taichi.compare.worker"],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=log,
+                    env=environment,
+                    text=True,
+                    encoding="utf-8",
+                )
+        except OSError as error:
+            raise WorkerError(f"its process cannot be started: {error.strerror or error}") from error
         self._answers: queue.Queue[str] = queue.Queue()
         threading.Thread(target=self._listen, daemon=True).start()
 

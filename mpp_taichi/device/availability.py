@@ -40,6 +40,9 @@ def _try_in_child(backend: str) -> dict[str, Any]:
     environment = dict(os.environ, PYTHONPATH=search_path)
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_SECONDS, env=environment, check=False)
+    except OSError as error:
+        reason = f"no process for a trial start: {error.strerror or error}"
+        return {"available": False, "reason": reason, "device": "", "software": False}
     except subprocess.TimeoutExpired:
         return {"available": False, "reason": f"it did not answer within {PROBE_SECONDS} s", "device": "", "software": False}
     try:

@@ -15,9 +15,11 @@ from typing import Any
 
 from mpp_taichi.device import fast_taichi, forked, one_thread, own_runtime
 from mpp_taichi.device.availability import BACKENDS, availability, cpu_name, present, remembered
+from mpp_taichi.device.held_signals import signals_held
+from mpp_taichi.device.memory_limit import ADVICE, LOADING_BYTES, POOL_BYTES, require_memory, tells_no_memory
 from mpp_taichi.device.taichi_environment import user_variables_hidden
 from mpp_taichi.device.thread_count import bounded, check_threads, require_threads
-from mpp_taichi.errors import BackendError
+from mpp_taichi.errors import BackendError, CapacityError
 from mpp_taichi.missing_package import missing_packages_named
 from mpp_taichi.precision import PRECISIONS, carries_low_parts, forces_have_low_parts, number_type
 
@@ -79,16 +81,23 @@ def import_taichi() -> Any:
     Raises:
         ArgumentError: MPP_TAICHI_FAST has a name that no part has.
         BackendError: Taichi cannot be imported.
+        CapacityError: there is too little memory for it.
     """
     if _runtime.taichi is not None:  # some callers ask before each launch of a kernel
         return _runtime.taichi
     if os.name != "nt" and "HOME" not in os.environ and "XDG_CACHE_HOME" not in os.environ:
         home = os.path.expanduser("~")
         os.environ["HOME"] = home if os.path.isabs(home) else os.devnull  # without it Taichi ends the process
+    if "taichi" not in sys.modules:
+        require_memory(LOADING_BYTES + POOL_BYTES)
     try:
-        with missing_packages_named(), user_variables_hidden():
+        with signals_held(), missing_packages_named(), user_variables_hidden():
             import taichi
-    except ImportError as error:
+    except Exception as error:
+        if tells_no_memory(error):
+            raise CapacityError(f"there is too little memory to load Taichi ({error}): {ADVICE}") from error
+        if not isinstance(error, ImportError):
+            raise
         raise BackendError(
             f"taichi cannot be imported ({error}); it has wheels for Python 3.10–3.13 on Linux x86-64, Windows, macOS arm64"
         ) from error
@@ -168,6 +177,8 @@ def initialise(ti: Any, backend: str, precision: str, threads: int | None = None
     """The only call of `ti.init`. Taichi would fall back to the CPU without a message; this raises BackendError instead."""
     options: dict[str, Any] = {"cpu_max_num_threads": threads} if threads and backend == "cpu" else {}
     require_threads(threads or os.cpu_count() or 1)
+    if ti.lang.impl.get_runtime().prog is None:
+        require_memory(POOL_BYTES)
     if not _is_writable(_cache_of_kernels(ti)):
         # Even without a cache Taichi makes the folder when the process ends, and aborts where it cannot. So it is given a
         # folder that exists, and writes nothing into it.
@@ -187,6 +198,8 @@ def initialise(ti: Any, backend: str, precision: str, threads: int | None = None
                 **options,
             )
     except Exception as error:  # Taichi raises bare RuntimeErrors and pybind errors of its own
+        if tells_no_memory(error):
+            raise CapacityError(f"there is too little memory to start backend {backend}: {ADVICE}") from error
         raise BackendError(f"backend {backend} does not start here: {str(error).strip().splitlines()[0]}") from error
     running = ti.lang.impl.current_cfg().arch
     if backend != "cpu" and running != getattr(ti, backend):

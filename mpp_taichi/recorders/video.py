@@ -11,8 +11,8 @@ import queue
 import shutil
 import subprocess
 import sys
+import tempfile
 import threading
-import time
 from collections import deque
 from pathlib import Path
 from types import TracebackType
@@ -24,13 +24,13 @@ from mpp_taichi.atomic_file import fresh
 from mpp_taichi.errors import OutputError
 from mpp_taichi.missing_package import is_absent, missing_line
 from mpp_taichi.recorders._lock import OutputLock
+from mpp_taichi.recorders._stall import STALL_SECONDS, ends_in_time
 
 logger = logging.getLogger(__name__)
 
 FORMATS = (".mp4", ".gif", ".webp")
 QUEUED_FRAMES = 4  # enough for a slow frame, few enough to hold in memory
 MESSAGE_LINES = 6  # last lines of FFmpeg's messages, shown when it fails
-STALL_SECONDS = 60.0  # FFmpeg hangs when it takes no frame, or writes nothing, for this time
 FAREWELL_SECONDS = 5.0  # for FFmpeg to end by itself
 POLL_SECONDS = 0.2
 ADVICE = "a sequence of pictures needs no encoder: --frames FOLDER"
@@ -83,7 +83,7 @@ def _ask(executable: str, question: str) -> str:
 def _why_none_is_bundled() -> str:
     """Why imageio-ffmpeg gives no FFmpeg: the package is missing, or it has none for this system."""
     missing = is_absent("imageio_ffmpeg")
-    return missing_line("imageio_ffmpeg") if missing else "imageio-ffmpeg has none for this machine"
+    return missing_line("imageio_ffmpeg") if missing else "imageio-ffmpeg has none that starts on this machine"
 
 
 def _bundled() -> str | None:
@@ -192,7 +192,7 @@ class VideoRecorder:
         self._end(FAREWELL_SECONDS)
         self._writer.join()
         self._listener.join()
-        if self.frame_count == 0:
+        if self.frame_count == 0 or (self._part.exists() and self._part.stat().st_size == 0):
             self._part.unlink(missing_ok=True)
         self._lock.release()
 
@@ -212,17 +212,8 @@ class VideoRecorder:
 
     def _wait(self) -> None:
         """Wait until every queued frame is written and the encoder has ended well."""
-        size, changed = -1, time.monotonic()
-        while self._process.poll() is None:
-            time.sleep(POLL_SECONDS / 10)
-            grown = self._part.stat().st_size if self._part.exists() else 0
-            if grown != size:
-                size, changed = grown, time.monotonic()
-            elif time.monotonic() - changed > STALL_SECONDS:
-                self._process.kill()
-                raise OutputError(
-                    f"{self.path}: the video encoder wrote nothing for {STALL_SECONDS:.0f} s and was ended; {ADVICE}"
-                )
+        if not ends_in_time(self._process, self._part, STALL_SECONDS):
+            raise OutputError(f"{self.path}: the video encoder wrote nothing for {STALL_SECONDS:.0f} s and was ended; {ADVICE}")
         self._writer.join()
         if self._process.returncode != 0 or self._failed.is_set():
             raise self._failure()
@@ -248,15 +239,26 @@ class VideoRecorder:
             palette.unlink(missing_ok=True)
 
     def _run(self, command: list[str]) -> None:
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, check=False)
-        if done.returncode != 0:
-            message = done.stderr.decode("utf-8", "replace").strip().splitlines()[-MESSAGE_LINES:]
-            raise OutputError(f"{self.path}: cannot finish the video; it is kept as {self._part}: " + " | ".join(message))
+        with tempfile.TemporaryFile() as told:
+            quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": told}
+            with subprocess.Popen(command, **quiet) as process:  # type: ignore[call-overload]
+                try:
+                    in_time = ends_in_time(process, Path(command[-1].removeprefix("file:")), STALL_SECONDS)
+                except BaseException:
+                    process.kill()
+                    raise
+            told.seek(0)
+            lines = told.read().decode("utf-8", "replace").strip().splitlines()[-MESSAGE_LINES:]
+        if not in_time:
+            lines = [f"the video encoder wrote nothing for {STALL_SECONDS:.0f} s and was ended"]
+        if not in_time or process.returncode != 0:
+            said = " | ".join(lines) or _silent_end(process.returncode)
+            raise OutputError(f"{self.path}: cannot finish the video; it is kept as {self._part}: {said}")
 
     def _failure(self) -> OutputError:
         self._end(FAREWELL_SECONDS)  # the pipe broke; the last messages may not have arrived yet
         self._listener.join()
-        message = " | ".join(self._lines) or f"it ended with code {self._process.returncode} and said nothing"
+        message = " | ".join(self._lines) or _silent_end(self._process.returncode)
         return OutputError(f"{self.path}: the video encoder failed after {self.frame_count} frames: {message}; {ADVICE}")
 
     def _end(self, seconds: float) -> None:
@@ -283,6 +285,12 @@ class VideoRecorder:
         with self._process.stderr as pipe:
             for line in pipe:
                 self._lines.append(line.decode("utf-8", "replace").strip())
+
+
+def _silent_end(code: int) -> str:
+    """What is known of an encoder that ended and said nothing; code −9 is a signal of POSIX that no program can answer."""
+    more = "killed, by somebody, or by the system where memory is short" if code == -9 else "and said nothing"
+    return f"it ended with code {code}, {more}"
 
 
 # Outside the terminal's process group: a Ctrl-C then stops the simulation, which closes the film.

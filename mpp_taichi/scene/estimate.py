@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from mpp_taichi.errors import CapacityError
 from mpp_taichi.scene import timeline
+from mpp_taichi.scene.available_memory import available_bytes
 from mpp_taichi.scene.layout import build, layout_of
 from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import SceneSpec
@@ -63,23 +64,11 @@ def check_capacity(needed: Estimate) -> None:
     if free is not None and needed.bytes > free:
         raise CapacityError(
             f"the scene needs {needed.bytes / 2**30:.3g} GiB for {needed.particle_count} particles and "
-            f"{needed.spring_count} springs, this machine has {free / 2**30:.3g} GiB available"
+            f"{needed.spring_count} springs, this process can have {free / 2**30:.3g} GiB"
         )
     if needed.steps is not None and needed.steps > MOST_STEPS:
         steps = _short(needed.steps)
         raise CapacityError(f"the run takes {steps} steps, allowed: {MOST_STEPS}; enlarge dt or shorten run.duration")
-
-
-def available_bytes() -> int | None:
-    """Memory that can be allocated without swapping; None where the system does not report it."""
-    try:
-        with open("/proc/meminfo", encoding="ascii") as stream:
-            for line in stream:
-                if line.startswith("MemAvailable:"):
-                    return int(line.split()[1]) * 1024
-    except (OSError, ValueError, IndexError):
-        return None
-    return None
 
 
 def _steps(spec: SceneSpec) -> int | None:

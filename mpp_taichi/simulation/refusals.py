@@ -18,7 +18,8 @@ from mpp_taichi.precision import (
     forces_see_low_parts,
     number_type,
 )
-from mpp_taichi.scene.estimate import LARGEST_COUNT, available_bytes
+from mpp_taichi.scene.available_memory import available_bytes
+from mpp_taichi.scene.estimate import LARGEST_COUNT
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.simulation import first_bad_step
@@ -151,5 +152,5 @@ def check_room(fields: Mapping[str, tuple[str, int]], *, dimensions: int, replic
     if on_cpu and free is not None and total > free:
         raise CapacityError(
             f"the integrator's work fields need {total / 2**30:.3g} GiB, most of it for {largest}; "
-            f"this machine has {free / 2**30:.3g} GiB available{hint}"
+            f"this process can have {free / 2**30:.3g} GiB{hint}"
         )

@@ -6,6 +6,7 @@ import stat
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from pathlib import Path
 
@@ -231,6 +232,36 @@ def test_encoder_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyP
             recorder.write(picture(index % 20))
     assert recorder._process.poll() is not None
     assert not recorder._writer.is_alive() and not recorder._listener.is_alive()
+
+
+def test_encoder_that_hangs_while_it_finishes_the_film_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = video.check_encoder()
+    body = f"if '-framerate' in sys.argv:\n    os.execv({real!r}, [{real!r}, *sys.argv[1:]])\ntime.sleep(1000)"
+    monkeypatch.setattr(video, "STALL_SECONDS", 2.0)
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", fake_encoder(tmp_path, body))
+    with pytest.raises(OutputError, match=r"kept as .*film\.part\.mp4: .*was ended"):
+        with VideoRecorder(tmp_path / "film.mp4", SIZE, 30) as recorder:
+            recorder.write(picture(0))
+    monkeypatch.delenv("IMAGEIO_FFMPEG_EXE")
+    assert len(decode(tmp_path / "film.part.mp4", SIZE)) == 1 and not list(tmp_path.glob("*.lock"))
+
+
+def test_encoder_that_is_stopped_for_a_while_goes_on(tmp_path: Path) -> None:
+    with VideoRecorder(tmp_path / "film.mp4", SIZE, 30) as recorder:
+        for index in range(40):
+            if index == 5:
+                os.kill(recorder._process.pid, signal.SIGSTOP)
+                threading.Timer(2.0, os.kill, (recorder._process.pid, signal.SIGCONT)).start()
+            recorder.write(picture(index % 20))
+    assert len(decode(tmp_path / "film.mp4", SIZE)) == 40
+
+
+def test_an_empty_film_is_not_left_by_an_encoder_that_never_wrote(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", fake_encoder(tmp_path, "sys.exit(3)"))
+    with pytest.raises(OutputError), VideoRecorder(tmp_path / "film.mp4", SIZE, 30) as recorder:
+        for index in range(30):
+            recorder.write(picture(index % 20))
+    assert not list(tmp_path.glob("film*"))
 
 
 def test_a_link_at_the_temporary_name_is_not_followed(tmp_path: Path) -> None:

@@ -1,0 +1,37 @@
+"""Stall: whether a program that writes a file goes on, or hangs."""
+
+import os
+import subprocess
+import time
+from pathlib import Path
+
+STALL_SECONDS = 60.0  # a program hangs when its file does not grow, and it does not compute, for this time
+LOOK_SECONDS = 0.02
+
+
+def ends_in_time(process: subprocess.Popen[bytes], file: Path, seconds: float) -> bool:
+    """Wait for the end of a program; False where it hung for so many seconds, and was killed."""
+    seen, changed = _signs_of_life(process, file), time.monotonic()
+    while process.poll() is None:
+        time.sleep(LOOK_SECONDS)
+        now = _signs_of_life(process, file)
+        if now != seen:
+            seen, changed = now, time.monotonic()
+        elif time.monotonic() - changed > seconds:
+            process.kill()
+            process.wait()
+            return False
+    return True
+
+
+def _signs_of_life(process: subprocess.Popen[bytes], file: Path) -> tuple[int, str]:
+    """The size of its file, and on Linux the processor time that it has taken."""
+    try:
+        size = os.stat(file).st_size
+    except OSError:
+        size = -1
+    try:
+        words = Path(f"/proc/{process.pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+        return size, " ".join(words[11:13])
+    except OSError:
+        return size, ""
