@@ -1,7 +1,7 @@
 """Session: one scene run from the command line, with its recorders, its limits and its files."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -39,6 +39,8 @@ from mpp_taichi.report.expectations import Verdict, Watcher
 from mpp_taichi.report.summary import Stopwatch, Timed, lines, summarize
 from mpp_taichi.scene.expectations import BALANCE_QUANTITIES
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.simulation.run_archive import RunArchive
+from mpp_taichi.simulation.run_output import RunOutput
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._interactive import Stage
@@ -90,7 +92,9 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
         interruption = stack.enter_context(Interruption(until_first_step=True))
         lock_outputs(request, stack)
         sinks = open_sinks(spec, request, stack)
-        trajectory = stack.enter_context(TrajectoryRecorder(request.trajectory)) if request.trajectory else None
+        trajectory = None
+        if request.trajectory is not None:
+            trajectory = stack.enter_context(TrajectoryRecorder(request.trajectory, waits=is_kept(request, goal)))
         right = None
         if request.beside is not None:
             right = stack.enter_context(RightHalf(request.beside, spec, request, goal, interruption.raise_if_any))
@@ -170,26 +174,18 @@ class _Run:
         if not self.request.quiet and (said := note(self.network)):
             say(f"note: {said}")
         measured = [each for each in (self.inspection, self.modes, self.speeds, self.events) if each is not None]
-        looks: list[Any] = [
-            self.table,
-            self.blow_up,
-            self.watchdog,
-            self.watcher,
-            *measured,
-            *([trajectory] if trajectory else []),
-        ]
+        samplers: list[Any] = [self.table, self.blow_up, self.watchdog, self.watcher, *measured]
+        looks = [*samplers, *([trajectory] if trajectory else [])]
         timed = [Timed(look, self.stopwatch, "diagnostics") for look in looks]
         bar = sys.stderr is not None and sys.stderr.isatty()
         total = None if self.total_steps is None else self.simulation.step_count + self.total_steps
-        self._keep(looks)
+        self._keep(samplers, {"trajectory": trajectory} if trajectory else {})
         progress = ProgressRecorder(total, self._energy_error, bar=bar)
         wants_progress = not (self.request.quiet or self.request.window)
         recorders = [*timed, *self.films, interruption, *([progress] if wants_progress else [])]
         try:
             with interruption.unwrapped():
                 self._advance(recorders, progress, interruption)
-            if self.kept is not None:
-                self.kept.archive.end()
             self._finish([*looks, *self.films])
             if self.right is not None:
                 self.right.end()
@@ -202,26 +198,34 @@ class _Run:
         except StabilityError as error:
             self.error = self.blow_up.explain(error, self.simulation)
             say(f"error: {self.error}")
-            if self.kept is not None:
-                self.kept.archive.end()  # a run that goes on from here would break down again
         except (BesideError, OutputError) as error:
             self.error = error
             say(f"error: {error}")
-        if self.kept is not None:
-            self.kept.archive.close()
         with self.stopwatch("encode"):
             self._close(sinks, trajectory)
+        if self.kept is not None:
+            self._end_archive(self.kept.archive)
         return self._outcome()
 
-    def _keep(self, looks: Sequence[Any]) -> None:
+    def _keep(self, looks: Sequence[Any], outputs: Mapping[str, RunOutput]) -> None:
         """Keep an archive, and go on with the run that an earlier process has left there."""
         if not is_kept(self.request, self.goal):
             return
         names = {type(look).__name__: look for look in looks}
-        self.kept = KeptRun(self.simulation, self.request, self.goal, self.every, names)
+        self.kept = KeptRun(self.simulation, self.request, self.goal, self.every, names, outputs)
         self.went_on = self.kept.go_on(self.simulation)
         self.first_step = self.simulation.step_count
         self.simulation.when_phase_begins.append(self.kept.archive.phase_begins)
+
+    def _end_archive(self, archive: RunArchive) -> None:
+        """End the archive where all files are written; after a signal, or an error of a disk, the run is gone on with."""
+        try:
+            if self.interrupted is None and (self.error is None or isinstance(self.error, StabilityError)):
+                archive.end()  # after a blow-up, a run that goes on would break down again
+        except OutputError as error:
+            say(f"error: {error}")
+            self.error = error
+        archive.close()
 
     def _advance(self, recorders: list[Any], progress: ProgressRecorder, interruption: Interruption) -> None:
         if self.request.window:
