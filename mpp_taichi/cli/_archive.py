@@ -48,7 +48,8 @@ class KeptRun:
         }
         if request.films:
             spec = simulation.scene
-            options["film"] = [*(request.size or spec.record.size), request.fps or spec.record.fps, request.frame_count(spec)]
+            size, fps = request.size or spec.record.size, request.fps or spec.record.fps
+            options["film"] = {"size": list(size), "fps": fps, "frames": request.frame_count(spec)}
         self.path = archive_path(simulation.scene.source)
         self.archive = RunArchive(self.path, header_of(simulation, options), objects, outputs=outputs)
         self._objects, self._outputs, self._request = dict(objects), dict(outputs), request
@@ -63,7 +64,7 @@ class KeptRun:
         found = self._found()
         if found is None:
             for output in self._outputs.values():
-                output.begin()
+                output.begin_anew()
             return None
         self._require_same(found)
         state = found.state()
@@ -126,8 +127,8 @@ def archive_path(source: str) -> Path:
 
 
 def is_kept(request: Request, goal: Goal) -> bool:
-    """Whether a run keeps an archive: a run of one scene from its start to an end, without a window or pictures."""
-    unlike = request.window or request.films or request.beside is not None or request.rewind is not None
+    """Whether a run keeps an archive: a run of one scene from its start to an end, without a window."""
+    unlike = request.window or request.beside is not None or request.rewind is not None
     return request.archive and not (unlike or goal.endless)
 
 

@@ -1,7 +1,7 @@
 """Session: one scene run from the command line, with its recorders, its limits and its files."""
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -14,7 +14,7 @@ from mpp_taichi.cli._archive import KeptRun, is_kept
 from mpp_taichi.cli._beside import RightHalf
 from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._options import OUTPUT_FOLDER, output_stem
-from mpp_taichi.cli._outputs import lock_outputs, open_sinks
+from mpp_taichi.cli._outputs import kept_outputs, lock_outputs, open_sinks
 from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._start_simulation import start, start_another
@@ -40,7 +40,6 @@ from mpp_taichi.report.summary import Stopwatch, Timed, lines, summarize
 from mpp_taichi.scene.expectations import BALANCE_QUANTITIES
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation.run_archive import RunArchive
-from mpp_taichi.simulation.run_output import RunOutput
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._interactive import Stage
@@ -91,7 +90,7 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
     with ExitStack() as stack:
         interruption = stack.enter_context(Interruption(until_first_step=True))
         lock_outputs(request, stack)
-        sinks = open_sinks(spec, request, stack)
+        sinks = open_sinks(spec, request, stack, waits=is_kept(request, goal))
         trajectory = None
         if request.trajectory is not None:
             trajectory = stack.enter_context(TrajectoryRecorder(request.trajectory, waits=is_kept(request, goal)))
@@ -179,7 +178,7 @@ class _Run:
         timed = [Timed(look, self.stopwatch, "diagnostics") for look in looks]
         bar = sys.stderr is not None and sys.stderr.isatty()
         total = None if self.total_steps is None else self.simulation.step_count + self.total_steps
-        self._keep(samplers, {"trajectory": trajectory} if trajectory else {})
+        self._keep(samplers, sinks, trajectory)
         progress = ProgressRecorder(total, self._energy_error, bar=bar)
         wants_progress = not (self.request.quiet or self.request.window)
         recorders = [*timed, *self.films, interruption, *([progress] if wants_progress else [])]
@@ -207,11 +206,14 @@ class _Run:
             self._end_archive(self.kept.archive)
         return self._outcome()
 
-    def _keep(self, looks: Sequence[Any], outputs: Mapping[str, RunOutput]) -> None:
+    def _keep(self, looks: Sequence[Any], sinks: Sequence[Any], trajectory: TrajectoryRecorder | None) -> None:
         """Keep an archive, and go on with the run that an earlier process has left there."""
         if not is_kept(self.request, self.goal):
             return
-        names = {type(look).__name__: look for look in looks}
+        for film in self.films:
+            film.begin(self.simulation)
+        names = {type(look).__name__: look for look in (*looks, *self.films)}
+        outputs = kept_outputs(self.films, sinks, trajectory)
         self.kept = KeptRun(self.simulation, self.request, self.goal, self.every, names, outputs)
         self.went_on = self.kept.go_on(self.simulation)
         self.first_step = self.simulation.step_count

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.errors import OutputError
 from mpp_taichi.recorders._lock import OutputLock
+from mpp_taichi.recorders._no_news import NoNews
 from mpp_taichi.recorders._trajectory_arrays import ArrayWriter
 from mpp_taichi.recorders._trajectory_text import TextWriter
 from mpp_taichi.start.contact_setup import enclosure_of
@@ -17,7 +18,7 @@ FORMATS = (".npz", ".xyz", ".extxyz")
 BYTES_PER_PARTICLE = 48  # of a frame: position and velocity in f64; a text file takes more
 
 
-class TrajectoryRecorder:
+class TrajectoryRecorder(NoNews):
     """Writes the particles every `every` steps, at the start and at the end; memory does not grow with the run.
 
     `.npz` holds time and step (frame_count,), position and velocity (frame_count, particle_count, 3) in f64, and mass, radius,
@@ -28,7 +29,7 @@ class TrajectoryRecorder:
     """
 
     def __init__(self, path: str | Path, *, waits: bool = False) -> None:
-        """Lock and open the file; one that `waits` touches nothing that an earlier run has left until `begin` or `go_on`.
+        """Lock and open the file; one that `waits` touches nothing that an earlier run has left until `begin_anew` or `go_on`.
 
         Raises:
             OutputError: the suffix is none of `FORMATS`, or the file cannot be written.
@@ -44,12 +45,12 @@ class TrajectoryRecorder:
         self._writer: ArrayWriter | TextWriter | None = ArrayWriter(self.path) if suffix == ".npz" else TextWriter(self.path)
         if not waits:
             try:
-                self.begin()
+                self.begin_anew()
             except OutputError:
                 self._lock.release()
                 raise
 
-    def begin(self) -> None:
+    def begin_anew(self) -> None:
         """Open the file, in place of what an earlier run has left.
 
         Raises:
@@ -98,8 +99,6 @@ class TrajectoryRecorder:
 
     # For the archive of a run, see `RunOutput`.
 
-    pending = 0
-
     def at_record(self) -> dict[str, Any]:
         """How far the file is; so much of it is on the disk now.
 
@@ -111,13 +110,6 @@ class TrajectoryRecorder:
             return {"frame_count": self.frame_count, "last_step": self._last_step, **self._writer.at_record()}
         except OSError as error:
             raise self._failure(error) from error
-
-    def news(self) -> list[Any]:
-        """Nothing: the frames are in files of their own."""
-        return []
-
-    def stop(self) -> None:
-        """Do nothing: nothing is gathered for an archive."""
 
     def go_on(self, simulation: "Simulation", saved: Mapping[str, Any], news: Iterator[list[Any]]) -> None:
         """Take over the frames of a record from the files that the broken run has left.

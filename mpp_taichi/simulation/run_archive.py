@@ -176,7 +176,9 @@ class RunArchive:
                 self.close()
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file; the outputs gather no more news."""
+        for each in self.outputs.values():
+            each.stop()
         if self._file is not None:
             self._file.close()
             self._file = None

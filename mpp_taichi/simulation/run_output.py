@@ -12,7 +12,7 @@ class RunOutput(Protocol):
 
     pending: int
 
-    def begin(self) -> None:
+    def begin_anew(self) -> None:
         """Begin a new file, in place of what an earlier run has left."""
 
     def at_record(self) -> Mapping[str, Any]:
