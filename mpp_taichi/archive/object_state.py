@@ -4,13 +4,15 @@ A run has many objects that gather samples: tables, watches, diagnostics. After 
 the run, and `restore` then gives each attribute the value that `captured` found. An object needs no code of its own for this.
 
 Attributes that belong to the process stay as they are in the new objects (KEPT): functions, types, open files, objects of
-Taichi, and objects of the packages of BOUND, such as the simulation. Every other attribute is either captured or refused.
+Taichi, and objects of the packages of BOUND, such as the simulation. So do the attributes that a class names in MADE_ANEW,
+which a new object has already. Every other attribute is either captured or refused.
 """
 
 import importlib
 import io
 import logging
 import types
+import zlib
 from collections import deque
 from collections.abc import Mapping
 from functools import partial
@@ -27,6 +29,9 @@ _BOUND = ("cli", "contacts", "device", "forces", "integrators", "scene", "simula
 BOUND = tuple(f"{OWN}{package}." for package in _BOUND)
 # Data in these packages.
 WALKED = ("Mark", "SavedFields", "SavedAccounts", "Reading", "ContactReport", "RunJudge", "RunFinding", "MasslessWatch")
+# What a view remembers from picture to picture.
+VIEWS = ("Renderer", "ViewWithPanels", "Camera", "Trails", "Appearance", "Coloring", "_Scale", "Marks")
+PICTURE_MODES = ("L", "RGB")  # of pictures of PIL
 _PLAIN = (type(None), bool, int, float, str, np.ndarray, np.generic)
 _OF_PROCESS = (
     *(types.FunctionType, types.BuiltinFunctionType, types.MethodType, types.ModuleType, type, partial),
@@ -78,6 +83,8 @@ class _Capture:
             return type(value)(self.value(each, f"{where}[…]") for each in value)
         if isinstance(value, deque):
             return deque((self.value(each, f"{where}[…]") for each in value), value.maxlen)
+        if type(value).__module__ == "PIL.Image":
+            return self._picture(value)
         if isinstance(value, _OF_PROCESS) or is_bound(type(value)):
             return KEPT
         if type(value).__module__.startswith(OWN):
@@ -94,7 +101,22 @@ class _Capture:
         self.described.append(entry)
         if isinstance(value, tuple):  # a NamedTuple
             entry["items"] = [self.value(each, where) for each in value]
-        entry["state"] = {key: self.value(each, f"{where}.{key}") for key, each in _attributes(value).items()}
+        anew = getattr(type(value), "MADE_ANEW", ())
+        attributes = {key: each for key, each in _attributes(value).items() if key not in anew}
+        entry["state"] = {key: self.value(each, f"{where}.{key}") for key, each in attributes.items()}
+        return made
+
+    def _picture(self, value: Any) -> ObjectNumber:
+        """A picture of PIL; plots draw on in it."""
+        known = self._numbers.get(id(value))
+        if known is not None:
+            return known
+        if value.mode not in PICTURE_MODES:
+            raise TypeError(f"the archive cannot hold a picture of mode {value.mode}")
+        data = np.frombuffer(zlib.compress(value.tobytes(), 1), np.uint8)
+        made = self._numbers[id(value)] = ObjectNumber(len(self.described))
+        self._alive.append(value)
+        self.described.append({"picture": value.mode, "size": list(value.size), "data": data})
         return made
 
 
@@ -129,6 +151,9 @@ class _Restore:
         if number in self._made:
             return self._made[number]
         entry, made = self._described[number], None
+        if "picture" in entry:
+            self._made[number] = _picture_of(entry)
+            return self._made[number]
         if "items" in entry:
             items: Any = _class_of(entry["class"])
             made = tuple.__new__(items, [self.value(each, None) for each in entry["items"]])
@@ -144,10 +169,24 @@ class _Restore:
         return made
 
 
+def _picture_of(entry: Mapping[str, Any]) -> Any:
+    from PIL import Image  # only where an archive holds pictures
+
+    (width, height), mode = (int(side) for side in entry["size"]), entry["picture"]
+    if mode not in PICTURE_MODES or min(width, height) < 1:
+        raise ValueError(f"a picture of mode {mode}, {width} x {height}")
+    length = width * height * len(mode)
+    try:
+        data = zlib.decompressobj().decompress(entry["data"].tobytes(), length + 1)
+    except zlib.error as error:
+        raise ValueError("a damaged picture") from error
+    return Image.frombytes(mode, (width, height), data)  # ValueError where the length is another
+
+
 def is_bound(cls: type) -> bool:
     """Whether objects of a class belong to the process: they are made anew, with the run."""
     module = cls.__module__
-    return module.startswith("taichi") or (module.startswith(BOUND) and cls.__name__ not in WALKED)
+    return module.startswith("taichi") or (module.startswith(BOUND) and cls.__name__ not in (*WALKED, *VIEWS))
 
 
 def _attributes(value: Any) -> dict[str, Any]:

@@ -29,8 +29,8 @@ MAGIC = b"MPPRUN1\n"
 HEAD = struct.Struct("<4sB3xIQI")
 CHECK = struct.Struct("<I")
 TAIL = struct.Struct("<4sI")
-HEADER, STATE, END = 1, 2, 3  # kinds of records
-MOST_BYTES = 1 << 28  # of a file, beyond which states are thinned out
+HEADER, STATE, END, OUTPUT = 1, 2, 3, 4  # kinds of records
+MOST_BYTES = 1 << 28  # of a file without its outputs, beyond which states are thinned out
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,13 @@ class RecordFile:
             descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o644)
             stream = os.fdopen(descriptor, "r+b")
             _reserve(stream, path)
-            stream.truncate(0)
-            stream.write(MAGIC)
-            stream.flush()
+            try:
+                stream.truncate(0)
+                stream.write(MAGIC)
+                stream.flush()
+            except OSError:  # an empty file would be taken for a damaged archive
+                path.unlink(missing_ok=True)
+                raise
         except OSError as error:
             raise OutputError(f"{path}: the archive cannot be written: {error.strerror or error}") from error
         return RecordFile(path, stream, [], 0)
@@ -122,12 +126,14 @@ class RecordFile:
         self.records.append(Record(kind, number, begin + HEAD.size + CHECK.size, len(payload)))
 
     def thin_out(self) -> None:
-        """Where the file is too large, remove every second state, but not the last; the file is replaced as a whole.
+        """Where the file without outputs is too large, remove every second state, but not the last; the file is replaced.
 
         Raises:
             OutputError: the disk is full, or cannot be written; the file is as it was.
         """
-        if not self.records or self.records[-1].end <= MOST_BYTES:
+        around = HEAD.size + CHECK.size + TAIL.size
+        outputs = sum(record.length + around for record in self.records if record.kind == OUTPUT)
+        if not self.records or self.records[-1].end - outputs <= MOST_BYTES:
             return
         states = [record for record in self.records if record.kind == STATE]
         removed = set(states[-2::-2])
@@ -143,6 +149,19 @@ class RecordFile:
             raise OutputError(f"{self.path}: the archive cannot be thinned out: {error}") from error
         self._stream.close()
         self._stream, self.records = thinned._stream, thinned.records
+
+    def cut_behind(self, record: Record) -> None:
+        """Remove the records behind one of them.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        try:
+            self._stream.seek(record.end)
+            self._stream.truncate(record.end)
+        except OSError as error:
+            raise OutputError(f"{self.path}: the archive cannot be written: {error.strerror or error}") from error
+        del self.records[self.records.index(record) + 1 :]
 
     def read(self, record: Record) -> bytes:
         """The payload of a record."""

@@ -15,59 +15,85 @@ from mpp_taichi.cli._terminal import UsageError, say
 from mpp_taichi.errors import StateError
 from mpp_taichi.simulation.moment import go_to
 from mpp_taichi.simulation.run_archive import FoundRun, RunArchive, header_of
+from mpp_taichi.simulation.run_output import RunOutput
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
 
 MOST_TOLD = 5  # keys that differ
+OUTPUT_OPTIONS = ("trajectory", "video", "frames", "still", "html")
 
 
 class KeptRun:
     """The archive of one run: it goes on from an unfinished run of the same command, and writes its own records."""
 
-    def __init__(self, simulation: "Simulation", request: Request, goal: Goal, every: int, objects: Mapping[str, Any]) -> None:
-        """`objects` are the recorders whose samples belong to the run, by name."""
-        options = {
+    def __init__(
+        self,
+        simulation: "Simulation",
+        request: Request,
+        goal: Goal,
+        every: int,
+        objects: Mapping[str, Any],
+        outputs: Mapping[str, RunOutput],
+    ) -> None:
+        """`objects` are the recorders whose samples belong to the run, and `outputs` its films and trajectories, by name."""
+        options: dict[str, Any] = {
             "until": goal.until,
             "steps": goal.steps,
             "every": every,
             "force": request.force,
             "recorders": sorted(objects),
             "energy_balance": simulation.energy_balance is not None,
+            **{name: str(path) for name in OUTPUT_OPTIONS if (path := getattr(request, name)) is not None},
         }
+        if request.films:
+            spec = simulation.scene
+            size, fps = request.size or spec.record.size, request.fps or spec.record.fps
+            options["film"] = {"size": list(size), "fps": fps, "frames": request.frame_count(spec)}
         self.path = archive_path(simulation.scene.source)
-        self.archive = RunArchive(self.path, header_of(simulation, options), objects)
-        self._objects, self._request = dict(objects), request
+        self.archive = RunArchive(self.path, header_of(simulation, options), objects, outputs=outputs)
+        self._objects, self._outputs, self._request = dict(objects), dict(outputs), request
 
     def go_on(self, simulation: "Simulation") -> dict[str, Any] | None:
-        """Go to the last record of an unfinished run; where it was, or None where there is no such run.
+        """Go to the last record of an unfinished run; where it was, or None where there is no such run: films begin anew.
 
         Raises:
             UsageError: the unfinished run is of another scene, or had other options.
             StateError: the file is no archive of a run.
         """
-        if not self.path.is_file():
-            return None
-        if self._request.fresh:
-            self.path.unlink()
-            return None
-        found = FoundRun(self.path)
-        if found.has_ended:
-            found.close()
-            self.path.unlink()
+        found = self._found()
+        if found is None:
+            for output in self._outputs.values():
+                output.begin_anew()
             return None
         self._require_same(found)
         state = found.state()
         go_to(simulation, state["moment"])
         try:
             object_state.restore(state["samples"], self._objects)
-        except StateError as error:
-            raise StateError(f"{self.path}: {error}; --fresh begins anew") from None
+            for name, output in self._outputs.items():
+                output.go_on(simulation, state["outputs"][name], found.news(name))
+        except (StateError, KeyError, TypeError, ValueError) as error:
+            found.close()
+            told = error if isinstance(error, StateError) else f"the archive is damaged: {error!r}"
+            raise StateError(f"{self.path}: {told}; --fresh begins anew") from None
         self.archive.go_on(found)
         torn = f"; a record that was being written, {found.torn:,} bytes, is lost" if found.torn else ""
         if not self._request.quiet:
             say(f"going on with {self.path} from step {state['step']:,}, t = {state['time']:.9g}{torn}; --fresh begins anew")
         return {"file": str(self.path), "time": state["time"], "step": state["step"], "torn_bytes": found.torn}
+
+    def _found(self) -> FoundRun | None:
+        """The unfinished run; an archive that is not to be gone on with is removed."""
+        if not self.path.is_file():
+            return None
+        if not self._request.fresh:
+            found = FoundRun(self.path)
+            if not found.has_ended:
+                return found
+            found.close()
+        self.path.unlink()
+        return None
 
     def _require_same(self, found: FoundRun) -> None:
         old, new = dict(found.header), dict(self.archive.header)
@@ -101,9 +127,9 @@ def archive_path(source: str) -> Path:
 
 
 def is_kept(request: Request, goal: Goal) -> bool:
-    """Whether a run keeps an archive: a run without pictures that has an end. Films and trajectories cannot be gone on with."""
-    unlike = request.window or request.films or request.beside is not None or request.rewind is not None
-    return request.archive and not (unlike or goal.endless or request.trajectory is not None)
+    """Whether a run keeps an archive: a run of one scene from its start to an end, without a window."""
+    unlike = request.window or request.beside is not None or request.rewind is not None
+    return request.archive and not (unlike or goal.endless)
 
 
 def differences(old: Any, new: Any, path: str = "") -> list[str]:

@@ -83,6 +83,12 @@ def add_tables(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_archive(parser: argparse.ArgumentParser) -> None:
+    """--fresh, --no-archive."""
+    parser.add_argument("--fresh", action="store_true", help="begin anew, where out/SCENE.run holds a run that was cut off")
+    parser.add_argument("--no-archive", action="store_true", help="keep no out/SCENE.run from which the same command goes on")
+
+
 def add_report(parser: argparse.ArgumentParser) -> None:
     """--json, --quiet."""
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")

@@ -14,7 +14,7 @@ from mpp_taichi.cli._archive import KeptRun, is_kept
 from mpp_taichi.cli._beside import RightHalf
 from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._options import OUTPUT_FOLDER, output_stem
-from mpp_taichi.cli._outputs import lock_outputs, open_sinks
+from mpp_taichi.cli._outputs import kept_outputs, lock_outputs, open_sinks
 from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._start_simulation import start, start_another
@@ -39,6 +39,7 @@ from mpp_taichi.report.expectations import Verdict, Watcher
 from mpp_taichi.report.summary import Stopwatch, Timed, lines, summarize
 from mpp_taichi.scene.expectations import BALANCE_QUANTITIES
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.simulation.run_archive import RunArchive
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._interactive import Stage
@@ -89,8 +90,10 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
     with ExitStack() as stack:
         interruption = stack.enter_context(Interruption(until_first_step=True))
         lock_outputs(request, stack)
-        sinks = open_sinks(spec, request, stack)
-        trajectory = stack.enter_context(TrajectoryRecorder(request.trajectory)) if request.trajectory else None
+        sinks = open_sinks(spec, request, stack, waits=is_kept(request, goal))
+        trajectory = None
+        if request.trajectory is not None:
+            trajectory = stack.enter_context(TrajectoryRecorder(request.trajectory, waits=is_kept(request, goal)))
         right = None
         if request.beside is not None:
             right = stack.enter_context(RightHalf(request.beside, spec, request, goal, interruption.raise_if_any))
@@ -170,26 +173,18 @@ class _Run:
         if not self.request.quiet and (said := note(self.network)):
             say(f"note: {said}")
         measured = [each for each in (self.inspection, self.modes, self.speeds, self.events) if each is not None]
-        looks: list[Any] = [
-            self.table,
-            self.blow_up,
-            self.watchdog,
-            self.watcher,
-            *measured,
-            *([trajectory] if trajectory else []),
-        ]
+        samplers: list[Any] = [self.table, self.blow_up, self.watchdog, self.watcher, *measured]
+        looks = [*samplers, *([trajectory] if trajectory else [])]
         timed = [Timed(look, self.stopwatch, "diagnostics") for look in looks]
         bar = sys.stderr is not None and sys.stderr.isatty()
         total = None if self.total_steps is None else self.simulation.step_count + self.total_steps
-        self._keep(looks)
+        self._keep(samplers, sinks, trajectory)
         progress = ProgressRecorder(total, self._energy_error, bar=bar)
         wants_progress = not (self.request.quiet or self.request.window)
         recorders = [*timed, *self.films, interruption, *([progress] if wants_progress else [])]
         try:
             with interruption.unwrapped():
                 self._advance(recorders, progress, interruption)
-            if self.kept is not None:
-                self.kept.archive.end()
             self._finish([*looks, *self.films])
             if self.right is not None:
                 self.right.end()
@@ -202,26 +197,37 @@ class _Run:
         except StabilityError as error:
             self.error = self.blow_up.explain(error, self.simulation)
             say(f"error: {self.error}")
-            if self.kept is not None:
-                self.kept.archive.end()  # a run that goes on from here would break down again
         except (BesideError, OutputError) as error:
             self.error = error
             say(f"error: {error}")
-        if self.kept is not None:
-            self.kept.archive.close()
         with self.stopwatch("encode"):
             self._close(sinks, trajectory)
+        if self.kept is not None:
+            self._end_archive(self.kept.archive)
         return self._outcome()
 
-    def _keep(self, looks: Sequence[Any]) -> None:
+    def _keep(self, looks: Sequence[Any], sinks: Sequence[Any], trajectory: TrajectoryRecorder | None) -> None:
         """Keep an archive, and go on with the run that an earlier process has left there."""
         if not is_kept(self.request, self.goal):
             return
-        names = {type(look).__name__: look for look in looks}
-        self.kept = KeptRun(self.simulation, self.request, self.goal, self.every, names)
+        for film in self.films:
+            film.begin(self.simulation)
+        names = {type(look).__name__: look for look in (*looks, *self.films)}
+        outputs = kept_outputs(self.films, sinks, trajectory)
+        self.kept = KeptRun(self.simulation, self.request, self.goal, self.every, names, outputs)
         self.went_on = self.kept.go_on(self.simulation)
         self.first_step = self.simulation.step_count
         self.simulation.when_phase_begins.append(self.kept.archive.phase_begins)
+
+    def _end_archive(self, archive: RunArchive) -> None:
+        """End the archive where all files are written; after a signal, or an error of a disk, the run is gone on with."""
+        try:
+            if self.interrupted is None and (self.error is None or isinstance(self.error, StabilityError)):
+                archive.end()  # after a blow-up, a run that goes on would break down again
+        except OutputError as error:
+            say(f"error: {error}")
+            self.error = error
+        archive.close()
 
     def _advance(self, recorders: list[Any], progress: ProgressRecorder, interruption: Interruption) -> None:
         if self.request.window:

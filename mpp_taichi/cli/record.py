@@ -45,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _options.add_tables(parser)
     parser.add_argument("--allow-inaccurate", action="store_true", help="end with code 0 even when energy was lost")
     _options.add_force(parser)
+    _options.add_archive(parser)
     _options.add_report(parser)
 
 
@@ -80,7 +81,9 @@ def execute(arguments: argparse.Namespace) -> int:
         "snapshot",
     )
     more = ("diagnostics", "inspect", "modes", "speeds", "events", "every", "quiet", "allow_inaccurate", "force")
-    request = Request(**{name: getattr(arguments, name) for name in (*names, *more)}, film_seconds=arguments.duration)
+    given = {name: getattr(arguments, name) for name in (*names, *more)}
+    given |= {"archive": not arguments.no_archive, "fresh": arguments.fresh}
+    request = Request(**given, film_seconds=arguments.duration)
     check_frames(spec, request)  # checked before pilot runs choose a method
     with output_reserved(arguments.json):
         spec, arguments.precision, choice = settled(spec, arguments)

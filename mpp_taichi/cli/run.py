@@ -50,8 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="go on from the state of a run that blew up or was interrupted, with a stable step; "
         "the newest of out/SCENE.crash.npz and out/SCENE.interrupted.npz when no file is named",
     )
-    parser.add_argument("--fresh", action="store_true", help="begin anew, where out/SCENE.run holds a run that was cut off")
-    parser.add_argument("--no-archive", action="store_true", help="keep no out/SCENE.run from which the same command goes on")
+    _options.add_archive(parser)
     _options.add_report(parser)
 
 

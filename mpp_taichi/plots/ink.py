@@ -22,21 +22,20 @@ class Ink:
 
     def __post_init__(self) -> None:
         self._mask = Image.new("L", self.size)
-        self._pen = ImageDraw.Draw(self._mask)
 
     def draw(self, points: np.ndarray) -> list[tuple[int, int, int, int]]:
         """Draw a line through points (n, 2), pixels of the field; points that are not finite are gaps. The changed boxes."""
         finite = np.isfinite(points).all(axis=1)
         wide = max(1, round(FINER * self.width))
         limit = 4.0 * max(self.size)
-        boxes = []
+        boxes, pen = [], ImageDraw.Draw(self._mask)
         for run in np.split(np.arange(len(points)), np.flatnonzero(np.diff(finite.astype(int))) + 1):
             if len(run) == 0 or not finite[run[0]]:
                 continue
             fine = np.clip(FINER * points[run], -limit, limit)
             path = [tuple(each) for each in fine.tolist()]
             if len(path) > 1:
-                self._pen.line(path, fill=255, width=wide, joint="curve" if len(path) < LONG else None)
+                pen.line(path, fill=255, width=wide, joint="curve" if len(path) < LONG else None)
             box = self._box(fine, wide)
             boxes += [box] if box[2] > box[0] and box[3] > box[1] else []
         return boxes

@@ -19,6 +19,8 @@ WIDEST = 0.55  # height over width of a panel: a flatter panel shares its row wi
 class Sheet:
     """Panels side by side in an area of (width, height) pixels; `letters` is the height of their text."""
 
+    MADE_ANEW = ("_picture",)  # for `archive.object_state`
+
     def __init__(
         self,
         plots: Sequence[Plot],

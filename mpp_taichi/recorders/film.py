@@ -71,6 +71,19 @@ class FilmRecorder:
     frame is the start of the run and the last one its end, both exact. A single frame shows the start.
     """
 
+    # Of the process, for `archive.object_state`.
+    MADE_ANEW = (
+        "pages",
+        "moments",
+        "sinks",
+        "caption",
+        "stopwatch",
+        "_between",
+        "_is_dimmed",
+        "_raise_if_interrupted",
+        "_walls",
+    )
+
     def __init__(
         self,
         view: View | None,
@@ -103,11 +116,15 @@ class FilmRecorder:
         self._walls: Outline | None = None
         self._start: float | None = None
 
-    def steps_until_due(self, simulation: "Simulation") -> int:
-        """Until the last step not after the next frame's time; for the last frame, until the end."""
+    def begin(self, simulation: "Simulation") -> None:
+        """Take the present time as that of the first frame; harmless when called twice."""
         if self._start is None:
             self._start = simulation.time
             self._walls = outline_of(simulation.spec, simulation.start.position)
+
+    def steps_until_due(self, simulation: "Simulation") -> int:
+        """Until the last step not after the next frame's time; for the last frame, until the end."""
+        self.begin(simulation)
         if self.drawn_count >= self.frame_count:
             return 2**31
         ahead = (self._due_time() - simulation.time) / simulation.dt

@@ -1,15 +1,16 @@
 """A film as one HTML file: the frames of a run, and a player that turns, plays and plots them in a browser, offline."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
+from mpp_taichi.archive import object_state
 from mpp_taichi.atomic_file import whole_file
-from mpp_taichi.errors import CapacityError
+from mpp_taichi.errors import CapacityError, StateError
 from mpp_taichi.recorders._html_page import Recording, page
 from mpp_taichi.recorders._lock import OutputLock
 from mpp_taichi.scene.spec import SceneSpec
@@ -40,6 +41,7 @@ class HtmlRecorder:
         self._names: Sequence[str] = ()
         self._rows: Sequence[dict[str, Any]] = ()
         self._closed = False
+        self._in_archive = 0  # frames
         self._lock = OutputLock(self.path)
 
     @property
@@ -85,6 +87,50 @@ class HtmlRecorder:
         same = {name: getattr(last, name) for name in SELDOM_NEW if np.array_equal(getattr(last, name), getattr(frame, name))}
         self._frames.append(replace(frame, position=place, velocity=None, **same))
 
+    # For the archive of a run, see `RunOutput`.
+
+    @property
+    def pending(self) -> int:
+        """Bytes of the frames that no record holds yet, about."""
+        return sum(frame.position.nbytes for frame in self._frames[self._in_archive :])
+
+    def begin_anew(self) -> None:
+        """Do nothing: an old page stays until the new one is whole."""
+
+    def news(self) -> list[dict[str, Any]]:
+        """The frames since the last record: of each the fields that differ from the frame before, and the speeds."""
+        found = []
+        for number in range(self._in_archive, len(self._frames)):
+            frame, before = self._frames[number], self._frames[number - 1] if number else None
+            values = {each.name: getattr(frame, each.name) for each in fields(Frame)}
+            new = {key: value for key, value in values.items() if before is None or not _same(value, getattr(before, key))}
+            found.append({"frame": new, "speed": self._speeds[number] if number < len(self._speeds) else None})
+        self._in_archive = len(self._frames)
+        return found
+
+    def at_record(self) -> dict[str, Any]:
+        """The number of frames, and the ranges of colours."""
+        ranges = object_state.captured({"appearance": self._appearance})
+        return {"frame_count": self.frame_count, "ranges": ranges}
+
+    def stop(self) -> None:
+        """Do nothing: the frames are kept for the page itself."""
+
+    def go_on(self, simulation: Any, saved: Mapping[str, Any], news: Iterator[list[dict[str, Any]]]) -> None:
+        """Take the frames of a record.
+
+        Raises:
+            StateError: frames are missing.
+        """
+        for entry in (each for entries in news for each in entries):
+            self._frames.append(replace(self._frames[-1], **entry["frame"]) if self._frames else Frame(**entry["frame"]))
+            if entry["speed"] is not None:
+                self._speeds.append(entry["speed"])
+        if self.frame_count != saved["frame_count"]:
+            raise StateError(f"it holds {self.frame_count:,} of {saved['frame_count']:,} frames of {self.path}")
+        self._in_archive = self.frame_count
+        object_state.restore(saved["ranges"], {"appearance": self._appearance})
+
     def close(self) -> None:
         """Write the page under its name, if that was not done before.
 
@@ -106,3 +152,12 @@ class HtmlRecorder:
         """Release the name; harmless after `close`."""
         self._closed = True
         self._lock.release()
+
+
+def _same(value: Any, before: Any) -> bool:
+    """Whether two values of a field are equal, bit for bit."""
+    if isinstance(value, np.ndarray) and isinstance(before, np.ndarray):
+        return value is before or (
+            value.dtype == before.dtype and value.shape == before.shape and value.tobytes() == before.tobytes()
+        )
+    return type(value) is type(before) and bool(value == before)

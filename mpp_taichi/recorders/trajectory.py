@@ -1,21 +1,15 @@
 """Trajectory: positions and velocities along a run, streamed to disk as NumPy arrays or extended XYZ."""
 
-import os
-import shutil
-import zipfile
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from mpp_taichi.atomic_file import fresh
 from mpp_taichi.errors import OutputError
-from mpp_taichi.recorders._extended_xyz import frame_lines
 from mpp_taichi.recorders._lock import OutputLock
-from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.recorders._no_news import NoNews
+from mpp_taichi.recorders._trajectory_arrays import ArrayWriter
+from mpp_taichi.recorders._trajectory_text import TextWriter
 from mpp_taichi.start.contact_setup import enclosure_of
-from mpp_taichi.walls._base import Enclosure, Vector
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
@@ -24,7 +18,7 @@ FORMATS = (".npz", ".xyz", ".extxyz")
 BYTES_PER_PARTICLE = 48  # of a frame: position and velocity in f64; a text file takes more
 
 
-class TrajectoryRecorder:
+class TrajectoryRecorder(NoNews):
     """Writes the particles every `every` steps, at the start and at the end; memory does not grow with the run.
 
     `.npz` holds time and step (frame_count,), position and velocity (frame_count, particle_count, 3) in f64, and mass, radius,
@@ -34,8 +28,8 @@ class TrajectoryRecorder:
     leaves merged spheres out. The file appears under its name only when it is whole. A context manager.
     """
 
-    def __init__(self, path: str | Path) -> None:
-        """Lock and open the file.
+    def __init__(self, path: str | Path, *, waits: bool = False) -> None:
+        """Lock and open the file; one that `waits` touches nothing that an earlier run has left until `begin_anew` or `go_on`.
 
         Raises:
             OutputError: the suffix is none of `FORMATS`, or the file cannot be written.
@@ -48,11 +42,24 @@ class TrajectoryRecorder:
         if suffix not in FORMATS:
             raise OutputError(f"{self.path}: the trajectory format {suffix!r} is none of {', '.join(FORMATS)}")
         self._lock = OutputLock(self.path)
-        self._writer: _ArrayWriter | _TextWriter | None = None
+        self._writer: ArrayWriter | TextWriter | None = ArrayWriter(self.path) if suffix == ".npz" else TextWriter(self.path)
+        if not waits:
+            try:
+                self.begin_anew()
+            except OutputError:
+                self._lock.release()
+                raise
+
+    def begin_anew(self) -> None:
+        """Open the file, in place of what an earlier run has left.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        assert self._writer is not None
         try:
-            self._writer = _ArrayWriter(self.path) if suffix == ".npz" else _TextWriter(self.path)
+            self._writer.begin()
         except OSError as error:
-            self._lock.release()
             raise self._failure(error) from error
 
     def __enter__(self) -> "TrajectoryRecorder":
@@ -90,6 +97,34 @@ class TrajectoryRecorder:
         """The next frame is due at once; earlier frames stay."""
         self._last_step = -1
 
+    # For the archive of a run, see `RunOutput`.
+
+    def at_record(self) -> dict[str, Any]:
+        """How far the file is; so much of it is on the disk now.
+
+        Raises:
+            OutputError: the disk is full.
+        """
+        assert self._writer is not None
+        try:
+            return {"frame_count": self.frame_count, "last_step": self._last_step, **self._writer.at_record()}
+        except OSError as error:
+            raise self._failure(error) from error
+
+    def go_on(self, simulation: "Simulation", saved: Mapping[str, Any], news: Iterator[list[Any]]) -> None:
+        """Take over the frames of a record from the files that the broken run has left.
+
+        Raises:
+            StateError: they are not there, or have changed.
+            OutputError: the disk is full.
+        """
+        assert self._writer is not None
+        try:
+            self._writer.go_on(saved, simulation.snapshot())
+        except OSError as error:
+            raise self._failure(error) from error
+        self.frame_count, self._last_step = saved["frame_count"], saved["last_step"]
+
     def close(self) -> None:
         """Give the file its name, or remove it where it has no frame. Harmless when called twice."""
         if self._writer is None:
@@ -104,99 +139,3 @@ class TrajectoryRecorder:
 
     def _failure(self, error: OSError) -> OutputError:
         return OutputError(f"{self.path}: cannot write the trajectory: {error.strerror or error}")
-
-
-class _ArrayWriter:
-    """Raw frames in one file per array, packed into one `.npz` at the end."""
-
-    ARRAYS = ("position", "velocity")
-    CHANGING = ("mass", "radius", "charge")  # where spheres merge
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._parts: dict[str, Path] = {}
-        self._streams: dict[str, IO[bytes]] = {}
-        for name in self.ARRAYS:
-            self._open(name)
-        self._times: list[float] = []
-        self._steps: list[int] = []
-        self._boxes: list[tuple[Vector, Vector]] = []  # period and origin
-        self._particles: Snapshot | None = None
-
-    def _open(self, name: str) -> None:
-        part = self.path.with_name(f"{self.path.name}.{name}.part")
-        self._streams[name] = open(fresh(part), "w+b")
-        self._parts[name] = part
-
-    def write(self, snapshot: Snapshot, enclosure: Enclosure) -> None:
-        if self._particles is None and snapshot.merged_into is not None:
-            for name in self.CHANGING:
-                self._open(name)
-        for name, stream in self._streams.items():
-            stream.write(np.ascontiguousarray(getattr(snapshot, name), dtype="<f8").tobytes())
-        self._times.append(snapshot.time)
-        self._steps.append(snapshot.step)
-        self._boxes.append((enclosure.period, enclosure.origin))
-        self._particles = snapshot
-
-    def close(self, *, keep: bool) -> None:
-        whole = self.path.with_name(self.path.name + ".part")
-        try:
-            if keep:
-                with zipfile.ZipFile(fresh(whole), "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
-                    self._pack(archive)
-                os.replace(whole, self.path)
-        finally:
-            whole.unlink(missing_ok=True)
-            for name, stream in self._streams.items():
-                with suppress(OSError):  # the disk is full, and something was still to be written
-                    stream.close()
-                self._parts[name].unlink(missing_ok=True)
-
-    def _pack(self, archive: zipfile.ZipFile) -> None:
-        assert self._particles is not None
-        small: dict[str, Any] = {"time": np.array(self._times), "step": np.array(self._steps)}
-        fixed = (name for name in ("mass", "radius", "charge") if name not in self._streams)
-        small |= {name: getattr(self._particles, name) for name in fixed}
-        if self._particles.merged_into is not None:
-            small["merged_into"] = self._particles.merged_into
-        if any(any(period) for period, _ in self._boxes):
-            small["period"], small["origin"] = (np.array(each, dtype=float) for each in zip(*self._boxes, strict=True))
-        small["name"] = np.array(self._particles.name, dtype=np.str_)
-        for name, values in small.items():
-            with archive.open(f"{name}.npy", "w") as member:
-                np.lib.format.write_array(member, values, allow_pickle=False)
-        frames = (len(self._times), self._particles.particle_count)
-        for name, stream in self._streams.items():
-            shape = frames if name in self.CHANGING else (*frames, 3)
-            header = {"descr": "<f8", "fortran_order": False, "shape": shape}
-            stream.seek(0)
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                np.lib.format.write_array_header_1_0(member, header)
-                shutil.copyfileobj(stream, member, 1 << 20)
-
-
-class _TextWriter:
-    """Extended XYZ, one frame after the other. Where the disk is full, the frames that it holds whole are kept."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._part = path.with_name(path.name + ".part")
-        self._stream = open(fresh(self._part), "wb")
-        self._ends = [0]  # of the frames, in bytes
-
-    def write(self, snapshot: Snapshot, enclosure: Enclosure) -> None:
-        data = "".join(f"{line}\n" for line in frame_lines(snapshot, enclosure)).encode()
-        self._ends.append(self._ends[-1] + len(data))
-        self._stream.write(data)
-
-    def close(self, *, keep: bool) -> None:
-        try:
-            self._stream.close()
-        finally:
-            held = os.path.getsize(self._part)
-            whole = max(end for end in self._ends if end <= held)
-            if keep and whole:
-                os.truncate(self._part, whole)
-                os.replace(self._part, self.path)
-            self._part.unlink(missing_ok=True)

@@ -11,7 +11,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from mpp_taichi.errors import OutputError
+from mpp_taichi.errors import OutputError, StateError
 from mpp_taichi.generators._base import DEFAULT_COLOR
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.walls._base import Enclosure
@@ -126,6 +126,23 @@ class TrajectoryFile:
         except _DAMAGED as error:
             reason = (str(error).splitlines() or [type(error).__name__])[0]
             raise OutputError(f"{self.path}: not a trajectory of this program: {reason}") from error
+
+
+@contextlib.contextmanager
+def opened_array(path: Path, key: str) -> Iterator[IO[bytes]]:
+    """A stream of the numbers of one array of a file, behind its header.
+
+    Raises:
+        StateError: there is no such file, or it holds no such array.
+    """
+    with contextlib.ExitStack() as stack:
+        try:
+            stream = _opened(stack.enter_context(zipfile.ZipFile(path)), key, stack)
+        except FileNotFoundError:
+            raise StateError("its frames are not there") from None
+        except _DAMAGED:
+            raise StateError("its frames have changed") from None
+        yield stream
 
 
 def _header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:

@@ -9,17 +9,18 @@ import hashlib
 import logging
 import math
 import time as clock
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mpp_taichi.archive import object_state
-from mpp_taichi.archive.record_file import END, HEADER, STATE, RecordFile
+from mpp_taichi.archive.record_file import END, HEADER, OUTPUT, STATE, RecordFile
 from mpp_taichi.archive.values import pack, unpack
 from mpp_taichi.errors import ArgumentError, OutputError, StateError
 from mpp_taichi.simulation.moment import moment_of
+from mpp_taichi.simulation.run_output import RunOutput
 from mpp_taichi.version import __version__
 
 log = logging.getLogger(__name__)
@@ -28,6 +29,8 @@ FORMAT = 1
 EVERY = 5.0  # seconds of the wall clock between two records
 SHARE = 0.01  # of the run, that writing records may take
 SAME_RUN = ("scene", "backend", "precision", "plan", "start")  # parts of a header
+MOST_PENDING = 1 << 26  # bytes of outputs that wait in memory, beyond which a record is written at once
+MOST_OUTPUT = 1 << 31  # bytes of outputs in one archive, beyond which no more records are written
 FIRST_PHASE = 1.0  # seconds before which the begin of a phase writes no record
 
 
@@ -66,36 +69,59 @@ class RunArchive:
     header    what the run is: its scene, versions, device and options; written before the first state
     objects   the recorders whose samples belong to the run, by name; a recorder whose samples wait on the device has a
               method `drain`, which takes them from there
+    outputs   the films and trajectories that the run writes, by name
     """
 
-    def __init__(self, path: Path, header: Mapping[str, Any], objects: Mapping[str, Any], every: float = EVERY) -> None:
+    def __init__(
+        self,
+        path: Path,
+        header: Mapping[str, Any],
+        objects: Mapping[str, Any],
+        every: float | None = None,
+        outputs: Mapping[str, RunOutput] | None = None,
+    ) -> None:
         """Write to a path from now on, at most every so many seconds; the file is made at the first record."""
-        self.path, self.header, self.objects, self.every = path, dict(header), dict(objects), every
+        self.path, self.header, self.objects, self.outputs = path, dict(header), dict(objects), dict(outputs or {})
+        self.every = EVERY if every is None else every
         self._file: RecordFile | None = None
-        self._due = clock.monotonic() + every
+        self._output_bytes = 0
+        self._stopped = self._failed = False
+        self._due = clock.monotonic() + self.every
         self._began = clock.monotonic()
         self._wrote_step: int | None = None
 
     def go_on(self, found: "FoundRun") -> None:
         """Append to the file of the run that goes on."""
         self._file, self._wrote_step = found.file, None
+        self._output_bytes = found.output_bytes
 
     def steps_until_due(self, simulation: Any) -> int:
         """0 when the wall clock says so, else a number that is never reached."""
-        return 0 if clock.monotonic() >= self._due else 2**31
+        if clock.monotonic() >= self._due:
+            return 0
+        pending = 0 if self._stopped else sum(each.pending for each in self.outputs.values())
+        return 0 if pending > MOST_PENDING else 2**31
 
     def record(self, simulation: Any) -> None:
         """Write the present moment, unless it is written; where this fails, warn once, and write no more."""
         began = clock.monotonic()
+        if self._stopped:
+            return
         if self._wrote_step != simulation.step_count:
             try:
                 self._write(simulation)
             except OutputError as error:
                 log.warning("%s; the run goes on without an archive", error)
-                self.close()
-                self._due = math.inf
+                self._stop(failed=True)
                 return
             self._wrote_step = simulation.step_count
+            if self._output_bytes > MOST_OUTPUT:
+                log.warning(
+                    "%s: holds %d MiB of the film, and keeps no more; if the run is cut off later, it goes on from t = %.9g",
+                    *(self.path, self._output_bytes >> 20, simulation.time),
+                )
+                self._stop()
+                return
         now = clock.monotonic()
         self._due = now + max(self.every, (now - began) / SHARE)
 
@@ -106,7 +132,13 @@ class RunArchive:
         for each in self.objects.values():
             if hasattr(each, "drain"):
                 each.drain(simulation)
+        news = {name: each.news() for name, each in self.outputs.items()}
+        if any(news.values()):
+            payload = pack(news)
+            self._file.append(OUTPUT, payload)
+            self._output_bytes += len(payload)
         state = {"moment": moment_of(simulation), "samples": object_state.captured(self.objects)}
+        state["outputs"] = {name: each.at_record() for name, each in self.outputs.items()}
         if simulation.scene.resolved != self.header["scene"]:  # parameters were set while the run was going on
             state["scene"] = simulation.scene.resolved
         self._file.append(STATE, pack({"time": simulation.time, "step": simulation.step_count, **state}))
@@ -121,14 +153,36 @@ class RunArchive:
         if self._file is not None or clock.monotonic() - self._began > FIRST_PHASE:
             self.ask()
 
-    def end(self) -> None:
-        """Note that the run has come to its end, and is not to be gone on with."""
-        if self._file is not None:
-            self._file.append(END, pack({}))
+    def _stop(self, *, failed: bool = False) -> None:
+        """Write no more records; after a failure, close the file."""
+        self._due, self._stopped = math.inf, True
+        for each in self.outputs.values():
+            each.stop()
+        if failed:
+            self._failed = self._file is not None
             self.close()
 
+    def end(self) -> None:
+        """Note that the run has come to its end, and is not to be gone on with.
+
+        Raises:
+            OutputError: the file cannot be written; it is removed where that is possible.
+        """
+        if self._failed:  # an old state is no use to a run that is complete
+            self.path.unlink(missing_ok=True)
+        if self._file is not None:
+            try:
+                self._file.append(END, pack({}))
+            except OutputError:
+                self.path.unlink(missing_ok=True)
+                raise
+            finally:
+                self.close()
+
     def close(self) -> None:
-        """Close the file."""
+        """Close the file; the outputs gather no more news."""
+        for each in self.outputs.values():
+            each.stop()
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -191,6 +245,18 @@ class FoundRun:
         if not {"time", "step", "moment", "samples"} <= set(found):
             raise StateError(f"{self.path}: the record of a state lacks a part")
         return found
+
+    @property
+    def output_bytes(self) -> int:
+        """Bytes of the outputs."""
+        return sum(record.length for record in self.file.records if record.kind == OUTPUT)
+
+    def news(self, name: str) -> Iterator[list[Any]]:
+        """The news of one output, in the order in which they were kept, up to the last state; those behind it are removed."""
+        self.file.cut_behind(self._states[-1])
+        for record in self.file.records:
+            if record.kind == OUTPUT:
+                yield unpack(self.file.read(record)).get(name, [])
 
     def close(self) -> None:
         """Close the file."""

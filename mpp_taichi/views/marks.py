@@ -51,6 +51,8 @@ class Segments:
 class Marks:
     """The marks of one view; lengths that the scene leaves open are chosen for the first picture and then kept."""
 
+    MADE_ANEW = ("labels",)  # for `archive.object_state`: they are of the last picture
+
     def __init__(self, spec: ViewSpec, dimensions: int) -> None:
         """No length is chosen yet."""
         self.spec, self.dimensions = spec, dimensions

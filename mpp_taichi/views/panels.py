@@ -45,6 +45,8 @@ class Division:
 class ViewWithPanels(View):
     """A view of the scene in one part of the picture, and panels in the other."""
 
+    MADE_ANEW = ("_picture",)  # for `archive.object_state`
+
     def __init__(self, view: View, plots: Sequence[Plot], division: Division, *, caption: bool) -> None:
         """`view` draws the scene's part without a caption; the caption is as large as in a picture of the whole size."""
         self.view, self.division, self.caption = view, division, caption

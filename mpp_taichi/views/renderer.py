@@ -38,6 +38,8 @@ LOOP_LIMIT = 65_000  # software Vulkan ends a thread's loop silently at 65,535 i
 class Renderer(View):
     """Draws frames at a fixed size. `ti.init` has been called; the renderer owns no field, so several may live together."""
 
+    MADE_ANEW = ("_plain",)  # for `archive.object_state`
+
     def __init__(self, spec: ViewSpec, size: tuple[int, int], *, dimensions: int = 3) -> None:
         """Set up the renderer; the first frame places the camera."""
         self.spec, self.size, self.dimensions = spec, size, dimensions

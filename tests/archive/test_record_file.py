@@ -104,3 +104,21 @@ def test_a_full_disk_takes_back_the_part_of_a_record(tmp_path, monkeypatch):
     file.close()
     again = RecordFile.open(tmp_path / "a.run")
     assert [again.read(record) for record in again.records] == [b"first", b"third"]
+
+
+def test_outputs_are_never_thinned_out_and_do_not_count(tmp_path, monkeypatch):
+    monkeypatch.setattr(record_file, "MOST_BYTES", 1000)
+    file = RecordFile.create(tmp_path / "a.run")
+    for number in range(40):
+        file.append(record_file.OUTPUT, b"%03d" % number * 100)
+        file.append(STATE, b"%03d" % number * 20)
+        file.thin_out()
+    outputs = [file.read(record)[:3] for record in file.records if record.kind == record_file.OUTPUT]
+    states = [int(file.read(record)[:3]) for record in file.records if record.kind == STATE]
+    assert outputs == [b"%03d" % number for number in range(40)]
+    assert 2 < len(states) < 40
+    assert states[-1] == 39
+    file.cut_behind(file.records[0])
+    file.close()
+    again = RecordFile.open(tmp_path / "a.run")
+    assert (len(again.records), again.torn) == (1, 0)

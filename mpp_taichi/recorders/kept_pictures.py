@@ -1,0 +1,127 @@
+"""Kept pictures: the pictures of a film, compressed without loss for the archive of a run, besides going into the film.
+
+A film that goes on is encoded again from its first picture. Only so it has the frames of a film that was never cut off: an
+encoder chooses each frame by those around it, and its state cannot be saved.
+"""
+
+import queue
+import threading
+import zlib
+from collections.abc import Iterator, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from mpp_taichi.errors import OutputError, StateError
+
+LEVEL = 1  # of compression: successive pictures differ little, and a higher level costs more time than it saves bytes
+QUEUED = 4  # pictures that wait for the compressor
+MOST_PENDING = 1 << 31  # bytes
+
+
+class FilmFile(Protocol):
+    """The film: `VideoRecorder`."""
+
+    path: Any
+    size: tuple[int, int]
+
+    def write(self, picture: np.ndarray) -> None:
+        """Add one picture."""
+
+
+class KeptPictures:
+    """Hands pictures on to a film, and keeps each as its difference (XOR) from the one before, compressed in a thread.
+
+    pending   bytes of compressed pictures that no record holds yet
+    """
+
+    def __init__(self, film: FilmFile) -> None:
+        """Nothing is kept yet."""
+        self.film, self.pending, self.frame_count = film, 0, 0
+        self._chunks: list[np.ndarray] = []
+        self._last = np.zeros((film.size[1], film.size[0], 3), np.uint8)
+        self._queue: queue.Queue[np.ndarray | None] = queue.Queue(QUEUED)
+        self._thread: threading.Thread | None = None
+        self._failure: BaseException | None = None
+
+    def begin_anew(self) -> None:
+        """Keep every picture from now on."""
+        self._thread = threading.Thread(target=self._work, name="pictures for the archive", daemon=True)
+        self._thread.start()
+
+    def write(self, picture: np.ndarray) -> None:
+        """Add one picture: uint8, shape (height, width, 3); it must not be changed afterwards."""
+        self.film.write(picture)
+        self.frame_count += 1
+        if self._thread is not None:
+            self._queue.put(picture)
+
+    def news(self) -> list[np.ndarray]:
+        """The compressed pictures since the last record.
+
+        Raises:
+            OutputError: memory is full.
+        """
+        self._queue.join()
+        if self._failure is not None:
+            raise OutputError(f"{self.film.path}: its pictures cannot be kept for the archive: {self._failure!r}")
+        found, self._chunks, self.pending = self._chunks, [], 0
+        return found
+
+    def at_record(self) -> dict[str, Any]:
+        """The number of pictures."""
+        return {"frame_count": self.frame_count}
+
+    def stop(self) -> None:
+        """Keep no more pictures; harmless when called twice."""
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            self._queue.put(None)
+            thread.join()
+        self._chunks, self.pending = [], 0
+
+    def go_on(self, simulation: Any, saved: Mapping[str, Any], news: Iterator[list[np.ndarray]]) -> None:
+        """Hand the kept pictures to the new film, and keep those that follow.
+
+        Raises:
+            StateError: pictures are missing or damaged.
+            OutputError: the encoder failed.
+        """
+        for chunks in news:
+            for chunk in chunks:
+                self._last = np.bitwise_xor(self._last, self._difference(chunk))
+                self.film.write(self._last)
+                self.frame_count += 1
+        if self.frame_count != saved["frame_count"]:
+            raise StateError(f"it holds {self.frame_count:,} of {saved['frame_count']:,} pictures of {self.film.path}")
+        self.begin_anew()
+
+    def _difference(self, chunk: np.ndarray) -> np.ndarray:
+        size = self._last.size
+        try:
+            data = zlib.decompressobj().decompress(chunk.tobytes(), size + 1)
+        except zlib.error:
+            data = b""
+        if len(data) != size:
+            raise StateError(f"picture {self.frame_count:,} of {self.film.path} is damaged")
+        return np.frombuffer(data, np.uint8).reshape(self._last.shape)
+
+    def _work(self) -> None:
+        """The thread; after a failure it takes pictures and drops them, so that nobody waits for it."""
+        while (picture := self._queue.get()) is not None:
+            try:
+                if self._failure is None:
+                    self._keep(picture)
+            except (MemoryError, OverflowError) as error:
+                self._failure, self._chunks, self.pending = error, [], 0
+            finally:
+                self._queue.task_done()
+        self._queue.task_done()
+
+    def _keep(self, picture: np.ndarray) -> None:
+        data = zlib.compress(np.bitwise_xor(picture, self._last).tobytes(), LEVEL)
+        self._last = picture
+        self._chunks.append(np.frombuffer(data, np.uint8))
+        self.pending += len(data)
+        if self.pending > MOST_PENDING:
+            raise OverflowError("too many between two steps")

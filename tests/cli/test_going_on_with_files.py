@@ -1,0 +1,110 @@
+"""A run that writes a trajectory is cut off and goes on with the same command; its file is that of a run that was not."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+SCENE = """
+title: Kept
+particles:
+  - body: {name: a, mass: 1, position: [0, 0, 0], free: false}
+  - body: {name: b, mass: 1, position: [1, 0, 0.3]}
+springs: [{link: {between: [a, b], stiffness: 200}}]
+forces: [{uniform_gravity: {acceleration: [0, 0, -9.81]}}]
+integrator: {leapfrog: {dt: 1e-6}}
+run: {duration: 5}
+"""
+KILL, TERM, RECORD = getattr(signal, "SIGKILL", 9), signal.SIGTERM, getattr(signal, "SIGUSR1", 10)
+pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="signals of POSIX are used")
+
+
+def command(*more):
+    return [sys.executable, "-m", "mpp_taichi", "run", "s.yaml", "--headless", "--every", "9973", *more]
+
+
+def run(folder, *more):
+    return subprocess.run(command(*more), cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+
+
+def cut_off(folder, *more, signals):
+    """Begin the run, and send it signals, a third of a second apart, when it has begun to step."""
+    process = subprocess.Popen(command(*more), cwd=folder, stderr=subprocess.PIPE, text=True)
+    said = []
+    for line in process.stderr:
+        said.append(line)
+        if "steps/s" in line:
+            break
+    for each in signals:
+        process.send_signal(each)
+        time.sleep(0.3)
+    said.append(process.communicate(timeout=100)[1])
+    assert process.returncode in (-KILL, 128 + TERM), "".join(said)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "s.yaml").write_text(SCENE)
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The bytes of the files of a run that was not cut off."""
+    folder = tmp_path_factory.mktemp("whole")
+    (folder / "s.yaml").write_text(SCENE)
+    found = {}
+    for name in ("t.npz", "t.xyz"):
+        done = run(folder, "--no-archive", "--trajectory", name)
+        assert done.returncode == 0, done.stderr
+        found[name] = (folder / name).read_bytes()
+    assert sorted(os.listdir(folder)) == ["s.yaml", "t.npz", "t.xyz"]
+    return found
+
+
+@pytest.mark.parametrize("signals", [(TERM,), (RECORD, KILL)], ids=["TERM", "USR1 and KILL"])
+@pytest.mark.parametrize("name", ["t.npz", "t.xyz"])
+def test_a_trajectory_goes_on_to_the_same_bytes(whole, folder, name, signals):
+    cut_off(folder, "--trajectory", name, signals=signals)
+    done = run(folder, "--trajectory", name)
+    assert done.returncode == 0, done.stderr
+    assert "going on with out/s.run from step" in done.stderr
+    assert (folder / name).read_bytes() == whole[name]
+    assert sorted(os.listdir(folder)) == ["out", "s.yaml", name] or signals == (TERM,)
+    assert not [each for each in os.listdir(folder) if "part" in each or "lock" in each]
+
+
+@pytest.mark.parametrize("name", ["t.npz", "t.xyz"])
+def test_frames_that_are_missing_or_changed_are_refused(whole, folder, name):
+    cut_off(folder, "--trajectory", name, signals=(RECORD, KILL))
+    parts = sorted(each for each in os.listdir(folder) if each.endswith(".part"))
+    assert parts
+    with open(folder / parts[0], "r+b") as stream:
+        stream.seek(100)
+        stream.write(b"\x07")
+    done = run(folder, "--trajectory", name)
+    assert done.returncode == 2
+    (line,) = [each for each in done.stderr.splitlines() if "error" in each or "--fresh" in each]
+    assert "its frames are not there; --fresh begins anew" in line
+    assert sorted(each for each in os.listdir(folder) if each.endswith(".part")) == parts
+    os.truncate(folder / parts[0], 90)
+    assert run(folder, "--trajectory", name).returncode == 2
+    (folder / name).write_bytes(whole[name][:-7000] if name == "t.xyz" else b"PK")
+    done = run(folder, "--trajectory", name)
+    assert (done.returncode == 2) == (name == "t.npz"), done.stderr
+    done = run(folder, "--trajectory", name, "--fresh", "--steps", "10")
+    assert done.returncode == 0, done.stderr
+    assert not [each for each in os.listdir(folder) if "part" in each or "lock" in each]
+
+
+def test_a_run_killed_twice_takes_the_frames_of_the_interrupted_file(whole, folder):
+    cut_off(folder, "--trajectory", "t.npz", signals=(TERM,))
+    cut_off(folder, "--trajectory", "t.npz", signals=(KILL,))
+    for part in folder.glob("*.part"):
+        part.unlink()
+    done = run(folder, "--trajectory", "t.npz")
+    assert done.returncode == 0, done.stderr
+    assert (folder / "t.npz").read_bytes() == whole["t.npz"]
