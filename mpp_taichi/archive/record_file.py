@@ -136,7 +136,18 @@ class RecordFile:
         if not self.records or self.records[-1].end - outputs <= MOST_BYTES:
             return
         states = [record for record in self.records if record.kind == STATE]
-        removed = set(states[-2::-2])
+        self._remove(set(states[-2::-2]))
+
+    def drop_outputs(self) -> None:
+        """Remove the outputs, of which a run that has ended has the files; the file is replaced.
+
+        Raises:
+            OutputError: the disk is full, or cannot be written; the file is as it was.
+        """
+        if outputs := {record for record in self.records if record.kind == OUTPUT}:
+            self._remove(outputs)
+
+    def _remove(self, removed: set[Record]) -> None:
         thinned = RecordFile.create(self.path.with_name(f"{self.path.name}.part"))
         try:
             for record in self.records:

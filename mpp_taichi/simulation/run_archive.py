@@ -10,6 +10,7 @@ import logging
 import math
 import time as clock
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -163,7 +164,7 @@ class RunArchive:
             self.close()
 
     def end(self) -> None:
-        """Note that the run has come to its end, and is not to be gone on with.
+        """Note that the run has come to its end, and is not to be gone on with; the states stay, for `replay`.
 
         Raises:
             OutputError: the file cannot be written; it is removed where that is possible.
@@ -173,6 +174,8 @@ class RunArchive:
         if self._file is not None:
             try:
                 self._file.append(END, pack({}))
+                with suppress(OutputError):  # where there is no room for a smaller copy, the outputs stay as well
+                    self._file.drop_outputs()
             except OutputError:
                 self.path.unlink(missing_ok=True)
                 raise

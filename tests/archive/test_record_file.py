@@ -122,3 +122,21 @@ def test_outputs_are_never_thinned_out_and_do_not_count(tmp_path, monkeypatch):
     file.close()
     again = RecordFile.open(tmp_path / "a.run")
     assert (len(again.records), again.torn) == (1, 0)
+
+
+def test_the_outputs_of_a_run_that_has_ended_are_removed_and_its_states_stay(tmp_path):
+    path = tmp_path / "a.run"
+    file = record_file.RecordFile.create(path)
+    for number in range(5):
+        file.append(record_file.OUTPUT, b"o" * 1000)
+        file.append(record_file.STATE, b"%d" % number)
+    file.append(record_file.END, b"")
+    before = path.stat().st_size
+    file.drop_outputs()
+    file.close()
+    assert path.stat().st_size < before - 5000 and not path.with_name("a.run.part").exists()
+    found = record_file.RecordFile.open(path)
+    kinds = [record.kind for record in found.records]
+    assert kinds == [record_file.STATE] * 5 + [record_file.END]
+    assert [found.read(record) for record in found.records[:5]] == [b"%d" % number for number in range(5)]
+    found.close()

@@ -4,10 +4,10 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
+from cut_off import KILL, RECORD, TERM, cut_off
 
 SCENE = """
 title: Kept
@@ -35,19 +35,6 @@ def run(folder, *more):
     return subprocess.run(command(*more), cwd=folder, capture_output=True, text=True, timeout=300, check=False)
 
 
-def cut_off(folder, *signals):
-    """Begin the run, and send it signals, half a second apart, when it has begun to step."""
-    process = subprocess.Popen(command(), cwd=folder, stderr=subprocess.PIPE, text=True)
-    for line in process.stderr:
-        if "steps/s" in line:
-            break
-    for each in signals:
-        process.send_signal(each)
-        time.sleep(0.5)
-    process.communicate(timeout=100)
-    return process.returncode
-
-
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """The results of a run that was not cut off."""
@@ -65,10 +52,10 @@ def results(folder):
     return (folder / "table.csv").read_bytes(), (folder / "panels.csv").read_bytes(), arrays
 
 
-@pytest.mark.parametrize("signals", [(signal.SIGTERM,), (signal.SIGUSR1, signal.SIGKILL)], ids=["TERM", "USR1 and KILL"])
+@pytest.mark.parametrize("signals", [(TERM,), (RECORD, KILL)], ids=["TERM", "USR1 and KILL"])
 def test_the_same_command_goes_on_to_the_same_results(whole, tmp_path, signals):
     (tmp_path / "s.yaml").write_text(SCENE)
-    assert cut_off(tmp_path, *signals) in (143, -signal.SIGKILL)
+    assert cut_off(command(), tmp_path, signals) in (143, -KILL)
     archive = tmp_path / "out" / "s.run"
     assert archive.is_file()
     with open(archive, "ab") as stream:  # as if the machine had stopped while a record was written
@@ -85,7 +72,7 @@ def test_the_same_command_goes_on_to_the_same_results(whole, tmp_path, signals):
 
 def test_another_scene_is_refused_until_it_begins_anew(tmp_path):
     (tmp_path / "s.yaml").write_text(SCENE)
-    assert cut_off(tmp_path, signal.SIGTERM) == 143
+    assert cut_off(command(), tmp_path, (TERM,)) == 143
     (tmp_path / "s.yaml").write_text(SCENE.replace("stiffness: 80", "stiffness: 81"))
     done = run(tmp_path, "--steps", "10")
     assert done.returncode == 2

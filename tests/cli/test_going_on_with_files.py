@@ -4,9 +4,9 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
+from cut_off import KILL, RECORD, TERM, cut_off
 
 SCENE = """
 title: Kept
@@ -16,33 +16,17 @@ particles:
 springs: [{link: {between: [a, b], stiffness: 200}}]
 forces: [{uniform_gravity: {acceleration: [0, 0, -9.81]}}]
 integrator: {leapfrog: {dt: 1e-6}}
-run: {duration: 5}
+run: {duration: 300}
 """
-KILL, TERM, RECORD = getattr(signal, "SIGKILL", 9), signal.SIGTERM, getattr(signal, "SIGUSR1", 10)
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="signals of POSIX are used")
 
 
 def command(*more):
-    return [sys.executable, "-m", "mpp_taichi", "run", "s.yaml", "--headless", "--every", "9973", *more]
+    return [sys.executable, "-m", "mpp_taichi", "run", "s.yaml", "--headless", "--every", "599983", *more]
 
 
 def run(folder, *more):
     return subprocess.run(command(*more), cwd=folder, capture_output=True, text=True, timeout=300, check=False)
-
-
-def cut_off(folder, *more, signals):
-    """Begin the run, and send it signals, a third of a second apart, when it has begun to step."""
-    process = subprocess.Popen(command(*more), cwd=folder, stderr=subprocess.PIPE, text=True)
-    said = []
-    for line in process.stderr:
-        said.append(line)
-        if "steps/s" in line:
-            break
-    for each in signals:
-        process.send_signal(each)
-        time.sleep(0.3)
-    said.append(process.communicate(timeout=100)[1])
-    assert process.returncode in (-KILL, 128 + TERM), "".join(said)
 
 
 @pytest.fixture
@@ -68,7 +52,7 @@ def whole(tmp_path_factory):
 @pytest.mark.parametrize("signals", [(TERM,), (RECORD, KILL)], ids=["TERM", "USR1 and KILL"])
 @pytest.mark.parametrize("name", ["t.npz", "t.xyz"])
 def test_a_trajectory_goes_on_to_the_same_bytes(whole, folder, name, signals):
-    cut_off(folder, "--trajectory", name, signals=signals)
+    cut_off(command("--trajectory", name), folder, signals)
     done = run(folder, "--trajectory", name)
     assert done.returncode == 0, done.stderr
     assert "going on with out/s.run from step" in done.stderr
@@ -79,7 +63,7 @@ def test_a_trajectory_goes_on_to_the_same_bytes(whole, folder, name, signals):
 
 @pytest.mark.parametrize("name", ["t.npz", "t.xyz"])
 def test_frames_that_are_missing_or_changed_are_refused(whole, folder, name):
-    cut_off(folder, "--trajectory", name, signals=(RECORD, KILL))
+    cut_off(command("--trajectory", name), folder, (RECORD, KILL))
     parts = sorted(each for each in os.listdir(folder) if each.endswith(".part"))
     assert parts
     with open(folder / parts[0], "r+b") as stream:
@@ -101,8 +85,8 @@ def test_frames_that_are_missing_or_changed_are_refused(whole, folder, name):
 
 
 def test_a_run_killed_twice_takes_the_frames_of_the_interrupted_file(whole, folder):
-    cut_off(folder, "--trajectory", "t.npz", signals=(TERM,))
-    cut_off(folder, "--trajectory", "t.npz", signals=(KILL,))
+    cut_off(command("--trajectory", "t.npz"), folder, (TERM,))
+    cut_off(command("--trajectory", "t.npz"), folder, (KILL,))
     for part in folder.glob("*.part"):
         part.unlink()
     done = run(folder, "--trajectory", "t.npz")

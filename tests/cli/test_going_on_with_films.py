@@ -4,12 +4,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
+from cut_off import KILL, RECORD, TERM, cut_off
 
 from mpp_taichi.simulation.run_archive import FoundRun
-from tests.cli.test_going_on_with_files import KILL, RECORD, TERM
 
 SCENE = """
 title: Film
@@ -36,19 +35,6 @@ def run(folder, *more):
     return subprocess.run(command(*more), cwd=folder, capture_output=True, text=True, timeout=300, check=False)
 
 
-def cut_off(folder, *more, signals):
-    """Begin the film, and send it signals, a third of a second apart, when some frames are drawn."""
-    process = subprocess.Popen(command(*more), cwd=folder, stderr=subprocess.PIPE, text=True)
-    for line in process.stderr:
-        if "steps/s" in line:
-            break
-    for each in signals:
-        time.sleep(0.3)
-        process.send_signal(each)
-    said = process.communicate(timeout=100)[1]
-    assert process.returncode in (-KILL, 128 + TERM), said
-
-
 def contents(folder):
     """The bytes of all files but the scene and the archive."""
     files = (path for path in folder.rglob("*") if path.is_file() and path.name != "s.yaml" and path.parent.name != "out")
@@ -73,7 +59,7 @@ def whole(tmp_path_factory):
 
 @pytest.mark.parametrize("signals", [(TERM,), (RECORD, KILL), (RECORD, RECORD, TERM)], ids=["TERM", "KILL", "two records"])
 def test_all_files_of_a_film_go_on_to_the_same_bytes(whole, folder, signals):
-    cut_off(folder, *FILES, signals=signals)
+    cut_off(command(*FILES), folder, signals)
     if signals[-1] == TERM:
         assert (folder / "v.mp4").is_file()  # the film until the signal can be watched
     done = run(folder, *FILES)
@@ -89,7 +75,7 @@ def test_all_files_of_a_film_go_on_to_the_same_bytes(whole, folder, signals):
 
 def test_another_film_and_a_missing_picture_are_refused(folder):
     given = ("--frames", "pictures", "--video", "v.mp4")
-    cut_off(folder, *given, signals=(RECORD, KILL))
+    cut_off(command(*given), folder, (RECORD, KILL))
     done = run(folder, *given, "--fps", "20")
     assert done.returncode == 2
     assert "options.film.fps: 30.0 there, 20.0 here" in done.stderr
