@@ -67,7 +67,7 @@ def _check_memory(what: str, needed: float, advice: str) -> None:
     free = available_bytes()
     if free is not None and needed > free:
         raise CapacityError(
-            f"{what} {_size(needed)} of memory, allowed: the {_size(free)} that this process can have; {advice}"
+            f"{what} {_size(needed)} of memory, allowed: the {_size(free)} that are available to this process; {advice}"
         )
 
 

@@ -289,7 +289,7 @@ class VideoRecorder:
 
 def _silent_end(code: int) -> str:
     """What is known of an encoder that ended and said nothing; code −9 is a signal of POSIX that no program can answer."""
-    more = "killed, by somebody, or by the system where memory is short" if code == -9 else "and said nothing"
+    more = "because another program or the system killed it" if code == -9 else "without a message"
     return f"it ended with code {code}, {more}"
 
 

@@ -64,7 +64,7 @@ def check_capacity(needed: Estimate) -> None:
     if free is not None and needed.bytes > free:
         raise CapacityError(
             f"the scene needs {needed.bytes / 2**30:.3g} GiB for {needed.particle_count} particles and "
-            f"{needed.spring_count} springs, this process can have {free / 2**30:.3g} GiB"
+            f"{needed.spring_count} springs, and {free / 2**30:.3g} GiB are available to this process"
         )
     if needed.steps is not None and needed.steps > MOST_STEPS:
         steps = _short(needed.steps)

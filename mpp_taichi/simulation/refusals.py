@@ -152,5 +152,5 @@ def check_room(fields: Mapping[str, tuple[str, int]], *, dimensions: int, replic
     if on_cpu and free is not None and total > free:
         raise CapacityError(
             f"the integrator's work fields need {total / 2**30:.3g} GiB, most of it for {largest}; "
-            f"this process can have {free / 2**30:.3g} GiB{hint}"
+            f"{free / 2**30:.3g} GiB are available to this process{hint}"
         )

@@ -70,7 +70,7 @@ def test_a_scene_beyond_the_limit_of_this_process_is_refused_before_it_is_made()
     Path("s.yaml").write_text(yaml.safe_dump(many), encoding="utf-8")
     ended = done(LIMITED, "RLIMIT_AS", 3000 * MIB, "run", "s.yaml", "--headless", "--quiet")
     assert ended.returncode == 6 and len(ended.stderr.splitlines()) == 1
-    assert "the scene needs" in ended.stderr and "this process can have" in ended.stderr
+    assert "the scene needs" in ended.stderr and "are available to this process" in ended.stderr
 
 
 def test_no_process_for_any_check_is_told_in_one_line():
