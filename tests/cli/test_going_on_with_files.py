@@ -49,6 +49,7 @@ def whole(tmp_path_factory):
     return found
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("signals", [(TERM,), (RECORD, KILL)], ids=["TERM", "USR1 and KILL"])
 @pytest.mark.parametrize("name", ["t.npz", "t.xyz"])
 def test_a_trajectory_goes_on_to_the_same_bytes(whole, folder, name, signals):
@@ -61,6 +62,7 @@ def test_a_trajectory_goes_on_to_the_same_bytes(whole, folder, name, signals):
     assert not [each for each in os.listdir(folder) if "part" in each or "lock" in each]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["t.npz", "t.xyz"])
 def test_frames_that_are_missing_or_changed_are_refused(whole, folder, name):
     cut_off(command("--trajectory", name), folder, (RECORD, KILL))
