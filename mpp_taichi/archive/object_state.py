@@ -12,7 +12,6 @@ import importlib
 import io
 import logging
 import types
-import zlib
 from collections import deque
 from collections.abc import Mapping
 from functools import partial
@@ -21,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi.archive.compressed import compressed, decompressed
 from mpp_taichi.archive.values import KEPT, ObjectNumber
 from mpp_taichi.errors import StateError
 
@@ -113,10 +113,9 @@ class _Capture:
             return known
         if value.mode not in PICTURE_MODES:
             raise TypeError(f"the archive cannot hold a picture of mode {value.mode}")
-        data = np.frombuffer(zlib.compress(value.tobytes(), 1), np.uint8)
         made = self._numbers[id(value)] = ObjectNumber(len(self.described))
         self._alive.append(value)
-        self.described.append({"picture": value.mode, "size": list(value.size), "data": data})
+        self.described.append({"picture": value.mode, "size": list(value.size), "data": compressed(value.tobytes())})
         return made
 
 
@@ -175,12 +174,7 @@ def _picture_of(entry: Mapping[str, Any]) -> Any:
     (width, height), mode = (int(side) for side in entry["size"]), entry["picture"]
     if mode not in PICTURE_MODES or min(width, height) < 1:
         raise ValueError(f"a picture of mode {mode}, {width} x {height}")
-    length = width * height * len(mode)
-    try:
-        data = zlib.decompressobj().decompress(entry["data"].tobytes(), length + 1)
-    except zlib.error as error:
-        raise ValueError("a damaged picture") from error
-    return Image.frombytes(mode, (width, height), data)  # ValueError where the length is another
+    return Image.frombytes(mode, (width, height), decompressed(entry["data"], width * height * len(mode)))
 
 
 def is_bound(cls: type) -> bool:

@@ -25,7 +25,6 @@ from mpp_taichi.errors import StateError
 
 LENGTH = struct.Struct("<Q")
 KINDS = "biufcUS"  # kinds of NumPy number types that are read: none of them can hold an object
-MOST_BYTES = 1 << 34  # of one value
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Go to the moment, write what is asked for, and print where it is."""
+    """Go to the moment, write the state and the picture that are asked for, and print the time and the step of the moment."""
     from mpp_taichi.cli._signals import Interruption
     from mpp_taichi.simulation.resume import resume
 

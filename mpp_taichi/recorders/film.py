@@ -117,7 +117,7 @@ class FilmRecorder:
         self._start: float | None = None
 
     def begin(self, simulation: "Simulation") -> None:
-        """Take the present time as that of the first frame; harmless when called twice."""
+        """Begin the film: the first frame shows the present simulated time. A second call changes nothing."""
         if self._start is None:
             self._start = simulation.time
             self._walls = outline_of(simulation.spec, simulation.start.position)

@@ -6,15 +6,14 @@ encoder chooses each frame by those around it, and its state cannot be saved.
 
 import queue
 import threading
-import zlib
 from collections.abc import Iterator, Mapping
 from typing import Any, Protocol
 
 import numpy as np
 
+from mpp_taichi.archive.compressed import compressed, decompressed
 from mpp_taichi.errors import OutputError, StateError
 
-LEVEL = 1  # of compression: successive pictures differ little, and a higher level costs more time than it saves bytes
 QUEUED = 4  # pictures that wait for the compressor
 MOST_PENDING = 1 << 31  # bytes
 
@@ -97,31 +96,28 @@ class KeptPictures:
         self.begin_anew()
 
     def _difference(self, chunk: np.ndarray) -> np.ndarray:
-        size = self._last.size
         try:
-            data = zlib.decompressobj().decompress(chunk.tobytes(), size + 1)
-        except zlib.error:
-            data = b""
-        if len(data) != size:
-            raise StateError(f"picture {self.frame_count:,} of {self.film.path} is damaged")
+            data = decompressed(chunk, self._last.size)
+        except ValueError as error:
+            raise StateError(f"picture {self.frame_count:,} of {self.film.path} is damaged") from error
         return np.frombuffer(data, np.uint8).reshape(self._last.shape)
 
     def _work(self) -> None:
-        """The thread; after a failure it takes pictures and drops them, so that nobody waits for it."""
+        """Compress pictures until the end; after a failure take them and drop them, so that no caller waits for it."""
         while (picture := self._queue.get()) is not None:
             try:
                 if self._failure is None:
                     self._keep(picture)
-            except (MemoryError, OverflowError) as error:
+            except Exception as error:  # whatever it is: a thread that ended would let the film wait for ever
                 self._failure, self._chunks, self.pending = error, [], 0
             finally:
                 self._queue.task_done()
         self._queue.task_done()
 
     def _keep(self, picture: np.ndarray) -> None:
-        data = zlib.compress(np.bitwise_xor(picture, self._last).tobytes(), LEVEL)
+        chunk = compressed(np.bitwise_xor(picture, self._last).tobytes())
         self._last = picture
-        self._chunks.append(np.frombuffer(data, np.uint8))
-        self.pending += len(data)
+        self._chunks.append(chunk)
+        self.pending += len(chunk)
         if self.pending > MOST_PENDING:
             raise OverflowError("too many between two steps")

@@ -14,7 +14,7 @@ def available_bytes() -> int | None:
 
 
 def _bounds() -> Iterator[int]:
-    """What is left under every bound that this system reports."""
+    """The bytes that this process can still take under each bound that the system reports."""
     with contextlib.suppress(OSError, LookupError, ValueError):
         yield _kilobytes("/proc/meminfo", "MemAvailable:")
     with contextlib.suppress(OSError, LookupError, ValueError):

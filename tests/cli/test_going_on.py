@@ -2,12 +2,11 @@
 
 import os
 import signal
-import subprocess
 import sys
 
 import numpy as np
 import pytest
-from cut_off import KILL, RECORD, TERM, cut_off
+from cut_off import KILL, RECORD, TERM, cut_off, run_whole, with_scene
 
 SCENE = """
 title: Kept
@@ -31,16 +30,11 @@ def command(*more):
     return [sys.executable, "-m", "mpp_taichi", "run", "s.yaml", "--headless", *OUTPUTS, *more]
 
 
-def run(folder, *more):
-    return subprocess.run(command(*more), cwd=folder, capture_output=True, text=True, timeout=300, check=False)
-
-
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """The results of a run that was not cut off."""
-    folder = tmp_path_factory.mktemp("whole")
-    (folder / "s.yaml").write_text(SCENE)
-    done = run(folder, "--no-archive")
+    folder = with_scene(tmp_path_factory.mktemp("whole"), SCENE)
+    done = run_whole(command("--no-archive"), folder)
     assert done.returncode == 0, done.stderr
     assert not (folder / "out").exists()
     return folder
@@ -54,38 +48,38 @@ def results(folder):
 
 @pytest.mark.parametrize("signals", [(TERM,), (RECORD, KILL)], ids=["TERM", "USR1 and KILL"])
 def test_the_same_command_goes_on_to_the_same_results(whole, tmp_path, signals):
-    (tmp_path / "s.yaml").write_text(SCENE)
+    with_scene(tmp_path, SCENE)
     assert cut_off(command(), tmp_path, signals) in (143, -KILL)
     archive = tmp_path / "out" / "s.run"
     assert archive.is_file()
     with open(archive, "ab") as stream:  # as if the machine had stopped while a record was written
         stream.write(b"MREC\x02\x00")
-    done = run(tmp_path)
+    done = run_whole(command(), tmp_path)
     assert done.returncode == 0, done.stderr
     assert "going on with out/s.run from step" in done.stderr
     assert "6 bytes, is lost" in done.stderr
     assert results(tmp_path) == results(whole)
-    done = run(tmp_path, "--steps", "10")  # the run has ended: a new command begins anew
+    done = run_whole(command("--steps", "10"), tmp_path)  # the run has ended: a new command begins anew
     assert done.returncode == 0
     assert "going on" not in done.stderr
 
 
 def test_another_scene_is_refused_until_it_begins_anew(tmp_path):
-    (tmp_path / "s.yaml").write_text(SCENE)
+    with_scene(tmp_path, SCENE)
     assert cut_off(command(), tmp_path, (TERM,)) == 143
     (tmp_path / "s.yaml").write_text(SCENE.replace("stiffness: 80", "stiffness: 81"))
-    done = run(tmp_path, "--steps", "10")
+    done = run_whole(command("--steps", "10"), tmp_path)
     assert done.returncode == 2
     assert "springs[1].link.stiffness: 80 there, 81 here" in done.stderr
     assert "options.steps: nothing there, 10 here" in done.stderr
     assert len(done.stderr.splitlines()) == 1 or "--fresh" in done.stderr.splitlines()[-1]
-    done = run(tmp_path, "--steps", "10", "--fresh")
+    done = run_whole(command("--steps", "10", "--fresh"), tmp_path)
     assert done.returncode == 0, done.stderr
     assert not (tmp_path / "out" / "s.run").exists()
 
 
 def test_a_run_that_ends_before_the_first_record_leaves_nothing(tmp_path):
-    (tmp_path / "s.yaml").write_text(SCENE)
+    with_scene(tmp_path, SCENE)
     before = set(os.listdir(tmp_path))
-    assert run(tmp_path, "--steps", "10").returncode == 0
+    assert run_whole(command("--steps", "10"), tmp_path).returncode == 0
     assert set(os.listdir(tmp_path)) - before == {"table.csv", "end.npz", "panels.csv"}

@@ -2,11 +2,10 @@
 
 import os
 import signal
-import subprocess
 import sys
 
 import pytest
-from cut_off import KILL, RECORD, TERM, cut_off
+from cut_off import KILL, RECORD, TERM, cut_off, run_whole, with_scene
 
 SCENE = """
 title: Kept
@@ -25,24 +24,18 @@ def command(*more):
     return [sys.executable, "-m", "mpp_taichi", "run", "s.yaml", "--headless", "--every", "599983", *more]
 
 
-def run(folder, *more):
-    return subprocess.run(command(*more), cwd=folder, capture_output=True, text=True, timeout=300, check=False)
-
-
 @pytest.fixture
 def folder(tmp_path):
-    (tmp_path / "s.yaml").write_text(SCENE)
-    return tmp_path
+    return with_scene(tmp_path, SCENE)
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """The bytes of the files of a run that was not cut off."""
-    folder = tmp_path_factory.mktemp("whole")
-    (folder / "s.yaml").write_text(SCENE)
+    folder = with_scene(tmp_path_factory.mktemp("whole"), SCENE)
     found = {}
     for name in ("t.npz", "t.xyz"):
-        done = run(folder, "--no-archive", "--trajectory", name)
+        done = run_whole(command("--no-archive", "--trajectory", name), folder)
         assert done.returncode == 0, done.stderr
         found[name] = (folder / name).read_bytes()
     assert sorted(os.listdir(folder)) == ["s.yaml", "t.npz", "t.xyz"]
@@ -54,7 +47,7 @@ def whole(tmp_path_factory):
 @pytest.mark.parametrize("name", ["t.npz", "t.xyz"])
 def test_a_trajectory_goes_on_to_the_same_bytes(whole, folder, name, signals):
     cut_off(command("--trajectory", name), folder, signals)
-    done = run(folder, "--trajectory", name)
+    done = run_whole(command("--trajectory", name), folder)
     assert done.returncode == 0, done.stderr
     assert "going on with out/s.run from step" in done.stderr
     assert (folder / name).read_bytes() == whole[name]
@@ -71,17 +64,17 @@ def test_frames_that_are_missing_or_changed_are_refused(whole, folder, name):
     with open(folder / parts[0], "r+b") as stream:
         stream.seek(100)
         stream.write(b"\x07")
-    done = run(folder, "--trajectory", name)
+    done = run_whole(command("--trajectory", name), folder)
     assert done.returncode == 2
     (line,) = [each for each in done.stderr.splitlines() if "error" in each or "--fresh" in each]
     assert "its frames are not there; --fresh begins anew" in line
     assert sorted(each for each in os.listdir(folder) if each.endswith(".part")) == parts
     os.truncate(folder / parts[0], 90)
-    assert run(folder, "--trajectory", name).returncode == 2
+    assert run_whole(command("--trajectory", name), folder).returncode == 2
     (folder / name).write_bytes(whole[name][:-7000] if name == "t.xyz" else b"PK")
-    done = run(folder, "--trajectory", name)
+    done = run_whole(command("--trajectory", name), folder)
     assert (done.returncode == 2) == (name == "t.npz"), done.stderr
-    done = run(folder, "--trajectory", name, "--fresh", "--steps", "10")
+    done = run_whole(command("--trajectory", name, "--fresh", "--steps", "10"), folder)
     assert done.returncode == 0, done.stderr
     assert not [each for each in os.listdir(folder) if "part" in each or "lock" in each]
 
@@ -91,6 +84,6 @@ def test_a_run_killed_twice_takes_the_frames_of_the_interrupted_file(whole, fold
     cut_off(command("--trajectory", "t.npz"), folder, (KILL,))
     for part in folder.glob("*.part"):
         part.unlink()
-    done = run(folder, "--trajectory", "t.npz")
+    done = run_whole(command("--trajectory", "t.npz"), folder)
     assert done.returncode == 0, done.stderr
     assert (folder / "t.npz").read_bytes() == whole["t.npz"]

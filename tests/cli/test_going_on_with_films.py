@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from cut_off import KILL, RECORD, TERM, cut_off
+from cut_off import KILL, RECORD, TERM, cut_off, run_whole, with_scene
 
 from mpp_taichi.simulation.run_archive import FoundRun
 
@@ -31,10 +31,6 @@ def command(*more):
     return [sys.executable, "-m", "mpp_taichi", "record", "s.yaml", *more]
 
 
-def run(folder, *more):
-    return subprocess.run(command(*more), cwd=folder, capture_output=True, text=True, timeout=300, check=False)
-
-
 def contents(folder):
     """The bytes of all files but the scene and the archive."""
     files = (path for path in folder.rglob("*") if path.is_file() and path.name != "s.yaml" and path.parent.name != "out")
@@ -43,15 +39,13 @@ def contents(folder):
 
 @pytest.fixture
 def folder(tmp_path):
-    (tmp_path / "s.yaml").write_text(SCENE)
-    return tmp_path
+    return with_scene(tmp_path, SCENE)
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("whole")
-    (folder / "s.yaml").write_text(SCENE)
-    done = run(folder, *FILES, "--no-archive")
+    folder = with_scene(tmp_path_factory.mktemp("whole"), SCENE)
+    done = run_whole(command(*FILES, "--no-archive"), folder)
     assert done.returncode == 0, done.stderr
     assert not (folder / "out").exists()
     return contents(folder)
@@ -62,7 +56,7 @@ def test_all_files_of_a_film_go_on_to_the_same_bytes(whole, folder, signals):
     cut_off(command(*FILES), folder, signals)
     if signals[-1] == TERM:
         assert (folder / "v.mp4").is_file()  # the film until the signal can be watched
-    done = run(folder, *FILES)
+    done = run_whole(command(*FILES), folder)
     assert done.returncode == 0, done.stderr
     assert "going on with out/s.run from step" in done.stderr
     found = contents(folder)
@@ -76,17 +70,17 @@ def test_all_files_of_a_film_go_on_to_the_same_bytes(whole, folder, signals):
 def test_another_film_and_a_missing_picture_are_refused(folder):
     given = ("--frames", "pictures", "--video", "v.mp4")
     cut_off(command(*given), folder, (RECORD, KILL))
-    done = run(folder, *given, "--fps", "20")
+    done = run_whole(command(*given, "--fps", "20"), folder)
     assert done.returncode == 2
     assert "options.film.fps: 30.0 there, 20.0 here" in done.stderr
     assert "--fresh begins anew" in done.stderr
     (folder / "pictures" / "frame_000001.png").unlink()
     kept = sorted(os.listdir(folder / "pictures"))
-    done = run(folder, *given)
+    done = run_whole(command(*given), folder)
     assert done.returncode == 2
     assert "frame_000001.png: the picture is not there, or has changed; --fresh begins anew" in done.stderr
     assert sorted(os.listdir(folder / "pictures")) == kept
-    done = run(folder, *given, "--fresh", "--steps", "1000", "--duration", "0.2")
+    done = run_whole(command(*given, "--fresh", "--steps", "1000", "--duration", "0.2"), folder)
     assert done.returncode == 0, done.stderr
     assert len(os.listdir(folder / "pictures")) == 6
 

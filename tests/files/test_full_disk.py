@@ -72,12 +72,12 @@ def test_frames_that_the_disk_holds_whole_are_kept(scene, capsys):
 
 
 def errors(capsys):
-    """The lines of standard error that tell of a fault."""
+    """The lines of standard error that name a fault."""
     return [line for line in capsys.readouterr().err.splitlines() if ": cannot" in line or "error:" in line or "Trace" in line]
 
 
 def left(*names):
-    """What is left besides these."""
+    """The files in the folder, without the scene and the files of these names."""
     return sorted(str(path) for path in Path().glob("**/*") if path.is_file() and path.name not in ("s.yaml", *names))
 
 

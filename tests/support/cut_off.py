@@ -11,6 +11,17 @@ KILL, TERM, RECORD = getattr(signal, "SIGKILL", 9), signal.SIGTERM, getattr(sign
 PAUSE = 0.3  # seconds before each signal, so that the run goes on a little
 
 
+def with_scene(folder, text):
+    """The folder, in which s.yaml has the text."""
+    (folder / "s.yaml").write_text(text)
+    return folder
+
+
+def run_whole(command, folder):
+    """The end of a command that no signal cuts off."""
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+
+
 def cut_off(command, folder, signals):
     """Begin a command, and send it signals when it has begun to step; after RECORD its record is waited for."""
     process = subprocess.Popen(command, cwd=folder, stderr=subprocess.PIPE, text=True)
