@@ -30,6 +30,7 @@ FILES = (
     *("test_argpack", "test_function*", "test_ad_*", "test_customized_grad", "test_ndarray", "test_numpy", "test_print"),
     *("test_mesh", "test_sparse_matrix", "test_struct", "test_matrix_arg", "test_native_functions", "test_exception"),
 )
+MOST_SECONDS = 600  # of one file; a file that takes longer is compared as "not ended"
 PLUGIN = """
 import os, sys, types
 try:
@@ -55,9 +56,18 @@ def outcomes(folder, file, plugins, *, beside):
         "PYTHONPATH": os.pathsep.join([plugins, str(folder)]),
     }
     words = ["-p", "taichi_alone_or_beside", "-p", "no:cacheprovider", "-q", "-rA", "--tb=no", str(file)]
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", *words], cwd=folder, env=environment, capture_output=True, text=True, check=False
-    )
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "pytest", *words],
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=MOST_SECONDS,
+        )
+    except subprocess.TimeoutExpired:
+        return {f"{file.name}: exit status": "not ended"}
     return {test: outcome for outcome, test in OUTCOME.findall(done.stdout)} | {f"{file.name}: exit status": done.returncode}
 
 
