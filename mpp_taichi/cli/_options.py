@@ -17,7 +17,7 @@ LONGEST_NAME = 230  # bytes: 255 on every common file system, less the room for 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
     """SCENE and --set."""
-    parser.add_argument("scene", metavar="SCENE", help="a scene file (YAML)")
+    parser.add_argument("scene", metavar="SCENE", help="a scene file (YAML), or the name of a scene of the program")
     parser.add_argument(
         "--set",
         dest="overrides",

@@ -58,9 +58,11 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _scene_files(given: list[str]) -> list[Path]:
+    from mpp_taichi.scene.bundled import scene_file
+
     found: list[Path] = []
     for text in given:
-        path = Path(text)
+        path = scene_file(text)
         inside = sorted(path.glob("*.yaml")) if path.is_dir() else [path]
         if not inside:
             raise UsageError(f"check: {path} holds no *.yaml")

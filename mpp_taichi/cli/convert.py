@@ -82,10 +82,12 @@ def _read(path: Path, *, particles_only: bool) -> tuple[dict[str, Any] | None, "
     from mpp_taichi.exporters._source import Source
     from mpp_taichi.importers.catalogue import import_particles, import_scene
     from mpp_taichi.recorders.trajectory_file import TrajectoryFile, is_trajectory
+    from mpp_taichi.scene.bundled import scene_file
     from mpp_taichi.scene.load import load_scene
     from mpp_taichi.snapshot import Snapshot
     from mpp_taichi.start.assemble import assemble
 
+    path = scene_file(path)
     suffix = path.suffix.lower()
     if suffix == STATE and is_trajectory(path):
         trajectory = TrajectoryFile(path)

@@ -6,7 +6,6 @@ Exit codes: 0 ok · 1 internal error · 2 wrong usage, an invalid scene, or a pa
 """
 
 import argparse
-import difflib
 import os
 import sys
 import traceback
@@ -16,7 +15,7 @@ from types import ModuleType
 from typing import NoReturn
 
 from mpp_taichi import __version__
-from mpp_taichi.cli import accuracy, check, compare, convert, explain, info, record, replay, run, schema
+from mpp_taichi.cli import accuracy, check, compare, convert, explain, info, new, record, replay, run, scenes, schema
 from mpp_taichi.cli._exhausted import exhausted
 from mpp_taichi.cli._signals import Interrupted
 from mpp_taichi.cli._terminal import (
@@ -33,10 +32,14 @@ from mpp_taichi.cli._terminal import (
 from mpp_taichi.device.fast_taichi import switch
 from mpp_taichi.errors import INTERNAL_ERROR_CODE, MppError, OutputError, SceneError
 from mpp_taichi.missing_package import missing_packages_named
+from mpp_taichi.scene.bundled import bundled_scenes
+from mpp_taichi.scene.did_you_mean import suggestion
 
 VERBS: dict[str, ModuleType] = {
     "run": run,
     "record": record,
+    "scenes": scenes,
+    "new": new,
     "accuracy": accuracy,
     "compare": compare,
     "explain": explain,
@@ -50,6 +53,12 @@ LATER_VERBS = ("sweep",)
 LONGEST_MESSAGE = 300
 DEBUG_VARIABLE = "MPP_TAICHI_DEBUG"
 EPILOG = __doc__.partition("\n\n")[2]
+DESCRIPTION = """Scenes of particles, compiled to just the physics they name. `mpp-taichi SCENE` runs a scene.
+
+To begin with:
+  mpp-taichi ring                     run a scene of the program; without a display it writes a film
+  mpp-taichi scenes                   list the scenes of the program
+  mpp-taichi new my.yaml              begin a scene of your own"""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -103,7 +112,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _dispatch(words: list[str]) -> int:
     parser = _parser()
-    chosen = parser.parse_args(_with_verb(words))
+    chosen, unknown = parser.parse_known_args(_with_verb(words))
+    if unknown:
+        verbs = next(action for action in parser._actions if action.dest == "verb")
+        options = verbs.choices[chosen.verb]._option_string_actions if chosen.verb else {}  # type: ignore[index]
+        near = suggestion(unknown[0].partition("=")[0], options) if unknown[0].startswith("-") else ""
+        raise UsageError(f"{parser.prog} {chosen.verb or ''}: unknown argument {' '.join(unknown)}{near}")
     if chosen.verb is None:
         parser.print_help()
         return 0
@@ -114,8 +128,9 @@ def _dispatch(words: list[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="mpp-taichi",
-        description="Scenes of particles, compiled to just the physics they name. `mpp-taichi SCENE` runs a scene.",
+        description=DESCRIPTION,
         epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"mpp_taichi {__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", parser_class=_Parser)
@@ -133,19 +148,19 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _with_verb(words: list[str]) -> list[str]:
-    """Put `run` before a bare scene.
+    """Put `run` before a bare scene: a file, or the name of a scene of the program.
 
     Raises:
-        UsageError: the first word is neither a verb nor a file.
+        UsageError: the first word is neither a verb nor a scene.
     """
     if not words or words[0] in VERBS or words[0] in ("-h", "--help", "--version"):
         return words
     first = words[0]
     if first in LATER_VERBS:
         raise UsageError(f"{first} is a verb of a later version; this one has {', '.join(VERBS)}")
-    looks_like_a_file = "." in first or os.sep in first or os.path.exists(first)
-    if not first.startswith("-") and not looks_like_a_file:
-        near = difflib.get_close_matches(first, VERBS, n=1)
-        hint = f", did you mean {near[0]!r}?" if near else ""
-        raise UsageError(f"{first!r} is neither a verb nor a scene file{hint} verbs: {', '.join(VERBS)}")
+    is_scene = "." in first or os.sep in first or first in bundled_scenes() or os.path.exists(first)
+    if not first.startswith("-") and not is_scene:
+        hint = suggestion(first, [*VERBS, *bundled_scenes()])
+        told = f"{first!r} is neither a verb nor a scene{hint or ';'} verbs: {', '.join(VERBS)}"
+        raise UsageError(f"{told}; `mpp-taichi scenes` lists the scenes")
     return ["run", *words]

@@ -1,4 +1,8 @@
-"""Print the JSON Schema of scenes, for editors that complete and check YAML."""
+"""Print the JSON Schema of scenes, for editors that complete and check YAML.
+
+With `--path` it prints the file of the schema in this installation. An editor with the YAML language server uses the schema
+where the first line of a scene is `# yaml-language-server: $schema=` and that path.
+"""
 
 import argparse
 
@@ -6,12 +10,13 @@ from mpp_taichi.cli._terminal import put
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare no options."""
+    """Declare the option."""
+    parser.add_argument("--path", action="store_true", help="print the place of the schema's file")
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Print it."""
-    from mpp_taichi.scene.schema import schema_text
+    """Print the schema, or its place."""
+    from mpp_taichi.scene.schema import SCHEMA_FILE, schema_text
 
-    put(schema_text().rstrip("\n"))
+    put(str(SCHEMA_FILE) if arguments.path else schema_text().rstrip("\n"))
     return 0

@@ -4,11 +4,17 @@ import difflib
 from collections.abc import Iterable
 
 
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """`, did you mean 'x'?` when a known spelling is near, else an empty text."""
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """The known spelling that is nearest to a word; None where none is near."""
     spellings = {each.lower(): each for each in list(known)[:10_000]}
     near = difflib.get_close_matches(word[:100].lower(), spellings, n=1, cutoff=0.5 if len(word) == 2 else 0.6)
-    return f", did you mean {spellings[near[0]]!r}?" if near else ""
+    return spellings[near[0]] if near else None
+
+
+def suggestion(word: str, known: Iterable[str]) -> str:
+    """`, did you mean 'x'?` when a known spelling is near, else an empty text."""
+    near = nearest(word, known)
+    return f", did you mean {near!r}?" if near is not None else ""
 
 
 def choices(word: str, known: Iterable[str]) -> str:

@@ -9,6 +9,7 @@ import yaml
 
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene import rows, yaml_limits
+from mpp_taichi.scene.bundled import missing_scene
 from mpp_taichi.scene.faults import Faults, printable, shown
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.scalars import read_plain
@@ -90,7 +91,7 @@ def read_file(path: Path, file: str, faults: Faults) -> Node:
     """The tree of a YAML file; `file` is the name that messages show."""
     try:
         if not path.is_file():
-            raise SceneError(f"{printable(file)}: no such file" if not path.exists() else f"{printable(file)}: not a file")
+            raise SceneError(f"{printable(file)}: not a file" if path.exists() else missing_scene(file))
         with open(path, "rb") as stream:
             data = stream.read(yaml_limits.BYTES_ALLOWED + 1)
     except (OSError, ValueError) as error:

@@ -1,7 +1,8 @@
-"""`extends: base.yaml`: a scene that completes another one in its folder."""
+"""`extends: base.yaml`: a scene that completes another scene of its folder, or a bundled scene (`extends: ring`)."""
 
 from pathlib import Path
 
+from mpp_taichi.scene.bundled import bundled_scenes
 from mpp_taichi.scene.document import Node, read_file
 from mpp_taichi.scene.faults import Faults, shown
 
@@ -9,7 +10,10 @@ DEEPEST = 4
 
 
 def resolve(tree: Node, file: Path, root: Path, faults: Faults, chain: tuple[Path, ...] = ()) -> Node:
-    """The tree merged over the scene that it extends: mappings merge, other values are replaced. Files must be below `root`."""
+    """The tree merged over the scene that it extends: mappings merge, other values are replaced.
+
+    The other scene is a file below `root`, or a bundled scene where there is no such file.
+    """
     node = tree.get("extends")
     if node is None:
         return tree
@@ -20,6 +24,10 @@ def resolve(tree: Node, file: Path, root: Path, faults: Faults, chain: tuple[Pat
         faults.add(node.location, "extends", f"must be the name of a scene file, not {shown(node.plain())}")
         return rest
     path = _resolved(file.parent / name) if "\0" not in name else file
+    shown_name = str(file.parent / name)
+    if name in bundled_scenes() and not _is_file(path):
+        path = _resolved(bundled_scenes()[name])
+        root, shown_name = path.parent, str(path)
     if path in chain:
         faults.add(node.location, "extends", f"{shown(name)} leads back to itself")
     elif not path.is_relative_to(_resolved(root)):
@@ -29,7 +37,6 @@ def resolve(tree: Node, file: Path, root: Path, faults: Faults, chain: tuple[Pat
     elif not _is_file(path):
         faults.add(node.location, "extends", f"there is no file {shown(name)}")
     else:
-        shown_name = str(file.parent / name)
         base = resolve(read_file(path, shown_name, faults), path, root, faults, chain)
         return merge(base, rest)
     return rest

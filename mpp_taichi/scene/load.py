@@ -25,6 +25,7 @@ from mpp_taichi.scene import (
     units,
 )
 from mpp_taichi.scene import overrides as override
+from mpp_taichi.scene.bundled import scene_file
 from mpp_taichi.scene.cross_checks import check_together
 from mpp_taichi.scene.document import Node, from_python, read_file
 from mpp_taichi.scene.faults import Faults, printable, shown
@@ -40,6 +41,7 @@ _Overrides = Mapping[str, Any] | Sequence[str]
 def load_scene(source: str | Path | Mapping[str, Any] | SceneSpec, *, overrides: _Overrides = ()) -> SceneSpec:
     """Read and check a scene; SceneError lists every fault.
 
+    `source` is a file, the name of a scene that comes with the program ("ring"), the content of a scene, or a SceneSpec.
     `overrides` is a mapping {"integrator.leapfrog.dt": 0.01} or texts "integrator.leapfrog.dt=0.01" (see overrides.py).
     No particle is made and nothing large is allocated.
     """
@@ -126,7 +128,7 @@ def _read(source: str | Path | Mapping[str, Any] | SceneSpec, faults: Faults) ->
         here = Path.cwd()
         tree = from_python(source, Location("scene", 0, 0))
         return extends.resolve(tree, here / "scene", here, faults), "scene", here
-    path = Path(source)
+    path = scene_file(source)
     tree = read_file(path, str(path), faults)
     return extends.resolve(tree, path, path.parent, faults), str(path), path.parent
 

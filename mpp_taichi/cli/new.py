@@ -1,0 +1,51 @@
+"""Begin a scene of your own: copy a scene of the program, with its comments, into a new file.
+
+The first line of the copy tells an editor where the schema of scenes is. With `redhat.vscode-yaml` or another editor that
+has the YAML language server, keys are then completed and checked while you write.
+"""
+
+import argparse
+import re
+from pathlib import Path
+
+from mpp_taichi.cli import _options
+from mpp_taichi.cli._terminal import UsageError, put
+
+FIRST = "sun_earth"
+SCHEMA_LINE = re.compile(r"^# yaml-language-server: \$schema=.*$", re.M)
+EXTENDED = re.compile(r"^extends: *([\w-]+)\.ya?ml *$", re.M)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("target", type=_options.output_path, metavar="FILE.yaml", help="file to write; it must not exist yet")
+    parser.add_argument("--like", default=FIRST, metavar="NAME", help=f"scene of the program to copy; {FIRST} when absent")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Write the copy."""
+    from mpp_taichi.atomic_file import whole_file
+    from mpp_taichi.scene.bundled import bundled_scenes
+    from mpp_taichi.scene.did_you_mean import suggestion
+
+    target: Path = arguments.target
+    _options.require_suffix(target, (".yaml", ".yml"), "FILE.yaml")
+    known = bundled_scenes()
+    name = Path(arguments.like).stem
+    if name not in known:
+        raise UsageError(f"new: the program has no scene {name!r}{suggestion(name, known)}; `mpp-taichi scenes` lists them")
+    if target.exists() or target.is_symlink():
+        raise UsageError(f"new: {target} exists already; choose another name")
+    with whole_file(target, "the scene") as temporary:
+        temporary.write_text(copied(known[name].read_text(encoding="utf-8")), encoding="utf-8")
+    put(f"wrote {target}, a copy of {name}; run it: mpp-taichi {target}")
+    return 0
+
+
+def copied(text: str) -> str:
+    """The text of a bundled scene for another folder: the schema by its address, and the scene that it extends by its name."""
+    from mpp_taichi.scene.schema import SCHEMA_FILE
+
+    line = f"# yaml-language-server: $schema={SCHEMA_FILE.as_uri()}"
+    text = SCHEMA_LINE.sub(lambda _: line, text, count=1)
+    return EXTENDED.sub(r"extends: \1", text)
