@@ -28,6 +28,8 @@ SHORTER = {
     "convert": [],
     "info": [],
     "schema": [],
+    "scenes": [],
+    "new": [],
 }
 PARSED_ONLY = {
     "check": "minutes for a folder: tests/scenes/test_bundled_scenes.py runs the scenes, tests/cli/test_check.py the verb",
