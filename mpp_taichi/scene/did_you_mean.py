@@ -3,6 +3,8 @@
 import difflib
 from collections.abc import Iterable
 
+MOST_LISTED = 30  # words that a message lists
+
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """The known spelling that is nearest to a word; None where none is near."""
@@ -18,9 +20,20 @@ def suggestion(word: str, known: Iterable[str]) -> str:
 
 
 def choices(word: str, known: Iterable[str]) -> str:
-    """`, did you mean 'x'? allowed: x, y, z`."""
+    """`, did you mean 'x'? allowed: x, y, z`; of a long list of words only the nearest are told."""
     known = list(known)
+    if len(known) > MOST_LISTED:
+        near = suggestion(word, known) or _some(word, known)
+        return f"{near} {len(known)} names are allowed, and `mpp-taichi schema` lists them"
     return f"{suggestion(word, known) or ','} {allowed(known)}"
+
+
+def _some(word: str, known: list[str]) -> str:
+    """Up to three of many words of which none is near: those that have the word in them, then those that are spelt alike."""
+    within = sorted((each for each in known if len(word) > 2 and word.lower() in each.lower()), key=len)
+    alike = difflib.get_close_matches(word[:100].lower(), known, n=3, cutoff=0.5)
+    near = [repr(each) for each in dict.fromkeys([*within, *alike])][:3]
+    return f", did you mean {', '.join(near[:-1])}{' or ' if len(near) > 1 else ''}{near[-1]}?" if near else ";"
 
 
 def allowed(known: Iterable[str]) -> str:

@@ -64,6 +64,9 @@ _DATE = re.compile(
     r"|(19|20)[0-9]{2}/[0-9]{2}/[0-9]{2}|[0-9]{2}/[0-9]{2}/(19|20)[0-9]{2}"
 )
 """Year, month and day without a space, or in the other order: a date to a reader, a difference or a quotient to `ast`."""
+_WITH_UNIT = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(%|[^\W\d_][\w/²³^*]*)")
+_DECIMAL_COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+")
+MOST_NAMES = 12  # names that a message lists
 _LITERAL = re.compile(r"(?<![\w.])([0-9][0-9_]*\.?[0-9_]*|\.[0-9][0-9_]*)[eE][-+]?[0-9_]+")
 _UNARY: dict[type, Callable[[Any], Any]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
 
@@ -97,7 +100,7 @@ class Expression:
         """Refuse the first name that is not known, at its column."""
         for name, offset in self._name_offsets().items():
             if name not in known:
-                raise ExpressionError(f"unknown name {shown(name)}{suggestion(name, [*known, *RESERVED])}", offset)
+                raise ExpressionError(f"unknown name {shown(name)}{_known_names(name, known)}", offset)
 
     def number(self, values: Mapping[str, float | None]) -> float:
         """The value with numbers for the names; a name whose value is None raises UnresolvedConstant."""
@@ -126,6 +129,8 @@ def parse(text: str) -> Expression:
         raise ExpressionError(f"an expression of {len(text)} characters is too long, allowed: {LENGTH_ALLOWED}")
     if _DATE.fullmatch(text.strip()):
         raise ExpressionError(f"{shown(text)} is a date and no number; an expression has spaces around its operators")
+    if _DECIMAL_COMMA.fullmatch(text.strip()):
+        raise ExpressionError(f"{shown(text)} is no number; a decimal number has a point, as {text.strip().replace(',', '.')}")
     for number in _LITERAL.finditer(text):
         if is_lost(number[0]):
             raise ExpressionError(
@@ -139,7 +144,7 @@ def parse(text: str) -> Expression:
             tree = ast.parse(flat.lstrip(), mode="eval").body
     except SyntaxError as error:
         column = min(max((error.offset or 1) - 1, 0), max(len(text) - padding - 1, 0))
-        raise ExpressionError(f"{shown(text)} is neither a number nor an expression", column + padding) from None
+        raise ExpressionError(_not_an_expression(text), column + padding) from None
     except (ValueError, RecursionError, MemoryError, OverflowError):
         raise ExpressionError(f"{shown(text)} is neither a number nor an expression") from None
     for node in ast.walk(tree):  # columns as in the text itself
@@ -148,6 +153,27 @@ def parse(text: str) -> Expression:
     expression = Expression(flat, tree)
     _check(expression)
     return expression
+
+
+def _known_names(name: str, known: Collection[str]) -> str:
+    """What a message says behind an unknown name: the nearest name, or those that there are."""
+    if name == "G":
+        return "; G is known where the scene has units:"
+    if near := suggestion(name, [*known, *RESERVED]):
+        return near
+    listed = [*sorted(known), *BUILT_IN]
+    more = ", …" if len(listed) > MOST_NAMES else ""
+    return f", known: {', '.join(listed[:MOST_NAMES])}{more}; names of your own stand under constants:"
+
+
+def _not_an_expression(text: str) -> str:
+    """Why a text is no expression, with the remedy where a unit, a percent sign or a decimal comma is the cause."""
+    told = f"{shown(text)} is neither a number nor an expression"
+    if (found := _WITH_UNIT.fullmatch(text.strip())) is None:
+        return told
+    if found[2] == "%":
+        return f"{told}; write {float(found[1]) / 100:g}"
+    return f"{told}; write {found[1]} alone: the units of all numbers are given once, under units:"
 
 
 def is_lost(literal: str) -> bool:

@@ -204,7 +204,9 @@ class ListOf(Field):
             count = " or ".join(map(str, self.lengths))
             if len(self.lengths) > 3:
                 count = f"{self.lengths[0]} to {self.lengths[-1]}"
-            raise Wrong(f"must be a list of {count} {self.what}, not {shown(value)}")
+            apart = isinstance(value, list) and any(isinstance(each, str) and ";" in each for each in value)
+            hint = "; commas separate the entries" if apart else ""
+            raise Wrong(f"must be a list of {count} {self.what}, not {shown(value)}{hint}")
         wrong = Wrong("")
         items = []
         for index, entry in enumerate(value):

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from mpp_taichi import component
 from mpp_taichi.scene import expectations
-from mpp_taichi.scene.did_you_mean import allowed, choices, suggestion
+from mpp_taichi.scene.did_you_mean import allowed, choices
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.location import Location
@@ -105,6 +105,11 @@ def _unknown_key(place: _Place, known: list[str]) -> str:
         known = expectations.names()
     elif place.path[0] in KIND_OF_KEY and all(isinstance(step, int) for step in place.path[1:-1]) and len(place.path) > 1:
         return _unknown_component(KIND_OF_KEY[str(place.path[0])], word)
+    if word.isdecimal():
+        return f"unknown key {shown(word)}; a comma ends an entry, and a decimal number has a point, as 1.{word}"
+    if (mark := next((each for each in "{[:" if each in word), "")) and word.split(mark)[0].strip() in known:
+        wanted = "a space belongs behind the colon" if mark == ":" else f"a colon belongs before the {mark}"
+        return f"unknown key {shown(word)}; {wanted}: {word.split(mark)[0].strip()}: …"
     return f"unknown key {shown(word)}{choices(word, known)}"
 
 
@@ -130,8 +135,8 @@ def _not_one_component(place: _Place) -> str:
     kind = "quantities" if place.path[0] in ("inspect", "record") else KIND_OF_KEY[str(place.path[0])]
     value = place.node.value
     given = f"{len(value)} keys" if isinstance(value, dict) else shown(place.node.plain())
-    near = isinstance(value, str) and suggestion(value, available(kind)) or ","
-    return f"must be one entry, written {{name: {{parameters}}}}, not {given}{near} {allowed(available(kind))}"
+    told = choices(value, available(kind)) if isinstance(value, str) else f", {allowed(available(kind))}"
+    return f"must be one entry, written {{name: {{parameters}}}}, not {given}{told}"
 
 
 def _keys(model: Any, path: tuple[Any, ...]) -> list[str]:

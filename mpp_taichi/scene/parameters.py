@@ -8,6 +8,7 @@ from pydantic import Field as Describe
 
 from mpp_taichi.component import REQUIRED, Parameter
 from mpp_taichi.scene import fields
+from mpp_taichi.scene.colors import Color
 from mpp_taichi.scene.fields import Field, Number, Text, Whole
 
 STRICT = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, protected_namespaces=())
@@ -22,7 +23,7 @@ def field_of(parameter: Parameter) -> Field:
         "bool": fields.Flag,
         "str": lambda: Text(tuple(parameter.choices)),
         "Vector": lambda: fields.InSpace(Number(**span)),
-        "Color": lambda: fields.ListOf(Number(minimum=0.0, maximum=1.0)),
+        "Color": Color,
         "Axes": fields.Axes,
         "Shape": fields.Counts,
         "Formula": lambda: fields.PerParticle(tuple(parameter.names)),

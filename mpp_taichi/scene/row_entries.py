@@ -12,6 +12,7 @@ import numpy as np
 from mpp_taichi import component
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene import yaml_limits
+from mpp_taichi.scene.colors import Color
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.fields import LARGEST_NUMBER, Field, InSpace, ListOf, Number, Text
 from mpp_taichi.scene.parameters import field_of
@@ -120,7 +121,7 @@ def _fields(shape: Shape, flat: bool) -> list[Number | Text] | None:
 
 
 def _of_item(check: Field | None, rest: list[Any], flat: bool) -> Number | Text | None:
-    if isinstance(check, (InSpace, ListOf)) and len(rest) == 1 and isinstance(check.item, Number):
+    if isinstance(check, (InSpace, ListOf, Color)) and len(rest) == 1 and isinstance(check.item, Number):
         in_plane = isinstance(check, InSpace) and flat and rest[0] == 2
         return Number(minimum=0.0, maximum=0.0) if in_plane else check.item
     alone = (isinstance(check, Text) and not check.choices) or isinstance(check, Number)

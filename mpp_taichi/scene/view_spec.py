@@ -5,13 +5,14 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
+from mpp_taichi.scene.colors import Color
 from mpp_taichi.scene.fields import FileBeside, Flag, ListOf, Number, OneOrMore, Reference, Text, Whole
 
 COLOR_MAPS = ("viridis", "cividis", "diverging")
 ARROW_QUANTITIES = ("velocity", "acceleration", "force")
 PATTERNS = ("banded", "continents", "cratered", "checker")
 _CLOSED = ConfigDict(extra="forbid")
-_COLOR = ListOf(Number(minimum=0.0, maximum=1.0))
+_COLOR = Color()
 _MOST_GROUPS = 64
 
 

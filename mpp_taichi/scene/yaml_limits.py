@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 
 from mpp_taichi.errors import SceneError
+from mpp_taichi.scene import yaml_faults
 
 MEBIBYTES_ALLOWED = 32
 BYTES_ALLOWED = MEBIBYTES_ALLOWED << 20
@@ -113,11 +114,9 @@ def _events(text: str, file: str) -> Iterator[Any]:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = f"{file}:{mark.line + 1}:{mark.column + 1}" if mark else f"{file}:1:1"
+        told = yaml_faults.cause(error, text.splitlines())
         context = f" {error.context}" if error.context else ""
-        line = text.splitlines()[mark.line : mark.line + 1] if mark else []
-        at_bracket = mark is not None and line and line[0][mark.column : mark.column + 1] == "["
-        hint = "; a path with [ ] needs quotes inside { }" if at_bracket else ""
-        raise SceneError(f"{place}: not valid YAML: {error.problem or 'cannot be read'}{context}{hint}") from None
+        raise SceneError(f"{place}: not valid YAML: {told or (error.problem or 'cannot be read') + context}") from None
     except yaml.YAMLError as error:
         raise SceneError(f"{file}:1:1: not valid YAML: {str(error).splitlines()[0]}") from None
 

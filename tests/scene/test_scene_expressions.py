@@ -157,4 +157,5 @@ def test_the_column_is_that_of_the_character_in_the_file(quoted, tmp_path):
         load_scene(path)
     column = path.read_text().index("nope") + 1
     faults = [fault for fault in caught.value.faults if "nope" in fault]
-    assert faults == [f"{path}:1:{column}: constants.b: unknown name 'nope'"]
+    known = "known: b, ä, pi, tau, e; names of your own stand under constants:"
+    assert faults == [f"{path}:1:{column}: constants.b: unknown name 'nope', {known}"]

@@ -110,7 +110,8 @@ def test_rendered_faults_show_the_line_and_a_caret_under_the_place(tmp_path):
     with pytest.raises(SceneError) as caught:
         load_scene(path)
     fault, line, caret = caught.value.render().split("\n")
-    assert fault == f"{path}:3:34: integrator.leapfrog.dt: unknown name 'oops'"
+    known = "known: pi, tau, e; names of your own stand under constants:"
+    assert fault == f"{path}:3:34: integrator.leapfrog.dt: unknown name 'oops', {known}"
     assert line[caret.index("^") :].startswith("oops")
     assert "\n" not in caught.value.faults[0]
 

@@ -327,7 +327,7 @@ CHANGES = [
     (
         "set: {forces.linear",
         "set: {forces[1].linear",
-        "13:17: not valid YAML: did not find expected ',' or '}' while parsing a flow mapping; a path",
+        "13:17: not valid YAML: a comma is missing before here, in the { of line 13, column 10; a path",
     ),
     (
         "drag.coefficient: 0",
