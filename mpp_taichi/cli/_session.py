@@ -328,7 +328,9 @@ class _Run:
                 sink.abandon()
                 continue
             jobs.append((sink.path, sink.close))
-        if trajectory is not None and trajectory.frame_count > 0:
+        if trajectory is not None and trajectory.frame_count == 0:
+            trajectory.close()
+        elif trajectory is not None:
             jobs.append((trajectory.path, trajectory.close))
         if request.diagnostics is not None and self.table.rows:
             jobs.append((request.diagnostics, lambda: self.table.save(request.diagnostics)))
@@ -371,12 +373,10 @@ class _Run:
             | (self.modes.summary() if self.modes else {})
             | (self.right.summary() if self.right else {})
         )
-        verdicts: list[Verdict] = []
-        if self._reached_the_end():
-            verdicts = self.watcher.verdicts(summary, self.simulation.device.precision)
+        precision = self.simulation.device.precision
+        verdicts = self.watcher.verdicts(summary, precision) if self._reached_the_end() else []
         failed = any(not verdict.passed for verdict in verdicts)
-        verdict = self.simulation.verdict
-        code = 0
+        verdict, code = self.simulation.verdict, 0
         if self.error is not None:
             status, code = "failed", self.error.exit_code
         elif self.interrupted is not None:
