@@ -1,15 +1,16 @@
 """A window on a run: how the simulation of a session is steered frame by frame."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli._options import output_stem
 from mpp_taichi.cli._window_desk import SessionDesk
-from mpp_taichi.errors import OutputError
+from mpp_taichi.errors import BackendError, OutputError
 from mpp_taichi.scene import timeline
 from mpp_taichi.scene.spec import SceneSpec
+from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.wall_outline import outline_of
 
@@ -44,11 +45,14 @@ def show(
     *,
     start: "Callable[[Path], Simulation] | None" = None,
     glass: Any = None,
+    lost: Callable[[str, Snapshot], int] = lambda display, state: BackendError.exit_code,
 ) -> "Stage | None":
     """Open a window, or take over the window of another scene, and run until it is closed or another scene is opened.
 
     The window shows the scene's duration in the time that its film would take. `start` makes the simulation of another scene.
+    Where the display goes away, `lost` is given its name and the last state, and the process ends with the code it returns.
     """
+    from mpp_taichi.views.display_loss import DisplayLoss
     from mpp_taichi.views.window import Window
     from mpp_taichi.views.window_panels import WindowPanels
 
@@ -56,12 +60,14 @@ def show(
     if inspection is not None:
         panels = WindowPanels(inspection.inspector.plots, spec.record, lambda: exported(inspection, output_stem(spec.source)))
     desk = SessionDesk(simulation, goal, recorders, start)
-    window = Window(spec.view, title=spec.title, dimensions=spec.dimensions, panels=panels, desk=desk.desk(), glass=glass)
     total = goal.step_count(spec)
     frames = max(1, round(spec.record.seconds * WINDOW_FRAMES_PER_SECOND))
     steps = max(1, round(total / frames)) if total else STEPS_PER_FRAME_WITHOUT_END
     steered = _Steered(simulation, spec, goal, recorders, interruption, caption, inspection, desk.history)
-    window.run(steered, steps_per_frame=steps)
+    with DisplayLoss(lambda display: lost(display, steered.state)) as loss:
+        words: dict[str, Any] = {"title": spec.title, "dimensions": spec.dimensions, "glass": glass, "loss": loss}
+        window = Window(spec.view, panels=panels, desk=desk.desk(), **words)
+        window.run(steered, steps_per_frame=steps)
     return Stage(desk.opened, window.glass) if window.handed_on and desk.opened is not None else None
 
 
@@ -99,6 +105,7 @@ class _Steered:
         self.history = history
         self.simulation, self.spec, self.goal, self.interruption = simulation, spec, goal, interruption
         self.recorders, self.caption, self.inspection = recorders, caption, inspection
+        self._state = simulation.snapshot()
         self._walls = outline_of(spec, simulation.start.position)
 
     @property
@@ -129,8 +136,17 @@ class _Steered:
         if self.inspection is not None:
             self.inspection.inspector.look(self.simulation)
         acceleration = self.simulation.accelerations() if self.spec.view.wants_acceleration else None
-        snapshot, words = self.simulation.snapshot(), {"title": self.spec.title, "extra": self.caption().replace("≈", "~")}
+        snapshot, words = self._look(), {"title": self.spec.title, "extra": self.caption().replace("≈", "~")}
         return Frame.of(snapshot, **words, walls=self._walls, acceleration=acceleration)
+
+    def _look(self) -> Snapshot:
+        self._state = self.simulation.snapshot()
+        return self._state
+
+    @property
+    def state(self) -> Snapshot:
+        """The state of the last frame, with the present step. It is a copy on the host: nothing is launched for it."""
+        return replace(self._state, dt=self.simulation.dt)
 
     def restart(self) -> None:
         """Return to the start; sliders keep their values."""

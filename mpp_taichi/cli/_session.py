@@ -13,7 +13,7 @@ from mpp_taichi.cli._amounts import check_amounts
 from mpp_taichi.cli._archive import KeptRun, is_kept
 from mpp_taichi.cli._beside import RightHalf
 from mpp_taichi.cli._goal import Goal
-from mpp_taichi.cli._options import OUTPUT_FOLDER, output_stem
+from mpp_taichi.cli._last_files import farewell, state_file, write_all
 from mpp_taichi.cli._outputs import kept_outputs, lock_outputs, open_sinks
 from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
@@ -22,7 +22,7 @@ from mpp_taichi.cli._step_check import check_steps
 from mpp_taichi.cli._terminal import UsageError, say
 from mpp_taichi.cli._validity import Validity
 from mpp_taichi.cli._window_desk import save_log
-from mpp_taichi.errors import MppError, OutputError, StabilityError
+from mpp_taichi.errors import BackendError, MppError, OutputError, StabilityError
 from mpp_taichi.modes.network_report import QUICK_FREEDOMS, network_facts, note
 from mpp_taichi.recorders.blow_up import BlowUpWatch
 from mpp_taichi.recorders.event_log import EventLogRecorder
@@ -40,6 +40,7 @@ from mpp_taichi.report.summary import Stopwatch, Timed, lines, summarize
 from mpp_taichi.scene.expectations import BALANCE_QUANTITIES
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation.run_archive import RunArchive
+from mpp_taichi.snapshot import Snapshot
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._interactive import Stage
@@ -158,6 +159,8 @@ class _Run:
         self.files: list[str] = []
         self.error: MppError | None = None
         self.interrupted: Interrupted | None = None
+        self.last_state: Snapshot | None = None  # where the display has gone away
+        self.trajectory: TrajectoryRecorder | None = None
         self.kept: KeptRun | None = None
         self.went_on: dict[str, Any] | None = None
         self.first_step = 0  # of this process
@@ -166,6 +169,7 @@ class _Run:
         """Run to the end, or to the time of an error or a signal; then write all files."""
         if sinks:
             self.films = [self._film(sinks, interruption)]
+        self.trajectory = trajectory
         if trajectory is not None:
             trajectory.every = self.every
         if self.inspection is not None and self.films and self.spec.record.panels != "none":
@@ -234,9 +238,8 @@ class _Run:
             from mpp_taichi.cli._interactive import show
 
             looks = (self.simulation, self.spec, self.goal, recorders, interruption, self._caption, self.inspection)
-            self.next = show(
-                *looks, start=partial(start_another, device=self.simulation.device, request=self.request), glass=self.glass
-            )
+            another = partial(start_another, device=self.simulation.device, request=self.request)
+            self.next = show(*looks, start=another, glass=self.glass, lost=self._lose_display)
         else:
             steps = (
                 self.goal.steps if self.went_on is None or self.goal.steps is None else self.goal.steps - self.went_on["step"]
@@ -325,7 +328,9 @@ class _Run:
                 sink.abandon()
                 continue
             jobs.append((sink.path, sink.close))
-        if trajectory is not None and trajectory.frame_count > 0:
+        if trajectory is not None and trajectory.frame_count == 0:
+            trajectory.close()
+        elif trajectory is not None:
             jobs.append((trajectory.path, trajectory.close))
         if request.diagnostics is not None and self.table.rows:
             jobs.append((request.diagnostics, lambda: self.table.save(request.diagnostics)))
@@ -342,24 +347,23 @@ class _Run:
         if request.log is not None:
             jobs.append((request.log, partial(save_log, request.log, simulation, self.goal)))
         if state is not None:
-            jobs.append((state, lambda: simulation.checkpoint(state)))
-        for path, job in jobs:
-            try:
-                job()
-                self.files.append(str(path))
-            except OutputError as error:
-                if str(error) != str(self.error):
-                    say(f"error: {error}")
-                self.error = self.error or error
+            save = simulation.checkpoint if self.last_state is None else self.last_state.save
+            jobs.append((state, partial(save, state)))
+        self.files, self.error = write_all(jobs, self.error)
 
     def _state_file(self) -> Path | None:
-        """The file of the last state: the file of `--snapshot`, or, when the run broke off, a file beside the other output."""
-        stem = output_stem(self.spec.source)
-        if self.interrupted:
-            return OUTPUT_FOLDER / f"{stem}.interrupted.npz"
-        if isinstance(self.error, StabilityError):
-            return OUTPUT_FOLDER / f"{stem}.crash.npz"
-        return self.request.snapshot
+        broken_off = self.interrupted is not None or self.last_state is not None
+        return state_file(self.spec.source, self.request, self.error, broken_off=broken_off)
+
+    def _lose_display(self, display: str, state: Snapshot) -> int:
+        """Write all files without a launch of a kernel, since the process ends within a call of Xlib; the exit code."""
+        self.error = BackendError(f"the display {display} has gone away at t = {state.time:.9g}")
+        self.last_state = state
+        try:
+            self._close((), self.trajectory)
+        finally:
+            code = farewell(self.error, self.files, self._state_file())
+        return code
 
     def _outcome(self) -> Outcome:
         summary = summarize(self.simulation, self.table, self.stopwatch, plan_asked=self.request.plan)
@@ -369,12 +373,10 @@ class _Run:
             | (self.modes.summary() if self.modes else {})
             | (self.right.summary() if self.right else {})
         )
-        verdicts: list[Verdict] = []
-        if self._reached_the_end():
-            verdicts = self.watcher.verdicts(summary, self.simulation.device.precision)
+        precision = self.simulation.device.precision
+        verdicts = self.watcher.verdicts(summary, precision) if self._reached_the_end() else []
         failed = any(not verdict.passed for verdict in verdicts)
-        verdict = self.simulation.verdict
-        code = 0
+        verdict, code = self.simulation.verdict, 0
         if self.error is not None:
             status, code = "failed", self.error.exit_code
         elif self.interrupted is not None:

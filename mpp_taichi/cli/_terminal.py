@@ -106,6 +106,14 @@ def put_interruption(code: int) -> int:
     return _put_end({"status": "interrupted"}, code)
 
 
+def put_last_failure(text: str, files: list[str], code: int) -> int:
+    """As `put_failure`, within `output_reserved` and just before the process ends; nothing where no JSON is wanted."""
+    if not _reserved:
+        return code
+    os.dup2(_reserved[-1], 1)
+    return _put_end({"status": "failed", "error": text, "files": files}, code)
+
+
 def _put_end(found: dict[str, Any], code: int) -> int:
     try:
         put_json(found | {"exit_code": code})
@@ -127,6 +135,10 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value if isinstance(value, (str, int, float, bool)) or value is None else str(value)
+
+
+_reserved: list[int] = []
+"""Standard output, while its descriptor stands for standard error."""
 
 
 def _drop_output() -> None:
@@ -154,9 +166,11 @@ def output_reserved(wanted: bool) -> Iterator[None]:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, 1)
         os.close(nowhere)
+    _reserved.append(kept)
     try:
         yield
     finally:
+        _reserved.pop()
         # Not by another sys.stdout: Taichi would take that for a notebook and copy its output after every kernel.
         with contextlib.suppress(OSError, ValueError, AttributeError):
             sys.stdout.flush()

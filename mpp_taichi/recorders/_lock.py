@@ -1,6 +1,7 @@
 """A lock file beside each output, which names the process that writes it, so that an output has one writer."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 from mpp_taichi.errors import OutputError
@@ -53,6 +54,13 @@ class OutputLock:
             return int(self.path.read_text(encoding="ascii"))
         except (OSError, ValueError):
             return None
+
+
+def release_all() -> None:
+    """Remove every lock of this process, which ends now."""
+    while _held:
+        with suppress(OSError):
+            _held.pop().unlink(missing_ok=True)
 
 
 def _is_alive(process: int) -> bool:

@@ -9,6 +9,7 @@ import os
 import sys
 import tempfile
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Protocol
 
@@ -21,6 +22,7 @@ from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import caption_lines, draw_caption
 from mpp_taichi.views.controls import BUTTONS, HELP, Controls
 from mpp_taichi.views.desk import Desk
+from mpp_taichi.views.display_loss import DisplayLoss
 from mpp_taichi.views.following import Follower
 from mpp_taichi.views.ggui import GguiScene, probe, read_back
 from mpp_taichi.views.legend import draw_legend, legend_lines
@@ -86,10 +88,12 @@ class Window:
         panels: WindowPanels | None = None,
         desk: Desk | None = None,
         glass: "ti.ui.Window | None" = None,
+        loss: DisplayLoss | None = None,
     ) -> None:
         """Open the window, with panels beside the scene and sliders where there are some; `ti.init` has been called.
 
-        With the `glass` of another Window, the window keeps its place, its size and its name.
+        With the `glass` of another Window, the window keeps its place, its size and its name. `loss` answers the loss of the
+        display; without it the process ends as Xlib and Taichi end it.
 
         Raises:
             BackendError: there is no display, or GGUI does not work on it.
@@ -98,10 +102,14 @@ class Window:
         if problem:
             raise BackendError(f"cannot open a window: {problem}")
         self.spec, self.dimensions, self.title = spec, dimensions, title
+        self._loss = nullcontext if loss is None else loss.in_glass
         self._panels = panels or WindowPanels((), RecordSpec(), str)
         if glass is None:
             _keep_folder_clean()
-            glass = ti.ui.Window(title or "mpp_taichi", size, vsync=False, fps_limit=FRAMES_PER_SECOND)
+            with self._loss():
+                if loss is not None:
+                    loss.require_display()
+                glass = ti.ui.Window(title or "mpp_taichi", size, vsync=False, fps_limit=FRAMES_PER_SECOND)
         self.glass = self._window = glass
         self.handed_on = False
         self._scene = GguiScene(self._window, spec, dimensions=dimensions)
@@ -215,7 +223,8 @@ class Window:
             self._move_sliders()
         if self._scenes.shown:
             self._list_scenes(controls)
-        self._window.show()
+        with self._loss():
+            self._window.show()
 
     def _draw(self, frame: Frame, camera: Camera, with_trails: bool) -> None:
         size = self._window.get_window_shape()
@@ -228,7 +237,8 @@ class Window:
     def _save(self, frame: Frame) -> None:
         """Write the picture, without the panels, into the working directory, with the first free number in its name."""
         path = next(path for number in range(10**6) if not (path := Path(f"screenshot_{number:04d}.png")).exists())
-        picture = read_back(self._window)
+        with self._loss():
+            picture = read_back(self._window)
         if self.spec.caption:
             draw_caption(picture, frame, self.spec.background)
         rows = round(self._scene_share() * len(picture))
