@@ -62,7 +62,7 @@ def restore(saved: Mapping[str, Any], objects: Mapping[str, Any]) -> None:
             raise StateError(f"the archive is of a run with {sorted(saved['roots'])}, and not with {sorted(objects)}")
         for name, each in objects.items():
             again.value(saved["roots"][name], each)
-    except (KeyError, IndexError, TypeError, AttributeError, ValueError, ImportError) as error:
+    except (LookupError, TypeError, AttributeError, ValueError, ArithmeticError, ImportError) as error:
         raise StateError(f"the archive does not fit this run: {error!r}") from error
 
 

@@ -13,6 +13,7 @@ under "arrays" the number type and the shape of each array. Forms that JSON does
 
 import json
 import math
+import re
 import struct
 from collections import deque
 from collections.abc import Mapping
@@ -24,7 +25,8 @@ import numpy as np
 from mpp_taichi.errors import StateError
 
 LENGTH = struct.Struct("<Q")
-KINDS = "biufcUS"  # kinds of NumPy number types that are read: none of them can hold an object
+KINDS = "biufcUS"  # kinds of NumPy number types that are kept: none of them can hold an object
+TYPE = re.compile(r"[<>|][biufcUS]\d{1,6}")  # what NumPy calls them; other texts could be types of many parts, or code
 
 
 @dataclass(frozen=True)
@@ -66,15 +68,17 @@ def unpack(data: bytes) -> Any:
         text = json.loads(data[LENGTH.size : LENGTH.size + length])
         arrays, place = [], LENGTH.size + length
         for name, shape in text["arrays"]:
-            kind, count = np.dtype(name), math.prod(shape)
-            if kind.kind not in KINDS or min(shape, default=0) < 0 or count * kind.itemsize > len(data) - place:
+            if not TYPE.fullmatch(name) or any(type(side) is not int or side < 0 for side in shape):
                 raise ValueError(f"an array of {name} of shape {shape}")
+            kind, count = np.dtype(name), math.prod(shape)
+            if count * kind.itemsize > len(data) - place:
+                raise ValueError(f"an array of shape {shape}, whose numbers are not there")
             arrays.append(np.frombuffer(data, kind, count, place).reshape(shape).copy())
             place += count * kind.itemsize
         if place != len(data):
             raise ValueError(f"{len(data) - place} bytes too many")
         return _value(text["value"], arrays)
-    except (struct.error, ValueError, KeyError, TypeError, IndexError, RecursionError) as error:
+    except (struct.error, ValueError, KeyError, TypeError, IndexError, OverflowError, RecursionError) as error:
         raise StateError(f"a record is damaged: {error}") from error
 
 

@@ -100,6 +100,10 @@ class KeptRun:
         versions = differences(old.pop("versions", {}), new.pop("versions"))
         devices = differences({"device": old.pop("device", "")}, {"device": new.pop("device")})
         old.pop("source", None), new.pop("source")
+        old.pop("format", None), new.pop("format")  # an older one can be read
+        if versions:  # an option of which the other version knew nothing
+            shared = {*OUTPUT_OPTIONS, "film", *old["options"]}
+            new["options"] = {name: value for name, value in new["options"].items() if name in shared}
         if differing := differences(old, new):
             found.close()
             told = "; ".join(differing[:MOST_TOLD]) + ("; …" if len(differing) > MOST_TOLD else "")

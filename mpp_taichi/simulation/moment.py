@@ -8,13 +8,14 @@ are the counts of the solvers, the work of the phases, the energy balance and th
 here, as its class imports this module.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mpp_taichi.archive import object_state
 from mpp_taichi.device import one_thread
 from mpp_taichi.errors import StateError
-from mpp_taichi.simulation.clock import Reading
+from mpp_taichi.simulation.clock import MOST_STEPS_COUNTED, Reading
 from mpp_taichi.simulation.compiled_phase import SavedFields
 from mpp_taichi.simulation.in_turn import require_life
 from mpp_taichi.simulation.saved_state import Mark
@@ -48,7 +49,7 @@ def go_to(simulation: Any, moment: Mapping[str, Any]) -> None:
 def _go_to(simulation: Any, moment: Mapping[str, Any]) -> None:
     runner = simulation._runner
     try:
-        number, reading = int(moment["phase"]), Reading(*moment["clock"])
+        number, reading = int(moment["phase"]), _reading(moment["clock"])
         if not runner.course.first <= number < len(runner.course.phases):
             raise StateError(f"the archive is of a run in its phase {number}, and this run has no such phase")
         again = number != runner.number
@@ -64,8 +65,17 @@ def _go_to(simulation: Any, moment: Mapping[str, Any]) -> None:
         runner.go_to(number, mark, accounts, again=again)
         runner.phase.warm_up(runner.clock)
         runner.return_to(mark)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise StateError(f"the archive is damaged: {error!r}") from error
+
+
+def _reading(numbers: Sequence[Any]) -> Reading:
+    """The clock of a moment; what is no time of a run would stop the kernels, and not with words."""
+    origin_time, origin_step, steps, dt = numbers
+    whole = all(type(each) is int and 0 <= each < 2**63 for each in (origin_step, steps)) and steps <= MOST_STEPS_COUNTED
+    if not (whole and math.isfinite(origin_time) and 0.0 < dt < math.inf):
+        raise ValueError(f"a clock of {list(numbers)}")
+    return Reading(origin_time, origin_step, steps, dt)
 
 
 def _require_same_forms(found: Sequence[Any], wanted: Sequence[Any]) -> None:

@@ -29,6 +29,10 @@ log = logging.getLogger(__name__)
 FORMAT = 1
 EVERY = 5.0  # seconds of the wall clock between two records
 SHARE = 0.01  # of the run, that writing records may take
+PARTS = {  # of a header, beside its format and versions
+    **{"scene": Mapping, "source": str, "backend": str, "device": str, "precision": str, "plan": str, "start": str},
+    "options": Mapping,
+}
 SAME_RUN = ("scene", "backend", "precision", "plan", "start")  # parts of a header
 MOST_PENDING = 1 << 26  # bytes of outputs that wait in memory, beyond which a record is written at once
 MOST_OUTPUT = 1 << 31  # bytes of outputs in one archive, beyond which no more records are written
@@ -225,12 +229,32 @@ class FoundRun:
             OutputError: the file cannot be read.
             StateError: it is no archive.
         """
-        self.path, self.file = path, RecordFile.open(path, to_append=to_append)
+        self.path, self.file, self._to_append = path, RecordFile.open(path, to_append=to_append), to_append
         self.torn = self.file.torn
-        header = self.file.last(HEADER)
-        self.header: dict[str, Any] = {} if header is None else unpack(self.file.read(header))
-        if self.header.get("format", FORMAT) > FORMAT:
-            raise StateError(f"{path}: was written by a later version of this program, {self.header.get('versions')}")
+        try:
+            self.header = self._header()
+        except BaseException:
+            self.close()
+            raise
+
+    def _header(self) -> dict[str, Any]:
+        """What the run was; of an older format it has the parts of the present one."""
+        record = self.file.last(HEADER)
+        if record is None:
+            return {}
+        found = unpack(self.file.read(record))
+        written = found.get("format") if isinstance(found, dict) else None
+        if not isinstance(written, int) or not isinstance(found.get("versions"), dict):
+            raise StateError(f"{self.path}: its header is damaged")
+        if written > FORMAT:
+            version = found["versions"].get("mpp_taichi", "a later version")
+            raise StateError(
+                f"{self.path}: was written by mpp_taichi {version} in format {written}; this is {__version__}, which reads "
+                f"formats up to {FORMAT}: use that version, or --fresh with the command of the run"
+            )
+        if wrong := [name for name, kind in PARTS.items() if not isinstance(found.get(name), kind)]:
+            raise StateError(f"{self.path}: its header is damaged: it has no {wrong[0]}")
+        return found
 
     @property
     def has_ended(self) -> bool:
@@ -255,9 +279,14 @@ class FoundRun:
         return sum(record.length for record in self.file.records if record.kind == OUTPUT)
 
     def news(self, name: str) -> Iterator[list[Any]]:
-        """The news of one output, in the order in which they were kept, up to the last state; those behind it are removed."""
-        self.file.cut_behind(self._states[-1])
-        for record in self.file.records:
+        """The news of one output, in the order in which they were kept, up to the last state.
+
+        Where the run goes on, those behind it are removed.
+        """
+        last = self._states[-1]
+        if self._to_append:
+            self.file.cut_behind(last)
+        for record in self.file.records[: last.number]:
             if record.kind == OUTPUT:
                 yield unpack(self.file.read(record)).get(name, [])
 
