@@ -16,6 +16,7 @@ from typing import IO, Any
 from mpp_taichi.cli._exhausted import exhausted
 from mpp_taichi.cli._signals import Interruption
 from mpp_taichi.cli._terminal import say
+from mpp_taichi.cli._verdicts import Verdicts
 from mpp_taichi.device.with_parent import child_environment
 from mpp_taichi.errors import INTERNAL_ERROR_CODE
 
@@ -35,17 +36,20 @@ class _Job:
     words: IO[bytes]
 
 
-def check_at_once(scenes: Sequence[Path], count: int, arguments: argparse.Namespace, failure: Failure) -> list[dict[str, Any]]:
+def check_at_once(
+    scenes: Sequence[Path], count: int, arguments: argparse.Namespace, failure: Failure, verdicts: Verdicts
+) -> list[dict[str, Any]]:
     """The result of the check of each scene, in the order of the scenes; at most `count` of them run at a time.
 
-    `failure` makes the result of a scene whose process ended without a result.
+    `verdicts` has those of an earlier check that was cut off, and keeps new ones. `failure` makes the result of a scene whose
+    process ended without a result.
 
     Raises:
         Interrupted: a signal was received; the processes have been ended.
         OSError: not even one process can be started.
     """
-    results: dict[Path, dict[str, Any]] = {}
-    waiting, running = list(dict.fromkeys(scenes)), list[_Job]()
+    results = {scene: known for scene in scenes if (known := verdicts.get(scene)) is not None}
+    waiting, running = [scene for scene in dict.fromkeys(scenes) if scene not in results], list[_Job]()
     with Interruption() as interruption:
         try:
             while waiting or running:
@@ -62,6 +66,7 @@ def check_at_once(scenes: Sequence[Path], count: int, arguments: argparse.Namesp
                 for job in [job for job in running if job.process.poll() is not None]:
                     running.remove(job)
                     results[job.scene] = _result(job, failure)
+                    verdicts.keep(job.scene, results[job.scene])
                 interruption.raise_if_any()
                 time.sleep(POLL_SECONDS)
         finally:
@@ -70,7 +75,7 @@ def check_at_once(scenes: Sequence[Path], count: int, arguments: argparse.Namesp
 
 
 def _started(scene: Path, arguments: argparse.Namespace) -> _Job:
-    words = [*PROGRAM, "--jobs", "1", "--json", "--backend", arguments.backend, "--plan", arguments.plan]
+    words = [*PROGRAM, "--jobs", "1", "--json", "--no-archive", "--backend", arguments.backend, "--plan", arguments.plan]
     words += ["--precision", arguments.precision] if arguments.precision else []
     words += ["--threads", str(arguments.threads)] if arguments.threads else []
     words += ["--quiet"] if arguments.quiet else []

@@ -13,7 +13,9 @@ from typing import Any
 
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._check_in_parallel import check_at_once
+from mpp_taichi.cli._study_journal import add_journal, went_on
 from mpp_taichi.cli._terminal import UsageError, explain_error, output_reserved, put, put_json, say
+from mpp_taichi.cli._verdicts import Verdicts
 from mpp_taichi.errors import MppError, SceneError, StabilityError, UnsupportedError
 
 NOT_HERE = "not possible here"
@@ -31,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"scenes to run at once; absent: as many as there are processors where more than {FEW} are checked",
     )
     _options.add_device(parser)
+    add_journal(parser, "out/check-….journal")
     _options.add_report(parser)
 
 
@@ -41,17 +44,18 @@ def execute(arguments: argparse.Namespace) -> int:
     """
     scenes = _scene_files(arguments.scenes)
     jobs = arguments.jobs or (1 if len(scenes) <= FEW else os.cpu_count() or 1)
-    with output_reserved(arguments.json):
+    with output_reserved(arguments.json), Verdicts(scenes, arguments) as verdicts:
         if jobs == 1 or len(scenes) == 1:
-            results = [_check(scene, arguments) for scene in scenes]
+            results = [verdicts.get(scene) or _check(scene, arguments, verdicts) for scene in scenes]
         else:
-            results = check_at_once(scenes, jobs, arguments, _failure)
+            results = check_at_once(scenes, jobs, arguments, _failure, verdicts)
     run = [result["exit_code"] for result in results if result["status"] != NOT_HERE]
     broken = [code for code in run if code not in (0, StabilityError.exit_code)]
     code = broken[0] if broken else max(run, default=UnsupportedError.exit_code)
     if arguments.json:
         counts = {"passed": run.count(0), "failed": len(run) - run.count(0), "not_possible_here": len(results) - len(run)}
-        put_json({"scenes": results, **counts, "status": "ok" if code == 0 else "failed", "exit_code": code})
+        told = {"scenes": results, **counts, "went_on": went_on(verdicts.journal)}
+        put_json({**told, "status": "ok" if code == 0 else "failed", "exit_code": code})
     elif not arguments.quiet:
         _put_table(results)
     return code
@@ -70,7 +74,7 @@ def _scene_files(given: list[str]) -> list[Path]:
     return found
 
 
-def _check(scene: Path, arguments: argparse.Namespace) -> dict[str, Any]:
+def _check(scene: Path, arguments: argparse.Namespace, verdicts: Verdicts) -> dict[str, Any]:
     from mpp_taichi.cli._choose_method import settled
     from mpp_taichi.cli._request import Request
     from mpp_taichi.cli._session import run_scene
@@ -93,7 +97,9 @@ def _check(scene: Path, arguments: argparse.Namespace) -> dict[str, Any]:
         return _failure(scene, str(error), error.exit_code) | {"faults": faults} | ({"status": NOT_HERE} if not_here else {})
     if outcome.summary["status"] == "interrupted":
         raise Interrupted(outcome.exit_code - 128)
-    return outcome.as_json()
+    result = outcome.as_json()
+    verdicts.keep(scene, result)
+    return result
 
 
 def _failure(scene: Path, error: str, exit_code: int) -> dict[str, Any]:

@@ -1,12 +1,19 @@
 """Killed runs: does the same command go on to the same results, and is nothing left behind?
 
-    python tools/checks/kill_runs.py [--count 200] [--seed 1] [--verbs run,record,…] [--keep]
+    python tools/checks/kill_runs.py [--count 200] [--seed 1] [--verbs run,record,…] [--share 1/4] [--json killed.json]
+    python tools/checks/kill_runs.py --table killed-1.json killed-2.json …
 
 Each trial starts a command, sends it SIGKILL (three of five times), SIGTERM or SIGINT at a random moment, looks for processes
 that are left over after two seconds, and gives the same command again. The second end must have the results of a command that
-was never killed, and no temporary file and no lock may be left. Prints one line for each trial that fails, and a table:
+was never killed, and no temporary file, no journal and no lock may be left. After SIGKILL at most MOST_LOST seconds of work may
+be lost: the time from the last record of the archive or journal (of a command that had none yet, from the end of its start) to
+the signal. Every verb has the same number of trials, and of every signal.
 
-    lost    the time by which both starts together took longer than a whole run and one more start [s], after SIGKILL
+`--share k/n` does every n-th trial from the k-th on, with the same moments as all of them. Prints one line for each trial that
+fails, and a table; `--table` makes it of the files that shares have written:
+
+    lost    seconds of work that were lost by SIGKILL, the median and the largest
+    longer  the time by which both starts together took longer than a whole run [s], the median after SIGKILL
 
 The exit code is 1 where a trial failed.
 """
@@ -24,120 +31,24 @@ import sys
 import tempfile
 import time
 import uuid
-from collections import defaultdict
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import numpy as np
+from kill_cases import Case, cases
 
 ROOT = Path(__file__).parents[2]
 MARK = "MPP_TAICHI_KILLED"
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+MOST_LOST = 5.0  # seconds of work
 GRACE = 2.0  # seconds after which no process of a killed command may be left
 BUSY = 100  # seconds that an end may take at most
 
-ORBITS = """
-title: Orbits
-particles:
-  - body: {name: sun, mass: 1, position: [0, 0, 0]}
-  - body: {name: a, mass: 1e-3, position: [1, 0, 0], velocity: [0, 1, 0]}
-  - body: {name: b, mass: 1e-4, position: [-1.7, 0, 0.1], velocity: [0, -0.75, 0]}
-forces: [{newtonian_gravity: {strength: 1}}]
-inspect: [{x: time, y: {kinetic_energy: {}}}]
-"""
-NETWORK = """
-title: Network
-particles:
-  - body: {name: a, mass: 1, position: [0, 0, 0], free: false}
-  - body: {name: b, mass: 1, position: [1, 0, 0.3]}
-  - body: {name: c, mass: 0.7, position: [1.7, 0, 0.9]}
-springs: [{link: {between: [a, b], stiffness: 200}}, {link: {between: [b, c], stiffness: 80, damping: 0.01}}]
-forces: [{uniform_gravity: {acceleration: [0, 0, -9.81]}}]
-inspect: [{x: time, y: {kinetic_energy: {}}}]
-timeline: [{at: 1.00000012, set: {"springs[0].link.stiffness": 150}}]
-"""
-GAS = """
-title: Gas
-dimensions: 2
-particles: [{gas: {name: gas, count: 150, lower: [-7, -7], upper: [7, 7], radius: 0.35, speed: 1}}]
-walls: [{box: {lower: [-7, -7], upper: [7, 7]}}]
-contacts: {hard_spheres: {solver: event_driven}}
-inspect: [{x: time, y: {kinetic_energy: {}}}]
-"""
-SHORT = ORBITS + "integrator: {leapfrog: {dt: 1e-3}}\nrun: {duration: 2}\n"
-OUTPUTS = ("--diagnostics", "t.csv", "--snapshot", "e.npz", "--inspect", "p.csv", "--json")
+REST = ("*.part*", ".*.lock", "*journal", "work")  # of what must not be left after a study has ended
 
 
-@dataclass
-class Case:
-    """A command, the file that it reads, and how its results are taken from a folder and its standard output."""
-
-    verb: str
-    scenes: dict[str, str]
-    words: list[str]
-    results: Callable[[Path, str], object]
-    goes_on: bool = True  # by an archive
-
-
-def state_and_tables(folder: Path, told: str) -> object:
-    """The end of a run: its arrays, its tables and its verdict."""
-    found = json.loads(told)
-    with np.load(folder / "e.npz") as end:
-        arrays = {name: end[name].tobytes() for name in end}
-    facts = {name: found[name] for name in ("status", "steps", "time", "relative_energy_error_max", "findings", "phases")}
-    return facts, arrays, *((folder / name).read_bytes() for name in ("t.csv", "p.csv"))
-
-
-def film(folder: Path, told: str) -> object:
-    """The bytes of a film, and the number of steps."""
-    return (folder / "f.mp4").read_bytes(), json.loads(told)["steps"]
-
-
-def statuses(folder: Path, told: str) -> object:
-    """The status and the energy error of every scene."""
-    return [(each["scene"], each["status"], each["relative_energy_error_max"]) for each in json.loads(told)["scenes"]]
-
-
-def verdicts(folder: Path, told: str) -> object:
-    """The contenders of a comparison, with their status."""
-    found = json.loads(told)
-    names = ("label", "variant", "precision", "status", "verdict")
-    return found["status"], sorted(str([row.get(name) for name in names]) for row in found["rows"])
-
-
-def choice(folder: Path, told: str) -> object:
-    """Whether a study was written whole, with its reference."""
-    found = json.loads(told)
-    return found["reference"] is not None, len(found["rows"]) > 0, sorted(each.name for each in folder.rglob("*.html"))
-
-
-def cases() -> list[Case]:
-    """The commands."""
-
-    def run(text: str, integrator: str, duration: float) -> Case:
-        text += f"integrator: {integrator}\nrun: {{duration: {duration!r}}}\n"
-        return Case("run", {"s.yaml": text}, ["run", "s.yaml", "--headless", *OUTPUTS], state_and_tables)
-
-    short = {f"{name}.yaml": SHORT for name in "abcd"}
-    recorded = ORBITS + "integrator: {leapfrog: {dt: 1e-3}}\nrun: {duration: 40}\nrecord: {size: [640, 360], seconds: 20}\n"
-    return [
-        run(ORBITS, "{leapfrog: {dt: 1e-6}}", 200),
-        run(ORBITS, "{ias15: {dt: 1}}", 600_000),
-        run(NETWORK, "{leapfrog: {dt: 1e-6}}", 80.00000012),
-        run(NETWORK, "{bdf2: {dt: 1e-4}}", 80.00000012),
-        run(GAS, "{event_driven: {dt: 0.05}}", 30_000),
-        Case("record", {"s.yaml": recorded}, ["record", "s.yaml", "--video", "f.mp4", "--json"], film),
-        Case("check", short, ["check", *short, "--jobs", "2", "--json"], statuses, goes_on=False),
-        Case(
-            "compare",
-            {"s.yaml": SHORT},
-            ["compare", "s.yaml", "--backends", "cpu", "--steps", "200", "--json"],
-            verdicts,
-            goes_on=False,
-        ),
-        Case("accuracy", {"s.yaml": SHORT}, ["accuracy", "s.yaml", "--budget", "8", "--json"], choice, goes_on=False),
-    ]
+def environment(mark: str) -> dict[str, str]:
+    """The environment of a command; `mark` is inherited by all of its processes."""
+    return {**os.environ, "PYTHONPATH": str(ROOT), MARK: mark}
 
 
 def begin(case: Case, folder: Path, mark: str) -> subprocess.Popen:
@@ -145,7 +56,7 @@ def begin(case: Case, folder: Path, mark: str) -> subprocess.Popen:
     return subprocess.Popen(
         [sys.executable, "-m", "mpp_taichi", *case.words],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT), MARK: mark},
+        env=environment(mark),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -172,23 +83,28 @@ def left_over(mark: str) -> list[int]:
     return found
 
 
-def trial(case: Case, parent: Path, whole: tuple[object, float], moment: float, number: int) -> tuple[list[str], float | None]:
-    """The faults of one killed run, and the seconds that were lost."""
+def trial(case: Case, parent: Path, whole: tuple[object, float, float], moment: float, number: int) -> dict[str, Any]:
+    """The facts of one killed run; `whole`: the results, the seconds of a whole run, and those of a start alone."""
     folder, mark = folder_of(case, parent), uuid.uuid4().hex
-    wanted, seconds = whole
-    process = begin(case, folder, mark)
-    began = time.monotonic()
+    wanted, seconds, start = whole
+    found: dict[str, Any] = {"verb": case.verb, "signal": signal.Signals(number).name, "after": round(moment, 2), "faults": []}
+    faults = found["faults"]
+    process, began, at = begin(case, folder, mark), time.monotonic(), time.time()
     try:
         process.wait(timeout=moment)
     except subprocess.TimeoutExpired:
         process.send_signal(number)
+    sent = time.time()
     try:
         _, told = process.communicate(timeout=BUSY)
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
-        return [f"did not end within {BUSY} s"], None
+        faults.append(f"did not end within {BUSY} s")
+        return found
     first = time.monotonic() - began
-    faults = ["a traceback"] if "Traceback" in told else []
+    found["was_running"] = process.returncode not in (0, None)
+    if "Traceback" in told:
+        faults.append("a traceback")
     until = time.monotonic() + GRACE
     while left_over(mark) and time.monotonic() < until:
         time.sleep(0.1)
@@ -197,21 +113,73 @@ def trial(case: Case, parent: Path, whole: tuple[object, float], moment: float, 
         for each in rest:
             with contextlib.suppress(OSError):
                 os.kill(each, signal.SIGKILL)
-    again = begin(case, folder, uuid.uuid4().hex)
-    began = time.monotonic()
+    records = [each.stat().st_mtime for each in folder.glob(case.memory)]
+    again, began = begin(case, folder, uuid.uuid4().hex), time.monotonic()
     out, told = again.communicate(timeout=BUSY)
     second = time.monotonic() - began
     try:
         if case.results(folder, out) != wanted:
             faults.append("other results")
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:
         faults.append(f"no results, {error!r}: {told[-200:]!r}")
-    if rest := [str(each.relative_to(folder)) for pattern in ("*.part*", ".*.lock") for each in folder.rglob(pattern)]:
+    if rest := [str(each.relative_to(folder)) for pattern in REST for each in folder.rglob(pattern)]:
         faults.append(f"files left: {rest}")
+    if number == signal.SIGKILL and found["was_running"]:
+        found["lost"] = round(max(0.0, sent - max([at + start, *records])), 2)
+        found["longer"] = round(first + second - seconds, 2)
+        if found["lost"] > MOST_LOST:
+            faults.append(f"{found['lost']:.1f} s of work lost")
     if not faults:
         shutil.rmtree(folder)
-    killed = number == signal.SIGKILL and case.goes_on and process.returncode != 0
-    return faults, first + second - seconds if killed else None
+    return found
+
+
+def whole_runs(chosen: list[Case], parent: Path) -> list[tuple[object, float, float]]:
+    """The results of each command without a kill, its seconds, and the seconds of the start of the program."""
+    found = []
+    for case in chosen:
+        folder, began = folder_of(case, parent), time.monotonic()
+        process = begin(case, folder, uuid.uuid4().hex)
+        out, told = process.communicate(timeout=BUSY)
+        seconds, began = time.monotonic() - began, time.monotonic()
+        subprocess.run([sys.executable, "-m", "mpp_taichi", *case.start], cwd=folder, env=environment(""), capture_output=True)
+        try:
+            found.append((case.results(folder, out), seconds, time.monotonic() - began))
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise SystemExit(f"{case.words}: no results without a kill: {error!r}\n{told[-2000:]}") from None
+        print(f"{' '.join(case.words[:2])}: a whole run takes {seconds:.1f} s, a start {found[-1][2]:.1f} s", flush=True)
+    return found
+
+
+def table(found: list[dict[str, Any]]) -> list[str]:
+    """Trials, passed trials and losses for each verb and signal, as a table of Markdown."""
+    lines = [
+        "| verb | signal | trials | passed | lost, median | lost, largest | longer, median |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for verb, name in sorted({(each["verb"], each["signal"]) for each in found}):
+        mine = [each for each in found if (each["verb"], each["signal"]) == (verb, name)]
+        passed = sum(not each["faults"] for each in mine)
+        lost, longer = ([each[key] for each in mine if key in each] for key in ("lost", "longer"))
+        figures = (
+            f"{statistics.median(lost):.1f} s | {max(lost):.1f} s | {statistics.median(longer):.1f} s" if lost else "– | – | –"
+        )
+        lines.append(f"| `{verb}` | {name.removeprefix('SIG')} | {len(mine)} | {passed} | {figures} |")
+    passed = sum(not each["faults"] for each in found)
+    return [*lines, "", f"{passed} of {len(found)} went on to the same results, lost little and left nothing behind"]
+
+
+def planned(chosen: list[Case], count: int, seed: int) -> list[tuple[int, float, int]]:
+    """The trials: number of the case, moment as a part of a whole run, signal; alike many of each verb and signal."""
+    chance = random.Random(seed)
+    verbs = list(dict.fromkeys(case.verb for case in chosen))
+    found = []
+    for k in range(count):
+        turn = k // len(verbs)
+        mine = [number for number, case in enumerate(chosen) if case.verb == verbs[k % len(verbs)]]
+        which = mine[(turn // len(SIGNALS)) % len(mine)]
+        found.append((which, chance.uniform(0.05, 0.95), SIGNALS[turn % len(SIGNALS)]))
+    return found
 
 
 def main() -> int:
@@ -220,40 +188,28 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--verbs", default="run,record,check,compare,accuracy")
+    parser.add_argument("--share", default="1/1", metavar="k/n")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="all trials, written after each of them")
+    parser.add_argument("--table", type=Path, nargs="+", metavar="FILE", help="only print the table of such files")
     options = parser.parse_args()
-    chance, wrong = random.Random(options.seed), 0
-    lost: dict[str, list[float]] = defaultdict(list)
-    tries: dict[str, int] = defaultdict(int)
+    if options.table:
+        found = [each for path in options.table for each in json.loads(path.read_text(encoding="utf-8"))]
+        print("\n".join(table(found)))
+        return 1 if any(each["faults"] for each in found) else 0
+    number, parts = map(int, options.share.split("/"))
     chosen = [case for case in cases() if case.verb in options.verbs.split(",")]
     parent = Path(tempfile.mkdtemp(prefix="killed-"))
-    whole = []
-    for case in chosen:
-        folder, began = folder_of(case, parent), time.monotonic()
-        process = begin(case, folder, uuid.uuid4().hex)
-        out, told = process.communicate(timeout=BUSY)
-        try:
-            whole.append((case.results(folder, out), time.monotonic() - began))
-        except (OSError, ValueError, KeyError) as error:
-            raise SystemExit(f"{case.words}: no results without a kill: {error!r}\n{told[-2000:]}") from None
-        print(f"{' '.join(case.words[:2])}: a whole run takes {whole[-1][1]:.1f} s", flush=True)
-    for k in range(options.count):
-        which = k % len(chosen)
-        case = chosen[which]
-        moment, number = chance.uniform(0.05, 0.95) * whole[which][1], chance.choice(SIGNALS)
-        faults, seconds = trial(case, parent, whole[which], moment, number)
-        tries[case.verb] += 1
-        if seconds is not None:
-            lost[case.verb].append(seconds)
-        if faults:
-            wrong += 1
-            told = "; ".join(faults)
-            print(f"{case.verb} (case {which}), {signal.Signals(number).name} after {moment:.2f} s: {told}", flush=True)
-    print("verb      trials  lost, median [s]  lost, largest [s]")
-    for verb, count in tries.items():
-        figures = f"{statistics.median(lost[verb]):16.1f}  {max(lost[verb]):17.1f}" if lost[verb] else ""
-        print(f"{verb:9} {count:6}  {figures}")
-    print(f"{options.count} killed, {wrong} of them did not go on to the same results or left something behind")
-    return 1 if wrong else 0
+    print(f"folders of trials that fail stay in {parent}", flush=True)
+    whole, found = whole_runs(chosen, parent), []
+    for which, part, given in planned(chosen, options.count, options.seed)[number - 1 :: parts]:
+        found.append(trial(chosen[which], parent, whole[which], part * whole[which][1], given))
+        if options.json is not None:
+            options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
+        if told := "; ".join(found[-1]["faults"]):
+            here = f"{found[-1]['verb']} (case {which}), {found[-1]['signal']} after {found[-1]['after']:.2f} s"
+            print(f"{here}: {told}", flush=True)
+    print("\n".join(table(found)))
+    return 1 if any(each["faults"] for each in found) else 0
 
 
 if __name__ == "__main__":
