@@ -8,6 +8,7 @@ import ctypes
 import os
 import select
 import signal
+import socket
 import stat
 import sys
 from collections.abc import Callable, Iterator
@@ -16,6 +17,7 @@ from types import TracebackType
 
 from mpp_taichi.errors import BackendError
 
+X_PORTS = range(6000, 6064)  # of X servers that are reached by TCP, also through a tunnel
 STANDARD_STREAMS = 3  # descriptors 0 to 2: a service may have sockets there
 _XlibHandler = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p)
 _SignalHandler = ctypes.CFUNCTYPE(None, ctypes.c_int)
@@ -110,13 +112,28 @@ class DisplayLoss:
 
 
 def a_connection_is_broken() -> bool:
-    """Whether the other end of a socket of this process, such as that to the X server, is closed."""
+    """Whether the other end of a socket of this process that leads to a display server is closed."""
     poll = select.poll()
     for name in os.listdir("/proc/self/fd"):
         with suppress(OSError):  # the descriptor of the listing itself
-            if int(name) >= STANDARD_STREAMS and stat.S_ISSOCK(os.fstat(int(name)).st_mode):
+            if int(name) >= STANDARD_STREAMS and _leads_to_a_display(int(name)):
                 poll.register(int(name), select.POLLRDHUP)
     return any(event & (select.POLLHUP | select.POLLRDHUP | select.POLLERR) for _, event in poll.poll(0))
+
+
+def _leads_to_a_display(descriptor: int) -> bool:
+    """Whether a descriptor is a socket to an X or Wayland server; other sockets may end without harm to the window."""
+    if not stat.S_ISSOCK(os.fstat(descriptor).st_mode):
+        return False
+    end = socket.socket(fileno=descriptor)
+    try:
+        peer = end.getpeername()
+    finally:
+        end.detach()
+    if isinstance(peer, tuple):
+        return peer[1] in X_PORTS
+    name = os.fsdecode(peer)
+    return ".X11-unix/" in name or "wayland" in name
 
 
 def _library(name: str | None) -> ctypes.CDLL | None:

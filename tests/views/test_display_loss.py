@@ -132,9 +132,21 @@ def test_a_display_that_goes_away_before_the_window_opens_is_told_in_one_line(fo
     assert not Path(".table.csv.lock").exists()
 
 
-def test_a_broken_connection_is_seen():
-    here, there = socket.socketpair()
-    with here:
+def test_a_broken_connection_to_a_display_is_seen(tmp_path):
+    place = tmp_path / ".X11-unix"
+    place.mkdir()
+    with socket.socket(socket.AF_UNIX) as listens, socket.socket(socket.AF_UNIX) as ours:
+        listens.bind(str(place / "X9"))
+        listens.listen()
+        ours.connect(str(place / "X9"))
+        server, _ = listens.accept()
         assert not a_connection_is_broken()
-        there.close()
+        server.close()
         assert a_connection_is_broken()
+
+
+def test_another_connection_that_ends_is_no_loss_of_the_display():
+    ours, theirs = socket.socketpair()
+    with ours:
+        theirs.close()
+        assert not a_connection_is_broken()
