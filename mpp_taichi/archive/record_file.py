@@ -118,7 +118,7 @@ class RecordFile:
         number, begin = len(self.records), self.records[-1].end if self.records else len(MAGIC)
         head = HEAD.pack(b"MREC", kind, number, len(payload), zlib.crc32(payload))
         try:
-            self._write(head + CHECK.pack(zlib.crc32(head)) + payload)
+            self._write(head + CHECK.pack(zlib.crc32(head)), payload)
             self._write(TAIL.pack(b"MEND", number))
         except OSError as error:
             self._forget_from(begin)
@@ -191,8 +191,9 @@ class RecordFile:
         """Close the file."""
         self._stream.close()
 
-    def _write(self, data: bytes) -> None:
-        self._stream.write(data)
+    def _write(self, *parts: bytes) -> None:
+        for data in parts:
+            self._stream.write(data)
         self._stream.flush()
         os.fsync(self._stream.fileno())
 

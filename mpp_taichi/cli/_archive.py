@@ -41,6 +41,7 @@ class KeptRun:
             "until": goal.until,
             "steps": goal.steps,
             "every": every,
+            "asked_every": request.every,
             "force": request.force,
             "recorders": sorted(objects),
             "energy_balance": simulation.energy_balance is not None,
@@ -101,9 +102,8 @@ class KeptRun:
         devices = differences({"device": old.pop("device", "")}, {"device": new.pop("device")})
         old.pop("source", None), new.pop("source")
         old.pop("format", None), new.pop("format")  # an older one can be read
-        if versions:  # an option of which the other version knew nothing
-            shared = {*OUTPUT_OPTIONS, "film", *old["options"]}
-            new["options"] = {name: value for name, value in new["options"].items() if name in shared}
+        known = {*OUTPUT_OPTIONS, "film", *old["options"]}  # the others, an earlier version knew nothing of
+        new["options"] = {name: value for name, value in new["options"].items() if name in known}
         if differing := differences(old, new):
             found.close()
             told = "; ".join(differing[:MOST_TOLD]) + ("; …" if len(differing) > MOST_TOLD else "")

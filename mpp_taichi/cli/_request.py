@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mpp_taichi.cli._excerpt import Excerpt
 from mpp_taichi.cli._options import require_suffix
 from mpp_taichi.recorders._mode_plot import require_matplotlib
 from mpp_taichi.recorders.event_log import FORMATS as EVENT_FORMATS
@@ -56,7 +57,8 @@ class Request:
     energy_balance: bool = False
     window: bool = False
     force: bool = False
-    rewind: "Rewind | None" = None
+    rewind: "Rewind | Excerpt | None" = None
+    start_digest: str = ""
     beside: "Beside | None" = None
     archive: bool = False
     fresh: bool = False
@@ -65,6 +67,11 @@ class Request:
     def films(self) -> bool:
         """Whether pictures are recorded."""
         return any(path is not None for path in (self.video, self.frames, self.still, self.html))
+
+    @property
+    def is_new(self) -> bool:
+        """Whether the run is no part of an earlier run that is shown again."""
+        return not isinstance(self.rewind, Excerpt)
 
     def frame_count(self, spec: SceneSpec) -> int:
         """The number of frames of the film."""

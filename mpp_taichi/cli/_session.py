@@ -106,7 +106,7 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
             goal = request.rewind.goal(goal, simulation)
         steps = check_steps(simulation, goal, force=request.force)
         total = goal.step_count(spec) if request.rewind is None else steps
-        validity = Validity.of(simulation, goal, stopwatch, interruption) if stage is None else Validity()
+        validity = Validity.of(simulation, goal, stopwatch, interruption) if stage is None and request.is_new else Validity()
         run = _Run(spec, request, goal, simulation, stopwatch, total, rewound, right, validity)
         run.glass = None if stage is None else stage.glass
         return run.go(interruption, sinks, trajectory)
@@ -288,8 +288,8 @@ class _Run:
         for page in pages:
             page.begin(self.spec, self.simulation.start.name, self.table.rows, count)
         more: dict[str, Any] = {"title": self.spec.title, "caption": self._caption, "stopwatch": self.stopwatch}
-        more["is_dimmed"] = self.validity.is_beyond
-        more["raise_if_interrupted"] = interruption.raise_if_any
+        more["start"] = self.goal.begin if self.request.rewind is not None else None
+        more |= {"is_dimmed": self.validity.is_beyond, "raise_if_interrupted": interruption.raise_if_any}
         if self.right is not None:
             return self.right.film(size, pictures, count, **more)
         return FilmRecorder(self._view(size) if pictures else None, pictures, count, span, pages=pages, **more)

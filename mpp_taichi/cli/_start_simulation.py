@@ -25,12 +25,22 @@ def start(spec: SceneSpec, request: Request) -> "Simulation":
 
     options: dict[str, Any] = {name: getattr(request, name) for name in ("backend", "precision", "plan", "threads", "force")}
     options["event_log"] = request.events is not None
-    if request.rewind is None:
-        return Simulation(spec, **options)
+    if request.rewind is None or request.rewind.state is None:
+        return _checked(Simulation(spec, **options), request)
     try:
         return Simulation(spec, **options, start=request.rewind.state)
     except StateError as error:
         raise StateError(f"--rewind {request.rewind.file}: it is of another scene: {error}") from None
+
+
+def _checked(simulation: "Simulation", request: Request) -> "Simulation":
+    """The simulation, unless it has another start than the run that it is to repeat."""
+    from mpp_taichi.simulation.run_archive import start_digest
+
+    if request.start_digest and start_digest(simulation) != request.start_digest:
+        simulation.close()
+        raise StateError("the scene reads a file that has changed since the run, so its start cannot be had again")
+    return simulation
 
 
 def start_another(file: Path, *, device: "Device", request: Request) -> "Simulation":

@@ -1,7 +1,8 @@
-"""Replay a run from its archive: the state of any moment, bit for bit, without a new run.
+"""Replay a run from its archive: the state of any moment, bit for bit, or a film of it with another view.
 
-ARCHIVE is the file out/SCENE.run that a long run keeps. The moment is computed anew from the nearest record before it. Without
---at, the last record is taken.
+ARCHIVE is the file out/SCENE.run that a long run keeps. A moment is computed again from the last record before it. Without
+--at, the last record is taken. --video, --frames and --html record a film from --from to --until: its steps are computed
+again from the last record before --from, and its view is that of the scene, changed by --set view.KEY=VALUE.
 """
 
 import argparse
@@ -10,10 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli import _options
-from mpp_taichi.cli._terminal import UsageError, output_reserved, put, put_json
+from mpp_taichi.cli._terminal import UsageError, output_reserved, put, put_json, say
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
+
+
+FILMS = ("video", "frames", "html")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,22 +26,49 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--at", type=float, metavar="T", help="the simulated time of the moment")
     parser.add_argument("--snapshot", type=_options.output_path, metavar="F.npz", help="write the state")
     parser.add_argument("--still", type=_options.output_path, metavar="F.png", help="draw a picture, as the scene's view: says")
+    parser.add_argument("--video", type=_options.output_path, metavar="F", help="a film: .mp4, .gif or .webp")
+    parser.add_argument("--frames", type=_options.output_path, metavar="DIR", help="a film as a folder of pictures")
+    parser.add_argument("--html", type=_options.output_path, metavar="F.html", help="a film as one file that a browser plays")
+    parser.add_argument("--from", dest="begin", type=float, metavar="T", help="time at which the film begins; the run's start")
+    parser.add_argument("--until", type=float, metavar="T", help="time at which the film ends; the run's end, or last record")
+    parser.add_argument("--fps", type=_options.positive_number, metavar="N", help="frames a second; the run's when absent")
+    parser.add_argument(
+        "--duration", type=_options.positive_number, metavar="T", help="length of the film in seconds; its share of the run's"
+    )
+    parser.add_argument(
+        "--set",
+        dest="overrides",
+        action="append",
+        default=[],
+        metavar="PATH=VALUE",
+        help="change the view: view.camera.field_of_view=20, record.panels=none; repeatable",
+    )
     parser.add_argument("--size", type=_options.picture_size, metavar="WxH", help="size of the picture in pixels")
     parser.add_argument("--threads", type=_options.thread_count, metavar="N", help="threads of the CPU")
     _options.add_report(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Go to the moment, write the state and the picture that are asked for, and print the time and the step of the moment."""
+    """Record a film, or go to the moment, write the state and the picture that are asked for, and print its time and step."""
+    from mpp_taichi.cli._replay_film import check_overrides
     from mpp_taichi.cli._signals import Interruption
     from mpp_taichi.simulation.resume import resume
 
-    if arguments.at is not None and not math.isfinite(arguments.at):
-        raise UsageError(f"replay: --at must be a finite time, got {arguments.at}")
+    for name, time in (("--at", arguments.at), ("--from", arguments.begin), ("--until", arguments.until)):
+        if time is not None and not math.isfinite(time):
+            raise UsageError(f"replay: {name} must be a finite time, got {time}")
+    check_overrides(arguments.overrides)
+    if any(getattr(arguments, name) is not None for name in FILMS):
+        return _film(arguments)
+    if any(getattr(arguments, name) is not None for name in ("begin", "until", "fps", "duration")):
+        raise UsageError(
+            "replay: --from, --until, --fps and --duration are of a film: --video F.mp4, --frames DIR, --html F.html"
+        )
     _options.require_suffix(arguments.snapshot, (".npz",), "--snapshot")
     _options.require_suffix(arguments.still, (".png",), "--still")
+    what = {name: getattr(arguments, name) for name in ("at", "threads", "overrides")} | {"path": arguments.archive}
     with Interruption() as interruption, interruption.at_once(), output_reserved(arguments.json):
-        with resume(arguments.archive, at=arguments.at, threads=arguments.threads) as simulation:
+        with resume(**what) as simulation:
             record = {"record_time": simulation.time, "record_step": simulation.step_count}
             if arguments.at is not None and arguments.at > simulation.time:
                 simulation.run(until=arguments.at)
@@ -46,6 +77,20 @@ def execute(arguments: argparse.Namespace) -> int:
             found |= {"files": _write(simulation, arguments), "exit_code": 0}
     _tell(found, arguments)
     return 0
+
+
+def _film(arguments: argparse.Namespace) -> int:
+    from mpp_taichi.cli._replay_film import record_film
+
+    if any(getattr(arguments, name) is not None for name in ("at", "snapshot", "still")):
+        raise UsageError("replay: --at, --snapshot and --still are of one moment, and not of a film")
+    with output_reserved(arguments.json):
+        outcome = record_film(arguments)
+    if not arguments.quiet:
+        say("\n".join(outcome.lines()))
+    if arguments.json:
+        put_json(outcome.as_json())
+    return outcome.exit_code
 
 
 def _write(simulation: "Simulation", arguments: argparse.Namespace) -> list[str]:

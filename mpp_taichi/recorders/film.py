@@ -99,13 +99,15 @@ class FilmRecorder:
         is_dimmed: Callable[[float], bool] = lambda time: False,
         stopwatch: Callable[[str], AbstractContextManager[Any]],
         raise_if_interrupted: Callable[[], None] = lambda: None,
+        start: float | None = None,
     ) -> None:
         """`stopwatch(name)` times a block; drawing is counted as capture, handing over to a sink as encode.
 
         `is_dimmed` says of a time whether its frame is drawn with less contrast.
 
         `pages` and `moments` get every frame, `sinks` every picture of a frame; without a view there are no pictures.
-        `raise_if_interrupted` is called before each frame: any number of frames may lie between two steps.
+        `raise_if_interrupted` is called before each frame: any number of frames may lie between two steps. `start` is the
+        time of the first frame; the time of `begin` when absent.
         """
         self.pages, self.moments, self._between = tuple(pages), tuple(moments), between
         self.view, self.sinks, self.frame_count, self.span = view, tuple(sinks), frame_count, span
@@ -114,12 +116,13 @@ class FilmRecorder:
         self._raise_if_interrupted = raise_if_interrupted
         self.drawn_count = 0
         self._walls: Outline | None = None
-        self._start: float | None = None
+        self._start, self._is_begun = start, False
 
     def begin(self, simulation: "Simulation") -> None:
-        """Begin the film: the first frame shows the present simulated time. A second call changes nothing."""
-        if self._start is None:
-            self._start = simulation.time
+        """Begin the film: unless a time was given, the first frame shows the present one. A second call changes nothing."""
+        if not self._is_begun:
+            self._is_begun = True
+            self._start = simulation.time if self._start is None else self._start
             self._walls = outline_of(simulation.spec, simulation.start.position)
 
     def steps_until_due(self, simulation: "Simulation") -> int:

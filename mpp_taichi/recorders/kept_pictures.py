@@ -1,9 +1,10 @@
-"""Kept pictures: the pictures of a film, compressed without loss for the archive of a run, besides going into the film.
+"""Kept pictures: the pictures of a film, kept without loss for the archive of a run, besides going into the film.
 
 A film that goes on is encoded again from its first picture. Only so it has the frames of a film that was never cut off: an
 encoder chooses each frame by those around it, and its state cannot be saved.
 """
 
+import math
 import queue
 import threading
 from collections.abc import Iterator, Mapping
@@ -11,10 +12,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mpp_taichi.archive.compressed import compressed, decompressed
+from mpp_taichi.archive.changed_words import change, difference, padded, words_of
+from mpp_taichi.archive.compressed import decompressed
 from mpp_taichi.errors import OutputError, StateError
 
-QUEUED = 4  # pictures that wait for the compressor
+QUEUED = 4  # pictures that wait to be compared
 MOST_PENDING = 1 << 31  # bytes
 
 
@@ -29,16 +31,17 @@ class FilmFile(Protocol):
 
 
 class KeptPictures:
-    """Hands pictures on to a film, and keeps each as its difference (XOR) from the one before, compressed in a thread.
+    """Hands pictures on to a film, and keeps each as what has changed since the one before, found in a thread.
 
-    pending   bytes of compressed pictures that no record holds yet
+    pending   bytes of kept pictures that no record holds yet
     """
 
     def __init__(self, film: FilmFile) -> None:
         """Nothing is kept yet."""
         self.film, self.pending, self.frame_count = film, 0, 0
-        self._chunks: list[np.ndarray] = []
-        self._last = np.zeros((film.size[1], film.size[0], 3), np.uint8)
+        self._chunks: list[list[np.ndarray]] = []
+        self._shape = (film.size[1], film.size[0], 3)
+        self._last = padded(film.size[1] * film.size[0] * 3)
         self._queue: queue.Queue[np.ndarray | None] = queue.Queue(QUEUED)
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None
@@ -55,8 +58,8 @@ class KeptPictures:
         if self._thread is not None:
             self._queue.put(picture)
 
-    def news(self) -> list[np.ndarray]:
-        """The compressed pictures since the last record.
+    def news(self) -> list[list[np.ndarray]]:
+        """The kept pictures since the last record.
 
         Raises:
             OutputError: memory is full.
@@ -79,7 +82,7 @@ class KeptPictures:
             thread.join()
         self._chunks, self.pending = [], 0
 
-    def go_on(self, simulation: Any, saved: Mapping[str, Any], news: Iterator[list[np.ndarray]]) -> None:
+    def go_on(self, simulation: Any, saved: Mapping[str, Any], news: Iterator[list[Any]]) -> None:
         """Hand the kept pictures to the new film, and keep those that follow.
 
         Raises:
@@ -88,22 +91,27 @@ class KeptPictures:
         """
         for chunks in news:
             for chunk in chunks:
-                self._last = np.bitwise_xor(self._last, self._difference(chunk))
-                self.film.write(self._last)
+                self._change(chunk)
+                size = math.prod(self._shape)
+                self.film.write(self._last.view(np.uint8)[:size].reshape(self._shape).copy())
                 self.frame_count += 1
         if self.frame_count != saved["frame_count"]:
             raise StateError(f"it holds {self.frame_count:,} of {saved['frame_count']:,} pictures of {self.film.path}")
         self.begin_anew()
 
-    def _difference(self, chunk: np.ndarray) -> np.ndarray:
+    def _change(self, chunk: Any) -> None:
+        """Go from one kept picture to the next; in format 1 of archives it is the XOR of both, compressed."""
         try:
-            data = decompressed(chunk, self._last.size)
-        except ValueError as error:
+            if isinstance(chunk, np.ndarray):
+                xor = decompressed(chunk, math.prod(self._shape))
+                self._last = self._last ^ words_of(np.frombuffer(xor, np.uint8))
+            else:
+                change(self._last, chunk)
+        except (ValueError, TypeError, AttributeError, IndexError) as error:
             raise StateError(f"picture {self.frame_count:,} of {self.film.path} is damaged") from error
-        return np.frombuffer(data, np.uint8).reshape(self._last.shape)
 
     def _work(self) -> None:
-        """Compress pictures until the end; after a failure take them and drop them, so that no caller waits for it."""
+        """Keep pictures until the end; after a failure take them and drop them, so that no caller waits for it."""
         while (picture := self._queue.get()) is not None:
             try:
                 if self._failure is None:
@@ -115,9 +123,10 @@ class KeptPictures:
         self._queue.task_done()
 
     def _keep(self, picture: np.ndarray) -> None:
-        chunk = compressed(np.bitwise_xor(picture, self._last).tobytes())
-        self._last = picture
+        words = words_of(picture)
+        chunk = difference(words, self._last)
+        self._last = words
         self._chunks.append(chunk)
-        self.pending += len(chunk)
+        self.pending += sum(part.nbytes for part in chunk)
         if self.pending > MOST_PENDING:
             raise OverflowError("too many between two steps")

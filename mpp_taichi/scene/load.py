@@ -57,10 +57,11 @@ def load_scene(source: str | Path | Mapping[str, Any] | SceneSpec, *, overrides:
     return spec
 
 
-def load_resolved(resolved: Mapping[str, Any], source: str) -> SceneSpec:
+def load_resolved(resolved: Mapping[str, Any], source: str, *, overrides: _Overrides = ()) -> SceneSpec:
     """The scene that a SceneSpec held as `resolved`, read from the file `source`; SceneError lists every fault."""
     faults = Faults()
-    return _whole(from_python(dict(resolved), Location(source, 0, 0)), source, Path(source).parent, faults)
+    tree = _override(from_python(dict(resolved), Location(source, 0, 0)), overrides, faults)
+    return _whole(tree, source, Path(source).parent, faults)
 
 
 @contextmanager

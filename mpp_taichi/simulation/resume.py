@@ -1,6 +1,6 @@
 """Resume: the simulation of an archive, at the moment of one of its records."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +11,15 @@ from mpp_taichi.simulation.run_archive import FoundRun, start_digest
 from mpp_taichi.simulation.simulation import Simulation
 
 
-def resume(path: str | Path, *, at: float | None = None, threads: int | None = None) -> Simulation:
+def resume(
+    path: str | Path, *, at: float | None = None, threads: int | None = None, overrides: Sequence[str] = ()
+) -> Simulation:
     """The run of an archive as a Simulation that goes on, bit for bit, from its last record, or its last record until `at`.
 
     Where every record is later than the time `at`, it goes on from the start of the run.
 
-    The scene, backend, precision and plan are those of the run. Tables and other recorders of the command line are not made
+    The scene, backend, precision and plan are those of the run; `overrides` may change what is drawn of it, as in
+    "view.camera.field_of_view=20", and nothing else. Tables and other recorders of the command line are not made
     again: repeat the command for that.
 
     Raises:
@@ -30,7 +33,7 @@ def resume(path: str | Path, *, at: float | None = None, threads: int | None = N
         if not numbers and at is None:
             raise StateError(f"{path}: it has no state")
         state = found.state(numbers[-1]) if numbers else {}
-        spec = load_resolved(state.get("scene", header["scene"]), header["source"])
+        spec = load_resolved(scene_of(header, state), header["source"], overrides=overrides)
         where = {name: header[name] for name in ("backend", "precision", "plan")}
     finally:
         found.close()
@@ -44,6 +47,18 @@ def resume(path: str | Path, *, at: float | None = None, threads: int | None = N
         simulation.close()
         raise
     return simulation
+
+
+def scene_of(header: Mapping[str, Any], state: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The scene of a run at a state: that of the header, unless parameters were set while the run was going on.
+
+    Raises:
+        StateError: the state holds something else in its place.
+    """
+    found = state.get("scene", header["scene"])
+    if not isinstance(found, Mapping):
+        raise StateError("a record is damaged: its scene is no scene")
+    return found
 
 
 def _check_start(simulation: Simulation, header: Mapping[str, Any], path: str | Path, at: float | None) -> None:

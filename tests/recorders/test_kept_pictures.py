@@ -2,11 +2,13 @@
 
 import logging
 import threading
+import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mpp_taichi.archive import changed_words
 from mpp_taichi.errors import StateError
 from mpp_taichi.recorders.kept_pictures import KeptPictures
 from mpp_taichi.simulation import run_archive
@@ -67,20 +69,68 @@ def test_every_picture_comes_back_and_later_ones_follow():
     assert not [thread for thread in threading.enumerate() if "archive" in thread.name]
 
 
-@pytest.mark.parametrize("change", ["missing", "damaged", "short", "bomb"])
-def test_pictures_that_are_missing_or_damaged_are_refused(change):
-    import zlib
+def test_pictures_of_a_film_in_which_little_changes_take_few_bytes():
+    still = pictures(1)[0]
+    moved = still.copy()
+    moved[7, 5:8] ^= 9
+    _, news = kept([[still], [still], [moved]])
+    sizes = [sum(part.nbytes for part in chunk) for (chunk,) in news]
+    assert sizes[0] > still.nbytes
+    assert sizes[1] == 0
+    assert sizes[2] < 40
 
+
+def test_many_changes_are_compressed(monkeypatch):
+    monkeypatch.setattr(changed_words, "MOST_PLAIN", 100)
+    grey = np.full((30, 40, 3), 90, np.uint8)
+    saved, news = kept([[grey, grey // 2]])
+    assert sum(part.nbytes for chunk in news[0] for part in chunk) < 500
+    again = KeptPictures(Film())
+    again.go_on(None, saved, iter(news))
+    again.stop()
+    assert np.array_equal(again.film.pictures, [grey, grey // 2])
+
+
+@pytest.mark.parametrize("length", [1, 63, 64, 65, 3600])
+def test_a_difference_of_any_length_gives_the_array_back(length):
+    random = np.random.default_rng(length)
+    before, now = (random.integers(0, 2, length, np.uint8) for _ in range(2))
+    words = changed_words.words_of(before).copy()
+    changed_words.change(words, changed_words.difference(changed_words.words_of(now), words))
+    assert words.view(np.uint8)[:length].tobytes() == now.tobytes()
+
+
+def damages(chunk):
+    blocks, words, values = chunk
+    longer = np.frombuffer(zlib.compress(bytes(40 * 30 * 3 + 1)), np.uint8)
+    return {
+        "another number of blocks": [blocks[:-1], words, values],
+        "another block": [blocks & 127, words, values],
+        "another word": [blocks, words ^ 1, values],
+        "fewer values": [blocks, words, values[:-1]],
+        "values of another type": [blocks, words, values.astype(float)],
+        "compressed values": [blocks, words, longer],
+        "no list": 3,
+        "two arrays": [blocks, words],
+        "texts": ["a", "b", "c"],
+        "format 1, damaged": longer ^ 1,
+        "format 1, short": longer[:-40],
+        "format 1, a bomb": longer,
+    }
+
+
+@pytest.mark.parametrize("name", damages([np.zeros(1, np.uint8)] * 3))
+def test_pictures_that_are_damaged_are_refused(name):
     saved, news = kept([pictures(3)])
-    if change == "missing":
-        del news[0][1]
-        wanted = "2 of 3 pictures"
-    else:
-        chunk = news[0][1]
-        longer = np.frombuffer(zlib.compress(bytes(40 * 30 * 3 + 1)), np.uint8)
-        news[0][1] = {"damaged": chunk ^ 1, "short": chunk[:-40], "bomb": longer}[change]
-        wanted = "picture 1 of film.mp4 is damaged"
-    with pytest.raises(StateError, match=wanted):
+    news[0][1] = damages(news[0][1])[name]
+    with pytest.raises(StateError, match="picture 1 of film.mp4 is damaged"):
+        KeptPictures(Film()).go_on(None, saved, iter(news))
+
+
+def test_pictures_that_are_missing_are_refused():
+    saved, news = kept([pictures(3)])
+    del news[0][1]
+    with pytest.raises(StateError, match="2 of 3 pictures"):
         KeptPictures(Film()).go_on(None, saved, iter(news))
 
 

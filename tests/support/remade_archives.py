@@ -4,11 +4,12 @@ from mpp_taichi.archive.record_file import HEADER, RecordFile
 from mpp_taichi.archive.values import pack, unpack
 
 
-def remade(path, into, change):
-    """Write the records of an archive to another path, with `change(kind, payload)` as their payloads."""
+def remade(path, into, change, leave=()):
+    """Write the records of an archive to another path, with `change(kind, payload)` as their payloads; leave kinds out."""
     source, target = RecordFile.open(path, to_append=False), RecordFile.create(into)
     for record in source.records:
-        target.append(record.kind, change(record.kind, source.read(record)))
+        if record.kind not in leave:
+            target.append(record.kind, change(record.kind, source.read(record)))
     source.close()
     target.close()
     return into
