@@ -10,6 +10,10 @@ works with both parts of all three numbers:
 The relative error of an update is a few times 2⁻⁴⁸, of x or of c f, whichever is larger. With the product rounded to 24 bits, a
 free particle moved with its velocity as rounded to f32. Numbers below 2⁻⁷⁸ have error terms that f32 has no room for.
 
+In df64, whose forces are right to 48 bits, these roundings of x would be the largest error of a run: thousands of them in an
+orbit. There the rounding of the low part is kept as well, as a third part, the rest, which goes into the next update. What is
+left is a few times 2⁻⁴⁸ of c f, which is much smaller than x. Forces do not read the rest.
+
 A compiler that may reorder sums turns (high + y) − high into y. LLVM may not do so here. Drivers that read SPIR-V may, because
 Taichi does not mark operations NoContraction. On such devices the sum goes through `rounded`, an exclusive or with a zero that
 only the running kernel reads; drivers see through a mere bit cast. A probe finds out whether a device needs this guard, and
@@ -93,3 +97,18 @@ def scaled_and_added(state: Template, high, low, parts, factor):
     """(high + low) + number × factor, where `parts` are the high and the low part of the number."""
     product, error = two_product(state, parts[0], factor)
     return added(state, high, (error + parts[1] * factor) + low, product)
+
+
+@ti.func
+def scaled_and_added_with_rest(state: Template, three: Template, parts, factor, addend):
+    """The three parts of the sum of a number, of `parts` × factor and of a small addend.
+
+    `three` are the high part, the low part and the rest of the number before, `parts` the high and the low part of the step.
+    """
+    product, error = two_product(state, parts[0], factor)
+    total, lost = two_sum(state, three[0], product)
+    low, rest = two_sum(state, three[1], lost)
+    small = ((error + parts[1] * factor) + addend) + three[2]
+    low_again, rest_again = two_sum(state, low, small)
+    high, last = quick_two_sum(state, total, low_again)
+    return high, last, rest + rest_again

@@ -9,7 +9,7 @@ import taichi as ti
 
 from mpp_taichi.arithmetic.double_single import DoubleSingle, DoubleSingleVector
 from mpp_taichi.arithmetic.force_numbers import in_two_parts
-from mpp_taichi.arithmetic.low_parts import scaled_and_added
+from mpp_taichi.arithmetic.low_parts import scaled_and_added, scaled_and_added_with_rest
 from mpp_taichi.arithmetic.traced import traced
 from mpp_taichi.types import Template
 
@@ -32,8 +32,15 @@ def drift_particle(state: Template, i, time, entry):
     if ti.static(state.carries_low):
         parts = state.step_parts[entry]
         for k in ti.static(range(state.dimensions)):
-            high, low = state.position[i][k], state.position_low[i][k] + parts[0] * state.velocity_low[i][k]
-            state.position[i][k], state.position_low[i][k] = scaled_and_added(state, high, low, parts, state.velocity[i][k])
+            velocity, velocity_low = state.velocity[i][k], state.velocity_low[i][k]
+            if ti.static(state.carries_rest):
+                three = state.position[i][k], state.position_low[i][k], state.position_rest[i][k]
+                state.position[i][k], state.position_low[i][k], state.position_rest[i][k] = scaled_and_added_with_rest(
+                    state, three, parts, velocity, parts[0] * velocity_low
+                )
+            else:
+                high, low = state.position[i][k], state.position_low[i][k] + parts[0] * velocity_low
+                state.position[i][k], state.position_low[i][k] = scaled_and_added(state, high, low, parts, velocity)
     else:
         for k in ti.static(range(state.dimensions)):
             state.position[i][k] = drifted(state.position[i][k], state.velocity[i][k], time)
@@ -45,10 +52,14 @@ def kick_particle(state: Template, i, time, entry, acceleration: Template):
     if ti.static(state.carries_low):
         parts = state.step_parts[entry]
         for k in ti.static(range(state.dimensions)):
-            high, low = state.velocity[i][k], with_low_product(state.velocity_low[i][k], parts[0], acceleration[k])
-            state.velocity[i][k], state.velocity_low[i][k] = scaled_and_added(
-                state, high, low, parts, high_part(acceleration[k])
-            )
+            high, low = state.velocity[i][k], state.velocity_low[i][k]
+            if ti.static(state.carries_rest):
+                three, addend = (high, low, state.velocity_rest[i][k]), parts[0] * acceleration[k].low
+                state.velocity[i][k], state.velocity_low[i][k], state.velocity_rest[i][k] = scaled_and_added_with_rest(
+                    state, three, parts, acceleration[k].high, addend
+                )
+            else:
+                state.velocity[i][k], state.velocity_low[i][k] = scaled_and_added(state, high, low, parts, acceleration[k])
     else:
         for k in ti.static(range(state.dimensions)):
             state.velocity[i][k] = kicked(state.velocity[i][k], acceleration[k], time)
@@ -60,10 +71,14 @@ def push_particle(state: Template, i, number, entry, acceleration: Template):
     if ti.static(state.carries_low):
         parts = state.step_parts[entry]
         for k in ti.static(range(state.dimensions)):
-            high, low = state.position[i][k], with_low_product(state.position_low[i][k], parts[0], acceleration[k])
-            state.position[i][k], state.position_low[i][k] = scaled_and_added(
-                state, high, low, parts, high_part(acceleration[k])
-            )
+            high, low = state.position[i][k], state.position_low[i][k]
+            if ti.static(state.carries_rest):
+                three, addend = (high, low, state.position_rest[i][k]), parts[0] * acceleration[k].low
+                state.position[i][k], state.position_low[i][k], state.position_rest[i][k] = scaled_and_added_with_rest(
+                    state, three, parts, acceleration[k].high, addend
+                )
+            else:
+                state.position[i][k], state.position_low[i][k] = scaled_and_added(state, high, low, parts, acceleration[k])
     else:
         for k in ti.static(range(state.dimensions)):
             state.position[i][k] = state.position[i][k] + number * acceleration[k]
@@ -73,12 +88,6 @@ def push_particle(state: Template, i, number, entry, acceleration: Template):
 def high_part(number):
     """The high part of a double-single number; a number of one part itself."""
     return number.high if isinstance(number, DoubleSingle) else number
-
-
-@traced
-def with_low_product(low, factor, number):
-    """low + factor × low part of the number; `low` where the number has one part."""
-    return low + factor * number.low if isinstance(number, DoubleSingle) else low
 
 
 @traced

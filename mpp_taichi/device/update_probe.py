@@ -29,7 +29,7 @@ def _move(state: Template, steps: ti.i32):
 class _Particles:
     """The part of a State that the update reads and writes."""
 
-    dimensions, total_count, carries_low = 3, 4, True
+    dimensions, total_count, carries_low, carries_rest = 3, 4, True, False
 
     def __init__(self, started: Any, *, guards_rounding: bool) -> None:
         self.guards_rounding = guards_rounding

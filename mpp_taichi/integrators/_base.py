@@ -110,7 +110,10 @@ class Integrator:
         raise TypeError(f"{type(self).__name__} does not declare its fields")
 
     def low_scratch_count(self) -> int:
-        """Number of further vector fields where positions and velocities have low parts; they come after the others."""
+        """Number of further vector fields where positions and velocities have low parts, which come after the others.
+
+        There are as many again after these where positions and velocities have a third part.
+        """
         return 0
 
     def slopes(self, velocity_dependent: bool) -> range:

@@ -122,6 +122,9 @@ class RungeKutta(Integrator):
                 if ti.static(state.carries_low):
                     state.scratch[slopes + 2][i] = state.position_low[i]
                     state.scratch[slopes + 3][i] = state.velocity_low[i]
+                if ti.static(state.carries_rest):
+                    state.scratch[slopes + 4][i] = state.position_rest[i]
+                    state.scratch[slopes + 5][i] = state.velocity_rest[i]
         else:
             for i in range(first, first + total_force.particle_count):
                 slope = self.slope(state, total_force, first, i, time + rows[k - 1][0] * dt)
@@ -172,6 +175,8 @@ class RungeKutta(Integrator):
         for i in range(first, first + total_force.particle_count):
             state.position[i], state.position_low[i] = state.scratch_0[i], state.scratch[slopes + 2][i]
             state.velocity[i], state.velocity_low[i] = state.scratch_1[i], state.scratch[slopes + 3][i]
+            if ti.static(state.carries_rest):
+                state.position_rest[i], state.velocity_rest[i] = state.scratch[slopes + 4][i], state.scratch[slopes + 5][i]
             drift_particle(state, i, 0.0, entry)
             for k in ti.static(range(len(self.b))):
                 if ti.static(bars[k] != 0.0):

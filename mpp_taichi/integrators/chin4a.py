@@ -80,12 +80,16 @@ class Chin4a(Integrator):
                 put_vector(state.scratch_0, i, state.position[i])
                 if ti.static(state.carries_low):
                     state.scratch_1[i] = state.position_low[i]
+                if ti.static(state.carries_rest):
+                    state.scratch_2[i] = state.position_rest[i]
                 push_particle(state, i, GRADIENT * dt * dt, 2, acceleration)
             elif ti.static(k == 2):
                 kick_particle(state, i, dt * 2 / 3, 3, acceleration)
                 put_vector(state.position, i, state.scratch_0[i])
                 if ti.static(state.carries_low):
                     state.position_low[i] = state.scratch_1[i]
+                if ti.static(state.carries_rest):
+                    state.position_rest[i] = state.scratch_2[i]
                 drift_particle(state, i, 0.5 * dt, 1)
             else:
                 kick_particle(state, i, dt / 6, 0, acceleration)

@@ -104,7 +104,7 @@ class CompiledPhase:
         if carries_low_parts(device.precision):
             refusals.check_low_parts(spec, integrator, self.total_force.forces, device.precision)
             refusals.check_range(start, self.total_force, device.precision)
-            scratch_count += integrator.low_scratch_count()
+            scratch_count += integrator.low_scratch_count() * (2 if forces_have_low_parts(device.precision) else 1)
             fields = {**fields, "step_parts": ("pair", len(integrator.step_numbers(1.0)))}
         solver = self._contact_solver(event_log) if spec.contacts is not None else None
         if solver is not None:

@@ -52,6 +52,7 @@ class State:
     mass, charge, radius, spring_…     only where named in `needs`, or where spheres merge
     merged_into                        only where spheres merge, as in `Snapshot`
     position_low, velocity_low         the low parts of both, only where the precision carries them (low_parts.py)
+    position_rest, velocity_rest       the third parts of both, only in df64
     scratch_0, scratch_1, …            vectors that an integrator asks for
     the fields named in `work`         of an integrator: name → (kind, count for each replica)
 
@@ -96,7 +97,12 @@ class State:
         self.carries_low = self.velocity_has_low = carries_low_parts(precision)
         self.forces_see_low, self.forces_have_low = forces_see_low_parts(precision), forces_have_low_parts(precision)
         self.guards_rounding = guards_rounding and self.carries_low
-        low = ("position_low", "velocity_low") if self.carries_low else ()
+        self.carries_rest = self.forces_have_low
+        low = (
+            *(("position_low", "velocity_low") if self.carries_low else ()),
+            *(("position_rest", "velocity_rest") if self.carries_rest else ()),
+        )
+        self._moved = ("position", "velocity", *low)
         # Names of the fields that a step hands on to the next step, beside position and velocity.
         self.memory = (*memory, *(MERGED_ARRAYS if self.merges else ()), *low)
         needs = frozenset(needs) | frozenset(PARTICLE_QUANTITIES if self.merges else ())
@@ -231,7 +237,12 @@ class State:
         """Numbers in the precision of a field, or its high and low parts."""
         if f"{name}_low" not in self.quantities:
             return {name: values.astype(self._dtype)}
-        return dict(zip((name, f"{name}_low"), split(np.asarray(values, np.float64))))
+        values = np.asarray(values, np.float64)
+        high, low = split(values)
+        found = {name: high, f"{name}_low": low}
+        if f"{name}_rest" in self.quantities:
+            found[f"{name}_rest"] = ((values - high) - low).astype(np.float32)
+        return found
 
     def field(self, name: str) -> Any:
         """The Taichi field of a quantity, or of its high parts."""
@@ -304,9 +315,8 @@ class State:
             self.write(position, velocity[:, : self.dimensions] * free, frame=earlier.frame if shares_center else None)
             return
         self.frame = earlier.frame
-        names = ("position", "velocity", *(("position_low", "velocity_low") if self.carries_low else ()))
-        arrays = dict(zip(names, earlier._read(*names)))
-        for name in names[1::2]:
+        arrays = dict(zip(self._moved, earlier._read(*self._moved)))
+        for name in self._moved[1::2]:
             arrays[name] = (arrays[name] * free).astype(self._dtype)
         self._write(arrays)
 
@@ -353,11 +363,11 @@ class State:
         """Positions and velocities of one replica as the device has them, (particle_count, 3)."""
         rows = slice(replica * self.particle_count, (replica + 1) * self.particle_count)
         results = np.zeros((2, self.particle_count, 3))
-        parts = self._read("position", "velocity", *(("position_low", "velocity_low") if self.carries_low else ()))
+        parts = self._read(*self._moved)
         for result, values in zip(results, parts[:2]):
             result[:, : self.dimensions] = values[rows]
-        for result, low in zip(results, parts[2:]):
-            result[:, : self.dimensions] += low[rows]
+        for number, values in enumerate(parts[2:]):
+            results[number % 2, :, : self.dimensions] += values[rows]
         return results[0], results[1]
 
     def save(self) -> tuple[np.ndarray, ...]:

@@ -10,7 +10,8 @@ from mpp_taichi.snapshot import MERGED_ARRAYS, Snapshot
 from mpp_taichi.state.state import State
 from mpp_taichi.step.force_sum import ForceSum
 
-WRITTEN = ("position", "velocity", "position_low", "velocity_low", "acceleration", "acceleration_low", "jerk", "snap")
+PARTS = ("position", "velocity", "position_low", "velocity_low", "position_rest", "velocity_rest")
+WRITTEN = (*PARTS, "acceleration", "acceleration_low", "jerk", "snap")
 """Fields that are written by a measurement, and restored after it."""
 
 

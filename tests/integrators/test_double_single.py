@@ -54,6 +54,27 @@ def test_motions_are_those_of_f64_to_1e_12(name, backend, plan, request):
     assert np.abs(found - truth).max() <= TARGET * math.sqrt(np.mean(np.sum(truth**2, axis=1)))
 
 
+@pytest.mark.parametrize(("method", "steps"), [("kahan_li8", 400), ("rk4", 4000), ("chin4a", 4000)])
+def test_thousands_of_updates_on_an_orbit_leave_1e_12(method, steps):
+    """One revolution with e = 0.6. Each update rounds x to 48 bits; added up, that would be some 10⁻¹¹ of the axis."""
+    scene = kepler(0.6, dt=2 * math.pi / steps, integrator=method)
+    truth, _ = end_of(scene, steps, backend="cpu", precision="f64")
+    found, _ = end_of(scene, steps, backend="cpu", precision="df64")
+    assert np.abs(found - truth).max() <= TARGET
+
+
+def test_a_period_of_the_figure_of_eight_leaves_1e_12_on_vulkan(software_vulkan):
+    truth, _ = end_of(figure_eight(400, "kahan_li8"), 400, backend="cpu", precision="f64")
+    found, _ = end_of(figure_eight(400, "kahan_li8"), 400, backend="vulkan", precision="df64")
+    assert np.abs(found - truth).max() <= TARGET
+
+
+def test_a_start_keeps_every_bit_of_f64():
+    with Simulation(cluster(40), backend="cpu", precision="df64") as simulation:
+        found, start = simulation.snapshot(), simulation.start
+    assert np.array_equal(found.position, start.position) and np.array_equal(found.velocity, start.velocity)
+
+
 def test_both_plans_give_the_same_bits():
     ends = [end_of(everything(), 30, backend="cpu", plan=plan, precision="df64") for plan in ("serial", "parallel")]
     assert np.array_equal(ends[0], ends[1])
