@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from mpp_taichi import component
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene import extends
 from mpp_taichi.scene.document import Node, read_file
@@ -53,4 +54,12 @@ def _topic(tree: Node) -> str:
         return "Springs"
     forces = tree.get("forces")
     entries = forces.value if forces is not None and isinstance(forces.value, list) else []
-    return "Gravity" if any(entry.get("newtonian_gravity") is not None for entry in entries) else TOPICS[-1]
+    gravitating = component.marked("forces", "gravitates")
+    return "Gravity" if any(_name(entry) in gravitating for entry in entries) else TOPICS[-1]
+
+
+def _name(force: Node) -> str:
+    """The name of a force, which stands alone or before its parameters."""
+    if isinstance(force.value, dict):
+        return str(next(iter(force.value), ""))
+    return str(force.value)

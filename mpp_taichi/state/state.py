@@ -13,6 +13,7 @@ from mpp_taichi.device import bulk_copy
 from mpp_taichi.precision import carries_low_parts, forces_have_low_parts, forces_see_low_parts
 from mpp_taichi.snapshot import MERGED_ARRAYS, Comoving, Snapshot
 from mpp_taichi.state.field_group import FieldGroup, Row
+from mpp_taichi.state.half_springs import half_springs
 from mpp_taichi.state.moving_frame import MovingFrame, frame_of_center, frame_of_snapshots
 from mpp_taichi.state.two_part_field import TwoPartField
 
@@ -20,27 +21,6 @@ from mpp_taichi.state.two_part_field import TwoPartField
 PARTICLE_QUANTITIES = ("mass", "charge", "radius")
 # Quantities of the half-springs, gathered per particle (compressed sparse rows).
 SPRING_QUANTITIES = ("spring_start", "spring_neighbor", "spring_stiffness", "spring_rest_length", "spring_damping")
-
-
-def half_springs(snapshot: Snapshot) -> dict[str, np.ndarray]:
-    """The half-springs of all springs, sorted by the particle that each pulls at: compressed sparse rows.
-
-    Row i goes from spring_start[i] to spring_start[i+1]. Within a row the order is the order of the scene, so that sums are
-    repeatable.
-    """
-    springs = snapshot.springs
-    ends = np.concatenate([springs.between[:, 0], springs.between[:, 1]])
-    others = np.concatenate([springs.between[:, 1], springs.between[:, 0]])
-    number = np.tile(np.arange(len(springs)), 2)
-    order = np.lexsort((number, ends))
-    counts = np.bincount(ends, minlength=snapshot.particle_count)
-    return {
-        "spring_start": np.concatenate([[0], np.cumsum(counts)]).astype(np.int32),
-        "spring_neighbor": others[order].astype(np.int32),
-        "spring_stiffness": springs.stiffness[number[order]],
-        "spring_rest_length": springs.rest_length[number[order]],
-        "spring_damping": springs.damping[number[order]],
-    }
 
 
 @ti.data_oriented

@@ -74,6 +74,13 @@ def test_the_list_has_every_scene_under_a_topic_with_title_and_description(capsy
     assert (topics["rope"], topics["piston"]) == ("Springs", "Hard spheres")
 
 
+@pytest.mark.parametrize("force", ["newtonian_gravity", "newtonian_gravity: {strength: 1}"])
+def test_gravity_is_a_topic_with_and_without_parameters(force, tmp_path, capsys):
+    (tmp_path / "own.yaml").write_text(f"title: Own\nforces:\n  - {force}\n")
+    assert main(["scenes", str(tmp_path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["scenes"][0]["topic"] == "Gravity"
+
+
 def test_the_list_is_not_wider_than_the_terminal(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "72")
     assert main(["scenes"]) == 0

@@ -166,7 +166,7 @@ class C:
     """The reference in C."""
 
     def __init__(self, library, threads, precision, snapshot, damped):
-        from mpp_taichi.state.state import half_springs
+        from mpp_taichi.state.half_springs import half_springs
 
         self.kind, self.number = (np.float32, ctypes.c_float) if precision == "f32" else (np.float64, ctypes.c_double)
         self.snapshot, self.threads = snapshot, threads
