@@ -58,6 +58,7 @@ def folder(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(made)
         assert main(["convert", "scenes/cluster.yaml", "galaxy.tipsy"]) == 0
+        assert main(["convert", "scenes/sun_earth.yaml", "system.plist"]) == 0
     return made
 
 
@@ -146,12 +147,22 @@ class Reader:
     def yaml(self, block: Block):
         """Load what is a whole scene; of a part of one, know the keys."""
         scene = yaml.safe_load(block.text)
-        if isinstance(scene, dict) and {"particles", "integrator"} <= scene.keys():
-            file = Path(f"{Path(block.page).stem}_{block.line}.yaml")
+        name = saved_as(block)
+        if isinstance(scene, dict) and (name or {"particles", "integrator"} <= scene.keys()):
+            file = Path(name or f"{Path(block.page).stem}_{block.line}.yaml")
             file.write_text(block.text, encoding="utf-8")
             place(load_scene(file))
         else:
             assert isinstance(scene, dict) and not scene.keys() - scene_model(select(scene)).model_fields.keys()
+
+
+def saved_as(block: Block) -> str | None:
+    """The file as which the line above a block tells the reader to save it."""
+    page = ROOT / block.page
+    lines = page.read_text(encoding="utf-8").splitlines()[: block.line - 2] if page.is_file() else []
+    above = next((line for line in reversed(lines) if line.strip()), "")
+    told = re.search(r"[Ss]ave (?:it|this text) as `([\w.]+\.yaml)`", above)
+    return told[1] if told else None
 
 
 def synopsis(words: list[str]):
