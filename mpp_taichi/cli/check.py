@@ -4,6 +4,8 @@ Takes files and folders; a folder means every *.yaml in it. Scenes run without p
 process, many at once in processes of their own.
 A scene that needs an ability that the backend or the precision lacks neither passes nor fails: it is counted apart, with
 the reason.
+
+A worksheet of the course (`mpp-taichi new answers.yaml --sheet two_bodies`) is graded: a run answers each question.
 """
 
 import argparse
@@ -42,7 +44,11 @@ def execute(arguments: argparse.Namespace) -> int:
 
     Where the backend can run none of the scenes, the exit code says that the backend is missing.
     """
+    from mpp_taichi.worksheets.answers import is_answers
+
     scenes = _scene_files(arguments.scenes)
+    if sheets := [scene for scene in scenes if is_answers(scene)]:
+        return _grade(sheets, scenes, arguments)
     jobs = arguments.jobs or (1 if len(scenes) <= FEW else os.cpu_count() or 1)
     with output_reserved(arguments.json), Verdicts(scenes, arguments) as verdicts:
         if jobs == 1 or len(scenes) == 1:
@@ -72,6 +78,14 @@ def _scene_files(given: list[str]) -> list[Path]:
             raise UsageError(f"check: {path} holds no *.yaml")
         found += inside
     return found
+
+
+def _grade(sheets: list[Path], given: list[Path], arguments: argparse.Namespace) -> int:
+    from mpp_taichi.cli import _grades
+
+    if len(given) > 1:
+        raise UsageError(f"check: {sheets[0]} is a worksheet, which is graded alone")
+    return _grades.put_grades(sheets[0], arguments)
 
 
 def _check(scene: Path, arguments: argparse.Namespace, verdicts: Verdicts) -> dict[str, Any]:

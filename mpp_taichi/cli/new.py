@@ -1,5 +1,7 @@
 """Begin a scene of your own: copy a scene of the program, with its comments, into a new file.
 
+With `--sheet` a worksheet of the course is written instead, to be filled in with predictions and given to `check`.
+
 The first line of the copy tells an editor where the schema of scenes is. With `redhat.vscode-yaml` or another editor that
 has the YAML language server, keys are then completed and checked while you write.
 """
@@ -20,6 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("target", type=_options.output_path, metavar="FILE.yaml", help="file to write; it must not exist yet")
     parser.add_argument("--like", default=FIRST, metavar="NAME", help=f"scene of the program to copy; {FIRST} when absent")
+    parser.add_argument(
+        "--sheet", metavar="CHAPTER", help="in place of a scene, the worksheet of a chapter of the course: two_bodies"
+    )
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -30,15 +35,33 @@ def execute(arguments: argparse.Namespace) -> int:
 
     target: Path = arguments.target
     _options.require_suffix(target, (".yaml", ".yml"), "FILE.yaml")
+    if target.exists() or target.is_symlink():
+        raise UsageError(f"new: {target} exists already; choose another name")
+    if arguments.sheet is not None:
+        return _write_sheet(arguments.sheet, target)
     known = bundled_scenes()
     name = Path(arguments.like).stem
     if name not in known:
         raise UsageError(f"new: the program has no scene {name!r}{suggestion(name, known)}; `mpp-taichi scenes` lists them")
-    if target.exists() or target.is_symlink():
-        raise UsageError(f"new: {target} exists already; choose another name")
     with whole_file(target, "the scene") as temporary:
         temporary.write_text(copied(known[name].read_text(encoding="utf-8")), encoding="utf-8")
     put(f"wrote {target}, a copy of {name}; run it: mpp-taichi {target}")
+    return 0
+
+
+def _write_sheet(name: str, target: Path) -> int:
+    from mpp_taichi.atomic_file import whole_file
+    from mpp_taichi.errors import MppError
+    from mpp_taichi.worksheets.answers import template
+    from mpp_taichi.worksheets.worksheet import load_worksheet
+
+    try:
+        sheet = load_worksheet(name)
+    except MppError as error:
+        raise UsageError(f"new: {error}") from None
+    with whole_file(target, "the worksheet") as temporary:
+        temporary.write_text(template(sheet), encoding="utf-8")
+    put(f"wrote {target}, {len(sheet.questions)} questions; write your predictions into it, then: mpp-taichi check {target}")
     return 0
 
 

@@ -19,6 +19,7 @@ from mpp_taichi.cli.main import VERBS, _parser, _with_verb, main
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.model import scene_model, select
 from mpp_taichi.start.assemble import assemble
+from mpp_taichi.worksheets.answers import is_answers, read_answers
 
 # What is put behind the words of a command; of an option given twice the later one counts. `None` takes a word away.
 SHORTER = {
@@ -103,7 +104,9 @@ class Reader:
         if given.verb in PARSED_ONLY:
             for scene in getattr(given, "scenes", [getattr(given, "scene", None)]):
                 assert Path(scene).exists(), f"{scene} is not there"
-                if Path(scene).is_file():
+                if is_answers(Path(scene)):
+                    read_answers(Path(scene))
+                elif Path(scene).is_file():
                     place(load_scene(scene, overrides=getattr(given, "overrides", ())))
             return
         kind = (given.verb, *sorted(word for word in words if word.startswith("--") and word not in WITHOUT_A_KIND))
