@@ -20,9 +20,9 @@ def gallery_pages(root: Path, recorded: Path) -> dict[str, str | bytes]:
 
 
 def _picture(scene: Listed, root: Path) -> str:
-    for name in (f"gallery/{scene.name}", scene.name):
-        if (root / "docs" / "pictures" / f"{name}.png").is_file():
-            return f"![{scene.title}](../pictures/{name}.png)"
+    for name in (f"{scene.name}.png", f"gallery/{scene.name}.webp"):
+        if (root / "docs" / "pictures" / name).is_file():
+            return f"![{scene.title}](../pictures/{name})"
     return ""
 
 
