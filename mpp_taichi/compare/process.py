@@ -2,13 +2,13 @@
 
 import contextlib
 import json
+import math
 import os
 import queue
 import shutil
 import subprocess
 import sys
 import threading
-import time as clock
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -73,7 +73,7 @@ class WorkerProcess:
             self._process.stdin.flush()
         except OSError:
             raise WorkerError(self._death()) from None
-        text = self._await(clock.monotonic() + within)
+        text = self._await(within)
         if text is None:
             self.kill()
             raise WorkerError(f"it did not answer within {within:.0f} s")
@@ -84,8 +84,9 @@ class WorkerProcess:
             raise WorkerError(answer["reason"])
         return answer
 
-    def _await(self, end: float) -> str | None:
-        while clock.monotonic() < end:
+    def _await(self, within: float) -> str | None:
+        """An answer, or None where none came; the time is counted in looks, as the program may have been stopped in between."""
+        for _ in range(math.ceil(within / LOOK_SECONDS)):
             self._look()
             with contextlib.suppress(queue.Empty):
                 return self._answers.get(timeout=LOOK_SECONDS)
