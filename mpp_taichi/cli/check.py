@@ -7,7 +7,6 @@ the reason.
 """
 
 import argparse
-import os
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from mpp_taichi.cli._check_in_parallel import check_at_once
 from mpp_taichi.cli._study_journal import add_journal, went_on
 from mpp_taichi.cli._terminal import UsageError, explain_error, output_reserved, put, put_json, say
 from mpp_taichi.cli._verdicts import Verdicts
+from mpp_taichi.device.thread_count import processors
 from mpp_taichi.errors import MppError, SceneError, StabilityError, UnsupportedError
 
 NOT_HERE = "not possible here"
@@ -43,7 +43,7 @@ def execute(arguments: argparse.Namespace) -> int:
     Where the backend can run none of the scenes, the exit code says that the backend is missing.
     """
     scenes = _scene_files(arguments.scenes)
-    jobs = arguments.jobs or (1 if len(scenes) <= FEW else os.cpu_count() or 1)
+    jobs = arguments.jobs or (1 if len(scenes) <= FEW else processors())
     with output_reserved(arguments.json), Verdicts(scenes, arguments) as verdicts:
         if jobs == 1 or len(scenes) == 1:
             results = [verdicts.get(scene) or _check(scene, arguments, verdicts) for scene in scenes]
