@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from mpp_taichi.device.availability import cache_folder
+from mpp_taichi.device.thread_count import start_thread
 from mpp_taichi.device.with_parent import child_environment
-from mpp_taichi.errors import MppError
+from mpp_taichi.errors import CapacityError, MppError
 
 LOOK_SECONDS = 0.1  # between two checks for an interruption while an answer is awaited
 END_SECONDS = 20.0  # for a worker to end by itself and write its cache of kernels
@@ -53,7 +54,11 @@ class WorkerProcess:
         except OSError as error:
             raise WorkerError(f"its process cannot be started: {error.strerror or error}") from error
         self._answers: queue.Queue[str] = queue.Queue()
-        threading.Thread(target=self._listen, daemon=True).start()
+        try:
+            start_thread(threading.Thread(target=self._listen, daemon=True))
+        except CapacityError as error:
+            self.kill()
+            raise WorkerError(f"its answers cannot be read: {error}") from error
 
     def _listen(self) -> None:
         assert self._process.stdout is not None
