@@ -88,8 +88,14 @@ class Journal:
         with self._may_write:
             self._waiting[key] = result
         if self._writer is None:
-            self._writer = threading.Thread(target=self._write_when_due, name="journal", daemon=True)
-            self._writer.start()
+            writer = threading.Thread(target=self._write_when_due, name="journal", daemon=True)
+            try:
+                writer.start()
+            except RuntimeError:
+                log.warning("%s: the system starts no thread for it; the study goes on without a journal", self.path)
+                self._stopped = True
+                return
+            self._writer = writer
 
     def flush(self) -> None:
         """Write all results that wait, whether it is time for it or not; where that fails, warn once and write no more."""

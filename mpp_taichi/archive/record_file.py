@@ -61,14 +61,17 @@ class RecordFile:
 
     @staticmethod
     def create(path: Path) -> "RecordFile":
-        """A new file without records, in place of an old one.
+        """A new file without records, in place of an old one, or of a symbolic link, which is not followed.
 
         Raises:
             OutputError: the file cannot be written, or another process writes it.
         """
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o644)
+            if path.is_symlink():
+                path.unlink()
+            flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
+            descriptor = os.open(path, flags, 0o644)
             stream = os.fdopen(descriptor, "r+b")
             _reserve(stream, path)
             try:

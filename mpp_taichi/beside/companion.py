@@ -20,6 +20,7 @@ from typing import Any
 from mpp_taichi.beside.half_frame import Moment, MomentReceiver
 from mpp_taichi.beside.settings import Beside, BesideError
 from mpp_taichi.beside.wire import Message, receive
+from mpp_taichi.device.thread_count import start_thread
 from mpp_taichi.device.with_parent import child_environment
 from mpp_taichi.errors import INTERNAL_ERROR_CODE
 from mpp_taichi.recorders.video import OWN_GROUP
@@ -58,7 +59,13 @@ class Companion:
         source = beside.scene.source
         order = {"scene": beside.scene.resolved, "source": source, "folder": str(Path(source).parent.absolute())}
         self._listener = threading.Thread(target=self._listen, name="right half", daemon=True)
-        self._listener.start()
+        try:
+            start_thread(self._listener)
+        except BaseException:
+            self._process.kill()
+            self._process.communicate()
+            self._errors.close()
+            raise
         with contextlib.suppress(OSError):  # the process has ended already; `begin` raises the error
             assert self._process.stdin is not None
             with self._process.stdin as pipe:

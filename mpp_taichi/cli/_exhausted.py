@@ -3,6 +3,7 @@
 import errno
 
 from mpp_taichi.device.memory_limit import ADVICE
+from mpp_taichi.device.thread_count import NO_MORE_THREADS
 from mpp_taichi.errors import CapacityError
 
 REASONS = {
@@ -19,6 +20,6 @@ def exhausted(error: BaseException) -> CapacityError | None:
         words = " ".join(str(error).split())  # NumPy's have the size and the shape
         return CapacityError(f"the system has no more memory for this program{f' ({words})' if words else ''}: {ADVICE}")
     if isinstance(error, RuntimeError) and "start new thread" in str(error):
-        return CapacityError("the system starts no more threads: end other programs, or allow more (ulimit -u, ulimit -v)")
+        return CapacityError(NO_MORE_THREADS)
     reason = REASONS.get(error.errno or 0) if isinstance(error, OSError) else None
     return None if reason is None else CapacityError(reason)

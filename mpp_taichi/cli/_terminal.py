@@ -114,6 +114,14 @@ def put_last_failure(text: str, files: list[str], code: int) -> int:
     return _put_end({"status": "failed", "error": text, "files": files}, code)
 
 
+def put_last_interruption(code: int) -> int:
+    """As `put_interruption`, within `output_reserved` and just before the process ends; nothing where no JSON is wanted."""
+    if not _reserved:
+        return code
+    os.dup2(_reserved[-1], 1)
+    return put_interruption(code)
+
+
 def _put_end(found: dict[str, Any], code: int) -> int:
     try:
         put_json(found | {"exit_code": code})

@@ -9,7 +9,6 @@ A worksheet of the course (`mpp-taichi new answers.yaml --sheet two_bodies`) is 
 """
 
 import argparse
-import os
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from mpp_taichi.cli._check_in_parallel import check_at_once
 from mpp_taichi.cli._study_journal import add_journal, went_on
 from mpp_taichi.cli._terminal import UsageError, explain_error, output_reserved, put, put_json, say
 from mpp_taichi.cli._verdicts import Verdicts
+from mpp_taichi.device.thread_count import processors
 from mpp_taichi.errors import MppError, SceneError, StabilityError, UnsupportedError
 
 NOT_HERE = "not possible here"
@@ -49,7 +49,7 @@ def execute(arguments: argparse.Namespace) -> int:
     scenes = _scene_files(arguments.scenes)
     if sheets := [scene for scene in scenes if is_answers(scene)]:
         return _grade(sheets, scenes, arguments)
-    jobs = arguments.jobs or (1 if len(scenes) <= FEW else os.cpu_count() or 1)
+    jobs = arguments.jobs or (1 if len(scenes) <= FEW else processors())
     with output_reserved(arguments.json), Verdicts(scenes, arguments) as verdicts:
         if jobs == 1 or len(scenes) == 1:
             results = [verdicts.get(scene) or _check(scene, arguments, verdicts) for scene in scenes]

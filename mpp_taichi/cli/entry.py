@@ -16,13 +16,15 @@ def main() -> int:
         signal.signal(signal.SIGINT, _leave)
     from mpp_taichi.cli._terminal import prepare_streams, put_failure, say
     from mpp_taichi.device.memory_limit import require_least
+    from mpp_taichi.device.thread_count import bound_threads_of_numpy
     from mpp_taichi.device.with_parent import end_with_parent
     from mpp_taichi.errors import CapacityError, MissingPackageError
     from mpp_taichi.missing_package import missing_packages_named
 
-    end_with_parent()
     try:
+        end_with_parent()
         require_least()
+        bound_threads_of_numpy()
         with missing_packages_named():
             from mpp_taichi.cli.main import main as run
     except (CapacityError, MissingPackageError) as error:

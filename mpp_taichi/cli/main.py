@@ -17,7 +17,7 @@ from typing import NoReturn
 from mpp_taichi import __version__
 from mpp_taichi.cli import accuracy, check, compare, convert, explain, info, new, record, replay, run, scenes, schema
 from mpp_taichi.cli._exhausted import exhausted
-from mpp_taichi.cli._signals import Interrupted
+from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._terminal import (
     CLOSED_OUTPUT_CODE,
     ClosedOutputError,
@@ -76,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     json_wanted = "--json" in words
     code = INTERNAL_ERROR_CODE
     try:
-        with warnings_shown(), missing_packages_named():
+        with warnings_shown(), missing_packages_named(), Interruption() as interruption, interruption.at_once():
             code = _dispatch(words)
     except ClosedOutputError:
         return CLOSED_OUTPUT_CODE

@@ -7,7 +7,6 @@ case is assumed (`NumpyForces.magnitude`). λ is so large that a false alarm in 
 """
 
 import math
-import os
 import time as clock
 from collections.abc import Sequence
 from functools import cached_property
@@ -30,6 +29,7 @@ from mpp_taichi.compare.numpy_reference import (
     size_of,
 )
 from mpp_taichi.compare.numpy_steps import Noise, NumpySteps, roundings_per_step
+from mpp_taichi.device.thread_count import processors
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import DEFAULT_ACCURACY, tree_of
 from mpp_taichi.snapshot import Snapshot
@@ -174,7 +174,7 @@ class Judge:
         last = numpy_reference.Bodies(**{**vars(given), **{key: getattr(given, key)[-1:] for key in PER_COPY}})
         near = numpy_reference.perturbed(last, AMPLITUDE, self.roundings, COPIES, random)
         everyone = {key: np.concatenate([getattr(given, key), getattr(near, key)]) for key in PER_COPY}
-        reference = NumpyForces(self.spec, numpy_reference.Bodies(**{**vars(given), **everyone}), threads=os.cpu_count() or 1)
+        reference = NumpyForces(self.spec, numpy_reference.Bodies(**{**vars(given), **everyone}), threads=processors())
         position, velocity = self.start.position, self.start.velocity * self.start.free
         places = np.stack([*(kept(position, precision) for precision in precisions), *[position] * (1 + COPIES)])
         speeds = np.stack([*(kept(velocity, precision) for precision in precisions), *[velocity] * (1 + COPIES)])

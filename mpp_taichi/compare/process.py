@@ -2,20 +2,21 @@
 
 import contextlib
 import json
+import math
 import os
 import queue
 import shutil
 import subprocess
 import sys
 import threading
-import time as clock
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from mpp_taichi.device.availability import cache_folder
+from mpp_taichi.device.thread_count import start_thread
 from mpp_taichi.device.with_parent import child_environment
-from mpp_taichi.errors import MppError
+from mpp_taichi.errors import CapacityError, MppError
 
 LOOK_SECONDS = 0.1  # between two checks for an interruption while an answer is awaited
 END_SECONDS = 20.0  # for a worker to end by itself and write its cache of kernels
@@ -53,7 +54,11 @@ class WorkerProcess:
         except OSError as error:
             raise WorkerError(f"its process cannot be started: {error.strerror or error}") from error
         self._answers: queue.Queue[str] = queue.Queue()
-        threading.Thread(target=self._listen, daemon=True).start()
+        try:
+            start_thread(threading.Thread(target=self._listen, daemon=True))
+        except CapacityError as error:
+            self.kill()
+            raise WorkerError(f"its answers cannot be read: {error}") from error
 
     def _listen(self) -> None:
         assert self._process.stdout is not None
@@ -73,7 +78,7 @@ class WorkerProcess:
             self._process.stdin.flush()
         except OSError:
             raise WorkerError(self._death()) from None
-        text = self._await(clock.monotonic() + within)
+        text = self._await(within)
         if text is None:
             self.kill()
             raise WorkerError(f"it did not answer within {within:.0f} s")
@@ -84,8 +89,9 @@ class WorkerProcess:
             raise WorkerError(answer["reason"])
         return answer
 
-    def _await(self, end: float) -> str | None:
-        while clock.monotonic() < end:
+    def _await(self, within: float) -> str | None:
+        """An answer, or None where none came; the time is counted in looks, as the program may have been stopped in between."""
+        for _ in range(math.ceil(within / LOOK_SECONDS)):
             self._look()
             with contextlib.suppress(queue.Empty):
                 return self._answers.get(timeout=LOOK_SECONDS)

@@ -18,7 +18,7 @@ from mpp_taichi.device.availability import BACKENDS, availability, cpu_name, pre
 from mpp_taichi.device.held_signals import signals_held
 from mpp_taichi.device.memory_limit import ADVICE, LOADING_BYTES, POOL_BYTES, require_memory, tells_no_memory
 from mpp_taichi.device.taichi_environment import user_variables_hidden
-from mpp_taichi.device.thread_count import bounded, check_threads, require_threads
+from mpp_taichi.device.thread_count import bounded, check_threads, processors, require_threads
 from mpp_taichi.errors import BackendError, CapacityError
 from mpp_taichi.missing_package import missing_packages_named
 from mpp_taichi.precision import PRECISIONS, carries_low_parts, forces_have_low_parts, number_type
@@ -168,15 +168,16 @@ def _start(backend: str, precision: str | None, *, large: bool, threads: int | N
         # made fields; after a new start the scene's fields have the numbers that they will have in every later run.
         initialise(ti, chosen, precision, threads)
     name = cpu_name() if chosen == "cpu" else availability(chosen)["device"]
-    used = threads or os.cpu_count() or 1
+    used = threads or processors()
     _runtime.device = Device(chosen, name, precision, used if chosen == "cpu" else 0, probes, _runtime.generation)
     return _runtime.device
 
 
 def initialise(ti: Any, backend: str, precision: str, threads: int | None = None) -> None:
     """The only call of `ti.init`. Taichi would fall back to the CPU without a message; this raises BackendError instead."""
-    options: dict[str, Any] = {"cpu_max_num_threads": threads} if threads and backend == "cpu" else {}
-    require_threads(threads or os.cpu_count() or 1)
+    threads = threads or processors()  # Taichi itself would take all of the machine, also where this process may not use them
+    options: dict[str, Any] = {"cpu_max_num_threads": threads} if backend == "cpu" else {}
+    require_threads(threads)
     if ti.lang.impl.get_runtime().prog is None:
         require_memory(POOL_BYTES)
     if not _is_writable(_cache_of_kernels(ti)):

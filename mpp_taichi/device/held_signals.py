@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
+from mpp_taichi.device import second_signal
+
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
@@ -22,6 +24,7 @@ def signals_held() -> Iterator[None]:
     """
     held: list[int] = []
     before: dict[int, Any] = {}
+    armed = {getattr(signal, name) for name in NAMES if second_signal.is_armed(getattr(signal, name, -1))}
 
     def hold(number: int, frame: FrameType | None) -> None:
         held.append(number)
@@ -34,6 +37,6 @@ def signals_held() -> Iterator[None]:
         yield
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)
+            second_signal.put_back(number, handler, armed=number in armed)
         for number in held:
             before[number](number, None)

@@ -17,6 +17,9 @@ log = logging.getLogger(__name__)
 
 THREADS_PER_PROCESSOR = 4
 ALWAYS_ALLOWED = 64
+OPENBLAS_VARIABLE = "OPENBLAS_NUM_THREADS"
+OPENBLAS_MOST = 64  # threads of the OpenBLAS in NumPy's wheels
+NO_MORE_THREADS = "the system starts no more threads: end other programs, or allow more (ulimit -u, ulimit -v)"
 TAICHIS_OTHERS = 5  # threads that Taichi starts beside the threads for loops, most of them for its compiler
 
 
@@ -58,6 +61,30 @@ def bounded(count: int) -> int:
 def processors() -> int:
     """The number of logical processors on which this process may run."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def bound_threads_of_numpy() -> None:
+    """Let NumPy's linear algebra start no threads, where the system does not start them; before NumPy is imported.
+
+    OpenBLAS prints four lines for each thread that is not started, and sends SIGINT to the process.
+    """
+    if OPENBLAS_VARIABLE not in os.environ:
+        try:
+            require_threads(min(processors(), OPENBLAS_MOST) - TAICHIS_OTHERS)
+        except CapacityError:
+            os.environ[OPENBLAS_VARIABLE] = "1"
+
+
+def start_thread(thread: threading.Thread) -> None:
+    """Start a thread.
+
+    Raises:
+        CapacityError: the system does not start it.
+    """
+    try:
+        thread.start()
+    except RuntimeError:
+        raise CapacityError(NO_MORE_THREADS) from None
 
 
 def require_threads(count: int) -> None:

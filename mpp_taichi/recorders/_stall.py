@@ -1,4 +1,8 @@
-"""Stall: whether a program that writes a file goes on, or hangs."""
+"""Stall: whether a program that writes a file goes on, or hangs.
+
+The time without a sign of life is counted in looks. So the time in which this process itself was stopped (Ctrl-Z, SIGSTOP, a
+machine that slept) does not count, in which the other program may have been stopped as well.
+"""
 
 import os
 import subprocess
@@ -11,13 +15,14 @@ LOOK_SECONDS = 0.02
 
 def ends_in_time(process: subprocess.Popen[bytes], file: Path, seconds: float) -> bool:
     """Wait for the end of a program; False where it hung for so many seconds, and was killed."""
-    seen, changed = _signs_of_life(process, file), time.monotonic()
+    seen, silent = _signs_of_life(process, file), 0.0
     while process.poll() is None:
         time.sleep(LOOK_SECONDS)
+        silent += LOOK_SECONDS
         now = _signs_of_life(process, file)
         if now != seen:
-            seen, changed = now, time.monotonic()
-        elif time.monotonic() - changed > seconds:
+            seen, silent = now, 0.0
+        elif silent > seconds:
             process.kill()
             process.wait()
             return False

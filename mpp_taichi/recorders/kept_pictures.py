@@ -14,6 +14,7 @@ import numpy as np
 
 from mpp_taichi.archive.changed_words import change, difference, padded, words_of
 from mpp_taichi.archive.compressed import decompressed
+from mpp_taichi.device.thread_count import start_thread
 from mpp_taichi.errors import OutputError, StateError
 
 QUEUED = 4  # pictures that wait to be compared
@@ -48,8 +49,9 @@ class KeptPictures:
 
     def begin_anew(self) -> None:
         """Keep every picture from now on."""
-        self._thread = threading.Thread(target=self._work, name="pictures for the archive", daemon=True)
-        self._thread.start()
+        thread = threading.Thread(target=self._work, name="pictures for the archive", daemon=True)
+        start_thread(thread)
+        self._thread = thread
 
     def write(self, picture: np.ndarray) -> None:
         """Add one picture: uint8, shape (height, width, 3); it must not be changed afterwards."""

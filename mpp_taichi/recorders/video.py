@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.atomic_file import fresh
+from mpp_taichi.device.thread_count import start_thread
 from mpp_taichi.errors import OutputError
 from mpp_taichi.missing_package import is_absent, missing_line
 from mpp_taichi.recorders._lock import OutputLock
@@ -110,6 +111,7 @@ class VideoRecorder:
         Raises:
             OutputError: no encoder, a suffix that is none of `FORMATS`, a folder that cannot be written, or the same file
                 is being written by another run.
+            CapacityError: the system starts no threads for it.
         """
         self.path, self.size, self.fps = Path(path), size, fps
         suffix = self.path.suffix.lower()
@@ -136,8 +138,12 @@ class VideoRecorder:
             raise OutputError(f"{self.path}: cannot start the video encoder {self._executable}: {error}; {ADVICE}") from error
         self._listener = threading.Thread(target=self._listen, name="ffmpeg messages", daemon=True)
         self._writer = threading.Thread(target=self._feed, name="ffmpeg frames", daemon=True)
-        self._listener.start()
-        self._writer.start()
+        try:
+            start_thread(self._listener)
+            start_thread(self._writer)
+        except BaseException:
+            self._give_up()
+            raise
 
     def __enter__(self) -> "VideoRecorder":
         """The recorder itself."""
@@ -194,6 +200,17 @@ class VideoRecorder:
         self._listener.join()
         if self.frame_count == 0 or (self._part.exists() and self._part.stat().st_size == 0):
             self._part.unlink(missing_ok=True)
+        self._lock.release()
+
+    def _give_up(self) -> None:
+        """End an encoder that was given no frame, and leave nothing of it."""
+        self._process.kill()
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stderr):
+            if pipe is not None:
+                pipe.close()
+        self._part.unlink(missing_ok=True)
+        self._closed = True
         self._lock.release()
 
     def _put(self, picture: np.ndarray | None) -> None:

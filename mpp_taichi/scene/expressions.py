@@ -67,7 +67,8 @@ _DATE = re.compile(
 _WITH_UNIT = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(%|[^\W\d_][\w/²³^*]*)")
 _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]+,[0-9]+")
 MOST_NAMES = 12  # names that a message lists
-_LITERAL = re.compile(r"(?<![\w.])([0-9][0-9_]*\.?[0-9_]*|\.[0-9][0-9_]*)[eE][-+]?[0-9_]+")
+_DIGITS = "[0-9](?:_?[0-9])*"  # an underscore stands between two digits only
+_LITERAL = re.compile(rf"(?<![\w.])(?:{_DIGITS}\.?(?:{_DIGITS})?|\.{_DIGITS})(?:[eE][-+]?{_DIGITS})?")
 _UNARY: dict[type, Callable[[Any], Any]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
 
 

@@ -51,18 +51,21 @@ def probe(*, shown: bool) -> str:
         return "there is no display (neither DISPLAY nor WAYLAND_DISPLAY is set)"
     command = [sys.executable, "-c", PROBE.format(shown=shown)]
     try:
-        done = subprocess.run(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            env=without_user_variables(os.environ),
-            cwd=tempfile.gettempdir(),  # GGUI leaves a file where it runs
-            timeout=PROBE_SECONDS,
-            check=False,
-        )
+        with tempfile.TemporaryDirectory() as folder:  # GGUI leaves a file where it runs, and would follow a link of its name
+            done = subprocess.run(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                env=without_user_variables(os.environ),
+                cwd=folder,
+                timeout=PROBE_SECONDS,
+                check=False,
+            )
     except subprocess.TimeoutExpired:
         return f"GGUI did not draw within {PROBE_SECONDS:.0f} s"
+    except OSError as error:
+        return f"GGUI cannot be tried: {error.strerror or error}"
     if done.returncode == 0:
         return ""
     lines = [line for line in done.stdout.decode("utf-8", "replace").splitlines() if line and not line.startswith("[Taichi]")]

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from mpp_taichi.archive import record_file
-from mpp_taichi.archive.record_file import END, HEADER, MAGIC, STATE, RecordFile
+from mpp_taichi.archive.record_file import END, HEADER, MAGIC, OUTPUT, STATE, RecordFile
 from mpp_taichi.errors import OutputError, StateError
 
 PAYLOADS = [(HEADER, b"what the run is"), (STATE, b""), (STATE, b"x" * 100), (END, b"{}")]
@@ -70,6 +70,21 @@ def test_a_file_has_one_writer(tmp_path):
             second(tmp_path / "a.run")
     file.close()
     RecordFile.open(tmp_path / "a.run").close()
+
+
+def test_a_symbolic_link_at_the_name_is_not_followed(tmp_path):
+    """The program chooses the names of archives and journals, so in a shared folder another user may guess them."""
+    victim, path = tmp_path / "victim", tmp_path / "a.run"
+    victim.write_text("mine")
+    path.symlink_to(victim)
+    file = RecordFile.create(path)
+    file.append(STATE, b"state")
+    file.append(OUTPUT, b"picture")
+    path.with_name("a.run.part").symlink_to(victim)
+    file.drop_outputs()
+    file.close()
+    assert victim.read_text() == "mine" and path.is_file() and not path.is_symlink()
+    assert [path.name for path in sorted(tmp_path.iterdir())] == ["a.run", "victim"]
 
 
 def test_a_large_file_loses_every_second_state_and_never_the_last(tmp_path, monkeypatch):

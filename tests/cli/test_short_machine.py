@@ -3,11 +3,16 @@
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 import yaml
 
+from mpp_taichi.archive.journal import Journal
+from mpp_taichi.device.thread_count import NO_MORE_THREADS, OPENBLAS_VARIABLE, bound_threads_of_numpy
+from mpp_taichi.device.with_parent import end_with_parent
+from mpp_taichi.errors import CapacityError
 from scenes import kepler
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits of processes as Linux has them")
@@ -98,3 +103,61 @@ def test_a_film_without_a_process_is_told_before_the_run(words):
     assert ended.returncode == (5 if "--video" in words else 6)
     assert len(ended.stderr.splitlines()) == 1 and "Trace" not in ended.stderr
     assert not list(Path().glob("**/*.lock")) and not list(Path().glob("**/*.part*"))
+
+
+NO_THREAD = """
+import sys, threading
+refused, start = sys.argv.pop(1), threading.Thread.start
+def limited(self):
+    if self.name == refused:
+        raise RuntimeError("can't start new thread")
+    start(self)
+threading.Thread.start = limited
+from mpp_taichi.cli.entry import main
+sys.exit(main())
+"""
+FILM = ("--video", "f.mp4")
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(
+    ("thread", "words"),
+    [
+        ("ffmpeg messages", FILM),
+        ("ffmpeg frames", FILM),
+        ("pictures for the archive", FILM),
+        ("right half", ("--beside", "dt=0.01", "--frames", "f")),
+    ],
+)
+def test_a_film_without_a_thread_is_told_in_one_line_and_leaves_nothing(thread, words):
+    ended = done(NO_THREAD, thread, "record", "s.yaml", "--quiet", *words)
+    assert ended.returncode == 6 and ended.stderr.removeprefix("error: ") == f"{NO_MORE_THREADS}\n"
+    assert not [path for path in Path().glob("**/*") if path.is_file() and path.suffix != ".yaml"]
+
+
+def test_a_process_that_cannot_watch_its_parent_is_refused(monkeypatch):
+    monkeypatch.setattr(threading.Thread, "start", refuse_thread)
+    with pytest.raises(CapacityError, match="starts no more threads"):
+        end_with_parent(1)
+
+
+def test_a_study_goes_on_without_a_journal_where_no_thread_writes_it(monkeypatch, caplog):
+    monkeypatch.setattr(threading.Thread, "start", refuse_thread)
+    with Journal(Path("a.journal"), {}) as journal:
+        journal.put("a", 1)
+        journal.put("b", 2)
+    assert len(caplog.records) == 1 and not Path("a.journal").exists()
+
+
+@pytest.mark.parametrize("free", [True, False])
+def test_numpy_starts_no_threads_where_the_system_has_no_room_for_them(free, monkeypatch):
+    monkeypatch.setenv(OPENBLAS_VARIABLE, "")
+    monkeypatch.delenv(OPENBLAS_VARIABLE)
+    if not free:
+        monkeypatch.setattr(threading.Thread, "start", refuse_thread)
+    bound_threads_of_numpy()
+    assert os.environ.get(OPENBLAS_VARIABLE) == (None if free else "1")
+
+
+def refuse_thread(thread):
+    raise RuntimeError("can't start new thread")

@@ -1,5 +1,6 @@
 """Signals: at any moment the program ends in time, with the exit code of the signal, one line, and nothing left over."""
 
+import json
 import os
 import signal
 import subprocess
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from mpp_taichi.cli._signals import Interrupted, Interruption
 from scenes import kepler
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
@@ -21,6 +23,16 @@ def begin(program, *words):
     return subprocess.Popen(
         [sys.executable, "-c", program, *words], env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
+
+
+def wait_for_the_lock(process):
+    """Wait until the main thread of a program that says "ready" sleeps, which it does in the call behind that word."""
+    process.stdout.readline()
+    while Path("/proc/self/stat").exists():
+        if Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()[0] == "S":
+            return
+        time.sleep(0.01)
+    time.sleep(0.5)
 
 
 def leftovers():
@@ -74,10 +86,95 @@ with Interruption():
 
 def test_a_second_signal_ends_the_process_at_once_also_within_a_long_call_of_c():
     process = begin(IN_C)
-    process.stdout.readline()
+    wait_for_the_lock(process)
     process.send_signal(signal.SIGTERM)
     time.sleep(0.2)
     process.send_signal(signal.SIGINT)
     began = time.monotonic()
     assert process.wait(timeout=20) == 130 and time.monotonic() - began < 2.0
     process.communicate()
+
+
+IN_KERNEL = """
+import ctypes
+from mpp_taichi.cli._signals import Interruption
+from mpp_taichi.device.held_signals import signals_held
+mutex = ctypes.create_string_buffer(64)
+lock = ctypes.PyDLL(None).pthread_mutex_lock  # which lets no other thread of Python run, as a kernel of Taichi
+with Interruption() as outer, outer.at_once():
+    with signals_held():
+        pass
+    with Interruption():
+        pass
+    lock(mutex)
+    print("ready", flush=True)
+    lock(mutex)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="System V's signal in a C library of Linux")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_second_signal_ends_the_process_where_no_thread_of_python_runs(number):
+    process = begin(IN_KERNEL)
+    wait_for_the_lock(process)
+    process.send_signal(number)
+    time.sleep(0.2)
+    assert process.poll() is None
+    process.send_signal(number)
+    try:
+        assert process.wait(timeout=20) == -number
+    finally:
+        process.kill()
+        process.communicate()
+
+
+AT_ONCE = "_signals.ANSWER_SECONDS = 0.1\nwith Interruption() as interruption, interruption.at_once():"
+UNANSWERED = "from mpp_taichi.cli import _signals" + IN_C.replace("with Interruption():", AT_ONCE)
+
+
+def test_a_signal_that_python_cannot_answer_ends_a_process_with_nothing_to_save():
+    process = begin(UNANSWERED)
+    wait_for_the_lock(process)
+    process.send_signal(signal.SIGTERM)
+    _, told = process.communicate(timeout=20)
+    assert process.returncode == 143 and told == "interrupted by SIGTERM\n"
+
+
+def test_an_ignored_hangup_stays_ignored_and_an_ignored_ctrl_c_does_not():
+    """The program nohup ignores SIGHUP; a shell ignores SIGINT in a job that a script starts with `&`."""
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGHUP, signal.SIGINT)}
+    try:
+        with Interruption() as interruption:
+            os.kill(os.getpid(), signal.SIGHUP)
+            interruption.raise_if_any()
+            os.kill(os.getpid(), signal.SIGINT)
+            with pytest.raises(Interrupted):
+                interruption.raise_if_any()
+        assert signal.getsignal(signal.SIGHUP) is signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+IN_VERB = """
+import os, signal, sys
+from mpp_taichi import atomic_file
+from mpp_taichi.cli.main import main
+from mpp_taichi.scene import load
+def leave(*_, **__):
+    os.kill(os.getpid(), signal.SIGTERM)
+place, name = {"atomic_file": (atomic_file.os, "replace"), "load": (load, "load_scene")}[sys.argv.pop(1)]
+setattr(place, name, leave)
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize(("place", "words"), [("atomic_file", ["convert", "s.yaml", "s.csv"]), ("load", ["explain", "s.yaml"])])
+def test_a_signal_ends_a_verb_with_its_code_and_without_half_a_file(place, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("s.yaml").write_text(yaml.safe_dump({**kepler(dt=0.02), "run": {"duration": 1.0}}), encoding="utf-8")
+    process = begin(IN_VERB, place, *words, "--json")
+    out, told = process.communicate(timeout=60)
+    assert process.returncode == 143 and told == "interrupted by SIGTERM\n"
+    assert json.loads(out) == {"status": "interrupted", "exit_code": 143}
+    assert not leftovers() and [path.name for path in Path().iterdir()] == ["s.yaml"]

@@ -1,15 +1,19 @@
 """The number of threads or processes is checked before any of them starts."""
 
+import os
+
 import numpy as np
 import pytest
 import yaml
 
 from mpp_taichi import MppError, Simulation
+from mpp_taichi.cli import check
 from mpp_taichi.cli.main import main
 from mpp_taichi.device import backends
 from mpp_taichi.device.thread_count import most_threads, processors
 from scenes import kepler
 
+ti = backends.import_taichi()
 REFUSED = ["1000000", "1e6", "0", "-3", "2.5", "nan", "inf", "two", "", "9" * 5000]
 
 
@@ -73,3 +77,17 @@ def test_more_threads_than_processors_are_bounded_with_a_note(caplog):
             assert simulation.device.threads == processors()
         note = f"threads: {processors()} instead of {count}, as this process has {processors()} processors"
         assert [each.getMessage() for each in caplog.records] == [note] * (count > processors())
+
+
+def test_a_process_that_may_use_one_processor_runs_one_thread_and_one_check(monkeypatch, tmp_path):
+    """A container or the command taskset gives a process some of the processors; more threads would only take turns."""
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0}, raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 64)
+    with Simulation({**kepler(dt=0.02), "run": {"steps": 3}}, backend="cpu") as simulation:
+        assert simulation.device.threads == ti.lang.impl.current_cfg().cpu_max_num_threads == 1
+    asked = []
+    monkeypatch.setattr(check, "check_at_once", lambda *_: asked.append("many") or [])
+    monkeypatch.setattr(check, "_check", lambda scene, *_: {"scene": str(scene), "status": "ok", "exit_code": 0, "expect": []})
+    monkeypatch.chdir(tmp_path)
+    names = [f"{letter}.yaml" for letter in "abcdefg"]
+    assert main(["check", *names, "--quiet"]) == 0 and not asked

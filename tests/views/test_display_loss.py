@@ -15,6 +15,7 @@ import yaml
 from test_window import ENVIRONMENT, display
 
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.views import ggui
 from mpp_taichi.views.display_loss import a_connection_is_broken
 from scenes import kepler
 
@@ -150,3 +151,19 @@ def test_another_connection_that_ends_is_no_loss_of_the_display():
     with ours:
         theirs.close()
         assert not a_connection_is_broken()
+
+
+def test_a_trial_of_the_display_runs_in_a_folder_that_nothing_else_writes_to(monkeypatch):
+    """GGUI writes a file of a known name where it runs, and would follow a link that another user has put there."""
+    seen = []
+
+    def run(command, *, cwd, **_):
+        seen.append((Path(cwd), [*Path(cwd).iterdir()], Path(cwd).stat().st_mode & 0o077))
+        return subprocess.CompletedProcess(command, 0)
+
+    monkeypatch.setattr(ggui.subprocess, "run", run)
+    assert ggui.probe.__wrapped__(shown=False) == ""
+    ((folder, there, others),) = seen
+    assert not there and not others and not folder.exists()
+    monkeypatch.setattr(ggui.subprocess, "run", lambda *_, **__: os.stat("/nowhere"))
+    assert "No such file" in ggui.probe.__wrapped__(shown=False)
