@@ -6,7 +6,9 @@ runs all. A test marked `fast_taichi(*names)` needs those parts of device/fast_t
 """
 
 import gc
+import os
 import sys
+from datetime import date
 from pathlib import Path
 
 import pytest
@@ -87,8 +89,15 @@ def pytest_collection_finish(session):
 
 
 def pytest_addoption(parser):
-    """Run all, or what is enough for a change."""
+    """Run all, or what is enough for a change; what is drawn at random is drawn by the seed."""
     parser.addoption("--thorough", action="store_true", help="every case of every test: about twice as long")
+    today = int(os.environ.setdefault("MPP_TAICHI_TEST_SEED", str(date.today().toordinal())))  # the same in all processes
+    parser.addoption("--seed", type=int, default=today, help="of cases that are drawn at random; absent: the number of the day")
+
+
+def pytest_report_header(config):
+    """The seed of what is drawn."""
+    return f"cases that are drawn at random: --seed {config.getoption('--seed')}"
 
 
 def pytest_collection_modifyitems(config, items):

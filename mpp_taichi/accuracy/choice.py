@@ -83,6 +83,8 @@ def choose(
     devices = [("cpu", precision) for precision in precisions]
     wishes = StudyWishes(integrators, devices, quantity=target.quantity, aim=SAFETY * target.error)
     store = Store(folder, identity(problem, problem.span, __version__))
+    if store.resumed:
+        tell(f"{store.resumed} runs are known from before")
     trials = Trials(target.error)
     study = Study(problem, store, Budget(seconds, look), wishes, tell, trials.run)
     study.run()

@@ -1,11 +1,13 @@
 """Store: samples kept in a file, so that a second study goes on where the first one ended.
 
 A file belongs to one scene (its physics, not its name), one machine and one set of versions; others have files of their own.
+It is written while the study goes on, so that a study that is killed loses a second of its work and the run that was going on.
 """
 
 import hashlib
 import json
 import platform
+import time as clock
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,8 @@ from mpp_taichi.device.availability import TAICHI_VERSION, availability
 from mpp_taichi.errors import OutputError
 
 FORMAT = 3
+EVERY = 1.0  # seconds of the wall clock between two writings
+SHARE = 0.01  # of the time of a processor, that writing may take
 
 
 def identity(problem: Problem, asked_span: float, version: str) -> dict[str, Any]:
@@ -51,6 +55,9 @@ class Store:
         self.notes: dict[str, Any] = {}
         self._samples: dict[str, Sample] = {}
         self.resumed = 0
+        self._due = clock.monotonic() + EVERY
+        for left in (*self.folder.glob("*.part.npy"), self.path.with_name(f"{self.path.stem}.part.json")):
+            left.unlink(missing_ok=True)  # of a study that was killed while it wrote
         if not fresh and self.path.is_file():
             self._read()
 
@@ -63,12 +70,14 @@ class Store:
         return self._samples.get(configuration.key)
 
     def add(self, sample: Sample) -> None:
-        """Keep a new or changed sample."""
+        """Keep a new or changed sample, and write all samples where it is time for it."""
         key = sample.configuration.key
         self._samples[key] = sample
         if sample.end is not None:
             with whole_file(self.folder / f"{key}.npy", "the positions of a sample") as temporary:
                 np.save(temporary, sample.end)
+        if clock.monotonic() >= self._due:
+            self.save()
 
     def forget(self) -> None:
         """Forget all samples, which were measured in another way than those that follow."""
@@ -76,6 +85,7 @@ class Store:
 
     def save(self) -> None:
         """Write the samples."""
+        began = clock.thread_time()
         text = json.dumps(
             {
                 "known": self.known,
@@ -86,6 +96,7 @@ class Store:
         )
         with whole_file(self.path, "the samples") as temporary:
             temporary.write_text(text, encoding="utf-8")
+        self._due = clock.monotonic() + max(EVERY, (clock.thread_time() - began) / SHARE)
 
     def _read(self) -> None:
         try:

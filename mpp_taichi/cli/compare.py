@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 from mpp_taichi import __version__
 from mpp_taichi.cli import _options
+from mpp_taichi.cli._study_journal import add_journal, study_journal, torn, went_on
 from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, put_json, say
 from mpp_taichi.cli.accuracy import names, span_of_time
 from mpp_taichi.scene.pair_forces import is_pair_force
 
 if TYPE_CHECKING:
     from mpp_taichi.compare.comparison import ComparisonWishes
+    from mpp_taichi.scene.spec import SceneSpec
 
 BUDGET_SECONDS = 60.0
 BUG_CODE = 4
@@ -43,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=_options.output_path, metavar="DIR", help="folder of the results; absent: out/SCENE.compare"
     )
+    add_journal(parser, "DIR/journal")
     _options.add_report(parser)
 
 
@@ -65,16 +68,27 @@ def execute(arguments: argparse.Namespace) -> int:
         lock = OutputLock(folder / "compare.json")
         try:
             tell = (lambda _: None) if arguments.quiet else say
-            comparison = Comparison(spec, wishes, Budget(arguments.budget, interruption.raise_if_any, time.perf_counter), tell)
-            comparison.run()
-            found = plain(comparison.facts())
-            found["known"]["mpp_taichi"] = __version__
-            found["sentence"] = sentence(found)
-            found["files"] = _write(folder, found)
+            budget = Budget(arguments.budget, interruption.raise_if_any, time.perf_counter)
+            with study_journal(folder / "journal", "compare", arguments, _known(spec, wishes, arguments)) as journal:
+                if journal.holds:
+                    tell(f"going on with {journal.path}{torn(journal)}; --fresh begins anew")
+                comparison = Comparison(spec, wishes, budget, tell, journal=journal, files=folder / "work")
+                comparison.run()
+                found = plain(comparison.facts())
+                found["known"]["mpp_taichi"] = __version__
+                found["sentence"] = sentence(found)
+                found["went_on"] = went_on(journal)
+                found["files"] = _write(folder, found)
+                journal.end()
         finally:
             lock.release()
     _report(found, arguments)
     return BUG_CODE if comparison.bugs else 0
+
+
+def _known(spec: "SceneSpec", wishes: "ComparisonWishes", arguments: argparse.Namespace) -> dict[str, Any]:
+    """What a comparison depends on, beside versions and machine."""
+    return {"scene": plain(spec.resolved), "options": plain(vars(wishes)), "budget": arguments.budget}
 
 
 def _write(folder: Path, found: dict[str, Any]) -> list[str]:

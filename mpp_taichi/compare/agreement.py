@@ -19,6 +19,7 @@ from mpp_taichi.compare.row import BackendRow
 from mpp_taichi.scene.estimate import estimate
 
 Ask = Callable[..., dict[str, Any] | None]  # a row, a command and its fields; None where the row has failed
+Once = Callable[[str, Callable[[], Any]], Any]  # a key, and what finds the value where it is not known from before
 LOOKS = 8
 USUAL_STEPS = 1000  # of a scene without an end
 NUMPY_SHARE = 0.3  # of the time: for the NumPy reference; the same for all backends, and the rest for neighbors
@@ -39,19 +40,20 @@ CONTACTS_NOT_JUDGED = {
 class Agreement:
     """The certificates of all rows that run."""
 
-    def __init__(self, judge: Judge, files: Path, ask: Ask, budget: Budget, tell: Callable[[str], None]) -> None:
-        """`files` is a folder for the files of the workers."""
+    def __init__(self, judge: Judge, files: Path, ask: Ask, budget: Budget, tell: Callable[[str], None], once: Once) -> None:
+        """`files` is a folder for the files of the workers; `once` keeps what depends on the clock."""
         self.judge, self._files, self._ask, self._budget, self._tell = judge, files, ask, budget, tell
+        self._once = once
         self.remarks: list[str] = []
         self._reasons: dict[BackendRow, str] = {}  # the reason why a row is not judged, other than the scene
         self.steps = 0  # of the longest trajectory compared
 
     def certify(self, rows: Sequence[BackendRow], precisions: Sequence[str], most_steps: int | None, end: float) -> None:
         """Judge every row, until the time `end` of the budget."""
-        judge, began = self.judge, self._budget.spent
-        share = max(0.0, NUMPY_SHARE * (end - began))
+        judge = self.judge
         usual = min(self._usual_steps(), most_steps or USUAL_STEPS**3)
-        looks = self._looks_in_numpy(usual, share)
+        share = self._once("seconds for the reference", lambda: max(0.0, NUMPY_SHARE * (end - self._budget.spent)))
+        looks = self._once("looks at the reference", lambda: self._looks_in_numpy(usual, share))
         course = None
         if looks:
             self._tell(f"following the reference for {looks[-1]:,} steps")
@@ -139,7 +141,7 @@ class Agreement:
                 self.remarks.append(f"trajectories are not judged: {refused}")
             return
         base = min(bases, key=lambda row: row.seconds_per_step)
-        left = max(LEAST_SHARE * self._budget.seconds, end - self._budget.spent)
+        left = self._once("seconds for neighbors", lambda: max(LEAST_SHARE * self._budget.seconds, end - self._budget.spent))
         most = int(min(usual, left / 2 / ((1 + len(precisions) + COPIES) * base.seconds_per_step)))
         if most < FURTHER * max(1, self.steps):
             return

@@ -3,7 +3,7 @@
 import importlib.metadata
 import os
 import platform
-import tempfile
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.archive.journal import Journal
 from mpp_taichi.compare import busy, scaling
 from mpp_taichi.compare.agreement import Agreement
 from mpp_taichi.compare.certificate import Judge
 from mpp_taichi.compare.course import CHANCE
+from mpp_taichi.compare.kept_worker import KeptWorker
 from mpp_taichi.compare.process import WorkerError, WorkerProcess, empty_cache
 from mpp_taichi.compare.row import BackendRow, described, peak_of
 from mpp_taichi.compare.work import work_of
@@ -33,6 +35,7 @@ PATIENCE = 60.0  # seconds beyond the budget that a worker may take to answer
 LEAST_LEFT = 0.25  # of the budget, however long the start of the backends took
 # The ends of certificate, times and (where asked for) scaling, as shares of the budget left after the start.
 SHARES = {False: (0.55, 0.75, 1.0), True: (0.15, 0.3, 0.9)}
+SPENT = "seconds"  # key of the journal: the time that was spent
 NOT_FOR_WORKERS = ("timeline", "accuracy", "expect", "record", "inspect", "sliders", "view")
 
 
@@ -57,10 +60,25 @@ class ComparisonWishes:
 
 
 class Comparison:
-    """Runs the parts in turn; `facts` are available at any time."""
+    """Runs the parts in turn; `facts` are available at any time.
 
-    def __init__(self, spec: SceneSpec, wishes: ComparisonWishes, budget: Budget, tell: Callable[[str], None]) -> None:
-        """Make the initial state of all backends."""
+    What was measured, and what was decided by the clock, is kept in a journal: a comparison that was cut off takes it from
+    there, with the time that it took.
+    """
+
+    def __init__(
+        self,
+        spec: SceneSpec,
+        wishes: ComparisonWishes,
+        budget: Budget,
+        tell: Callable[[str], None],
+        *,
+        journal: Journal,
+        files: Path,
+    ) -> None:
+        """Make the initial state of all backends; `files` is a folder for files of the workers, which is removed at the end."""
+        self.journal, self._files = journal, files
+        budget.wait(journal.get(SPENT) or 0.0)
         self.spec, self.wishes, self.budget, self._tell = spec, wishes, budget, tell
         self.start = assemble(spec)
         self.judge = Judge(spec, self.start, float(spec.integrator.parameters["dt"]))
@@ -73,24 +91,37 @@ class Comparison:
 
     def run(self) -> None:
         """Run all parts; afterwards every process has ended."""
-        with tempfile.TemporaryDirectory(prefix="mpp-compare-", ignore_cleanup_errors=True) as folder:
-            self._files = Path(folder)
-            try:
-                self._open_all()
-                opened = self.budget.spent
-                left = max(self.budget.left(), LEAST_LEFT * self.budget.seconds)
-                judged, timed, scaled = (opened + share * left for share in SHARES[self.wishes.scaling])
-                self._certify(judged)
-                self._time(timed)
-                self._probe()
-                if self.wishes.scaling:
-                    self._scale(scaled)
-                self._end_all()
-                self._warm()
-            finally:
-                for row in self.running:
-                    row.process.kill()  # type: ignore[union-attr]
-                    row.process = None
+        shutil.rmtree(self._files, ignore_errors=True)  # of a comparison that was killed
+        self._files.mkdir(parents=True)
+        try:
+            self._open_all()
+            opened = self._once("the start", lambda: self.budget.spent)
+            left = max(self.budget.seconds - opened, LEAST_LEFT * self.budget.seconds)
+            judged, timed, scaled = (opened + share * left for share in SHARES[self.wishes.scaling])
+            self._certify(judged)
+            self._time(timed)
+            self._probe()
+            if self.wishes.scaling:
+                self._scale(scaled)
+            self._end_all()
+            self._warm()
+        finally:
+            for row in self.running:
+                row.process.kill()  # type: ignore[union-attr]
+                row.process = None
+            shutil.rmtree(self._files, ignore_errors=True)
+
+    def _once(self, key: str, find: Callable[[], Any]) -> Any:
+        """What an earlier, unfinished comparison has found or decided; else it is found now, and kept."""
+        found = self.journal.get(key)
+        if found is None:
+            found = find()
+            self.journal.put(key, found)
+            self._note_time()
+        return found
+
+    def _note_time(self) -> None:
+        self.journal.put(SPENT, self.budget.spent)
 
     @property
     def running(self) -> list[BackendRow]:
@@ -116,7 +147,6 @@ class Comparison:
                     self._open(BackendRow(backend, precision, variant=variant))
 
     def _open(self, row: BackendRow) -> None:
-        self._tell(f"starting {row.name}")
         self.rows.append(row)
         try:
             row.process = self._process(row)
@@ -124,7 +154,11 @@ class Comparison:
         except WorkerError as error:
             row.give_up(str(error), "missing")
 
-    def _process(self, row: BackendRow) -> WorkerProcess:
+    def _process(self, row: BackendRow) -> KeptWorker:
+        return KeptWorker(row.name, lambda: self._started(row), self.journal, self._note_time)
+
+    def _started(self, row: BackendRow) -> WorkerProcess:
+        self._tell(f"starting {row.name}")
         cache = self._files / f"cache-{row.name.replace(' ', '-')}"
         return WorkerProcess(self._files, cache if cache.is_dir() else empty_cache(cache), self.budget.look)
 
@@ -149,7 +183,7 @@ class Comparison:
         for row in self.running:
             share = max(0.1, (end - self.budget.spent) / (8 * len(self.running)))
             row.seconds_per_step = (self._ask(row, "calibrate", seconds=share) or {}).get("seconds_per_step", 0.0)
-        self.agreement = Agreement(self.judge, self._files, self._ask, self.budget, self._tell)
+        self.agreement = Agreement(self.judge, self._files, self._ask, self.budget, self._tell, self._once)
         self.agreement.certify(self.running, self.wishes.precisions, self.wishes.most_steps, end)
         self.remarks += self.agreement.remarks
 
@@ -178,6 +212,7 @@ class Comparison:
             row.process.ask_to_end()  # type: ignore[union-attr]
         for row in self.running:
             row.process.end()  # type: ignore[union-attr]
+            row.filled_cache = row.process.started  # type: ignore[union-attr]
             row.process = None
 
     def _warm(self) -> None:
@@ -185,17 +220,30 @@ class Comparison:
         for row in self.rows:
             if row.status != "ok" or row.backend == "numpy":
                 continue
+            key = f"{row.name}: a second start"
+            row.warm_compile_seconds = self.journal.get(key)
+            if row.warm_compile_seconds is not None:
+                continue
             if self.budget.left() < 0.0:
                 self.remarks.append("warm compilation was not measured for all: the budget ended")
                 return
-            self._tell(f"starting {row.name} again")
             try:
-                row.process = self._process(row)
-                row.warm_compile_seconds = self._build(row)["compile_seconds"]
+                if not row.filled_cache:  # the first start was that of another process, whose cache is gone
+                    self._start_anew(row)
+                row.warm_compile_seconds = self._start_anew(row)
+                self.journal.put(key, row.warm_compile_seconds)
+                self._note_time()
             except WorkerError as error:
                 self.remarks.append(f"{row.name} did not start a second time: {error}")
-            if row.process is not None:
-                row.process.end()
+
+    def _start_anew(self, row: BackendRow) -> float:
+        """Start and end a worker; returns the seconds of its compilation."""
+        row.process = self._started(row)
+        try:
+            seconds: float = self._build(row)["compile_seconds"]
+            return seconds
+        finally:
+            row.process.end()
             row.process = None
 
     def _scale(self, end: float) -> None:

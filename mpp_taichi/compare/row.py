@@ -4,6 +4,7 @@ import statistics
 from dataclasses import dataclass, field
 from typing import Any
 
+from mpp_taichi.compare.kept_worker import KeptWorker
 from mpp_taichi.compare.process import WorkerProcess
 from mpp_taichi.compare.work import Work
 
@@ -30,7 +31,8 @@ class BackendRow:
     warm_compile_seconds: float | None = None
     peaks: dict[str, float] = field(default_factory=dict)
     scaling: list[tuple[int, float]] = field(default_factory=list)  # (particles, seconds of a step)
-    process: WorkerProcess | None = None
+    process: WorkerProcess | KeptWorker | None = None
+    filled_cache: bool = False  # whether a worker of this process has compiled its kernels
 
     @property
     def name(self) -> str:

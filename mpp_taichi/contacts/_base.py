@@ -48,6 +48,7 @@ class ContactSolver:
     integrator: Any = None
     memory: tuple[str, ...] = ()
     setup: ContactSetup
+    _sums: Any = None
 
     def work_fields(self, particle_count: int) -> dict[str, tuple[str, int]]:
         """Fields of the State beyond the fields of the integrator, by name: kind and count (see State)."""
@@ -78,13 +79,42 @@ class ContactSolver:
         """Go on from one time to another."""
         raise NotImplementedError
 
-    def lead(self, time: float, dt: float, looks: int) -> None:
-        """Go on from `time` through `looks` samples, `dt` apart, and write the state of the last sample."""
+    def lead(self, time: float, dt: float, first: int, last: int) -> None:
+        """Go on from `time` + `first` dt through the samples at `time` + k dt, and write the state of the sample `last`."""
         raise NotImplementedError
 
     def collect(self) -> ContactReport:
         """Counts since the last call."""
         raise NotImplementedError
+
+    def sum_fields(self) -> tuple[Any, ...]:
+        """Fields of one axis in which sums of real numbers grow from the begin of a phase on.
+
+        They are not set to 0 when they are collected: how they are rounded must not depend on how often that is.
+        """
+        raise NotImplementedError
+
+    def save_sums(self) -> tuple[np.ndarray, ...]:
+        """The sums of the phase, for `restore_sums`."""
+        from mpp_taichi.device.bulk_copy import MixedFields  # it imports Taichi
+
+        if self._sums is None:
+            self._sums = MixedFields(self.sum_fields())
+        return tuple(self._sums.read())
+
+    def restore_sums(self, saved: Sequence[np.ndarray]) -> None:
+        """Go on from the result of `save_sums`, with the same bits; counts since the last `collect` are dropped."""
+        from mpp_taichi.device import bulk_copy
+
+        bulk_copy.write(self.sum_fields(), saved)
+        self.collect()
+
+    def begin_sums(self) -> None:
+        """Begin the sums at 0, for a new phase; counts since the last `collect` are dropped."""
+        from mpp_taichi.device import bulk_copy
+
+        bulk_copy.clear(self.sum_fields())
+        self.collect()
 
     def take_log(self) -> np.ndarray | None:
         """Contacts since the last call: records of time, i, j (−1 − w: surface w) and impulse; None without a log."""

@@ -134,6 +134,10 @@ class EventDriven(ContactSolver):
                 )
         self._show(end)
 
+    def sum_fields(self) -> tuple[Any, ...]:
+        """Virial, energy and impulses on surfaces."""
+        return self.collision.sum_fields
+
     def collect(self) -> ContactReport:
         """Counts since the last call."""
         return self.collision.collect()

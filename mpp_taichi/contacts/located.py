@@ -64,23 +64,23 @@ class Located(ContactSolver):
         self.state.due.from_numpy(np.array([np.inf]))
         self.state.last_contact.from_numpy(np.full(self.setup.particle_count, -np.inf))
 
-    def lead(self, time: float, dt: float, looks: int) -> None:
-        """Go on through `looks` samples, and write the state of the last; a contact after it is left for later."""
+    def lead(self, time: float, dt: float, first: int, last: int) -> None:
+        """Go on through the samples `first` + 1 … `last`, and write the state of the last; a later contact is left."""
         with quick_compilation():
-            self._lead(time, dt, looks)
+            self._lead(time, dt, first, last)
 
     @ti.kernel
-    def _lead(self, time: ti.f64, dt: ti.f64, looks: ti.i32):
+    def _lead(self, time: ti.f64, dt: ti.f64, first: ti.i32, last: ti.i32):
         ti.loop_config(serialize=True)
         for _ in range(1):
-            k, contacts, stuck = 0, 0, 0
-            while k < looks:
-                end = time + (k + 1) * dt
+            k, contacts, stuck = first + 1, 0, 0
+            while k <= last:
+                end = time + k * dt  # with the same bits, however a run is divided into launches
                 touches = self.state.due[0] <= end
                 if not touches and self.integrator.is_short_of(self.state, 0, end):
                     self._take_step()
                 else:
-                    if touches or k == looks - 1:
+                    if touches or k == last:
                         self.integrator.show(self.state, self.forces, 0, ti.min(self.state.due[0], end))
                     if touches:
                         moves = self.state.due[0] - self.state.clock[0] > MOMENT * ti.abs(self.state.clock[0])
@@ -91,7 +91,7 @@ class Located(ContactSolver):
                         contacts = 0
                     if contacts > self.event_limit or stuck > MOST_AT_ONCE:
                         self.tally.give_up(0, 1)
-                        k = looks
+                        k = last + 1
 
     @ti.func
     def _take_step(self):
@@ -114,6 +114,10 @@ class Located(ContactSolver):
         self.integrator.begin_again(self.state, self.forces, 0, time, "serial")
         self.state.due[0] = ti.cast(ti.math.inf, self.state.wide)
         return ti.max(bounces, 1)
+
+    def sum_fields(self) -> tuple[Any, ...]:
+        """Virial, energy and impulses on surfaces."""
+        return self.tally.sum_fields
 
     def collect(self) -> ContactReport:
         """Counts since the last call."""

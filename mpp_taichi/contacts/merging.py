@@ -39,6 +39,10 @@ class Merging(ContactSolver):
         """Move all spheres by h [time] along their velocities; spheres that meet on the way merge."""
         self.ways.drift(time, h)
 
+    def sum_fields(self) -> tuple[Any, ...]:
+        """Virial, energies and impulses on surfaces."""
+        return (*self.ways.tally.sum_fields, self.ways.merger.potential_change)
+
     def collect(self) -> ContactReport:
         """Counts since the last call."""
         return self.ways.collect()

@@ -40,6 +40,10 @@ class Pairwise(ContactSolver):
         """Move all spheres by h [time] along their velocities; then let overlapping pairs bounce."""
         self.overlaps.drift(time, h)
 
+    def sum_fields(self) -> tuple[Any, ...]:
+        """Virial, energy and impulses on surfaces."""
+        return self.overlaps.tally.sum_fields
+
     def collect(self) -> ContactReport:
         """Counts since the last call."""
         return self.overlaps.collect()

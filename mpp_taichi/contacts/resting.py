@@ -77,6 +77,7 @@ class Resting(ContactSolver):
         self.plan: Any = ParallelPlan(self.step, setup, state) if parallel else SerialPlan(self.step)
         self.iterations = 0
         self._unresolved = 0
+        self._before, self._met = ContactReport(), (0, 0)  # what was collected so far
         self._kicked = False
 
     def _tolerance(self, parallel: bool) -> float:
@@ -105,16 +106,20 @@ class Resting(ContactSolver):
         self._unresolved += unresolved
         self.iterations += iterations
 
+    def sum_fields(self) -> tuple[Any, ...]:
+        """Counts, virial, energies and impulses on surfaces of each chunk of spheres."""
+        return self.step.sum_fields
+
     def collect(self) -> ContactReport:
         """Counts since the last call."""
-        sums = self.step.sums.to_numpy().sum(axis=0)
+        sums = sum(field.to_numpy().astype(np.float64).sum(axis=0) for field in self.step.sum_fields)
         overlap = float(self.step.overlap.to_numpy().max())
-        self.step.sums.fill(0)
         self.step.overlap.fill(0)
         unresolved, self._unresolved = self._unresolved, 0
-        return ContactReport(
-            pair_count=round(sums[PAIRS]),
-            wall_count=round(sums[WALLS]),
+        pairs, walls = round(sums[PAIRS]), round(sums[WALLS])
+        now = ContactReport(
+            pair_count=pairs - self._met[0],
+            wall_count=walls - self._met[1],
             virial=float(sums[VIRIAL]),
             wall_impulse=tuple(float(x) for x in sums[PUSHED:]),
             dissipated_energy=float(sums[LOST]),
@@ -122,3 +127,5 @@ class Resting(ContactSolver):
             largest_overlap=overlap,
             unresolved=unresolved,
         )
+        since, self._before, self._met = now.sums_since(self._before), now, (pairs, walls)
+        return since

@@ -48,6 +48,10 @@ class Simultaneous(ContactSolver):
         """Bring positions and velocities of the state up to date."""
         self.sweep.write_back()
 
+    def sum_fields(self) -> tuple[Any, ...]:
+        """Virial, energy and impulses on surfaces."""
+        return self.sweep.parts.tally.sum_fields
+
     def collect(self) -> ContactReport:
         """Counts since the last call."""
         return self.sweep.collect()

@@ -70,9 +70,9 @@ class EnergyBalance:
         return max(self._largest_kinetic, abs(self.dissipated_energy), abs(self.work))
 
     def follow(self, simulation: Any, steps: int, dt: float) -> None:
-        """After a launch: take the sample of each of its steps."""
-        for back, powers in zip(range(steps - 1, -1, -1), self.meter.kept(steps), strict=True):
-            self._take(simulation.time - back * dt, powers)
+        """After a launch: take the sample of each of its steps, at times that do not depend on the length of the launch."""
+        for time, powers in zip(simulation.clock.ends_of(steps, dt), self.meter.kept(steps), strict=True):
+            self._take(time, powers)
         self._step = simulation.step_count
 
     def look(self, simulation: Any) -> None:

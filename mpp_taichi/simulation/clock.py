@@ -63,6 +63,12 @@ class Clock:
         else:
             self.set(self.time + steps * dt, self.step_count + steps)
 
+    def ends_of(self, steps: int, dt: float) -> list[float]:
+        """The times at which each of the last steps, of the length `dt`, has ended."""
+        if dt == self._dt and steps <= self._steps:
+            return [self._origin_time + each * dt for each in range(self._steps - steps + 1, self._steps + 1)]
+        return [self.time - back * dt for back in range(steps - 1, -1, -1)]
+
     def origin_of(self, steps: int, dt: float) -> tuple[float, int]:
         """The time from which a launch of so many steps counts, and the number of steps from there to its first one."""
         if dt != self._dt or self._steps + steps > MOST_STEPS_COUNTED:

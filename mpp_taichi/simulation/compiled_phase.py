@@ -33,6 +33,7 @@ class SavedFields:
     arrays: tuple[np.ndarray, ...]
     prepared: bool
     contacts: tuple[np.ndarray, ...] = ()  # what the contact solver knows beyond the arrays
+    sums: tuple[np.ndarray, ...] | None = None  # of the contacts of the phase; empty before its first step, None: not saved
 
 
 class CompiledPhase:
@@ -90,6 +91,7 @@ class CompiledPhase:
         )
         self.energy_meter = EnergyMeter(self.state, self.total_force)
         self.launch_limit = self._steps_per_launch()
+        self._has_sums = False  # whether steps were taken since the sums of the contacts began
         self.prepared = False  # whether the next step finds in the state the forces or the history that it begins with
         if device.on_cpu and start.particle_count >= MANY_PARTICLES:
             use_large_pages()
@@ -206,9 +208,15 @@ class CompiledPhase:
         self._begin_afresh(dt)
 
     def _begin_afresh(self, dt: float) -> None:
-        """Round positions and velocities as the method has them, and forget forces and history."""
+        """Round positions and velocities as the method has them; forget forces and history; begin the sums of contacts."""
+        self._begin_sums()
         self.integrator.adopt(self.state, dt)
         self._forget()
+
+    def _begin_sums(self) -> None:
+        if self._has_sums and self.contacts is not None:
+            self.contacts.begin_sums()
+        self._has_sums = False
 
     def _forget(self) -> None:
         self.prepared = False
@@ -217,7 +225,8 @@ class CompiledPhase:
     def save(self, *, whole: bool = True) -> SavedFields:
         """The state now, for `restore`; not `whole`: without what a contact solver knows beyond it, which changes last bits."""
         contacts = self.contacts.save() if whole and self.prepared and self.contacts is not None else ()
-        return SavedFields(self.state.save(), self.prepared, contacts)
+        sums = (self.contacts.save_sums() if self._has_sums and self.contacts is not None else ()) if whole else None
+        return SavedFields(self.state.save(), self.prepared, contacts, sums)
 
     def restore(self, saved: SavedFields) -> None:
         """Go back to a state. The history of a method was saved with it; forces that other methods keep are computed anew."""
@@ -228,6 +237,11 @@ class CompiledPhase:
         if saved.contacts and self.contacts is not None:
             self.contacts.restore(saved.contacts)
             self.prepared = True
+        if saved.sums and self.contacts is not None:
+            self.contacts.restore_sums(saved.sums)
+            self._has_sums = True
+        elif saved.sums is not None:
+            self._begin_sums()
         self.launcher.clear_trouble()
 
     # Steps
@@ -248,6 +262,7 @@ class CompiledPhase:
 
     def prepare(self, clock: Clock) -> None:
         """Compute the forces and the history that the next step begins with, unless they are there."""
+        self._has_sums = True
         if not self.prepared:
             self.launcher.prepare(clock.time, clock.dt)
             self.prepared = True

@@ -3,9 +3,9 @@
 A moment is a dictionary. `phase` is the number of the phase; `clock` holds the origin of the time [time], its step, the steps
 since then, and dt [time]. `fields` are positions, velocities, the memory of the method and of the contacts, and the moving
 frame, as they are on the device; `prepared` says whether the forces and the history with which the next step begins are among
-them; `contacts` is what a contact solver knows beyond them, such as the times and events of an event-driven run. `accounts`
-are the counts of the solvers, the work of the phases, the energy balance and the findings of the judge. A simulation is `Any`
-here, as its class imports this module.
+them; `contacts` is what a contact solver knows beyond them, such as the times and events of an event-driven run; `sums` are
+its sums since the phase began, such as the virial. `accounts` are the counts of the solvers, the work of the phases, the
+energy balance and the findings of the judge. A simulation is `Any` here, as its class imports this module.
 """
 
 import math
@@ -31,6 +31,7 @@ def moment_of(simulation: Any) -> dict[str, Any]:
         "fields": list(mark.fields.arrays),
         "prepared": mark.fields.prepared,
         "contacts": list(mark.fields.contacts),
+        "sums": list(mark.fields.sums or ()),
         "accounts": object_state.captured({"accounts": runner.accounts.save(), "judge": simulation.judge}),
     }
 
@@ -56,12 +57,15 @@ def _go_to(simulation: Any, moment: Mapping[str, Any]) -> None:
         if again:
             runner.enter(number)
         fields, contacts = tuple(moment["fields"]), tuple(moment["contacts"])
+        sums = tuple(moment.get("sums", ()))  # older archives have none
         _require_same_forms(fields, runner.phase.save(whole=False).arrays)
         if contacts:
             _require_same_forms(contacts, () if runner.phase.contacts is None else runner.phase.contacts.save())
+        if sums:
+            _require_same_forms(sums, () if runner.phase.contacts is None else runner.phase.contacts.save_sums())
         accounts = runner.accounts.save()
         object_state.restore(moment["accounts"], {"accounts": accounts, "judge": simulation.judge})
-        mark = Mark(SavedFields(fields, bool(moment["prepared"]), contacts), reading)
+        mark = Mark(SavedFields(fields, bool(moment["prepared"]), contacts, sums), reading)
         runner.go_to(number, mark, accounts, again=again)
         runner.phase.warm_up(runner.clock)
         runner.return_to(mark)

@@ -20,7 +20,7 @@ class LeadingContacts(Launcher):
     def launch(self, time: float, dt: float, first: int, last: int) -> None:
         """Advance through the samples first + 1 … last."""
         self.steps.check_span((last - first) * dt)
-        self.contacts.lead(time + first * dt, dt, last - first)
+        self.contacts.lead(time, dt, first, last)
 
     def launches_per_step(self) -> int | None:
         """Not known: it depends on the contacts."""

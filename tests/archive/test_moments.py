@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import yaml
+from cut_runs import STEPS, bits, gas, orbits, same_after_a_cut
 from PIL import Image
 
 import mpp_taichi as mpp
@@ -16,7 +17,6 @@ from mpp_taichi.simulation.moment import go_to, moment_of
 from mpp_taichi.simulation.run_archive import FoundRun, RunArchive, header_of
 from mpp_taichi.simulation.simulation import Simulation
 
-STEPS = 60
 PRECISIONS = ("f64", "f32", "ds")
 METHODS = [
     (name, precision, plan)
@@ -26,78 +26,6 @@ METHODS = [
     for plan in ("serial", "parallel")
 ]
 SOLVERS = [(name, precision) for name in component.names("contacts") for precision in ("f64", "f32")]
-
-
-def orbits(integrator):
-    """A planet and a moon around a heavy body, at an odd place of space; springs where the method is for springs."""
-    bodies = [(1.0, [0.3, 0.1, 0.0], [0, 0, 0]), (1e-3, [1.3, 0.1, 0.1], [0, 0.9, 0]), (1e-4, [-1.7, 0.2, 0.0], [0, -0.7, 0.1])]
-    scene = {
-        "title": "Orbits",
-        "particles": [{"body": {"mass": m, "position": x, "velocity": v}} for m, x, v in bodies],
-        "forces": [{"newtonian_gravity": {"strength": 1}}],
-        "integrator": {integrator: {"dt": 0.01}},
-        "run": {"duration": 1},
-    }
-    if component.flag("integrators", integrator, "implicit"):
-        scene["springs"] = [{"link": {"between": [1, 2], "stiffness": 2, "damping": 0.01}}]
-    return scene
-
-
-def gas(solver):
-    """Disks that fall onto each other between walls."""
-    places = [[1.1 + 1.7 * column + 0.13 * row, 1.2 + 1.9 * row] for row in range(4) for column in range(5)]
-    scene = {
-        "title": "Gas",
-        "dimensions": 2,
-        "particles": [
-            {
-                "body": {
-                    "mass": 1 + 0.1 * (k % 3),
-                    "radius": 0.6,
-                    "position": place,
-                    "velocity": [(-1) ** k * (1 + 0.1 * k), 0.7],
-                }
-            }
-            for k, place in enumerate(places)
-        ],
-        "walls": [{"box": {"lower": [0, 0], "upper": [10, 10]}}],
-        "contacts": {"hard_spheres": {"solver": solver}},
-        "run": {"duration": 3},
-    }
-    method = "event_driven" if component.flag("contacts", solver, "flies") else "ias15" if solver == "located" else "leapfrog"
-    scene["integrator"] = {method: {"dt": 0.02}}
-    if solver == "located":
-        scene["forces"] = [{"newtonian_gravity": {"strength": 0.1}}]
-    return scene
-
-
-def bits(simulation):
-    now = simulation.snapshot()
-    arrays = (now.position, now.velocity, now.mass, now.radius)
-    return now.time, now.step, *(array.tobytes() for array in arrays)
-
-
-def counts(simulation):
-    """The whole numbers of both reports."""
-    both = vars(simulation.contact_report) | vars(simulation.solver_report)
-    return {key: value for key, value in both.items() if isinstance(value, int)}
-
-
-def same_after_a_cut(scene, cut, **options):
-    """Whether a run, and a run that went on in a new simulation after `cut` steps, end with the same bits and counts.
-
-    The virial and the impulses on walls are summed by launches, whose lengths the clock decides: they may differ by rounding.
-    """
-    with Simulation(scene, backend="cpu", **options) as whole:
-        whole.run(steps=STEPS)
-        wanted = bits(whole), counts(whole)
-    with Simulation(scene, backend="cpu", **options) as first:
-        first.run(steps=cut)
-        data = pack(moment_of(first))
-    with Simulation(scene, backend="cpu", **options) as second:
-        go_to(second, unpack(data))
-        second.run(steps=STEPS - cut)
-        return (bits(second), counts(second)) == wanted
 
 
 @pytest.mark.sampled(12)

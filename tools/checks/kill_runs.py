@@ -1,6 +1,6 @@
 """Killed runs: does the same command go on to the same results, and is nothing left behind?
 
-    python tools/checks/kill_runs.py [--count 200] [--seed 1] [--verbs run,record,…] [--share 1/4] [--json killed.json]
+    python tools/checks/kill_runs.py [--count 200] [--seed 1] [--verbs run,record,…] [--share 1/4] [--json F] [--patience 100]
     python tools/checks/kill_runs.py --table killed-1.json killed-2.json …
 
 Each trial starts a command, sends it SIGKILL (three of five times), SIGTERM or SIGINT at a random moment, looks for processes
@@ -41,7 +41,7 @@ MARK = "MPP_TAICHI_KILLED"
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 MOST_LOST = 5.0  # seconds of work
 GRACE = 2.0  # seconds after which no process of a killed command may be left
-BUSY = 100  # seconds that an end may take at most
+BUSY = 100.0  # seconds that an end may take at most, unless --patience says otherwise
 
 REST = ("*.part*", ".*.lock", "*journal", "work")  # of what must not be left after a study has ended
 
@@ -83,7 +83,9 @@ def left_over(mark: str) -> list[int]:
     return found
 
 
-def trial(case: Case, parent: Path, whole: tuple[object, float, float], moment: float, number: int) -> dict[str, Any]:
+def trial(
+    case: Case, parent: Path, whole: tuple[object, float, float], moment: float, number: int, patience: float
+) -> dict[str, Any]:
     """The facts of one killed run; `whole`: the results, the seconds of a whole run, and those of a start alone."""
     folder, mark = folder_of(case, parent), uuid.uuid4().hex
     wanted, seconds, start = whole
@@ -96,10 +98,10 @@ def trial(case: Case, parent: Path, whole: tuple[object, float, float], moment: 
         process.send_signal(number)
     sent = time.time()
     try:
-        _, told = process.communicate(timeout=BUSY)
+        _, told = process.communicate(timeout=patience)
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
-        faults.append(f"did not end within {BUSY} s")
+        faults.append(f"did not end within {patience:g} s")
         return found
     first = time.monotonic() - began
     found["was_running"] = process.returncode not in (0, None)
@@ -115,7 +117,12 @@ def trial(case: Case, parent: Path, whole: tuple[object, float, float], moment: 
                 os.kill(each, signal.SIGKILL)
     records = [each.stat().st_mtime for each in folder.glob(case.memory)]
     again, began = begin(case, folder, uuid.uuid4().hex), time.monotonic()
-    out, told = again.communicate(timeout=BUSY)
+    try:
+        out, told = again.communicate(timeout=patience)
+    except subprocess.TimeoutExpired:
+        os.killpg(again.pid, signal.SIGKILL)
+        faults.append(f"the second start did not end within {patience:g} s")
+        return found
     second = time.monotonic() - began
     try:
         if case.results(folder, out) != wanted:
@@ -134,13 +141,13 @@ def trial(case: Case, parent: Path, whole: tuple[object, float, float], moment: 
     return found
 
 
-def whole_runs(chosen: list[Case], parent: Path) -> list[tuple[object, float, float]]:
+def whole_runs(chosen: list[Case], parent: Path, patience: float) -> list[tuple[object, float, float]]:
     """The results of each command without a kill, its seconds, and the seconds of the start of the program."""
     found = []
     for case in chosen:
         folder, began = folder_of(case, parent), time.monotonic()
         process = begin(case, folder, uuid.uuid4().hex)
-        out, told = process.communicate(timeout=BUSY)
+        out, told = process.communicate(timeout=patience)
         seconds, began = time.monotonic() - began, time.monotonic()
         subprocess.run([sys.executable, "-m", "mpp_taichi", *case.start], cwd=folder, env=environment(""), capture_output=True)
         try:
@@ -189,6 +196,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--verbs", default="run,record,check,compare,accuracy")
     parser.add_argument("--share", default="1/1", metavar="k/n")
+    parser.add_argument("--patience", type=float, default=BUSY, metavar="S", help="seconds that a command may take to its end")
     parser.add_argument("--json", type=Path, metavar="FILE", help="all trials, written after each of them")
     parser.add_argument("--table", type=Path, nargs="+", metavar="FILE", help="only print the table of such files")
     options = parser.parse_args()
@@ -200,9 +208,9 @@ def main() -> int:
     chosen = [case for case in cases() if case.verb in options.verbs.split(",")]
     parent = Path(tempfile.mkdtemp(prefix="killed-"))
     print(f"folders of trials that fail stay in {parent}", flush=True)
-    whole, found = whole_runs(chosen, parent), []
+    whole, found = whole_runs(chosen, parent, options.patience), []
     for which, part, given in planned(chosen, options.count, options.seed)[number - 1 :: parts]:
-        found.append(trial(chosen[which], parent, whole[which], part * whole[which][1], given))
+        found.append(trial(chosen[which], parent, whole[which], part * whole[which][1], given, options.patience))
         if options.json is not None:
             options.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
         if told := "; ".join(found[-1]["faults"]):

@@ -36,9 +36,12 @@ class Collision:
         self.impulse = ti.field(float)
         self.table = ti.field(float)
         builder.place(self.pair_count, self.wall_count, self.elastic_count, self.unresolved)
-        builder.place(self.virial, self.dissipated, self.overlap)
+        builder.place(self.overlap)
+        builder.dense(ti.i, 1).place(self.virial, self.dissipated)
         builder.place(self.impulse)
         builder.dense(ti.i, max(len(self.surfaces), 1)).place(self.wall_impulse)
+        self.sum_fields = (self.virial, self.dissipated, self.wall_impulse)
+        self._before = ContactReport()
         builder.dense(ti.ij, np.asarray(setup.restitution).shape).place(self.table)
 
     def write(self) -> None:
@@ -52,22 +55,21 @@ class Collision:
 
     def collect(self) -> ContactReport:
         """Counts since the last call."""
-        report = ContactReport(
+        now = ContactReport(
             pair_count=self.pair_count[None],
             wall_count=self.wall_count[None],
             elastic_count=self.elastic_count[None],
-            virial=self.virial[None],
+            virial=self.virial[0],
             wall_impulse=tuple(self.wall_impulse.to_numpy()[: len(self.surfaces)].tolist()),
-            dissipated_energy=self.dissipated[None],
+            dissipated_energy=self.dissipated[0],
             largest_overlap=self.overlap[None],
             unresolved=self.unresolved[None],
         )
         for field in (self.pair_count, self.wall_count, self.elastic_count, self.unresolved):
             field[None] = 0
-        for field in (self.virial, self.dissipated, self.overlap):
-            field[None] = 0.0
-        self.wall_impulse.fill(0.0)
-        return report
+        self.overlap[None] = 0.0
+        since, self._before = now.sums_since(self._before), now
+        return since
 
     @ti.func
     def pair(self, i, j, time):
@@ -94,8 +96,8 @@ class Collision:
             self.spheres.velocity[i] = pushed(v_i, w_i, n, impulse, found[1], 1)
             self.spheres.velocity[j] = pushed(v_j, w_j, n, impulse, found[1], -1)
             self.pair_count[None] += 1
-            self.virial[None] += ti.cast(impulse * distance, self.spheres.wide)
-            self.dissipated[None] += ti.cast(lost, self.spheres.wide)
+            self.virial[0] += ti.cast(impulse * distance, self.spheres.wide)
+            self.dissipated[0] += ti.cast(lost, self.spheres.wide)
             self.impulse[None] = impulse
         goes_on = self._note_contact(i, j, e)
         return self._note_contact(j, i, e) and goes_on
@@ -124,7 +126,7 @@ class Collision:
             self.spheres.velocity[i] = pushed(v, inverse_mass, n, impulse, found[1], 1)
             self.wall_count[None] += 1
             self.wall_impulse[w] += ti.cast(impulse, self.spheres.wide)
-            self.dissipated[None] += ti.cast(lost, self.spheres.wide)
+            self.dissipated[0] += ti.cast(lost, self.spheres.wide)
             self.impulse[None] = impulse
         return self._note_contact(i, -1 - w, e)
 

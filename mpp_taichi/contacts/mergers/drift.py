@@ -1,6 +1,5 @@
 """A drift in which spheres merge where they meet, and bounce off walls: one after the other, in the order of time."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -45,6 +44,7 @@ class MergingDrift:
         log_capacity: int,
     ) -> None:
         """Allocate for the spheres of `state`."""
+        self._before = ContactReport()
         n = setup.particle_count
         self.particle_count, self.state = n, state
         self.surfaces = setup.enclosure.surfaces
@@ -75,9 +75,9 @@ class MergingDrift:
     def collect(self) -> ContactReport:
         """Counts since the last call."""
         report = self.tally.collect()
-        change = float(self.merger.potential_change[None])
-        self.merger.potential_change[None] = 0.0
-        return replace(report, merge_count=report.pair_count, potential_change=change)
+        now = ContactReport(potential_change=float(self.merger.potential_change[0]), merge_count=report.pair_count)
+        since, self._before = now.sums_since(self._before), now
+        return report + since
 
     def drift(self, time: float, h: float) -> None:
         """Move all spheres by h along their velocities; spheres that meet on the way merge."""

@@ -40,7 +40,7 @@ class Merger:
         builder = ti.FieldsBuilder()
         self.log = ContactLog(log_capacity, builder, self.wide)
         self.potential_change = ti.field(self.wide)
-        builder.place(self.potential_change)
+        builder.dense(ti.i, 1).place(self.potential_change)
         self._tree = builder.finalize()
 
     def destroy(self) -> None:
@@ -115,7 +115,7 @@ class Merger:
         self._unite(s, g, total)
         self.state.position[s] = position
         self.state.velocity[s] = velocity
-        self.potential_change[None] += self._potential(s, g, time, t) - before
+        self.potential_change[0] += self._potential(s, g, time, t) - before
         self.state.position[s] = position - velocity * t
         self.tally.begin(s)
         self.tally.add_pair(s, virial, 1.0, lost, 0)

@@ -4,6 +4,7 @@ from typing import Any
 
 import taichi as ti
 
+from mpp_taichi.arithmetic.error_free import two_sum
 from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.rest.complementarity import CHUNK, Complementarity
@@ -27,7 +28,7 @@ class RestingStep:
     overlap     (n,) largest overlap that was seen, relative to the smaller radius
     missed      (n,) energy of the rebounds that a sphere had no room for in this drift, which met others again after an impact
     sums        of each chunk of spheres: impacts of pairs and with surfaces, virial, energy lost, energy of rebounds that were
-                missed, impulse on each surface
+                missed, impulse on each surface; they grow through a phase. `low_sums` is what f32 leaves out of them.
     """
 
     def __init__(self, setup: ContactSetup, tolerance: float, wide: Any, compliance: float = 0.0):
@@ -48,7 +49,11 @@ class RestingStep:
         self._trees = [builder.finalize()]
         builder = ti.FieldsBuilder()
         self.sums = ti.Vector.field(PUSHED + len(self.surfaces), wide)
-        builder.dense(ti.i, self.solver.chunk_count).place(self.sums)
+        self.two_parts = wide == ti.f32  # a sum that grows through a whole run needs more digits than f32 has
+        self.low_sums = ti.Vector.field(PUSHED + len(self.surfaces), wide) if self.two_parts else None
+        self.sum_fields = (self.sums, self.low_sums) if self.two_parts else (self.sums,)
+        for field in self.sum_fields:
+            builder.dense(ti.i, self.solver.chunk_count).place(field)
         self._trees.append(builder.finalize())
 
     def destroy(self) -> None:
@@ -242,19 +247,29 @@ class RestingStep:
             before = ti.cast(state.velocity[i][axis], self.wide)
             after = ti.cast(self.final[i][axis], self.wide)
             if w > 0.0:
-                self.sums[k][LOST] = self.sums[k][LOST] + 0.5 * (before - after) * (before + after) / w
-        self.sums[k][MISSED] = self.sums[k][MISSED] + ti.cast(self.missed[i], self.wide)
+                self._add(k, LOST, 0.5 * (before - after) * (before + after) / w)
+        self._add(k, MISSED, ti.cast(self.missed[i], self.wide))
         for c in range(self.rows.start[i], self.rows.start[i + 1]):
             j = self.rows.other[c]
             impulse = ti.cast(self.rows.given[c] + self.rows.resting[c], self.wide)
             hit = ti.cast(self.rows.given[c] > 0.0, ti.i32)
             if 0 <= j and j < i:
-                self.sums[k][PAIRS] = self.sums[k][PAIRS] + hit
-                self.sums[k][VIRIAL] = self.sums[k][VIRIAL] + impulse * (self.rows.radius[i] + self.rows.radius[j])
+                self._add(k, PAIRS, hit)
+                self._add(k, VIRIAL, impulse * (self.rows.radius[i] + self.rows.radius[j]))
             for s in ti.static(range(len(self.surfaces))):
                 if j == -1 - s:
                     wall = _geometry.surface_velocity(self.surfaces[s], self.rows.normal[c])
                     work = impulse * self.rows.normal[c].dot(wall)
-                    self.sums[k][WALLS] = self.sums[k][WALLS] + hit
-                    self.sums[k][LOST] = self.sums[k][LOST] + work
-                    self.sums[k][PUSHED + s] = self.sums[k][PUSHED + s] + impulse
+                    self._add(k, WALLS, hit)
+                    self._add(k, LOST, work)
+                    self._add(k, PUSHED + s, impulse)
+
+    @ti.func
+    def _add(self, k, which: Template, more):
+        """Add to a sum of chunk k."""
+        if ti.static(self.two_parts):
+            rounded, rest = two_sum(self.sums[k][which], ti.cast(more, self.wide))
+            self.sums[k][which] = rounded
+            self.low_sums[k][which] = self.low_sums[k][which] + rest
+        else:
+            self.sums[k][which] = self.sums[k][which] + more

@@ -5,8 +5,10 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.error_free import two_sum
 from mpp_taichi.contacts._base import ContactReport
 from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
+from mpp_taichi.types import Template
 
 CHUNKS = 64  # of spheres; a fixed number, so that sums do not depend on the threads
 STRIPES = 1024  # threads that add up the totals, where each sphere has totals of its own
@@ -19,7 +21,9 @@ class Tally:
     """counted (pairs, walls, elastic, given up), summed (virial, dissipated energy), pushed (impulse on surfaces) per sphere.
 
     There are totals for each of CHUNKS of spheres. On a device of many threads they are `apart`: each sphere has totals of its
-    own, so that no two threads write to one place, and STRIPES threads add them up before the host reads them.
+    own, so that no two threads write to one place, and STRIPES threads add them up before the host reads them. The sums of
+    real numbers grow through a phase (`sum_fields`), and a report has their growth, so that a run may be collected at any
+    steps with the same bits at its end.
     """
 
     def __init__(
@@ -41,6 +45,10 @@ class Tally:
         self.total_count = ti.Vector.field(4, ti.i32)
         self.total_sum = ti.Vector.field(2, wide)
         self.total_push = ti.Vector.field(max(surface_count, 1), wide)
+        self.two_parts = wide == ti.f32  # a sum that grows through a whole run needs more digits than f32 has
+        self.low_sum = ti.Vector.field(2, wide) if self.two_parts else None
+        self.low_push = ti.Vector.field(max(surface_count, 1), wide) if self.two_parts else None
+        self._before = ContactReport()
         self.unresolved = ti.field(ti.i32)
         self.overlap = ti.field(float)
         builder = ti.FieldsBuilder()
@@ -52,7 +60,8 @@ class Tally:
             real_builder.dense(ti.i, particle_count).place(self.summed)
         real_builder.dense(ti.i, particle_count if surface_count else 1).place(self.pushed)
         real_builder.dense(ti.i, seen).place(self.overlap)
-        for field in (self.total_sum, self.total_push):
+        self.sum_fields = (self.total_sum, self.total_push, *((self.low_sum, self.low_push) if self.two_parts else ()))
+        for field in self.sum_fields:
             wide_builder.dense(ti.i, self.rows).place(field)
         self._trees = [builder.finalize(), real_builder.finalize(), wide_builder.finalize()]
 
@@ -98,9 +107,20 @@ class Tally:
     def keep(self, chunk, i):
         """Add the counts of sphere i to the totals of a chunk, or of the sphere; one thread writes to each chunk."""
         self.total_count[chunk] = self.total_count[chunk] + self.counted[i]
-        self.total_sum[chunk] = self.total_sum[chunk] + ti.cast(self.summed[i], self.wide)
+        self._grow(self.total_sum, self.low_sum, chunk, self.summed[i])
         if ti.static(self.surface_count > 0):
-            self.total_push[chunk] = self.total_push[chunk] + ti.cast(self.pushed[i], self.wide)
+            self._grow(self.total_push, self.low_push, chunk, self.pushed[i])
+
+    @ti.func
+    def _grow(self, total: Template, low: Template, chunk, more: Template):
+        """Add to the sums of a chunk, and in two parts to their low parts what rounding leaves out."""
+        if ti.static(self.two_parts):
+            for k in ti.static(range(total.n)):
+                rounded, rest = two_sum(total[chunk][k], more[k])
+                total[chunk][k] = rounded
+                low[chunk][k] = low[chunk][k] + rest
+        else:
+            total[chunk] = total[chunk] + ti.cast(more, self.wide)
 
     @ti.func
     def see_overlap(self, i, overlap):
@@ -121,21 +141,23 @@ class Tally:
 
     @ti.kernel
     def _take(self, counts: ti.types.ndarray(ndim=2), reals: ti.types.ndarray(ndim=2)):
-        """Sum up each stripe of totals, find the largest overlap, and set all of them to 0, in one launch."""
+        """Sum up each stripe of totals and find the largest overlap, in one launch; set to 0 all but the sums of real numbers.
+
+        Columns of `reals`: the sums, the largest overlap, and in two parts the low parts of the sums.
+        """
         for stripe in range(counts.shape[0]):
             count = ti.Vector.zero(ti.i32, 4)
             total = ti.Vector.zero(self.wide, 2)
             push = ti.Vector.zero(self.wide, self.total_push.n)
+            low, low_push = ti.Vector.zero(self.wide, 2), ti.Vector.zero(self.wide, self.total_push.n)
             given_up = 0
             overlap = ti.cast(0.0, float)
             for turn in range((self.rows - stripe + STRIPES - 1) // STRIPES):
                 i = stripe + turn * STRIPES
                 count += self.total_count[i]
-                total += self.total_sum[i]
-                push += self.total_push[i]
+                self._add_up(total, low, self.total_sum, self.low_sum, i)
+                self._add_up(push, low_push, self.total_push, self.low_push, i)
                 self.total_count[i] = ti.Vector.zero(ti.i32, 4)
-                self.total_sum[i] = ti.Vector.zero(self.wide, 2)
-                self.total_push[i] = ti.Vector.zero(self.wide, self.total_push.n)
                 if ti.static(self.apart) or i == 0:
                     given_up += self.unresolved[i]
                     overlap = ti.max(overlap, self.overlap[i])
@@ -149,22 +171,42 @@ class Tally:
             for k in ti.static(range(self.total_push.n)):
                 reals[stripe, 2 + k] = push[k]
             reals[stripe, 2 + self.total_push.n] = ti.cast(overlap, self.wide)
+            if ti.static(self.two_parts):
+                for k in ti.static(range(2)):
+                    reals[stripe, 3 + self.total_push.n + k] = low[k]
+                for k in ti.static(range(self.total_push.n)):
+                    reals[stripe, 5 + self.total_push.n + k] = low_push[k]
+
+    @ti.func
+    def _add_up(self, sums: Template, rests: Template, total: Template, low: Template, i):
+        """Add the totals of row i to the sums of a stripe."""
+        if ti.static(self.two_parts):
+            for k in ti.static(range(total.n)):
+                rounded, rest = two_sum(sums[k], total[i][k])
+                sums[k] = rounded
+                rests[k] += rest + low[i][k]
+        else:
+            sums += total[i]
 
     def collect(self) -> ContactReport:
         """Totals since the last call."""
-        stripes = min(STRIPES, self.rows)
+        stripes, sum_count = min(STRIPES, self.rows), 2 + self.total_push.n
         whole = np.zeros((stripes, 5), np.int32)
-        reals = np.zeros((stripes, 2 + self.total_push.n + 1), np.float32 if self.wide == ti.f32 else np.float64)
+        reals = np.zeros((stripes, (2 if self.two_parts else 1) * sum_count + 1), np.float32 if self.two_parts else np.float64)
         self._take(whole, reals)
         counts = whole.astype(np.int64).sum(0)
-        sums, pushes = reals[:, :2].sum(0), reals[:, 2:-1].sum(0)
-        return ContactReport(
+        real = reals.astype(np.float64).sum(0)
+        real = real[:sum_count] + real[sum_count + 1 :] if self.two_parts else real[:sum_count]
+        sums, pushes = real[:2], real[2:]
+        now = ContactReport(
             pair_count=int(counts[PAIRS]),
             wall_count=int(counts[WALLS]),
             elastic_count=int(counts[ELASTIC]),
             virial=float(sums[VIRIAL]),
             wall_impulse=tuple(float(p) for p in pushes[: self.surface_count]),
             dissipated_energy=float(sums[LOST]),
-            largest_overlap=float(reals[:, -1].max()),
+            largest_overlap=float(reals[:, sum_count].max()),
             unresolved=int(counts[FAILED] + counts[GIVEN_UP]),
         )
+        since, self._before = now.sums_since(self._before), now
+        return since
