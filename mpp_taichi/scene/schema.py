@@ -4,7 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from mpp_taichi.scene.model import all_components, scene_model
+from mpp_taichi.scene import repeat_words
+from mpp_taichi.scene.model import KIND_OF_KEY, all_components, scene_model
 from mpp_taichi.scene.spec import EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec
 from mpp_taichi.scene.view_spec import VIEW_SPECS
 
@@ -16,6 +17,7 @@ def scene_schema() -> dict[str, Any]:
     schema = scene_model(all_components()).model_json_schema(mode="validation")
     for described in (EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec, *VIEW_SPECS.values()):  # pydantic may not
         schema["$defs"][described.__name__]["description"] = described.__doc__
+    repeat_words.with_repeats(schema, {key: f"{KIND_OF_KEY[key].capitalize()}Entry" for key in repeat_words.KEYS})
     schema["anyOf"] = [{"required": schema.pop("required")}, {"required": ["extends"]}]  # the base may hold the missing keys
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
