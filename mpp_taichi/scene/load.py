@@ -137,7 +137,7 @@ def _read(source: str | Path | Mapping[str, Any] | SceneSpec, faults: Faults) ->
 
 
 def _override(tree: Node, given: _Overrides, faults: Faults) -> Node:
-    tree = override.apply(tree, given, faults)
+    tree = override.apply(bare_names.expanded(tree), given, faults)
     if (node := tree.get("extends")) is not None:
         faults.add(node.location, "extends", "cannot be overridden")
     return tree
