@@ -43,6 +43,10 @@ class RunSample(Protocol):
         """The sum over all forces that have a potential."""
 
     @property
+    def gravity(self) -> float:
+        """The strength G of gravity now; 0 without gravity."""
+
+    @property
     def contact_report(self) -> ContactReport:
         """The counts of the contacts since the start of the run."""
 

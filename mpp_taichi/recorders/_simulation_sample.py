@@ -17,7 +17,7 @@ class SimulationSample:
         """Read it before the simulation goes on."""
         self._simulation = simulation
         self.time, self.phase_number, self.phase_energy = simulation.time, simulation.phase_number, simulation.phase_energy
-        self.contact_report = simulation.contact_report
+        self.contact_report, self.gravity = simulation.contact_report, simulation.spec.gravity
 
     @cached_property
     def snapshot(self) -> Snapshot:

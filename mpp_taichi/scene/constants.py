@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.expressions import RESERVED, Expression, ExpressionError, UnresolvedConstant, parse
 from mpp_taichi.scene.faults import Faults, shown
-from mpp_taichi.scene.location import Location
 
 CONSTANTS_ALLOWED = 10_000
 
@@ -35,7 +34,7 @@ def resolve(node: Node | None, given: Mapping[str, float | None], faults: Faults
             try:
                 expressions[name] = parse(entry.value)
             except ExpressionError as error:
-                faults.add(place_in(entry, error), key, str(error))
+                faults.add(entry.place_of(error.offset), key, str(error))
         elif isinstance(entry.value, bool) or not isinstance(entry.value, (int, float)):
             faults.add(entry.location, key, f"must be a number or an expression, not {shown(entry.plain())}")
         elif not abs(entry.value) < 1e308 or math.isnan(entry.value):
@@ -48,15 +47,8 @@ def resolve(node: Node | None, given: Mapping[str, float | None], faults: Faults
         except UnresolvedConstant:
             continue  # the fault stands where that constant is defined
         except ExpressionError as error:
-            faults.add(place_in(node.value[name], error), f"constants.{name}", str(error))
+            faults.add(node.value[name].place_of(error.offset), f"constants.{name}", str(error))
     return values
-
-
-def place_in(node: Node, error: ExpressionError) -> Location:
-    """The place in the file of a character of an expression; the beginning of the value when the text is folded."""
-    if not node.text_column:
-        return node.location
-    return Location(node.location.file, node.location.line, node.text_column + error.offset)
 
 
 def _in_order(expressions: dict[str, Expression], node: Node, faults: Faults) -> list[str]:

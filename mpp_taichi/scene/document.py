@@ -2,6 +2,7 @@
 
 import numbers
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,9 +26,10 @@ class Node:
     key_location   where its key begins, if it has one
     text_column    column of the first character of a text on its line, 0 when the text is escaped or folded
     row            the numbers of an entry of a long list, whose value is made from them; None for every other node
+    shifts         (place in the text, place in the file's text) behind every variable of a repeat that its value replaced
     """
 
-    __slots__ = ("_value", "key_location", "location", "row", "text_column")
+    __slots__ = ("_value", "key_location", "location", "row", "shifts", "text_column")
 
     def __init__(
         self,
@@ -36,10 +38,11 @@ class Node:
         key_location: Location | None = None,
         text_column: int = 0,
         row: rows.Row | None = None,
+        shifts: tuple[tuple[int, int], ...] = (),
     ) -> None:
         """Keep a value, or the row from which it is made."""
         self._value, self.location, self.key_location = value, location, key_location
-        self.text_column, self.row = text_column, row
+        self.text_column, self.row, self.shifts = text_column, row, shifts
 
     @property
     def value(self) -> Any:
@@ -56,6 +59,16 @@ class Node:
     def place(self) -> Location:
         """The place of the key, or of the value when it has no key."""
         return self.key_location or self.location
+
+    def place_of(self, character: int | None) -> Location:
+        """The place of a character of the text; the beginning of the value where the text is escaped or folded."""
+        if character is None or not self.text_column:
+            return self.location
+        for here, there in reversed(self.shifts):
+            if character >= here:
+                character += there - here
+                break
+        return replace(self.location, column=self.text_column + character)
 
     def plain(self) -> Any:
         """The value without places, of plain dicts, lists and scalars."""

@@ -39,8 +39,9 @@ class Faults:
         order = {name: number for number, name in enumerate(files)}
         unique = list(dict.fromkeys(self.found))
         unique.sort(key=lambda fault: (order.get(fault[0].file, len(files)), fault[0].line, fault[0].column))
+        unique, others = _told_once(unique)
         shown = unique[:FAULTS_SHOWN]
-        lines = [line for _, line in shown]
+        lines = [line + _for_others(others.get(_text_place(location), 0)) for location, line in shown]
         excerpts = [self._excerpt(location) for location, _ in shown]
         if rest := len(unique) - len(shown) + self.more:
             lines.append(f"{shown[-1][0].file}: … and {rest} more faults")
@@ -56,6 +57,28 @@ class Faults:
         start = max(0, location.column - 1 - _LINE_WIDTH // 2) if len(text) > _LINE_WIDTH else 0
         cut = printable(text[start : start + _LINE_WIDTH], width=_LINE_WIDTH)
         return f"    {cut}\n    {' ' * (location.column - 1 - start)}^"
+
+
+def _text_place(location: Location) -> tuple[str, int, int]:
+    return location.file, location.line, location.column
+
+
+def _told_once(found: list[tuple[Location, str]]) -> tuple[list[tuple[Location, str]], dict[tuple[str, int, int], int]]:
+    """The faults, those of one text of a repeat only for the first values of its variables, and the number of other values."""
+    first: dict[tuple[str, int, int], str] = {}
+    others: dict[tuple[str, int, int], set[str]] = {}
+    kept = []
+    for location, line in found:
+        place = _text_place(location)
+        if location.where and location.line and first.setdefault(place, location.where) != location.where:
+            others.setdefault(place, set()).add(location.where)
+        else:
+            kept.append((location, line))
+    return kept, {place: len(values) for place, values in others.items()}
+
+
+def _for_others(count: int) -> str:
+    return f" (so too for {count} other value{'s' if count > 1 else ''})" if count else ""
 
 
 def printable(text: str, width: int = 200) -> str:

@@ -11,19 +11,18 @@ from pydantic import BaseModel, ValidationError
 
 from mpp_taichi.scene import (
     bare_names,
-    constants,
     contacts,
     expectations,
     extends,
     inspection,
     messages,
     references,
+    repeats,
     right_half,
     sliders,
     spring_types,
     table_columns,
     timeline,
-    units,
 )
 from mpp_taichi.scene import overrides as override
 from mpp_taichi.scene.bundled import scene_file
@@ -33,6 +32,7 @@ from mpp_taichi.scene.faults import Faults, printable, shown
 from mpp_taichi.scene.fields import Context, Whole, Wrong
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.model import scene_model, select
+from mpp_taichi.scene.named_numbers import named_numbers
 from mpp_taichi.scene.row_entries import RowEntries
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec, default_integrator
 
@@ -78,7 +78,7 @@ def _collector_paused() -> Iterator[None]:
 
 def _whole(tree: Node, name: str, folder: Path, faults: Faults) -> SceneSpec:
     """The scene that a tree holds, with its phases."""
-    tree = bare_names.expanded(tree)
+    tree = bare_names.expanded(repeats.expanded(tree, faults))
     spec, times = _check(tree, name, folder, faults)
     sliders.check_ends(spec, timeline.without_timeline(tree), lambda changed: _check(changed, name, folder, Faults())[0])
     return timeline.with_phases(spec, times, tree, faults, lambda changed: _check(changed, name, folder, faults)[0])
@@ -137,7 +137,7 @@ def _read(source: str | Path | Mapping[str, Any] | SceneSpec, faults: Faults) ->
 
 
 def _override(tree: Node, given: _Overrides, faults: Faults) -> Node:
-    tree = override.apply(tree, given, faults)
+    tree = override.apply(bare_names.expanded(tree), given, faults)
     if (node := tree.get("extends")) is not None:
         faults.add(node.location, "extends", "cannot be overridden")
     return tree
@@ -150,15 +150,7 @@ def _context(tree: Node, folder: Path, faults: Faults) -> Context:
         flat = dimensions is not None and Whole(minimum=2, maximum=3).check(dimensions.value, Context()) == 2
     except Wrong:
         flat = False
-    given: dict[str, float | None] = {}
-    if (node := tree.get("units")) is not None and node.value is not None:
-        words = node.plain()
-        try:
-            given["G"] = units.gravitational_constant(words["length"], words["time"], words["mass"])
-        except (KeyError, TypeError):
-            given["G"] = None  # the check of `units:` reports the error
-    values = constants.resolve(tree.get("constants"), given, faults)
-    return Context(values, 2 if flat else 3, folder)
+    return Context(named_numbers(tree, faults), 2 if flat else 3, folder)
 
 
 def _specification(

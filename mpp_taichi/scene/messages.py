@@ -14,6 +14,7 @@ from mpp_taichi.scene.document import Node
 from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.model import KIND_OF_KEY, available
+from mpp_taichi.scene.repeat_words import KEYS, WORD
 
 _KIND_WORDS = {
     "generators": "generator of particles",
@@ -76,10 +77,7 @@ def key_text(path: Iterable[Any]) -> str:
 
 
 def _report_part(place: _Place, offset: int | None, message: str, faults: Faults) -> None:
-    location = place.node.location
-    if offset is not None and place.node.text_column:
-        location = Location(location.file, location.line, place.node.text_column + offset)
-    faults.add(location, place.key, message)
+    faults.add(place.node.place_of(offset), place.key, message)
 
 
 def _message(detail: Any, place: _Place, model: type[BaseModel]) -> str:
@@ -127,7 +125,7 @@ def _is_word(step: Any) -> bool:
 def _unknown_component(kind: str, word: str) -> str:
     if component.find_file(kind, word) is not None:
         return f"{word!r} acts by itself where a scene has springs: list them under springs:"
-    known = available(kind)
+    known = [*available(kind), *([WORD] if kind in map(KIND_OF_KEY.get, KEYS) else [])]
     return f"unknown {_KIND_WORDS[kind]} {shown(word)}{choices(word, known)}"
 
 

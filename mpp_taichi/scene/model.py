@@ -109,7 +109,13 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         title=_key(Text(), "", "title of the window and the film"),
         description=_key(Text(), "", "what the scene shows, and what a reader can try"),
         extends=_key(Text(), None, "a scene in this folder that this scene completes; mappings are merged, lists are replaced"),
-        units=(Units | None, Describe(None, description="units of the numbers; absent: the numbers are dimensionless")),
+        units=(
+            Units | None,
+            Describe(
+                None,
+                description="units of all numbers, from which G follows; absent: the numbers are dimensionless",
+            ),
+        ),
         constants=(numbers | None, Describe(None, description="names for numbers, usable in expressions")),
         dimensions=_key(Whole(minimum=2, maximum=3), 3, "2 for a scene in the x–y plane"),
         seed=_key(Whole(minimum=0, maximum=2**53), 0, "seed of all random numbers of the scene"),

@@ -2,7 +2,8 @@
 
 A path is dotted, `integrator.leapfrog.dt`, with `[0]` or `.0` for the entries of lists, or with the name of the
 component where only one entry has this component, `forces.linear_drag.coefficient`. An override sets a key that the scene
-has or may have at that place; `+path=value` adds any key. Values are read as in a scene file.
+has or may have at that place; `+path=value` adds any key. Values are read as in a scene file. A path through a repeat,
+`particles.repeat.count`, changes its text; every other path counts entries after the repeats are written out.
 """
 
 import re
@@ -10,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mpp_taichi.errors import SceneError
+from mpp_taichi.scene import repeats
 from mpp_taichi.scene.did_you_mean import allowed, suggestion
 from mpp_taichi.scene.document import Node, from_python, read_value
 from mpp_taichi.scene.faults import Faults, printable, shown
@@ -27,20 +29,44 @@ def apply(tree: Node, overrides: Mapping[str, Any] | Sequence[str], faults: Faul
     if isinstance(overrides, str):
         overrides = [overrides]
     pairs = overrides.items() if isinstance(overrides, Mapping) else [(text, None) for text in overrides]
+    of_entries: list[tuple[Path, bool, Node]] = []
+
+    def set_in(scene: Node, path: Path, adding: bool, new: Node) -> Node:
+        try:
+            return _put(scene, path, new, adding, ())
+        except SceneError as error:
+            _note(error, faults)
+            return scene
+
     for written, value in pairs:
         try:
             path, adding, new = _read(str(written), value, from_text=not isinstance(overrides, Mapping))
-            tree = _put(tree, path, new, adding, ())
         except SceneError as error:
-            for fault in error.faults:
-                faults.found.append((Location("--set", 0, 0), fault))
+            _note(error, faults)
+            continue
+        if repeats.counts_entries(path, new) and repeats.present(tree):
+            of_entries.append((path, adding, new))
+        else:
+            tree = set_in(tree, path, adding, new)
+    if of_entries:
+        tree = repeats.expanded(tree, faults)
+    for path, adding, new in of_entries:
+        tree = set_in(tree, path, adding, new)
     return tree
+
+
+def _note(error: SceneError, faults: Faults) -> None:
+    for fault in error.faults:
+        faults.found.append((Location("--set", 0, 0), fault))
 
 
 def put(tree: Node, written: str, new: Node, faults: Faults) -> Node:
     """The tree with a value from the scene itself at a path; a fault is placed at the value, and then the tree is unchanged."""
+    path = steps(written.removeprefix("+").strip())
     try:
-        return _put(tree, steps(written.removeprefix("+").strip()), new, written.startswith("+"), ())
+        if repeats.counts_entries(path, new):
+            tree = repeats.expanded(tree, faults)
+        return _put(tree, path, new, written.startswith("+"), ())
     except SceneError as error:
         for fault in error.faults:
             faults.found.append((new.location, fault))

@@ -274,6 +274,11 @@ class SceneSpec:
         """The forces whose flag `key` is true, in the order of the scene."""
         return [force for force in self.forces if force.flag("forces", key)]
 
+    @property
+    def gravity(self) -> float:
+        """The strength G of the scene's gravity; 0 without gravity."""
+        return sum((float(force.parameters["strength"]) for force in self.forces_with("gravitates")), 0.0)
+
     def effects(self, spring_count: int) -> list[str]:
         """The names of all effects: forces, springs where the scene has some, contacts and walls."""
         names = [entry.name for entry in self.forces] + (component.marked("forces", "acts_on_springs") if spring_count else [])

@@ -6,6 +6,7 @@ from typing import Any
 
 from mpp_taichi import component
 from mpp_taichi.scene.expectations import REDUCTION_FIELDS, SUMMARY_QUANTITIES
+from mpp_taichi.scene.reference_guides import repeats, unit_words
 from mpp_taichi.scene.schema import scene_schema
 from mpp_taichi.scene.view_spec import VIEW_SPECS
 
@@ -36,8 +37,9 @@ INTRODUCTION = """# Scene reference
 Written from the model by `python -m mpp_taichi.scene.write_reference_page`; do not edit.
 
 A scene is one YAML mapping. Every number may be an expression in quotes or without, over `constants:`, `pi`, `tau`, `e` and
-`sqrt sin cos tan atan2 exp log hypot min max abs`. A particle is named by its index, its `name`, or `group[index]`;
-a group by its name, and `group[first:end]` is a part of it, without the end.
+`sqrt sin cos tan atan2 exp log hypot min max abs`. The [guide to units](#units) says which units the numbers have. Entries
+that differ by a number are written as one [repeat](#repeat-an-entry-of-particles-springs-and-walls). A particle is named by
+its index, its `name`, or `group[index]`; a group by its name, and `group[first:end]` is a part of it, without the end.
 Lists of components are lists of one-key mappings, `- name: {parameters}`. `extends:` takes another scene of the folder as
 the base: mappings merge, lists replace. `--set path=value` changes any key from the command line; `+path` adds an entry.
 `timeline:` changes such paths while the scene runs: each change begins a phase, which is compiled as a step of its own. Forces,
@@ -48,7 +50,9 @@ strength is set to 0 is no part of the phase. In `{…}`, write `forces.linear_d
 
 def reference_text() -> str:
     """The text of the page."""
-    return "\n".join([INTRODUCTION, *_keys(), *_specs(), *_components(), *_summary_quantities()]) + "\n"
+    return (
+        "\n".join([INTRODUCTION, *_keys(), *repeats(), *unit_words(), *_specs(), *_components(), *_summary_quantities()]) + "\n"
+    )
 
 
 def _keys() -> Iterator[str]:

@@ -26,6 +26,7 @@ from mpp_taichi.simulation.compiled_phases import CompiledPhases
 from mpp_taichi.simulation.course import Course, Phase, course_of
 from mpp_taichi.simulation.in_turn import in_turn, require_life
 from mpp_taichi.simulation.judge import RunJudge
+from mpp_taichi.simulation.orbits import orbits
 from mpp_taichi.simulation.phase_runner import PhaseRunner
 from mpp_taichi.simulation.recorder import Recorder
 from mpp_taichi.simulation.run_archive import RunArchive, begin_archive
@@ -247,6 +248,8 @@ class Simulation:
         Friction is included, and 0 stands along an axis that is held; contacts and walls, which act in an instant, are not.
         """
         return self.phase.acceleration_meter.measure(self.snapshot() if snapshot is None else snapshot)
+
+    orbits = orbits
 
     @in_turn
     def mechanics(self) -> dict[str, Any]:

@@ -153,3 +153,12 @@ def test_a_component_that_is_there_once_goes_by_its_name():
         SceneError, match=r"forces has no entry 'newton_gravity', did you mean 'newtonian_gravity'\? allowed: 0 to 0"
     ):
         load_scene(SCENE, overrides=["forces.newton_gravity.softening=2"])
+
+
+def test_parameters_of_a_name_without_braces_can_be_set():
+    """`- newtonian_gravity` is an entry like any other, and so is `integrator: ias15`."""
+    bare = {**SCENE, "forces": ["newtonian_gravity"], "integrator": "ias15"}
+    texts = ["forces.newtonian_gravity.strength=3", "forces[0].newtonian_gravity.softening=k", "integrator.ias15.dt=0.5"]
+    spec = load_scene(bare, overrides=texts)
+    assert (spec.forces[0].parameters["strength"], spec.forces[0].parameters["softening"]) == (3.0, 2.0)
+    assert spec.integrator.parameters["dt"] == 0.5

@@ -264,7 +264,9 @@ def test_a_helper_of_the_walls_is_no_wall(tmp_path):
         load_scene(path)
     (fault,) = caught.value.faults
     place = f"{path.name}:{len(path.read_text(encoding='utf-8').splitlines())}:5: walls[0].outline: "
-    assert fault.split(place)[1:] == [f"unknown wall 'outline', allowed: {', '.join(component.names('walls'))}"]
+    assert fault.split(place)[1:] == [
+        f"unknown wall 'outline', allowed: {', '.join(sorted([*component.names('walls'), 'repeat']))}"
+    ]
     assert "outline" not in component.names("walls")
 
 

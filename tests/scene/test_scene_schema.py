@@ -74,10 +74,19 @@ def _shape(value):
         {"particles": [{"body": {"mass": 1, "position": [0, 0, 0]}}], "integrator": {"leapfrog": {"dt": 0}}},
         {"particles": [{"body": {"mass": 1, "position": [0]}}], "integrator": {"leapfrog": {"dt": 1}}},
         {"particles": [{"body": {"mass": 1, "position": [0, 0, 0]}}], "integrator": {"leapfrog": {"dt": 1}}, "rnu": 1},
+        {"particles": ["body"], "integrator": {"leapfrog": {"dt": 1}}},
+        {"particles": [{"body": {"mass": 1, "position": [0, 0, 0]}}], "integrator": "leapfrog"},
     ],
 )
 def test_the_schema_refuses_what_the_model_refuses(scene, validator):
     assert list(validator.iter_errors(scene))
+
+
+def test_the_schema_has_names_that_need_no_parameters(validator):
+    scene = {"particles": [{"body": {"mass": 1, "position": [0, 0, 0]}}], "forces": ["newtonian_gravity"]}
+    scene |= {"integrator": "ias15", "run": {"duration": 1}}
+    load_scene(scene)
+    assert list(validator.iter_errors(scene)) == []
 
 
 def test_every_component_and_parameter_is_described():

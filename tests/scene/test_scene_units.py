@@ -1,9 +1,13 @@
 """Units: the gravitational constant in the units of a scene, against Gauss, Kepler and SI."""
 
 import math
+from pathlib import Path
 
 import pytest
+import yaml
+from doc_commands import blocks
 
+import mpp_taichi as mpp
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.units import GRAVITATIONAL_PARAMETERS, LENGTHS, TIMES, gravitational_constant
@@ -85,3 +89,21 @@ def test_units_at_fault_do_not_make_g_unknown():
     with pytest.raises(SceneError) as caught:
         load_scene(scene(units={**ASTRONOMICAL, "time": "dya"}, run={"duration": "1 / G"}))
     assert len(caught.value.faults) == 1
+
+
+def test_the_example_of_the_reference_holds_and_its_results_are_in_the_units_of_the_scene():
+    """A sidereal day has 86,164.1 s, and geostationary satellites an orbit with a radius of 42,164 km."""
+    (example,) = (block for block in blocks("docs/scene.md") if block.kind == "yaml" and "\nunits:" in block.text)
+    given = yaml.safe_load(example.text)
+    with mpp.run(given, backend="cpu", samples=10) as result:
+        assert result.passed and len(result.verdicts) == 1
+        assert result.time[-1] == result.table["time"][-1] == given["run"]["duration"]
+        # Leapfrog at 1436 steps a turn keeps the radius of a circle to (2π/1436)²/4 = 5e-6.
+        assert math.dist(*result.position[-1]) == pytest.approx(42_164.17, rel=1e-5)
+    assert load_scene(given).forces[0].parameters["strength"] == gravitational_constant("km", "s", "Mearth")
+
+
+def test_every_unit_is_in_the_reference():
+    text = (Path(__file__).parents[2] / "docs" / "scene.md").read_text(encoding="utf-8")
+    table = text.partition("### `units:`")[2].partition("\n### ")[0]
+    assert all(f"`{word}`" in table for words in (LENGTHS, TIMES, GRAVITATIONAL_PARAMETERS) for word in words)

@@ -20,6 +20,7 @@ class MadeUpSample:
     potential_energy: float = 0.0
     phase_number: int = 0
     phase_energy: float | None = None
+    gravity: float = 0.0
 
 
 def measuring(name: str, **parameters: Any) -> Diagnostic:

@@ -1,4 +1,4 @@
-"""The pictures of README.md and docs/scenes.md: films of ten seconds and stills of five scenes in 1920 × 1080, with no display.
+"""The pictures of README.md and docs/scenes.md: films of ten seconds and stills of six scenes in 1920 × 1080, with no display.
 
     python tools/make/make_gallery.py [--scenes ring …] [--into out/gallery] [--pictures docs/pictures]
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from PIL import Image
 
 ROOT = Path(__file__).parents[2]
-SCENES = ("ring", "membrane", "newtons_cradle", "maxwell_boltzmann", "solar_system_moons")
+SCENES = ("ring", "membrane", "newtons_cradle", "maxwell_boltzmann", "solar_system_moons", "pendulum_wave")
 FILM = ("--size", "1920x1080", "--fps", "30", "--duration", "10")
 SMALL = (960, 540)
 

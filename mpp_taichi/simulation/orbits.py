@@ -1,0 +1,56 @@
+"""The Kepler orbits on which the bodies of a simulation are at one moment."""
+
+from typing import Any
+
+import numpy as np
+
+from mpp_taichi.arithmetic.orbital_elements import Orbit, orbit_of
+from mpp_taichi.errors import ArgumentError, PlacementError
+from mpp_taichi.scene.layout import ParticleLayout, layout_of
+from mpp_taichi.snapshot import Snapshot
+
+
+def orbits(self: Any, around: int | str | None = None) -> dict[str | int, Orbit]:
+    """The orbit of each body of a simulation now, by its name (`earth`, `ring[3]`), or by its index where it has no name.
+
+    Without `around` the elements are those of Jacobi, as in REBOUND's `sim.orbits()`: each body is around the centre of mass of
+    all bodies before it in the scene, with the masses of all of them, so that the first has no orbit. `around` is the name or
+    index of a primary body, around which all others are. Bodies that have merged, that no mass attracts or that move along a
+    line with the primary are left out. Raises ArgumentError without gravity, and where there is no such particle.
+    """
+    strength, layout = self.spec.gravity, layout_of(self.scene)
+    if not strength > 0.0:
+        raise ArgumentError("orbits() needs a scene with gravity")
+    try:
+        primary = None if around is None else layout.find(around)
+    except PlacementError as error:
+        raise ArgumentError(f"orbits(around={around!r}): {error}") from None
+    snapshot = self.snapshot()
+    found: dict[str | int, Orbit] = {}
+    for index in map(int, np.flatnonzero(snapshot.present)):
+        if index != primary and (orbit := _orbit(snapshot, index, primary, strength)) is not None:
+            found[_name(layout, index)] = orbit
+    return found
+
+
+def _orbit(snapshot: Snapshot, index: int, primary: int | None, strength: float) -> Orbit | None:
+    """The orbit of a particle around another, or around the centre of mass of all before it; None where there is none."""
+    others = np.arange(index) if primary is None else np.array([primary])
+    others = others[snapshot.present[others]]
+    mass = snapshot.mass[others]
+    attraction = strength * (float(mass.sum()) + float(snapshot.mass[index]))
+    if not mass.sum() > 0.0:
+        return None
+    place, motion = (mass @ values[others] / mass.sum() for values in (snapshot.position, snapshot.velocity))
+    try:
+        return orbit_of(snapshot.position[index] - place, snapshot.velocity[index] - motion, attraction)
+    except ValueError:
+        return None
+
+
+def _name(layout: ParticleLayout, index: int) -> str | int:
+    number = layout.entry_of(index)
+    name = layout.entries[number].parameters.get("name")
+    if not name:
+        return index
+    return f"{name}[{index - layout.starts[number]}]" if layout.counts[number] > 1 else str(name)
