@@ -8,6 +8,7 @@ from mpp_taichi.scene import bare_names, repeat_words
 from mpp_taichi.scene.model import KIND_OF_KEY, all_components, scene_model
 from mpp_taichi.scene.spec import EventSpec, ModesSpec, RecordSpec, RunSpec, SpringTypeSpec
 from mpp_taichi.scene.view_spec import VIEW_SPECS
+from mpp_taichi.version import __version__
 
 SCHEMA_FILE = Path(__file__).parent.parent / "scene.schema.json"
 
@@ -20,7 +21,7 @@ def scene_schema() -> dict[str, Any]:
     repeat_words.with_repeats(schema, {key: f"{KIND_OF_KEY[key].capitalize()}Entry" for key in repeat_words.KEYS})
     _with_bare_names(schema)
     schema["anyOf"] = [{"required": schema.pop("required")}, {"required": ["extends"]}]  # the base may hold the missing keys
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": f"urn:mpp-taichi:scene:{__version__}", **schema}
 
 
 def _with_bare_names(schema: dict[str, Any]) -> None:
