@@ -115,8 +115,8 @@ def _put_table(results: list[dict[str, Any]]) -> None:
         lines.append(f"{mark}  {result['scene']}  {result['status']}  {seconds}".rstrip())
         lines += [f"      {line}" for line in str(result.get("error", "")).splitlines()]
         for row in result["expect"]:
-            value = "undefined" if row["value"] is None else f"{row['value']:.6g}"
             reason = f"  ({row['reason']})" if row["reason"] else ""
+            value = row.get("told", row["value"])  # a journal of an earlier version has only the number
             lines.append(f"      {_mark(row['passed'])}  {row['label']} = {value}, expected {row['bound']}{reason}")
         if not result["expect"] and "error" not in result:
             lines.append("      it expects nothing")

@@ -231,9 +231,8 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
 
 def verdict_line(verdict: Any) -> str:
     """`pass  relative_energy_error_max = 2.1e-09, expected < 1e-06`."""
-    value = "undefined" if verdict.value is None else f"{verdict.value:.9g}"
     reason = f" ({verdict.reason})" if verdict.reason else ""
-    return f"{'pass' if verdict.passed else 'FAIL'}  {verdict.label} = {value}, expected {verdict.bound}{reason}"
+    return f"{'pass' if verdict.passed else 'FAIL'}  {verdict.label} = {verdict.told}, expected {verdict.bound}{reason}"
 
 
 def _rate(found: Mapping[str, Any]) -> str:
