@@ -123,7 +123,7 @@ def _put_table(results: list[dict[str, Any]]) -> None:
     passed = sum(result["exit_code"] == 0 for result in results)
     not_here = sum(result["status"] == NOT_HERE for result in results)
     others = f", {not_here} {NOT_HERE}" if not_here else ""
-    put("\n".join([*lines, f"{passed} of {len(results) - not_here} scenes pass{others}"]))
+    put("\n".join([*lines, f"{passed} of {len(results) - not_here} scenes pass{others}"]), verdicts=True)
 
 
 def _mark(passed: bool) -> str:

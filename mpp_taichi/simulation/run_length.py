@@ -3,6 +3,7 @@
 import math
 
 from mpp_taichi.errors import CapacityError, MppError
+from mpp_taichi.scene.contacts import LOOKS
 from mpp_taichi.scene.spec import RunSpec
 from mpp_taichi.scene.timeline import whole_steps
 from mpp_taichi.wording.told_apart import told_apart
@@ -33,6 +34,19 @@ def time_and_steps(
     if not math.isfinite(span) or span < 0.0:
         raise MppError(f"cannot run for a time of {span}")
     return span, math.inf
+
+
+def interval_of(span: float) -> float:
+    """The time between samples of a method that takes no equal steps, for a run of a time that the scene does not know.
+
+    Raises:
+        MppError: the run has no length in time.
+    """
+    if not math.isfinite(span):
+        raise MppError(
+            "the method chooses its own steps, and the scene has neither dt nor run.duration: give duration or until"
+        )
+    return span / LOOKS if span > 0.0 else 1.0
 
 
 def steps_to(span: float, steps: float, to_next_phase: float, dt: float) -> tuple[float, float, bool]:
