@@ -109,6 +109,8 @@ class Snapshot:
             raise StateError(f"the state has {self.particle_count:,} particles, the scene {start.particle_count:,}")
         if not np.array_equal(self.springs.between, start.springs.between):
             raise StateError(f"the {len(self.springs):,} springs of the state are not the {len(start.springs):,} of the scene")
+        if np.any(self.mass < 0.0) or np.any(self.radius < 0.0):
+            raise StateError("the state holds a mass or a radius below 0")
         merges = start.merged_into is not None and self.merged_into is not None
         same = (
             abs(self.mass.sum() - start.mass.sum()) <= MASS_ROUNDING * np.abs(start.mass).sum()
@@ -117,8 +119,6 @@ class Snapshot:
         )
         if not same:
             raise StateError("the masses of the state differ from the masses of the scene")
-        if np.any(self.mass < 0.0) or np.any(self.radius < 0.0):
-            raise StateError("the state holds a mass or a radius below 0")
         if not (np.isfinite(self.position).all() and np.isfinite(self.velocity).all()):
             raise StateError("the state holds numbers that are not finite")
         made = start.moved(position=self.position, velocity=self.velocity * start.free, time=self.time, step=self.step)
@@ -173,6 +173,8 @@ class Snapshot:
         for key in ("mass", "radius"):
             if np.any(getattr(self, key) < 0):
                 raise ValueError(f"{key} of particle {int(np.argmax(getattr(self, key) < 0))} is below 0")
+        if np.any(self.springs.stiffness < 0):
+            raise ValueError(f"stiffness of spring {int(np.argmax(self.springs.stiffness < 0))} is below 0")
         into = self.merged_into
         if into is not None and not (into.shape == (count,) and into.dtype.kind == "i" and (into < count).all()):
             raise ValueError("merged_into does not name particles")

@@ -4,10 +4,14 @@ import argparse
 import math
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.device.thread_count import allowed_threads, most_threads
 from mpp_taichi.precision import PRECISIONS
+
+if TYPE_CHECKING:
+    from mpp_taichi.scene.spec import SceneSpec
 
 OUTPUT_FOLDER = Path("out")
 """The folder of output files for which the command line gives no name."""
@@ -26,6 +30,17 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
         metavar="PATH=VALUE",
         help="change a value of the scene; repeatable",
     )
+
+
+def scene_of(arguments: argparse.Namespace) -> "SceneSpec":
+    """The scene of `add_scene`; with --until, a method that chooses its own steps needs neither `dt` nor `run.duration`."""
+    from dataclasses import replace
+
+    from mpp_taichi.scene.contacts import LOOKS
+    from mpp_taichi.scene.load import load_scene
+
+    interval = None if arguments.until is None else arguments.until / LOOKS
+    return replace(load_scene(arguments.scene, overrides=arguments.overrides, interval=interval), leaves_interval_open=False)
 
 
 def add_device(parser: argparse.ArgumentParser) -> None:
@@ -93,6 +108,13 @@ def add_report(parser: argparse.ArgumentParser) -> None:
     """--json, --quiet."""
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.add_argument("--quiet", "-q", action="store_true", help="no progress and no summary")
+
+
+def add_verbose(parser: argparse.ArgumentParser) -> None:
+    """--verbose, for verbs that end with a closing summary."""
+    parser.add_argument(
+        "--verbose", "-v", action="store_true", help="in the summary also the method, the device, the plan, rates and times"
+    )
 
 
 def positive_number(text: str) -> float:

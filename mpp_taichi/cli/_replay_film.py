@@ -14,6 +14,7 @@ from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.scene.load import load_resolved
 from mpp_taichi.simulation.resume import scene_of
 from mpp_taichi.simulation.run_archive import FoundRun
+from mpp_taichi.wording.told_apart import told_apart
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._session import Outcome
@@ -68,7 +69,8 @@ def _excerpt(arguments: argparse.Namespace, goal: Goal, spec: "SceneSpec", found
     begin = first if arguments.begin is None else arguments.begin
     end = last if arguments.until is None else arguments.until
     if not first <= begin < end <= last * (1.0 + 1e-12):
-        raise UsageError(f"{path}: a film from t = {begin:.9g} to {end:.9g} is not within the run, {first:.9g} to {last:.9g}")
+        begins, ends, earliest, latest = told_apart(begin, end, first, last, digits=9)
+        raise UsageError(f"{path}: a film from t = {begins} to {ends} is not within the run, {earliest} to {latest}")
     earlier = [number for number, time in enumerate(found.times) if time <= begin]
     return Excerpt(path, found.state(earlier[-1]) if earlier else None, begin, end)
 

@@ -10,6 +10,7 @@ from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.scene import timeline
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.wording.told_apart import told_apart
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
@@ -75,7 +76,8 @@ class Rewind:
         elif end is None:
             end = begin + (goal.steps or 0) * simulation.dt
         if end <= begin * (1.0 + 1e-12):
-            raise UsageError(f"--rewind {self.file}: its time {begin:.9g} is not before the end of the run, {end:.9g}")
+            now, last = told_apart(begin, end, digits=9)
+            raise UsageError(f"--rewind {self.file}: its time {now} is not before the end of the run, {last}")
         return Goal(end, None, False, begin)
 
     def _end_of_scene(self, simulation: "Simulation", left: int) -> float:

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from mpp_taichi.cli._archive import KeptRun, is_kept
 from mpp_taichi.cli._beside import RightHalf
 from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._last_files import farewell, state_file, write_all
+from mpp_taichi.cli._outcome import Outcome
 from mpp_taichi.cli._outputs import kept_outputs, lock_outputs, open_sinks
 from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._signals import Interrupted, Interruption
@@ -35,8 +36,8 @@ from mpp_taichi.recorders.speed_histogram import SpeedHistogram
 from mpp_taichi.recorders.table import TableRecorder, asked_columns
 from mpp_taichi.recorders.trajectory import TrajectoryRecorder
 from mpp_taichi.recorders.watchdog import EnergyWatchdog
-from mpp_taichi.report.expectations import Verdict, Watcher
-from mpp_taichi.report.summary import Stopwatch, Timed, lines, summarize
+from mpp_taichi.report.expectations import Watcher
+from mpp_taichi.report.summary import Stopwatch, Timed, summarize
 from mpp_taichi.scene.expectations import BALANCE_QUANTITIES
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation.run_archive import RunArchive
@@ -46,31 +47,6 @@ if TYPE_CHECKING:
     from mpp_taichi.cli._interactive import Stage
     from mpp_taichi.simulation.simulation import Simulation
     from mpp_taichi.views._base import View
-
-
-@dataclass(eq=False)
-class Outcome:
-    """The end of a run."""
-
-    summary: dict[str, Any]
-    exit_code: int
-    error: MppError | None = None
-    verdicts: list[Verdict] = field(default_factory=list)
-    files: list[str] = field(default_factory=list)
-    next: "Stage | None" = None
-    """The simulation and window for another scene that was opened in the window; None at an ordinary end."""
-
-    def as_json(self) -> dict[str, Any]:
-        """The JSON object of `--json`."""
-        expected = [{**vars(verdict), "label": verdict.label} for verdict in self.verdicts]
-        trouble: dict[str, Any] = {"error": str(self.error)} if self.error else {}
-        if isinstance(self.error, StabilityError):
-            trouble["broke_at"] = {key: getattr(self.error, key) for key in ("step", "time", "particle")}
-        return {**self.summary, "expect": expected, "files": self.files, **trouble, "exit_code": self.exit_code}
-
-    def lines(self) -> list[str]:
-        """The closing summary for a person."""
-        return lines(self.summary, files=self.files, verdicts=self.verdicts)
 
 
 def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -> Outcome:
@@ -366,7 +342,14 @@ class _Run:
         return code
 
     def _outcome(self) -> Outcome:
-        summary = summarize(self.simulation, self.table, self.stopwatch, plan_asked=self.request.plan)
+        summary = summarize(
+            self.simulation,
+            self.table,
+            self.stopwatch,
+            plan_asked=self.request.plan,
+            first_step=self.first_step,
+            keeps_pace=self.request.window,
+        )
         summary |= (
             self.network
             | self.validity.summary()

@@ -64,25 +64,44 @@ def without_controls(text: str) -> str:
     return _CONTROLS.sub("�", text)
 
 
-def say(text: str) -> None:
+# A verdict at the beginning of a line, or after the name of its row in a summary.
+_VERDICTS = re.compile(r"^((?:  (?:status|expect) *)| *)(pass|ok|FAIL|failed|inaccurate|interrupted)(?= |$)", re.MULTILINE)
+_GOOD, _BAD, _PLAIN = "\x1b[32m", "\x1b[1;31m", "\x1b[0m"
+
+
+def painted(text: str, stream: Any) -> str:
+    """Text whose verdicts are green and red, where the stream is a terminal that shows colours and NO_COLOR is not set."""
+    if stream is None or not stream.isatty():
+        return text
+    from rich.console import Console
+
+    console = Console(file=stream)
+    if console.no_color or console.color_system in (None, "windows"):  # the second: an old console without escape sequences
+        return text
+    return _VERDICTS.sub(lambda found: f"{found[1]}{_GOOD if found[2] in ('pass', 'ok') else _BAD}{found[2]}{_PLAIN}", text)
+
+
+def say(text: str, *, verdicts: bool = False) -> None:
     """Print a line for a person on standard error; it is lost without an error when standard error is closed.
 
-    Control characters are replaced.
+    Control characters are replaced; `verdicts` are coloured on a terminal.
     """
     text = without_controls(text)
+    text = painted(text, sys.stderr) if verdicts else text
     if sys.stderr is not None:  # closed: print would take standard output instead
         with contextlib.suppress(OSError, ValueError):
             print(text, file=sys.stderr, flush=True)
 
 
-def put(text: str) -> None:
-    """Print a result on standard output, with control characters replaced.
+def put(text: str, *, verdicts: bool = False) -> None:
+    """Print a result on standard output, with control characters replaced; `verdicts` are coloured on a terminal.
 
     Raises:
         ClosedOutputError: the reader of standard output has closed it.
     """
     try:
-        print(without_controls(text), flush=True)
+        text = without_controls(text)
+        print(painted(text, sys.stdout) if verdicts else text, flush=True)
     except (BrokenPipeError, ValueError):
         _drop_output()
         raise ClosedOutputError from None

@@ -129,15 +129,15 @@ def _put_table(results: list[dict[str, Any]]) -> None:
         lines.append(f"{mark}  {result['scene']}  {result['status']}  {seconds}".rstrip())
         lines += [f"      {line}" for line in str(result.get("error", "")).splitlines()]
         for row in result["expect"]:
-            value = "undefined" if row["value"] is None else f"{row['value']:.6g}"
             reason = f"  ({row['reason']})" if row["reason"] else ""
+            value = row.get("told", row["value"])  # a journal of an earlier version has only the number
             lines.append(f"      {_mark(row['passed'])}  {row['label']} = {value}, expected {row['bound']}{reason}")
         if not result["expect"] and "error" not in result:
             lines.append("      it expects nothing")
     passed = sum(result["exit_code"] == 0 for result in results)
     not_here = sum(result["status"] == NOT_HERE for result in results)
     others = f", {not_here} {NOT_HERE}" if not_here else ""
-    put("\n".join([*lines, f"{passed} of {len(results) - not_here} scenes pass{others}"]))
+    put("\n".join([*lines, f"{passed} of {len(results) - not_here} scenes pass{others}"]), verdicts=True)
 
 
 def _mark(passed: bool) -> str:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mpp_taichi.cli import _options
-from mpp_taichi.cli._terminal import UsageError, output_reserved, put_json, say
+from mpp_taichi.cli._terminal import UsageError, output_reserved, say
 from mpp_taichi.scene.right_half import as_texts
 
 if TYPE_CHECKING:
@@ -47,20 +47,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _options.add_force(parser)
     _options.add_archive(parser)
     _options.add_report(parser)
+    _options.add_verbose(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Record, and return the exit code."""
-    from mpp_taichi.scene.load import load_scene
-
     if all(path is None for path in (arguments.video, arguments.still, arguments.frames, arguments.html)):
         raise UsageError("record: where to? --video F.mp4 (or .gif, .webp), --still F.png, --frames DIR or --html F.html")
-    spec = load_scene(arguments.scene, overrides=arguments.overrides)
+    spec = _options.scene_of(arguments)
     fps, seconds = arguments.fps or spec.record.fps, arguments.duration or spec.record.seconds
     if fps * seconds <= 0.5:
         raise UsageError(f"record: a film of {seconds:g} s at {fps:g} frames a second has no frame")
     from mpp_taichi.cli._amounts import check_frames
     from mpp_taichi.cli._choose_method import settled
+    from mpp_taichi.cli._outcome import report
     from mpp_taichi.cli._request import Request
     from mpp_taichi.cli._session import run_scene
 
@@ -90,11 +90,7 @@ def execute(arguments: argparse.Namespace) -> int:
         beside = _right_half(spec, arguments, chosen=bool(choice))
         outcome = run_scene(spec, replace(request, precision=arguments.precision, beside=beside))
         outcome.summary |= choice
-    if not arguments.quiet:
-        say("\n".join(outcome.lines()))
-    if arguments.json:
-        put_json(outcome.as_json())
-    return outcome.exit_code
+    return report(outcome, arguments)
 
 
 def _right_half(spec: "SceneSpec", arguments: argparse.Namespace, *, chosen: bool) -> "Beside | None":

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli import _options
-from mpp_taichi.cli._terminal import UsageError, output_reserved, put, put_json, say
+from mpp_taichi.cli._terminal import UsageError, output_reserved, put, put_json
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
@@ -46,6 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--size", type=_options.picture_size, metavar="WxH", help="size of the picture in pixels")
     parser.add_argument("--threads", type=_options.thread_count, metavar="N", help="threads of the CPU")
     _options.add_report(parser)
+    _options.add_verbose(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -80,17 +81,14 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _film(arguments: argparse.Namespace) -> int:
+    from mpp_taichi.cli._outcome import report
     from mpp_taichi.cli._replay_film import record_film
 
     if any(getattr(arguments, name) is not None for name in ("at", "snapshot", "still")):
         raise UsageError("replay: --at, --snapshot and --still are of one moment, and not of a film")
     with output_reserved(arguments.json):
         outcome = record_film(arguments)
-    if not arguments.quiet:
-        say("\n".join(outcome.lines()))
-    if arguments.json:
-        put_json(outcome.as_json())
-    return outcome.exit_code
+    return report(outcome, arguments)
 
 
 def _write(simulation: "Simulation", arguments: argparse.Namespace) -> list[str]:

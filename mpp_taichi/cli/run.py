@@ -11,11 +11,11 @@ import sys
 from typing import TYPE_CHECKING
 
 from mpp_taichi.cli import _options
-from mpp_taichi.cli._terminal import UsageError, output_reserved, put_json, say
+from mpp_taichi.cli._terminal import UsageError, output_reserved, say
 
 if TYPE_CHECKING:
+    from mpp_taichi.cli._outcome import Outcome
     from mpp_taichi.cli._request import Request
-    from mpp_taichi.cli._session import Outcome
     from mpp_taichi.scene.spec import SceneSpec
 
 
@@ -52,18 +52,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     _options.add_archive(parser)
     _options.add_report(parser)
+    _options.add_verbose(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run, and return the exit code."""
-    from mpp_taichi.scene.load import load_scene
-
-    spec = load_scene(arguments.scene, overrides=arguments.overrides)
+    spec = _options.scene_of(arguments)
     if arguments.dry_run:
         from mpp_taichi.cli._dry_run import dry_run
 
         return dry_run(spec, arguments)
     from mpp_taichi.cli._choose_method import settled
+    from mpp_taichi.cli._outcome import report, tell
     from mpp_taichi.cli._session import run_scene
 
     with output_reserved(arguments.json):
@@ -75,14 +75,9 @@ def execute(arguments: argparse.Namespace) -> int:
         while outcome.next is not None:  # another scene was opened in the window
             earlier.append(outcome)
             if not arguments.quiet:
-                say("\n".join(outcome.lines()))
+                tell(outcome, arguments)
             outcome = run_scene(outcome.next.simulation.scene, request.for_another_scene(), outcome.next)
-    if not arguments.quiet:
-        say("\n".join(outcome.lines()))
-    if arguments.json:
-        before = {"scenes_before": [each.as_json() for each in earlier]} if earlier else {}
-        put_json(outcome.as_json() | before)
-    return next((each.exit_code for each in (*earlier, outcome) if each.exit_code), 0)
+    return report(outcome, arguments, before=earlier)
 
 
 def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":

@@ -21,6 +21,7 @@ from mpp_taichi.device import bulk_copy
 from mpp_taichi.device.bulk_copy import MixedFields
 from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 from mpp_taichi.errors import StabilityError
+from mpp_taichi.wording.told_apart import told_apart
 
 # Events of one launch, which take a fraction of a second, so that Python can be interrupted.
 EVENTS_PER_LAUNCH = 200_000
@@ -118,8 +119,9 @@ class EventDriven(ContactSolver):
         while status != ARRIVED:
             contacts = self.collision.contacts() - before
             if contacts > most:
+                first, now, last = told_apart(begin, self.event_time[None], end, digits=9)
                 raise StabilityError(
-                    f"{contacts:,} contacts from time {begin:.9g} to {self.event_time[None]:.9g}, short of {end:.9g}: "
+                    f"{contacts:,} contacts from time {first} to {now}, short of {last}: "
                     "spheres are crushed, or the time between samples is long (integrator: {event_driven: {dt: …}})"
                 )
             with quick_compilation():  # a sixth of the time, for a kernel that is 5 % slower

@@ -16,6 +16,7 @@ log = logging.getLogger(__name__)
 OURS = {
     "TI_SKIP_VERSION_CHECK": "ON",  # the check calls a server
     "ENABLE_TAICHI_HEADER_PRINT": "False",
+    "TI_ENABLE_PYBUF": "0",  # in a notebook it copies the output after each kernel, and says so in red
 }
 
 

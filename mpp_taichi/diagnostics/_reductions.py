@@ -7,6 +7,7 @@ import numpy as np
 from mpp_taichi.diagnostics._base import Diagnostic
 from mpp_taichi.diagnostics._track import Track
 from mpp_taichi.quantities._base import NoResultError, Quantity, RunSample, Setting
+from mpp_taichi.wording.told_apart import told_apart
 
 ROUNDING = 1e-9  # of the time: the steps of a run need not add up to its end in the last bit
 
@@ -86,7 +87,8 @@ class AtTime(Diagnostic):
             raise NoResultError("the run was never sampled")
         times = [sample[0] for sample in samples]
         if not times[0] <= self.at <= times[-1] * (1.0 + ROUNDING):
-            raise NoResultError(f"the run was at times {times[0]:g} and {times[-1]:g}, not at {self.at:g}")
+            first, last, asked = told_apart(times[0], times[-1], self.at)
+            raise NoResultError(f"the run was at times {first} and {last}, not at {asked}")
         if len(times) < 2:
             return samples[0][1]
         return self._track.value(min(1.0, (self.at - times[0]) / (times[1] - times[0])))

@@ -8,6 +8,7 @@ from mpp_taichi.component import Color, Vector, component, param
 from mpp_taichi.errors import PlacementError
 from mpp_taichi.generators._base import Generator, GeneratorContext, Group, make_group
 from mpp_taichi.generators._crowd import PlacedSpheres, at_random, on_lattice
+from mpp_taichi.wording.told_apart import told_apart
 
 RANDOM_PACKING = {2: 0.36, 3: 0.2}  # random addition cannot continue beyond 0.547 and 0.38, and is slow long before
 CLOSEST_PACKING = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
@@ -81,9 +82,10 @@ class Gas(Generator):
         if found is None:
             size = f"radius {self.radius:g}" if self.radius_spread == 0.0 else f"radii up to {largest:g}"
             beside = " beside the particles placed before" if any(len(each.radius) for each in obstacles) else ""
+            share, most = told_apart(packing, CLOSEST_PACKING[dimensions], digits=3)
             raise PlacementError(
-                f"there is no room for {self.count:,} spheres of {size}{beside}: they would fill {packing:.3g} of the box from "
-                f"lower to upper, where the closest packing fills {CLOSEST_PACKING[dimensions]:.3g} of unlimited space"
+                f"there is no room for {self.count:,} spheres of {size}{beside}: they would fill {share} of the box from "
+                f"lower to upper, where the closest packing fills {most} of unlimited space"
             )
         return found
 

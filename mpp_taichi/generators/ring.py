@@ -8,6 +8,7 @@ from mpp_taichi.component import Color, Particle, component, param
 from mpp_taichi.errors import PlacementError
 from mpp_taichi.generators._base import Center, Generator, GeneratorContext, Group, make_group
 from mpp_taichi.generators._elliptic import annulus_pull
+from mpp_taichi.wording.told_apart import told_apart
 
 
 @component
@@ -52,7 +53,8 @@ class Ring(Generator):
     def generate(self, context: GeneratorContext) -> Group:
         """Draw radius and angle of each particle, uniform in area."""
         if self.inner_radius >= self.outer_radius:
-            raise PlacementError(f"inner_radius {self.inner_radius:g} must be below outer_radius {self.outer_radius:g}")
+            inner, outer = told_apart(self.inner_radius, self.outer_radius)
+            raise PlacementError(f"inner_radius {inner} must be below outer_radius {outer}")
         center = Center(np.zeros(3), np.zeros(3), 0.0) if self.around is None else context.find(self.around)
         area = context.random.uniform(self.inner_radius**2, self.outer_radius**2, self.count)
         r, angle = np.sqrt(area), context.random.uniform(0.0, 2.0 * np.pi, self.count)

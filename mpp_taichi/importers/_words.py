@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene.location import Location
+from mpp_taichi.wording.told_apart import told_apart
 
 LONGEST_SHOWN = 40
 
@@ -31,7 +32,8 @@ class Word:
         if not math.isfinite(value) or "_" in self.text:
             raise self.fault(f"{what} must be a number, not {self.shown}")
         if value < least:
-            raise self.fault(f"{what} must be at least {least:g}, not {value:g}")
+            bound, given = told_apart(least, value)
+            raise self.fault(f"{what} must be at least {bound}, not {given}")
         return value
 
     def whole(self, what: str, least: int, most: int) -> int:

@@ -8,6 +8,7 @@ from xml.parsers import expat
 from mpp_taichi.errors import SceneError
 from mpp_taichi.importers._words import Word
 from mpp_taichi.scene.location import Location
+from mpp_taichi.wording.told_apart import told_apart
 
 SUFFIXES = (".xml",)
 ENCODINGS = ("utf-8-sig", "latin-1")
@@ -100,7 +101,8 @@ class _SystemReader:
             return default
         value = self._word(given[key]).number(key, least)
         if not value > above:
-            raise self._word("").fault(f"{key} must be above {above:g}, not {value:g}")
+            bound, said = told_apart(above, value)
+            raise self._word("").fault(f"{key} must be above {bound}, not {said}")
         return value
 
     def _add(self, given: dict[str, str]) -> None:

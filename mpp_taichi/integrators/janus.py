@@ -16,6 +16,7 @@ from mpp_taichi.integrators.leapfrog import Leapfrog
 from mpp_taichi.integrators.pefrl import Pefrl
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.types import Template
+from mpp_taichi.wording.told_apart import told_apart
 
 TABLES = {2: Leapfrog, 4: Pefrl, 6: KahanLi6}
 """Methods that begin and end with a drift and read the same backwards, by their order."""
@@ -111,14 +112,16 @@ class Janus(Integrator):
             values = field.to_numpy()
             numbers = np.rint(values.astype(np.float64) / spacing)
             if not np.abs(numbers).max() < LIMIT:
+                end, here = told_apart(LIMIT * spacing, np.abs(numbers).max() * spacing)
                 raise SceneError(
-                    f"integrator.janus: its lattice ends at a {name} of {LIMIT * spacing:.6g}, and the scene has a {name} of "
-                    f"{np.abs(numbers).max() * spacing:.6g}; give it a larger `lattice` than {self.spacings[0]:.6g}"
+                    f"integrator.janus: its lattice ends at a {name} of {end}, and the scene has a {name} of {here}; "
+                    f"give it a larger `lattice` than {self.spacings[0]:.6g}"
                 )
             if name == "velocity" and values.any() and not numbers.any():
+                apart, largest = told_apart(spacing, np.abs(values).max())
                 raise SceneError(
-                    f"integrator.janus: its velocities are {spacing:.6g} apart, and the largest of the scene is "
-                    f"{np.abs(values).max():.6g}, which would be 0; take a longer dt than {dt:.6g}, or a smaller `lattice`"
+                    f"integrator.janus: its velocities are {apart} apart, and the largest of the scene is "
+                    f"{largest}, which would be 0; take a longer dt than {dt:.6g}, or a smaller `lattice`"
                 )
             getattr(state, f"lattice_{name}").from_numpy(numbers.astype(np.int64))
             held = state.free.to_numpy() == 0.0 if state.has_fixed_axes else False

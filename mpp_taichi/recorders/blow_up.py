@@ -12,6 +12,7 @@ from mpp_taichi.simulation import first_bad_step
 from mpp_taichi.simulation.massless_watch import MasslessWatch
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.stability.network import SpringNetwork
+from mpp_taichi.wording.told_apart import told_apart
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.saved_state import Mark
@@ -191,7 +192,7 @@ def _longest_spring(simulation: "Simulation") -> float:
 def _describe(simulation: "Simulation", start: dict[str, Any], row: dict[str, Any], worst: Snapshot) -> StabilityError:
     """The error for a run; the simulation stands at its last sound state, `row` and `worst` are of its alarm."""
     if simulation.phase.gains_no_energy:
-        first, last = _told_apart(start["total_energy"], row["total_energy"])
+        first, last = told_apart(start["total_energy"], row["total_energy"])
         why = f"the energy, which no force adds to, rises from {first} to {last}"
     else:
         why = "springs grow beyond reason"
@@ -203,16 +204,6 @@ def _describe(simulation: "Simulation", start: dict[str, Any], row: dict[str, An
     )
     error.step, error.time, error.particle = step, time, particle
     return error
-
-
-def _told_apart(first: float, last: float) -> tuple[str, str]:
-    """Two numbers with six and three digits, or both with the number of digits in which they differ."""
-    texts = f"{first:.6g}", f"{last:.3g}"
-    digits = 6
-    while digits < 17 and (float(texts[1]) - float(texts[0])) * (last - first) <= 0.0 and first != last:
-        texts = f"{first:.{digits}g}", f"{last:.{digits}g}"
-        digits += 1
-    return texts
 
 
 def _worst(simulation: "Simulation", state: Snapshot) -> tuple[int, str]:

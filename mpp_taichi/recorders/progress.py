@@ -17,7 +17,8 @@ class ProgressRecorder:
     """Shows step count and time, and reads nothing from the device, so that it costs nothing. A context manager.
 
     On a terminal: a bar with per cent, steps per second, simulated time, time left and the last known energy error. Otherwise
-    one plain line for every tenth of the run, or half a minute.
+    one plain line for every tenth of the run, or half a minute. Steps per second are of this process since its kernels were
+    compiled, with samples and pictures, as in the closing summary.
     """
 
     def __init__(self, total_steps: int | None, energy_error: Callable[[], float | None], *, bar: bool) -> None:
@@ -29,6 +30,7 @@ class ProgressRecorder:
         self._told = self._began
         self._bar: Any = _make_bar(total_steps) if bar else None
         self._task: Any = None
+        self._first: tuple[int, float] | None = None  # the step, and the seconds of compiling, before the first launch
 
     def __enter__(self) -> "ProgressRecorder":
         """Show the bar."""
@@ -44,6 +46,8 @@ class ProgressRecorder:
 
     def steps_until_due(self, simulation: "Simulation") -> int:
         """0 when the clock says that the bar is due, else a number that is never reached."""
+        if self._first is None:
+            self._first = simulation.step_count, simulation.timings.compile_seconds
         return 0 if clock.perf_counter() - self._looked >= BAR_SECONDS else 2**31
 
     def record(self, simulation: "Simulation") -> None:
@@ -63,16 +67,23 @@ class ProgressRecorder:
     def _state(self, simulation: "Simulation") -> str:
         if not simulation.timings.advance_seconds:
             return "compiling kernels"
-        speed = simulation.step_count / max(clock.perf_counter() - self._began, 1e-9)
         error = self.energy_error()
         told = f" · ΔE/E {error:.1e}" if error is not None else ""
-        return f"{speed:,.0f} steps/s · t = {simulation.time:.6g}{told}"
+        rate = self._rate(simulation)
+        speed = f"{rate:,.0f}" if rate >= 100.0 else f"{rate:.3g}"
+        return f"{speed} steps/s · t = {simulation.time:.6g}{told}"
+
+    def _rate(self, simulation: "Simulation") -> float:
+        """Steps per second since the kernels were compiled."""
+        step, compiled = self._first or (0, 0.0)
+        seconds = clock.perf_counter() - self._began - (simulation.timings.compile_seconds - compiled)
+        return (simulation.step_count - step) / max(seconds, 1e-9)
 
     def _left(self, simulation: "Simulation") -> str:
         if not self.total_steps:
             return ""
-        seconds = (clock.perf_counter() - self._began) * (self.total_steps - simulation.step_count) / simulation.step_count
-        return f" · {seconds:.0f} s left"
+        rate = self._rate(simulation)
+        return f" · {(self.total_steps - simulation.step_count) / rate:.0f} s left" if rate > 0.0 else ""
 
 
 def _make_bar(total_steps: int | None) -> Any:

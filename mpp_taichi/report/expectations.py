@@ -12,6 +12,7 @@ from mpp_taichi.quantities._base import NoResultError, Setting
 from mpp_taichi.recorders._simulation_sample import SimulationSample
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES, kind_of, reduction_keys
 from mpp_taichi.scene.spec import Expectation
+from mpp_taichi.wording.told_apart import told_apart
 
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
@@ -27,6 +28,8 @@ class Verdict:
     bound: str
     passed: bool
     reason: str = ""
+    told: str = ""
+    """The value for a reader, with so many digits that it is seen on which side of a bound it lies."""
 
     @property
     def label(self) -> str:
@@ -102,8 +105,8 @@ class Watcher:
         rows = []
         for expectation, (value, reason) in zip(self.expectations, self.values(summary)):
             passed = value is not None and holds(expectation, value, precision)
-            bound = bound_text(expectation, precision)
-            rows.append(Verdict(expectation.quantity, _shown(expectation), value, bound, passed, reason))
+            bound, told = bound_text(expectation, precision, value), value_text(expectation, precision, value)
+            rows.append(Verdict(expectation.quantity, _shown(expectation), value, bound, passed, reason, told))
         return rows
 
     def values(self, summary: Mapping[str, Any]) -> list[tuple[float | None, str]]:
@@ -173,14 +176,33 @@ def tolerance(near: float, within: float) -> float:
     return within * abs(near) if near != 0.0 else within
 
 
-def bound_text(expectation: Expectation, precision: str) -> str:
-    """`< 1e-06`, `> 3`, `6.28 ± 1e-05 (relative)`."""
+def bound_text(expectation: Expectation, precision: str, value: float | None = None) -> str:
+    """`< 1e-06`, `> 3`, `6.28 ± 1e-05 (relative)`; with more digits where a `value` would read like the bound."""
     parts = []
     if expectation.below is not None:
-        parts.append(f"< {expectation.below[precision]:.6g}")
+        bound = expectation.below[precision]
+        parts.append(f"< {told_apart(bound, abs(_finite(value, bound)))[0]}")
     if expectation.above is not None:
-        parts.append(f"> {expectation.above[precision]:.6g}")
+        bound = expectation.above[precision]
+        parts.append(f"> {told_apart(bound, _finite(value, bound))[0]}")
     if expectation.near is not None:
         allowed = expectation.within[precision] if expectation.within else 0.0
         parts.append(f"{expectation.near:.12g} ± {allowed:.3g}" + (" (relative)" if expectation.near != 0.0 else ""))
     return " and ".join(parts)
+
+
+def value_text(expectation: Expectation, precision: str, value: float | None) -> str:
+    """A value with nine digits, and with more where it would read like a bound; `undefined` where there is none."""
+    if value is None:
+        return "undefined"
+    below, above, near = expectation.below, expectation.above, expectation.near
+    bounds = [] if below is None else [below[precision], -below[precision]]
+    bounds += [] if above is None else [above[precision]]
+    if near is not None:
+        allowed = tolerance(near, expectation.within[precision] if expectation.within else 0.0)
+        bounds += [near - allowed, near + allowed]
+    return told_apart(value, *bounds, digits=9)[0]
+
+
+def _finite(value: float | None, default: float) -> float:
+    return value if value is not None and math.isfinite(value) else default

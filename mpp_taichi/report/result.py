@@ -1,6 +1,7 @@
 """Run a scene from Python as the command line does, and keep its results as arrays: `mpp_taichi.run`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 from types import TracebackType
@@ -8,12 +9,17 @@ from typing import Any
 
 import numpy as np
 
+from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.errors import CapacityError, MppError
 from mpp_taichi.recorders.table import TableRecorder
+from mpp_taichi.report import bridges, result_page
 from mpp_taichi.report.expectations import Verdict, Watcher
-from mpp_taichi.report.summary import Stopwatch, lines, summarize
+from mpp_taichi.report.summary import Stopwatch, summarize
+from mpp_taichi.report.summary_lines import lines
 from mpp_taichi.scene import timeline
+from mpp_taichi.scene.contacts import LOOKS
 from mpp_taichi.scene.expectations import BALANCE_QUANTITIES
+from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.simulation import notebook
 from mpp_taichi.simulation.recorder import Recorder
@@ -33,10 +39,12 @@ def run(
     backend: str = "auto",
     precision: str | None = None,
     recorders: Sequence[Recorder] = (),
+    every: float | None = None,
+    call: Callable[[Simulation], object] | None = None,
 ) -> "Result":
     """Run a scene to its end, or for a `duration` or `steps`, and keep about `samples` moments of it.
 
-    After a run to the scene's own end, the scene's `expect:` is judged as well.
+    After a run to the scene's own end, the scene's `expect:` is judged as well. `every` and `call` are as in Simulation.run.
 
     Raises:
         MppError: an error of Simulation or its run; CapacityError where the moments would need more than a gigabyte.
@@ -44,20 +52,22 @@ def run(
     if samples < 1:
         raise MppError(f"samples must be at least 1, got {samples}")
     stopwatch = Stopwatch()
-    simulation = Simulation(scene, backend=backend, precision=precision, overrides=overrides)
+    read = load_scene(scene, overrides=overrides, interval=None if duration is None else duration / LOOKS)
+    read = replace(read, leaves_interval_open=False)
+    simulation = Simulation(read, backend=backend, precision=precision)
     try:
         count = _step_count(simulation, duration, steps)
-        every = max(1, -(-count // samples))
-        kept = (count // every + 2) * simulation.start.particle_count * 6
+        apart = max(1, -(-count // samples))  # steps between two moments
+        kept = (count // apart + 2) * simulation.start.particle_count * 6
         if kept > MOST_NUMBERS:
-            raise CapacityError(f"{count // every + 2} moments are {kept:,} numbers, allowed: {MOST_NUMBERS:,}; fewer samples")
+            raise CapacityError(f"{count // apart + 2} moments are {kept:,} numbers, allowed: {MOST_NUMBERS:,}; fewer samples")
         whole = duration is None and steps is None
-        watcher = Watcher(simulation.scene.expect if whole else (), every)
+        watcher = Watcher(simulation.scene.expect if whole else (), apart)
         if any(each.quantity in BALANCE_QUANTITIES for each in watcher.expectations):
             simulation.keep_energy_balance()
         told = _horizon(simulation, count) if simulation.scene.horizon else {}
-        table, moments = TableRecorder(every), Moments(every)
-        simulation.run(duration, steps=steps, recorders=[table, moments, watcher, *recorders])
+        table, moments = TableRecorder(apart), Moments(apart)
+        simulation.run(duration, steps=steps, recorders=[table, moments, watcher, *recorders], every=every, call=call)
         for look in (table, moments, watcher):
             look.finish(simulation)
         for row in table.rows:
@@ -134,6 +144,7 @@ class Result:
         """Keep the results of a run that has ended."""
         self.simulation, self.summary, self.verdicts = simulation, summary, tuple(verdicts)
         self.table: dict[str, np.ndarray] = table.columns()
+        self._rows = table.rows
         self.moments = tuple(moments)
         self.time = np.array([snapshot.time for snapshot in moments])
         self.position = np.array([snapshot.position for snapshot in moments])
@@ -154,7 +165,44 @@ class Result:
         return notebook.png(self.simulation, earlier=self.moments[:-1]) if self._shows_its_end else None
 
     def _repr_html_(self) -> str:
-        return notebook.figure(self._repr_png_(), f"<pre>{escape(str(self))}</pre>")
+        """The page that plays the run, or the picture where it is too large, and the summary.
+
+        With a page the picture lies folded below: a viewer without scripts shows no page.
+        """
+        told, played = f"<pre>{escape(str(self))}</pre>", result_page.frame(self.simulation, self.moments, self._rows)
+        if not played:
+            return notebook.figure(self._repr_png_(), told)
+        picture = self._repr_png_()
+        folded = f"<details><summary>picture</summary>{notebook.image(picture)}</details>" if picture else ""
+        return f"<figure>{played}{folded}<figcaption>{told}</figcaption></figure>"
+
+    def page(self, path: str | Path | None = None, *, size: tuple[int, int] = result_page.SIZE) -> str:
+        """The moments as one page that a browser plays, as text; with a `path` it is written there as well.
+
+        Raises:
+            MppError: the page would hold too much, or cannot be written.
+        """
+        made = result_page.page(self.simulation, self.moments, self._rows, size)
+        if path is not None:
+            with whole_file(Path(path), "the page") as temporary:
+                temporary.write_text(made, encoding="utf-8")
+        return made
+
+    def to_pandas(self, *, particles: bool = False) -> Any:
+        """The table as a pandas DataFrame by time; or, of the `particles`, a row for each at each moment.
+
+        Raises:
+            MissingPackageError: this Python has no pandas.
+        """
+        return bridges.to_pandas(self, particles=particles)
+
+    def to_xarray(self) -> Any:
+        """Moments and table as an xarray Dataset with the dimensions time, particle and axis.
+
+        Raises:
+            MissingPackageError: this Python has no xarray.
+        """
+        return bridges.to_xarray(self)
 
     @property
     def _shows_its_end(self) -> bool:

@@ -9,6 +9,7 @@ from mpp_taichi.scene.layout import build, layout_of
 from mpp_taichi.scene.pair_forces import is_pair_force
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import VISITS_OF_A_TREE, tree_of
+from mpp_taichi.wording.told_apart import told_apart
 
 # Host memory taken while a scene is assembled, device fields included: upper bounds for the estimate.
 BYTES_PER_PARTICLE = 600
@@ -62,9 +63,10 @@ def check_capacity(needed: Estimate) -> None:
             raise CapacityError(f"the scene has {_short(count)} {what}, allowed: {LARGEST_COUNT}")
     free = available_bytes()
     if free is not None and needed.bytes > free:
+        needs, has = told_apart(needed.bytes / 2**30, free / 2**30, digits=3)
         raise CapacityError(
-            f"the scene needs {needed.bytes / 2**30:.3g} GiB for {needed.particle_count} particles and "
-            f"{needed.spring_count} springs, and {free / 2**30:.3g} GiB are available to this process"
+            f"the scene needs {needs} GiB for {needed.particle_count} particles and "
+            f"{needed.spring_count} springs, and {has} GiB are available to this process"
         )
     if needed.steps is not None and needed.steps > MOST_STEPS:
         steps = _short(needed.steps)

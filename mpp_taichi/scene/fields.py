@@ -16,6 +16,7 @@ from pydantic_core import PydanticCustomError, core_schema
 from mpp_taichi.scene.did_you_mean import choices
 from mpp_taichi.scene.expressions import SMALLEST_NUMBER, ExpressionError, Formula, UnresolvedConstant, parse
 from mpp_taichi.scene.faults import shown
+from mpp_taichi.wording.told_apart import told_apart
 
 LARGEST_NUMBER = 1e300
 
@@ -97,7 +98,8 @@ class Ranged(Field, ABC):
         number = calculate(value, context)
         low = (self.minimum is None or number >= self.minimum) and (self.above is None or number > self.above)
         if not low or (self.maximum is not None and number > self.maximum):
-            raise Wrong(f"{shown(number)} is not allowed, must be {self.range()}")
+            bounds = [each for each in (self.minimum, self.maximum, self.above) if each is not None]
+            raise Wrong(f"{told_apart(number, *bounds, digits=12)[0]} is not allowed, must be {self.range()}")
         return number
 
     def range(self) -> str:

@@ -15,6 +15,7 @@ from mpp_taichi.scene import (
     expectations,
     extends,
     inspection,
+    intervals,
     messages,
     references,
     repeats,
@@ -39,20 +40,25 @@ from mpp_taichi.scene.spec import ComponentSpec, SceneSpec, default_integrator
 _Overrides = Mapping[str, Any] | Sequence[str]
 
 
-def load_scene(source: str | Path | Mapping[str, Any] | SceneSpec, *, overrides: _Overrides = ()) -> SceneSpec:
+def load_scene(
+    source: str | Path | Mapping[str, Any] | SceneSpec, *, overrides: _Overrides = (), interval: float | None = None
+) -> SceneSpec:
     """Read and check a scene; SceneError lists every fault.
 
     `source` is a file, the name of a scene that comes with the program ("ring"), the content of a scene, or a SceneSpec.
     `overrides` is a mapping {"integrator.leapfrog.dt": 0.01} or texts "integrator.leapfrog.dt=0.01" (see overrides.py).
-    No particle is made and nothing large is allocated.
+    `interval` is the time between samples of a method that takes no equal steps, where the scene gives neither `dt` nor
+    `run.duration`; without it such a scene is refused. No particle is made and nothing large is allocated.
     """
     if isinstance(source, SceneSpec) and not overrides:
         return source
     faults = Faults()
     with _collector_paused():
         tree, name, folder = _read(source, faults)
-        tree = _override(tree, overrides, faults)
-        spec = _whole(tree, name, folder, faults)
+        tree = bare_names.expanded(_override(tree, overrides, faults))
+        is_open = interval is not None and intervals.is_open(tree)
+        tree = intervals.with_interval(tree, interval) if is_open and interval is not None else tree
+        spec = replace(_whole(tree, name, folder, faults), leaves_interval_open=is_open)
         right_half.check(spec, tree, faults, lambda changed: _whole(changed, name, folder, Faults(faults.sources)))
     return spec
 
@@ -209,7 +215,9 @@ def _integrator(validated: Any, tree: Node, faults: Faults) -> ComponentSpec:
     if entry.parameters["dt"] is None:  # of a method that takes no equal steps, dt is the time between two samples
         if validated.run.duration is None:
             faults.add(
-                entry.location, f"integrator.{entry.name}", "needs dt, the time between samples, or run.duration to divide"
+                entry.location,
+                f"integrator.{entry.name}",
+                "needs dt, the time between samples, or run.duration to divide",
             )
             return replace(entry, parameters={**entry.parameters, "dt": 1.0})
         return replace(entry, parameters={**entry.parameters, "dt": validated.run.duration / contacts.LOOKS})

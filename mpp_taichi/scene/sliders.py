@@ -12,6 +12,7 @@ from mpp_taichi.scene.document import Node, from_python
 from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.spec import ComponentSpec, Event, Location, SceneSpec, SliderSpec, SliderTarget
+from mpp_taichi.wording.told_apart import told_apart
 
 SLIDERS_ALLOWED = 24  # the largest number that fits into a window of 720 rows
 SPRING_TYPE_PARAMETERS = ("stiffness", "damping", "prestretch")
@@ -69,7 +70,8 @@ def _slider(entry: Any, node: Node, key: str, spec: SceneSpec, validated: Any, t
     low, high = _ends(spec, targets[0], value, logarithmic)
     low, high = (low if getattr(entry, "from") is None else getattr(entry, "from")), (high if entry.to is None else entry.to)
     if not low < high:
-        faults.add(node.place, key, f"from {shown(low)} to {shown(high)} is no range, from must be below to")
+        first, last = told_apart(low, high, digits=12)
+        faults.add(node.place, key, f"from {first} to {last} is no range, from must be below to")
         return None
     if logarithmic and not min(low, value) > 0.0:
         faults.add(node.place, key, f"a logarithmic scale from {shown(min(low, value))} has no beginning, must be above 0")

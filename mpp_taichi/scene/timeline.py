@@ -16,6 +16,7 @@ from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.spec import ComponentSpec, Event, SceneSpec, SliderSpec
+from mpp_taichi.wording.told_apart import told_apart
 
 EVENTS_ALLOWED = 50  # of phases that change more than parameters of sliders: such a phase is compiled and kept
 MOVES_ALLOWED = 100_000  # of sliders
@@ -115,9 +116,11 @@ def _check_times(spec: SceneSpec, times: Sequence[float], node: Node, faults: Fa
         if at <= 0.0 and sliders.moved_to(spec, entry.value["set"].plain()) is None:
             faults.add(place, key, f"{shown(at)} is not allowed, must be above 0")
         elif number and at <= times[number - 1]:
-            faults.add(place, key, f"{shown(at)} is not after timeline[{number - 1}].at = {shown(times[number - 1])}")
+            time, before = told_apart(at, times[number - 1], digits=12)
+            faults.add(place, key, f"{time} is not after timeline[{number - 1}].at = {before}")
         elif spec.run.duration is not None and at >= spec.run.duration:
-            faults.add(place, key, f"{shown(at)} is never reached, must be below run.duration = {shown(spec.run.duration)}")
+            time, end = told_apart(at, spec.run.duration, digits=12)
+            faults.add(place, key, f"{time} is never reached, must be below run.duration = {end}")
 
 
 def _check_count(spec: SceneSpec, given: Sequence[Node], place: Location, faults: Faults) -> None:

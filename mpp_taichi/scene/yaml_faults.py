@@ -21,7 +21,7 @@ def cause(error: Any, lines: list[str]) -> str:
     line = lines[mark.line] if mark.line < len(lines) else ""
     here = line[mark.column : mark.column + 1]
     if "cannot start any token" in problem:
-        return "a tab; YAML wants spaces here" if here == "\t" else f"a value that begins with {here} needs quotes around it"
+        return "a tab; YAML needs spaces here" if here == "\t" else f"a value that begins with {here} needs quotes around it"
     if "scanning a quoted scalar" in context and opened is not None:
         return f"the quote of line {opened.line + 1}, column {opened.column + 1} is not closed"
     if "mapping values are not allowed" in problem:

@@ -8,6 +8,7 @@ from mpp_taichi.energy.specific_energy import SpecificEnergies, SpecificEnergyMe
 from mpp_taichi.errors import StabilityError
 from mpp_taichi.simulation import first_bad_step
 from mpp_taichi.simulation.saved_state import Mark
+from mpp_taichi.wording.told_apart import told_apart
 
 ALARM = 1.0  # times its mean kinetic energy so far: a particle that gains more is on another orbit
 ALARM_NOW = 0.5  # times its present kinetic energy: near a pericentre a method's energy swings by less, and swings back
@@ -121,10 +122,11 @@ class MasslessWatch:
             return
         worst = int(np.argmax(np.where(wrong, gain, -np.inf)))
         self._go_back(simulation, before, steps, int(suspects[worst]))
-        told = f"rises from {start[worst]:.6g} to {coarse[worst]:.6g} at time {time:.6g}"
+        first, last, with_smaller = told_apart(start[worst], coarse[worst], finer[worst])
+        told = f"rises from {first} to {last} at time {time:.6g}"
         cure = "smaller steps do not agree with each other: give the force a softening"
         if agree:
-            cure = f"with smaller steps to {finer[worst]:.6g}; the step is too large for what happens there: "
+            cure = f"with smaller steps to {with_smaller}; the step is too large for what happens there: "
             cure += f"try dt = {dt * FINER / parts:.3g}, or a softening"
         raise self._error(simulation, int(suspects[worst]), f"{told}, {cure}")
 

@@ -50,9 +50,15 @@ def html(simulation: Any) -> str:
 
 def figure(png: bytes | None, caption: str) -> str:
     """A picture and its caption, as HTML."""
-    encoded = base64.b64encode(png).decode("ascii") if png else ""
-    image = f'<img src="data:image/png;base64,{encoded}" width="{SIZE[0] * 2 // 3}" alt="the particles now">' if png else ""
-    return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
+    return f"<figure>{image(png)}<figcaption>{caption}</figcaption></figure>"
+
+
+def image(png: bytes | None) -> str:
+    """A picture as HTML; empty without a picture."""
+    if not png:
+        return ""
+    encoded = base64.b64encode(png).decode("ascii")
+    return f'<img src="data:image/png;base64,{encoded}" width="{SIZE[0] * 2 // 3}" alt="the particles now">'
 
 
 def line(simulation: Any) -> str:

@@ -24,6 +24,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.scene.tree_checks import tree_of
 from mpp_taichi.simulation import first_bad_step
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.wording.told_apart import told_apart
 
 NUMBERS_PER_ENTRY = {"scalar": 1, "wide": 1, "index": 0.5, "pair": 2, "wide_pair": 2, "vector4": 4, "vector8": 8}
 """Numbers of the size of an f64 in one entry of a work field, by the kind of the field."""
@@ -93,16 +94,18 @@ def check_range(start: Snapshot, total_force: Any, precision: str) -> None:
         return
     extent = float(np.linalg.norm(np.ptp(start.position, axis=0))) if total_force.has_pairs else 0.0
     if extent > FARTHEST_PAIR:
+        most, here = told_apart(FARTHEST_PAIR, extent, digits=3)
         raise PrecisionError(
-            f"{precision} computes forces between particles up to {FARTHEST_PAIR:.2g} lengths apart, and here they are "
-            f"{extent:.3g} apart; choose a larger unit of length, or use f64 or ds"
+            f"{precision} computes forces between particles up to {most} lengths apart, and here they are "
+            f"{here} apart; choose a larger unit of length, or use f64 or ds"
         )
     for name, values in (("mass", start.mass), ("charge", start.charge)):
         sizes = np.abs(values[values != 0.0])
         if name in total_force.needs and len(sizes) and sizes.min() < SMALLEST_IN_TWO_PARTS:
+            least, here = told_apart(SMALLEST_IN_TWO_PARTS, sizes.min(), digits=3)
             raise PrecisionError(
-                f"{precision} keeps the digits of numbers from {SMALLEST_IN_TWO_PARTS:.2g} on, and here is a {name} of "
-                f"{sizes.min():.3g}; choose a smaller unit of {name}, or use f64 or ds"
+                f"{precision} keeps the digits of numbers from {least} on, and here is a {name} of "
+                f"{here}; choose a smaller unit of {name}, or use f64 or ds"
             )
 
 
@@ -121,15 +124,17 @@ def check_numbers(start: Snapshot, total_force: Any, precision: str) -> None:
         lost = (size < SMALLEST_SINGLE) & (size > 0.0) & (name in used)
         wrong = np.flatnonzero(lost | (size > LARGEST_SINGLE))
         if len(wrong):
+            here, least, most = told_apart(size[wrong[0]], SMALLEST_SINGLE, LARGEST_SINGLE, digits=3)
             raise PrecisionError(
-                f"{first_bad_step.label(start, int(wrong[0]))} has a {name} of {size[wrong[0]]:.3g}, and {precision} has "
-                f"numbers from {SMALLEST_SINGLE:.2g} to {LARGEST_SINGLE:.2g}; choose another unit, or use f64"
+                f"{first_bad_step.label(start, int(wrong[0]))} has a {name} of {here}, and {precision} has "
+                f"numbers from {least} to {most}; choose another unit, or use f64"
             )
     extent = float(np.linalg.norm(np.ptp(start.position, axis=0))) if total_force.has_pairs else 0.0
     if extent > FARTHEST_PAIR_IN_SINGLE:
+        most, here = told_apart(FARTHEST_PAIR_IN_SINGLE, extent, digits=3)
         raise PrecisionError(
-            f"{precision} computes forces between particles up to {FARTHEST_PAIR_IN_SINGLE:.2g} lengths apart, and here they "
-            f"are {extent:.3g} apart; choose a larger unit of length, or use f64"
+            f"{precision} computes forces between particles up to {most} lengths apart, and here they "
+            f"are {here} apart; choose a larger unit of length, or use f64"
         )
 
 
@@ -150,7 +155,8 @@ def check_room(fields: Mapping[str, tuple[str, int]], *, dimensions: int, replic
         raise CapacityError(f"the work field {largest} has {needed[largest]:,.0f} numbers, allowed: {LARGEST_COUNT:,}{hint}")
     free, total = available_bytes(), 8 * sum(needed.values())
     if on_cpu and free is not None and total > free:
+        needs, has = told_apart(total / 2**30, free / 2**30, digits=3)
         raise CapacityError(
-            f"the integrator's work fields need {total / 2**30:.3g} GiB, most of it for {largest}; "
-            f"{free / 2**30:.3g} GiB are available to this process{hint}"
+            f"the integrator's work fields need {needs} GiB, most of it for {largest}; "
+            f"{has} GiB are available to this process{hint}"
         )

@@ -9,6 +9,7 @@ from mpp_taichi.scene.load import load_resolved
 from mpp_taichi.simulation.moment import go_to
 from mpp_taichi.simulation.run_archive import FoundRun, start_digest
 from mpp_taichi.simulation.simulation import Simulation
+from mpp_taichi.wording.told_apart import told_apart
 
 
 def resume(
@@ -64,6 +65,7 @@ def scene_of(header: Mapping[str, Any], state: Mapping[str, Any]) -> Mapping[str
 def _check_start(simulation: Simulation, header: Mapping[str, Any], path: str | Path, at: float | None) -> None:
     """Require a start that is the start of the run, and no later than `at`."""
     if at is not None and not simulation.time <= at:
-        raise StateError(f"{path}: the run begins at t = {simulation.time:.9g}, after {at:.9g}")
+        begin, asked = told_apart(simulation.time, at, digits=9)
+        raise StateError(f"{path}: the run begins at t = {begin}, after {asked}")
     if start_digest(simulation) != header["start"]:
         raise StateError(f"{path}: the scene reads a file that has changed since the run, so its start cannot be had again")

@@ -3,8 +3,10 @@
 import math
 
 from mpp_taichi.errors import CapacityError, MppError
+from mpp_taichi.scene.contacts import LOOKS
 from mpp_taichi.scene.spec import RunSpec
 from mpp_taichi.scene.timeline import whole_steps
+from mpp_taichi.wording.told_apart import told_apart
 
 MOST_STEPS = 2.0**53
 """Steps beyond which time + dt is no new number; a machine would take years."""
@@ -34,6 +36,19 @@ def time_and_steps(
     return span, math.inf
 
 
+def interval_of(span: float) -> float:
+    """The time between samples of a method that takes no equal steps, for a run of a time that the scene does not know.
+
+    Raises:
+        MppError: the run has no length in time.
+    """
+    if not math.isfinite(span):
+        raise MppError(
+            "the method chooses its own steps, and the scene has neither dt nor run.duration: give duration or until"
+        )
+    return span / LOOKS if span > 0.0 else 1.0
+
+
 def steps_to(span: float, steps: float, to_next_phase: float, dt: float) -> tuple[float, float, bool]:
     """The way of a run to the end of its phase, or to its own end where this is nearer: after `span`, or after `steps`.
 
@@ -44,8 +59,7 @@ def steps_to(span: float, steps: float, to_next_phase: float, dt: float) -> tupl
     """
     leg = min(span, to_next_phase)
     if leg < math.inf and not leg / dt <= MOST_STEPS:
-        raise CapacityError(
-            f"a time of {leg:.6g} is {leg / dt:.3g} steps of dt = {dt:.6g}, allowed: {MOST_STEPS:.3g}; take a longer dt"
-        )
+        steps_needed, most = told_apart(leg / dt, MOST_STEPS, digits=3)
+        raise CapacityError(f"a time of {leg:.6g} is {steps_needed} steps of dt = {dt:.6g}, allowed: {most}; take a longer dt")
     whole, rest = whole_steps(leg, dt) if leg < math.inf else (steps, 0.0)
     return (steps, 0.0, True) if steps < whole + (rest > 0.0) else (whole, rest, False)

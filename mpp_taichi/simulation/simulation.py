@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mpp_taichi.contacts._base import ContactReport, ContactSolver
 from mpp_taichi.device import backends, one_thread
 from mpp_taichi.device.thread_count import check_threads
 from mpp_taichi.errors import SceneError
@@ -23,14 +22,18 @@ from mpp_taichi.simulation.accounts import Accounts
 from mpp_taichi.simulation.clock import Clock
 from mpp_taichi.simulation.compiled_phase import CompiledPhase
 from mpp_taichi.simulation.compiled_phases import CompiledPhases
-from mpp_taichi.simulation.course import Course, Phase, course_of
+from mpp_taichi.simulation.course import Course, course_of
+from mpp_taichi.simulation.every import calls
 from mpp_taichi.simulation.in_turn import in_turn, require_life
+from mpp_taichi.simulation.inner_names import INNER_NAMES
 from mpp_taichi.simulation.judge import RunJudge
+from mpp_taichi.simulation.notebook_progress import shown_progress
 from mpp_taichi.simulation.orbits import orbits
+from mpp_taichi.simulation.particles import Particles
 from mpp_taichi.simulation.phase_runner import PhaseRunner
 from mpp_taichi.simulation.recorder import Recorder
 from mpp_taichi.simulation.run_archive import RunArchive, begin_archive
-from mpp_taichi.simulation.run_length import time_and_steps
+from mpp_taichi.simulation.run_length import interval_of, time_and_steps
 from mpp_taichi.simulation.run_loop import RunLoop
 from mpp_taichi.simulation.saved_state import Bookmark, Mark
 from mpp_taichi.simulation.verdict import RunVerdict
@@ -74,7 +77,8 @@ class Simulation:
         """Read the scene, start the backend, allocate and fill the fields; kernels are compiled at the first step."""
         began = clock.perf_counter()
         check_threads(threads)
-        read = load_scene(scene, overrides=overrides)
+        read = load_scene(scene, overrides=overrides, interval=1.0)  # until a run has a length
+        self._leaves_interval_open = read.leaves_interval_open
         if read.accuracy is not None:
             raise SceneError(f"{read.source}: accuracy: its method is still to be chosen, by mpp_taichi.settle or the run verb")
         self.estimate = estimate(read)
@@ -132,17 +136,24 @@ class Simulation:
         steps: int | None = None,
         recorders: Sequence[Recorder] = (),
         judge: str = "warn",
+        every: float | None = None,
+        call: Callable[["Simulation"], object] | None = None,
     ) -> "Simulation":
         """Advance by `duration`, `until` a time, or by `steps`; without any of them as the scene's `run:` says.
 
         A shorter last step reaches the end exactly, and the end of each phase. Recorders are called when they are due.
         `judge` says how findings of `verdict` are told: "warn" by a Python warning, an AccuracyWarning; "raise" by a
         StabilityError; "off" not at all, and then nothing is looked at. A run in many short calls is looked at now and then.
+        `call(self)` is called each time that the time `every` has passed: it may read everything, and change nothing.
         """
         require_life(self)
         span, left = time_and_steps(self.spec.run, self.time, duration, until, steps)
+        if self._leaves_interval_open:
+            self.dt = interval_of(span)
         end = self.time + span if until is None else float(until)
-        RunLoop(self, self._runner, self._launches, [*recorders, *self._archives]).run(span, left, end, judge)
+        looks = [*recorders, *calls(every, call, self.time), *self._archives]
+        with shown_progress(self, span, left) as progress:
+            RunLoop(self, self._runner, self._launches, [*looks, *progress]).run(span, left, end, judge)
         return self
 
     @property
@@ -236,6 +247,11 @@ class Simulation:
         """Host copy of all particles now, float64 whatever the precision."""
         return self.phase.snapshot(self._clock, replica)
 
+    @property
+    def particles(self) -> Particles:
+        """The particles by name, index, slice or group: `simulation.particles["earth"].position`, as they are when asked."""
+        return Particles(self)
+
     @in_turn
     def snapshot_ahead(self, offset: float) -> Snapshot:
         """The particles an `offset` < dt later, by the motion that the step goes on with: x + v offset, or along orbits."""
@@ -285,6 +301,10 @@ class Simulation:
 
         return notebook.picture(self, size)
 
+    def __dir__(self) -> list[str]:
+        """The attributes for scripts and notebooks."""
+        return sorted(name for name in object.__dir__(self) if not name.startswith("_") and name not in INNER_NAMES)
+
     def __repr__(self) -> str:
         """Scene, time, size and method in one line."""
         from mpp_taichi.simulation import notebook
@@ -323,10 +343,10 @@ class Simulation:
         """The whole scene, with its timeline and all that was set."""
         return self._runner.course.scene
 
-    @property
-    def phases(self) -> tuple[Phase, ...]:
-        """The phases of the scene; phases before the first phase of the course were never run."""
-        return self._runner.course.phases
+    phases = property(
+        attrgetter("_runner.course.phases"),
+        doc="The phases of the scene; a phase before the first of the course was never run.",
+    )
 
     @property
     def start(self) -> Snapshot:
@@ -343,30 +363,14 @@ class Simulation:
         """The scene of the present phase."""
         return self.phase.spec
 
-    @property
-    def plan(self) -> str:
-        """The plan by which a step is run: serial, parallel or replicas."""
-        return self.phase.plan
-
-    @property
-    def contacts(self) -> ContactSolver | None:
-        """The contact solver, where the scene has contacts."""
-        return self.phase.contacts
-
+    plan = property(attrgetter("phase.plan"), doc="The plan by which a step is run: serial, parallel or replicas.")
+    contacts = property(attrgetter("phase.contacts"), doc="The contact solver, where the scene has contacts.")
     phase_work = property(attrgetter("_accounts.phase_work"), doc="Energy that each change of the scene has put in [energy].")
     phase_energy = property(attrgetter("_accounts.phase_energy"), doc="Total energy after the last change; None before it.")
 
-    @property
-    def energy_balance(self) -> "EnergyBalance | None":
-        """Dissipated energy and work along the run, where they are kept."""
-        return self._accounts.energy_balance
-
+    energy_balance = property(attrgetter("_accounts.energy_balance"), doc="Dissipated energy and work, where they are kept.")
     solver_report = property(attrgetter("_accounts.solver_report"), doc="Counts of the solver of implicit steps.")
-
-    @property
-    def contact_report(self) -> ContactReport:
-        """Counts of the contacts."""
-        return self._accounts.contact_report
+    contact_report = property(attrgetter("_accounts.contact_report"), doc="Counts of the contacts.")
 
     # End of the run
 

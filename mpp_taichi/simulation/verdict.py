@@ -11,6 +11,7 @@ from mpp_taichi.contacts._base import ContactReport, ContactSetup
 from mpp_taichi.simulation import first_bad_step
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.start.overlaps import surface_depth
+from mpp_taichi.wording.told_apart import told_apart
 
 ENERGY_LIMIT = 0.1
 """Relative energy error above which a run of conservative forces is inaccurate: particles are then on other orbits."""
@@ -98,9 +99,10 @@ def contact_findings(report: ContactReport, kinetic_energy: float, time: float) 
         found.append(RunFinding("overlap", text, time))
     scale = kinetic_energy + abs(report.dissipated_energy)
     if report.missed_energy > MISSED_LIMIT * scale:
+        missed, whole = told_apart(report.missed_energy, scale, digits=3)
         text = (
-            f"spheres met again within a drift, without a bounce, which took an energy of {report.missed_energy:.3g}, and all "
-            f"contacts had to do with {scale:.3g}: the results are not accurate; try a smaller dt, or the solver swept"
+            f"spheres met again within a drift, without a bounce, which took an energy of {missed}, and all "
+            f"contacts had to do with {whole}: the results are not accurate; try a smaller dt, or the solver swept"
         )
         found.append(RunFinding("bounces", text, time))
     return found

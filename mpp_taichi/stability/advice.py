@@ -14,6 +14,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.stability.network import Rates, SpringNetwork
 from mpp_taichi.stability.step_limit import growth_per_step, largest_stable_step
+from mpp_taichi.wording.told_apart import told_apart
 
 log = logging.getLogger(__name__)
 
@@ -163,9 +164,10 @@ class StepAdvice:
 
     def _beyond(self) -> str:
         safe = "" if self.limit == self.safe_limit else f", {self.safe_limit:.6g} is safe in any arrangement"
+        dt, limit = told_apart(self.dt, self.limit)
         return (
-            f"{self.place}: {self.dt_key} = {self.dt:.6g} is beyond the largest stable step "
-            f"{self.limit:.6g} ({self.decided_by}{safe}), which is set by {self.culprit}"
+            f"{self.place}: {self.dt_key} = {dt} is beyond the largest stable step "
+            f"{limit} ({self.decided_by}{safe}), which is set by {self.culprit}"
         )
 
     def _refuse(self, text: str, force: bool) -> None:

@@ -10,6 +10,7 @@ from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.start.contact_setup import ContactSetup, contact_setup
 from mpp_taichi.walls._base import Surface
+from mpp_taichi.wording.told_apart import told_apart
 
 ALLOWED = 1e-9
 """The largest overlap, in units of the smaller radius, that rounding can cause: spheres with such an overlap touch."""
@@ -163,7 +164,8 @@ def _check_size(setup: ContactSetup, layout: ParticleLayout) -> None:
     periods = [period for period in setup.enclosure.period if period > 0.0]
     largest = int(np.argmax(setup.radius))
     if periods and 4.0 * setup.radius[largest] > min(periods):
-        size = f"has the radius {setup.radius[largest]:g}, must be at most a quarter of the shortest period {min(periods):g}"
+        radius, quarter = told_apart(setup.radius[largest], min(periods) / 4.0)
+        size = f"has the radius {radius}, must be at most {quarter}, a quarter of the shortest period {min(periods):g}"
         raise SceneError(f"{layout.entries[layout.entry_of(largest)].location}: {layout.label(largest)} {size}")
 
 

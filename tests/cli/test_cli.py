@@ -116,12 +116,48 @@ def test_quiet_says_nothing(scene, capsys):
     assert capsys.readouterr() == ("", "")
 
 
-def test_the_closing_summary_says_where_the_time_went(scene, capsys):
-    assert main([scene(), "--headless"]) == 0
+DETAILS = ("setup", "compile", "newtonian_gravity", "serial: work of a step", "f64", "in the steps alone")
+
+
+def test_the_closing_summary_begins_with_the_verdict_and_tells_details_when_asked(scene, capsys):
+    """Results are on standard output, and nothing but results."""
+    words = [scene(expect={"steps": {"above": 1}}), "--headless", "--diagnostics", "d.csv"]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    heads = [line.split()[0] for line in out.splitlines()]
+    assert heads[:5] == ["status", "wrote", "expect", "scene", "reached"] and heads[-1] == "time"
+    assert out.startswith("  status  ok\n  wrote   d.csv\n  expect  pass  ") and "steps/s with samples" in out
+    assert not any(word in out for word in DETAILS)
+    assert main([*words, "-v"]) == 0
+    assert all(word in capsys.readouterr().out for word in DETAILS)
+
+
+def test_with_json_the_summary_is_on_standard_error(scene, capsys):
+    assert main([scene(), "--headless", "--json", "--verbose"]) == 0
     captured = capsys.readouterr()
-    assert captured.out == ""
-    for word in ("setup", "compile", "newtonian_gravity", "serial: work of a step", "f64", "steps/s", "energy", "status  ok"):
-        assert word in captured.err
+    assert json.loads(captured.out)["status"] == "ok"
+    assert "  status  ok\n" in captured.err and all(word in captured.err for word in DETAILS)
+    assert main([scene(), "--headless", "--json", "--quiet"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_a_status_other_than_ok_says_why(scene, capsys):
+    """The reason is in the file to which standard output goes, too."""
+    assert main([scene(expect={"steps": {"below": 1}}), "--headless"]) == 4
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:2] == ["  status  failed", "  because 1 of 1 expectations not met"]
+    assert lines[2].startswith("  expect  FAIL  steps = ")
+
+
+def test_a_reader_that_leaves_does_not_hide_that_the_run_failed(scene):
+    """Standard output is a pipe that its reader has closed."""
+    for expect, code in (({"steps": {"below": 1}}, 4), ({"steps": {"above": 1}}, 141)):
+        read, write = os.pipe()
+        os.close(read)
+        command = [sys.executable, "-m", "mpp_taichi", scene(expect=expect), "--headless"]
+        done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True)
+        os.close(write)
+        assert done.returncode == code and "Traceback" not in done.stderr, done.stderr
 
 
 def test_a_dry_run_starts_no_device(scene):

@@ -8,6 +8,8 @@ from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._session import run_scene
 from mpp_taichi.cli.explain import _share
 from mpp_taichi.cli.main import main
+from mpp_taichi.recorders.table import TableRecorder
+from mpp_taichi.report.summary import Stopwatch, summarize
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.simulation import refusals
 from scenes import kepler
@@ -97,6 +99,20 @@ def test_modes_and_damping_are_told_of_the_time_before_a_change():
     """The method of the second phase is another, so its predictions are not those that were made at the start."""
     change = {"at": 0.5, "set": {"integrator": {"implicit_midpoint": {"dt": 0.01}}}}
     spec = load_scene(oscillator(stiffness=1.0) | {"timeline": [change]})
-    lines = run_scene(spec, Request(backend="cpu", quiet=True)).lines()
+    lines = run_scene(spec, Request(backend="cpu", quiet=True)).lines(verbose=True)
     assert [line for line in lines if "predicted at" in line and "as the run began" not in line] == []
     assert any("as the run began: predicted at the highest" in line for line in lines)
+
+
+def test_a_run_that_goes_on_counts_its_own_steps_in_its_rates():
+    """The first step of a phase is the compiler's."""
+    with Simulation(oscillator(), backend="cpu") as simulation:
+        stopwatch = Stopwatch()
+        simulation.run(steps=100)
+        whole, rest = (
+            summarize(simulation, TableRecorder(10), stopwatch, plan_asked="auto", first_step=first) for first in (0, 50)
+        )
+        window = summarize(simulation, TableRecorder(10), stopwatch, plan_asked="auto", keeps_pace=True)
+    assert whole["steps_per_second"] / rest["steps_per_second"] == pytest.approx(99 / 49, rel=1e-12)
+    assert 0.0 < whole["steps_per_second_overall"] <= whole["steps_per_second"]
+    assert window["steps_per_second_overall"] is None and window["steps_per_second"] == whole["steps_per_second"]

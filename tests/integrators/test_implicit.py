@@ -322,7 +322,7 @@ def test_a_step_that_cannot_be_solved_ends_the_run_at_the_last_good_state(plan, 
 def test_the_summary_tells_what_the_solver_did(tmp_path, capsys):
     path = tmp_path / "sheet.yaml"
     path.write_text(json.dumps(sheet("implicit_midpoint", 0.05, count=4)), encoding="utf-8")
-    assert main(["run", str(path), "--headless", "--steps", "20", "--json"]) == 0
+    assert main(["run", str(path), "--headless", "--steps", "20", "--json", "-v"]) == 0
     out = capsys.readouterr()
     found = json.loads(out.out)
     assert found["linear_solver"] == "Banded" and 1.0 <= found["newton_iterations_per_step"] <= found["newton_iterations_most"]

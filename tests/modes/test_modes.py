@@ -427,7 +427,7 @@ def test_the_command_line_tells_modes_and_mechanisms(tmp_path, capsys):
     }
     scene["particles"][5]["body"]["velocity"] = [0.1, 0]
     path.write_text(yaml.safe_dump({**scene, "modes": {"show": [[2]]}}), encoding="utf-8")
-    assert main(["run", str(path), "--headless", "--json", "--modes", str(tmp_path / "m.csv")]) == 0
+    assert main(["run", str(path), "--headless", "--json", "-v", "--modes", str(tmp_path / "m.csv")]) == 0
     out, err = capsys.readouterr()
     found = json.loads(out)
     assert (found["zero_frequency_modes"], found["mechanism_modes"], found["rigid_motions"]) == (5, 5, 0)

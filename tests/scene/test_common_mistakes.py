@@ -52,7 +52,7 @@ def load(tmp_path, monkeypatch):
         ),
         ("[0, 0, 0]", "[0, 0, 0", "not valid YAML: the [ of line 3, column 40 is not closed by ]"),
         ("mass: 1,", "mass: 1", "line 3"),
-        ("  - newtonian", "\t- newtonian", "s.yaml:6:1: not valid YAML: a tab; YAML wants spaces here"),
+        ("  - newtonian", "\t- newtonian", "s.yaml:6:1: not valid YAML: a tab; YAML needs spaces here"),
         ("title: Test", "title: @home", "a value that begins with @ needs quotes around it"),
         ("title: Test", "title Test", "line 1, 'title Test', has no colon behind its key"),
         ("run: {", "run {", "a colon belongs before the {: run: …"),

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.wording.told_apart import told_apart
 
 # Excess of the edge of a cell over the largest diameter: more than round-off, so that touching spheres are in touching cells.
 MARGIN = 1e-3
@@ -40,9 +41,8 @@ class Grid:
         for k, p in enumerate(period):
             if 0 < p < diameter.max():
                 axis = "xyz"[k]
-                raise ValueError(
-                    f"periodic box: its edge {p:g} along {axis} is less than a sphere's diameter, {diameter.max():g}"
-                )
+                edge, largest = told_apart(p, diameter.max())
+                raise ValueError(f"periodic box: its edge {edge} along {axis} is less than a sphere's diameter, {largest}")
         low = np.where(period > 0, setup.enclosure.origin[:d], position.min(axis=0))
         extent = np.where(period > 0, period, np.ptp(position, axis=0))
         cut = _largest_in_cells(diameter, extent, period)

@@ -1,0 +1,1 @@
+"""Wording: how messages and reports write numbers, for every room."""
