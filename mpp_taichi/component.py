@@ -1,8 +1,9 @@
 """Components: one class per file, found by file name, described without being imported.
 
 `forces/newtonian_gravity.py` holds `NewtonianGravity` and is called `newtonian_gravity` in a scene. Its parameters are
-class attributes `name: type = param(default, …)`. The scene layer reads them from the source text with `ast`, so that a
-scene is checked, and the JSON Schema written, without importing Taichi or any effect that the scene does not name.
+class attributes `name: type = param(default, …)`; a key that is a word of Python is written with a `_` at its end, `from_`.
+The scene layer reads them from the source text with `ast`, so that a scene is checked, and the JSON Schema written, without
+importing Taichi or any effect that the scene does not name.
 
 Whatever the rest of the program must know of a component beforehand, the component says itself, by attributes with literal
 values: its flags, such as `moves_forward_alone = True`. No other file names the component (tests/test_component_names.py).
@@ -24,7 +25,7 @@ KINDS = ("generators", "networks", "forces", "contacts", "walls", "integrators",
 # What the annotation of a parameter may say; the scene layer has one checked type for each.
 PARAMETER_TYPES = (
     *("float", "int", "bool", "str", "Vector", "Color", "Axes", "Shape"),
-    *("Formula", "FormulaVector", "Particle", "Particles", "Pair", "Path", "Lattice", "ModeNumbers"),
+    *("Formula", "FormulaVector", "Particle", "Particles", "Pair", "Path", "Lattice", "ModeNumbers", "Points"),
 )
 REQUIRED = object()
 
@@ -79,13 +80,13 @@ def component(cls: type) -> type:
     declared = {key: value for key, value in vars(cls).items() if isinstance(value, Parameter)}
 
     def __init__(self: Any, **values: Any) -> None:
-        unknown = set(values) - set(declared)
+        unknown = set(values) - {key.removesuffix("_") for key in declared}
         if unknown:
             raise TypeError(f"{cls.__name__} has no parameter {sorted(unknown)}")
         for key, parameter in declared.items():
-            value = values.get(key, parameter.default)
+            value = values.get(key.removesuffix("_"), parameter.default)
             if value is REQUIRED:
-                raise TypeError(f"{cls.__name__} needs {key}")
+                raise TypeError(f"{cls.__name__} needs {key.removesuffix('_')}")
             setattr(self, key, value)
 
     cls.__init__ = __init__  # type: ignore[misc]
@@ -182,7 +183,7 @@ def _read_parameter(statement: ast.stmt) -> Parameter | None:
         raise TypeError(f"parameter {statement.target.id}: type {annotation} is none of {', '.join(PARAMETER_TYPES)}")
     keywords = {keyword.arg: ast.literal_eval(keyword.value) for keyword in call.keywords if keyword.arg}
     default = ast.literal_eval(call.args[0]) if call.args else REQUIRED
-    return Parameter(name=statement.target.id, type=annotation, default=default, **keywords)
+    return Parameter(name=statement.target.id.removesuffix("_"), type=annotation, default=default, **keywords)
 
 
 @cache
@@ -265,4 +266,5 @@ Pair = tuple  # two different Particles
 Axes = tuple  # three booleans, one for each axis
 Shape = tuple  # counts along the axes
 Lattice = str  # name of a lattice
+Points = tuple  # vectors, any number of them
 ModeNumbers = tuple  # numbers of a mode of the lattice that the parameter `of` names

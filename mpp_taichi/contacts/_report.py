@@ -17,7 +17,7 @@ class ContactReport:
     pair_count, wall_count   collisions of two spheres, and of a sphere with a surface
     elastic_count            number of these collisions that the TC model made elastic
     virial                   Σ Δp · r over collisions of pairs, Δp the momentum given to i, r = x_i − x_j [energy]
-    wall_impulse             for each surface Σ |Δp| [momentum]
+    wall_impulse             for each account of the enclosure Σ |Δp| [momentum]
     dissipated_energy        kinetic energy taken by restitution, or by merging [energy]
     merge_count              spheres that became part of another
     potential_change         of the forces' potential energy when spheres became one [energy]

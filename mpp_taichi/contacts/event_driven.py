@@ -21,6 +21,7 @@ from mpp_taichi.device import bulk_copy
 from mpp_taichi.device.bulk_copy import MixedFields
 from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 from mpp_taichi.errors import StabilityError
+from mpp_taichi.walls._surfaces import WallSurfaces
 from mpp_taichi.wording.told_apart import told_apart
 
 # Events of one launch, which take a fraction of a second, so that Python can be interrupted.
@@ -68,14 +69,15 @@ class EventDriven(ContactSolver):
         cell, _ = grid.cell_of(position)
         order = grid.order_of(cell)
         self._order = order
+        self.walls = WallSurfaces(setup.enclosure)  # filled before any field is left to be placed
         builder = ti.FieldsBuilder()
         lines = Lines(self.count)
         self.spheres = FlyingSpheres(setup, order, lines, self.wide)
         self.cells = EventCells(grid, self.spheres, lines, builder)
         self.queue = EventQueue(self.spheres, lines, builder)
         self.look_ahead = LookAhead(self.spheres, self.cells, self.queue, builder)
-        self.prediction = Prediction(self.look_ahead, setup.enclosure.surfaces, lines)
-        self.collision = Collision(self.setup, self.spheres, self.cells, builder)
+        self.prediction = Prediction(self.look_ahead, self.walls, lines)
+        self.collision = Collision(self.setup, self.spheres, self.cells, self.walls, builder)
         self.log = ContactLog(self.log_capacity if self.logs else 0, builder, self.wide)
         self.event_time = ti.field(self.wide)
         self.culprits = ti.field(ti.i32)
@@ -150,8 +152,8 @@ class EventDriven(ContactSolver):
 
     def destroy(self) -> None:
         """Give the memory back."""
-        for tree in self._trees:
-            tree.destroy()
+        for part in (self.walls, *self._trees):
+            part.destroy()
 
     @ti.kernel
     def _run(self, end: ti.f64, limit: ti.i32) -> ti.i32:

@@ -54,7 +54,7 @@ class Located(ContactSolver):
         """Work on the state's positions and velocities, by the steps of `integrator` under `forces`."""
         self.setup, self.state = setup.with_bounces(self.restitution, self.contact_time), state
         self.bounce = Bounce(self.setup)
-        self.tally = Tally(setup.particle_count, len(setup.enclosure.surfaces), state.wide)
+        self.tally = Tally(setup.particle_count, self.bounce.walls.account_count, state.wide)
         self.paths = StepPaths(state, self.integrator.path_degree)
         self.search = StepSearch(self.bounce, self.paths, self.tally, state)
         self.rebound = Rebound(self.bounce, self.paths, self.tally, state)

@@ -26,9 +26,7 @@ def contact_facts(simulation: "Simulation") -> dict[str, Any]:
         "largest_overlap": report.largest_overlap,
         "unresolved": report.unresolved,
         **(_merged(simulation) if merges(simulation.spec) else {}),
-        "wall_impulse": {
-            surface.label: impulse for surface, impulse in zip(solver.setup.enclosure.surfaces, report.wall_impulse)
-        },
+        "wall_impulse": {account: impulse for account, impulse in zip(solver.setup.enclosure.accounts, report.wall_impulse)},
     }
     return {"contacts": facts}
 

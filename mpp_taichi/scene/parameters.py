@@ -10,6 +10,7 @@ from mpp_taichi.component import REQUIRED, Parameter
 from mpp_taichi.scene import fields
 from mpp_taichi.scene.colors import Color
 from mpp_taichi.scene.fields import Field, Number, Text, Whole
+from mpp_taichi.scene.points import Points
 
 STRICT = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, protected_namespaces=())
 
@@ -34,6 +35,7 @@ def field_of(parameter: Parameter) -> Field:
         "Path": fields.FileBeside,
         "Lattice": Text,
         "ModeNumbers": fields.Counts,
+        "Points": lambda: Points(Number(**span)),
     }
     return makers[parameter.type]()
 

@@ -178,7 +178,7 @@ class CompiledPhase:
 
     @property
     def surfaces(self) -> tuple[Surface, ...]:
-        """The surfaces of the walls, in the order of ContactReport.wall_impulse."""
+        """The surfaces of the walls, in the order of the numbers in a log of contacts."""
         return () if self.contacts is None else self.contacts.setup.enclosure.surfaces
 
     # State

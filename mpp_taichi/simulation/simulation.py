@@ -343,15 +343,9 @@ class Simulation:
         """The whole scene, with its timeline and all that was set."""
         return self._runner.course.scene
 
-    phases = property(
-        attrgetter("_runner.course.phases"),
-        doc="The phases of the scene; a phase before the first of the course was never run.",
-    )
+    phases = property(attrgetter("_runner.course.phases"), doc="The phases; those before the first of the course never ran.")
 
-    @property
-    def start(self) -> Snapshot:
-        """The state that the run began with, before rounding to its precision."""
-        return self._runner.course.start
+    start = property(attrgetter("_runner.course.start"), doc="The state that the run began with, before rounding.")
 
     @property
     def phase(self) -> CompiledPhase:

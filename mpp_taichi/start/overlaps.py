@@ -99,11 +99,24 @@ def surface_depth(
     offset = position - point
     if surface.kind == "plane":
         return radius - offset @ direction, np.broadcast_to(direction, offset.shape)
+    if surface.kind == "segment":
+        return _segment_depth(surface, offset, radius)
     if surface.kind == "cylinder":
         offset = offset - np.outer(offset @ direction, direction)
     distance = np.linalg.norm(offset, axis=1)
     outward = offset / np.maximum(distance, 1e-300)[:, None]
     return (distance + radius - surface.radius, -outward) if surface.inside else (surface.radius + radius - distance, outward)
+
+
+def _segment_depth(surface: Surface, offset: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The depth in a segment, and the direction out of it, for places relative to its begin."""
+    across = np.array([-surface.direction[1], surface.direction[0], 0.0])
+    way = np.subtract(surface.end, surface.point)
+    share = np.clip((offset @ way) / (way @ way), 0.0, 1.0)
+    apart = offset * (1.0, 1.0, 0.0) - np.outer(share, way)
+    distance = np.linalg.norm(apart, axis=1)
+    outward = np.where(distance[:, None] > 0.0, apart, across) / np.where(distance > 0.0, distance, 1.0)[:, None]
+    return radius - distance, outward
 
 
 def pushed_apart(setup: ContactSetup, position: np.ndarray) -> np.ndarray:
@@ -148,6 +161,7 @@ def start_of_contacts(spec: SceneSpec, particles: Snapshot, layout: ParticleLayo
     setup = contact_setup(spec, particles)
     place = f"{spec.contacts.solver.location}: contacts.hard_spheres"
     _check_size(setup, layout)
+    _check_radius(setup, layout)
     faults = _overlaps(setup, particles.position, layout)
     if faults and spec.contacts.overlap == "separate":
         try:
@@ -167,6 +181,15 @@ def _check_size(setup: ContactSetup, layout: ParticleLayout) -> None:
         radius, quarter = told_apart(setup.radius[largest], min(periods) / 4.0)
         size = f"has the radius {radius}, must be at most {quarter}, a quarter of the shortest period {min(periods):g}"
         raise SceneError(f"{layout.entries[layout.entry_of(largest)].location}: {layout.label(largest)} {size}")
+
+
+def _check_radius(setup: ContactSetup, layout: ParticleLayout) -> None:
+    """Refuse particles without a radius beside a segment: of a point on a segment nothing tells on which side it is."""
+    points = np.flatnonzero((setup.radius <= 0.0) & setup.inverse_mass.any(axis=1))
+    if setup.enclosure.segments and len(points):
+        i = int(points[0])
+        rule = f"has no radius, and {setup.enclosure.segments[0].label} has particles on both sides: give it a radius above 0"
+        raise SceneError(f"{layout.entries[layout.entry_of(i)].location}: {layout.label(i)} {rule}")
 
 
 def _overlaps(setup: ContactSetup, position: np.ndarray, layout: ParticleLayout) -> list[str]:

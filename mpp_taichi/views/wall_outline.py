@@ -59,6 +59,8 @@ def _extent(enclosures: list[Enclosure], position: np.ndarray) -> tuple[np.ndarr
         for surface in enclosure.surfaces:
             if surface.kind == "plane":
                 corners.append(np.array([surface.point]))
+            elif surface.kind == "segment":
+                corners.append(np.array([surface.point, surface.end]))
             elif surface.inside:
                 corners += [np.add(surface.point, [surface.radius]), np.subtract(surface.point, [surface.radius])]
     points = np.concatenate([np.atleast_2d(each) for each in corners])
@@ -91,6 +93,8 @@ def _surface(surface: Surface, center: np.ndarray, reach: float, dimensions: int
         first, second = _across(direction)
         corners = np.array([foot + reach * (a * first + b * second) for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))])
         return np.stack([corners[:-1], corners[1:]], axis=1)
+    if surface.kind == "segment":
+        return _strip(np.array([surface.point, surface.end]), center, reach, dimensions)
     if dimensions == 2:
         return _circle(point, np.eye(3)[0], np.eye(3)[1], surface.radius)
     if surface.kind == "sphere":
@@ -102,6 +106,15 @@ def _surface(surface: Surface, center: np.ndarray, reach: float, dimensions: int
     rims = [surface.radius * each for each in (first, second, -first, -second)]
     sides = np.array([[ends[0] + rim, ends[1] + rim] for rim in rims])
     return np.concatenate([*(_circle(end, first, second, surface.radius) for end in ends), sides])
+
+
+def _strip(ends: np.ndarray, center: np.ndarray, reach: float, dimensions: int) -> np.ndarray:
+    """A segment; in space the four sides of a strip along z that is as high as the scene."""
+    if dimensions == 2:
+        return ends[None]
+    low, high = (ends + np.array([0.0, 0.0, center[2] + side * reach]) for side in (-1.0, 1.0))
+    corners = np.array([low[0], low[1], high[1], high[0], low[0]])
+    return np.stack([corners[:-1], corners[1:]], axis=1)
 
 
 def _circle(center: np.ndarray, first: np.ndarray, second: np.ndarray, radius: float) -> np.ndarray:

@@ -12,18 +12,22 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Surface:
-    """A smooth surface with particles on one side of it; it may move at a constant velocity.
+    """A surface that may move at a constant velocity: a smooth one with particles on one side of it, or a segment.
 
-    kind         "plane" through `point`; "cylinder" around the line through `point` along `direction`; "sphere" around `point`
-    direction    unit vector: of a plane the normal, into the free side; of a cylinder the axis; of a sphere unused
-    radius       of cylinder or sphere [length]; of a plane unused
-    inside       of cylinder or sphere: whether the particles are inside it
+    kind         "plane" through `point`; "cylinder" around the line through `point` along `direction`; "sphere" around `point`;
+                 "segment" from `point` to `end` in the x–y plane, in three dimensions a strip that is infinite along z
+    direction    unit vector: of a plane the normal, into the free side; of a cylinder the axis; of a segment from `point` to
+                 `end`; of a sphere unused
+    radius       of cylinder or sphere [length]; of a plane and a segment unused
+    inside       of cylinder or sphere: whether the particles are inside it; a segment has particles on both sides
     velocity     of the surface [length / time]; it is at `point` when the time is 0
     restitution  e of a bounce off it
     label        its text in messages and reports, "walls[0].box, lower x"
+    end          of a segment
+    wall         the text under which the impulse on it is reported; empty: its label
     """
 
-    kind: Literal["plane", "cylinder", "sphere"]
+    kind: Literal["plane", "cylinder", "sphere", "segment"]
     point: Vector
     direction: Vector
     radius: float
@@ -31,6 +35,8 @@ class Surface:
     velocity: Vector
     restitution: float
     label: str
+    end: Vector = (0.0, 0.0, 0.0)
+    wall: str = ""
 
 
 @dataclass(frozen=True)
@@ -44,6 +50,22 @@ class Enclosure:
     surfaces: tuple[Surface, ...] = ()
     period: Vector = (0.0, 0.0, 0.0)
     origin: Vector = (0.0, 0.0, 0.0)
+
+    @property
+    def segments(self) -> tuple[Surface, ...]:
+        """The segments, which are the last of the surfaces."""
+        return tuple(surface for surface in self.surfaces if surface.kind == "segment")
+
+    @property
+    def accounts(self) -> tuple[str, ...]:
+        """The walls for which an impulse is reported: a surface by itself, or all segments of a polygon together."""
+        return tuple(dict.fromkeys(surface.wall or surface.label for surface in self.surfaces))
+
+    @property
+    def account_of(self) -> tuple[int, ...]:
+        """The number of the account of each surface."""
+        numbers = {account: number for number, account in enumerate(self.accounts)}
+        return tuple(numbers[surface.wall or surface.label] for surface in self.surfaces)
 
     @property
     def repeats(self) -> tuple[bool, bool, bool]:
@@ -71,8 +93,27 @@ def unit_vector(vector: Vector, name: str) -> Vector:
     return (scaled[0] / length, scaled[1] / length, scaled[2] / length)
 
 
+def segment(begin: Vector, end: Vector, *, velocity: Vector, restitution: float, label: str, wall: str = "") -> Surface:
+    """The segment between two points of the x–y plane; PlacementError where they are one point."""
+    way = (end[0] - begin[0], end[1] - begin[1], 0.0)
+    if not any(way):
+        raise PlacementError(f"begins and ends at one place, [{begin[0]:g}, {begin[1]:g}]")
+    return Surface(
+        kind="segment",
+        point=(begin[0], begin[1], 0.0),
+        direction=unit_vector(way, "way"),
+        radius=0.0,
+        inside=False,
+        velocity=velocity,
+        restitution=restitution,
+        label=label,
+        end=(end[0], end[1], 0.0),
+        wall=wall,
+    )
+
+
 def joined(parts: Iterable[Enclosure]) -> Enclosure:
-    """All walls together; PlacementError where two of them repeat."""
+    """All walls together, segments last; PlacementError where two of them repeat, or segments are in a box that repeats."""
     surfaces: tuple[Surface, ...] = ()
     periodic = Enclosure()
     for part in parts:
@@ -81,4 +122,7 @@ def joined(parts: Iterable[Enclosure]) -> Enclosure:
             if any(periodic.period):
                 raise PlacementError("there is a periodic_box already, allowed: one")
             periodic = part
-    return Enclosure(surfaces, periodic.period, periodic.origin)
+    made = Enclosure(tuple(sorted(surfaces, key=lambda surface: surface.kind == "segment")), periodic.period, periodic.origin)
+    if made.segments and any(made.repeats[:2]):
+        raise PlacementError("segments and polygons have no copies in a periodic_box that repeats along x or y; use planes")
+    return made

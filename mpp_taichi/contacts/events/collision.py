@@ -10,7 +10,7 @@ from mpp_taichi.contacts.events.cells import EventCells
 from mpp_taichi.contacts.events.spheres import FlyingSpheres
 from mpp_taichi.contacts.shared.impulse import impulse_between, pushed
 from mpp_taichi.contacts.shared.restitution import restitution_after
-from mpp_taichi.walls._geometry import gap, normal, surface_velocity
+from mpp_taichi.walls._surfaces import WallSurfaces
 
 # Contacts in a row of one sphere at the same floating-point time. More inelastic contacts than this are an inelastic
 # collapse; the number of elastic contacts is bounded by the number of touching spheres.
@@ -22,10 +22,12 @@ STALLED_ELASTIC = 1000
 class Collision:
     """Impulses along the normal, and sums over them."""
 
-    def __init__(self, setup: ContactSetup, spheres: FlyingSpheres, cells: EventCells, builder: Any) -> None:
-        """Place the fields, for the spheres of a setup in their cells; sums begin at 0."""
+    def __init__(
+        self, setup: ContactSetup, spheres: FlyingSpheres, cells: EventCells, walls: WallSurfaces, builder: Any
+    ) -> None:
+        """Place the fields, for the spheres of a setup in their cells, between walls; sums begin at 0."""
         self.spheres, self.cells = spheres, cells
-        self.surfaces = setup.enclosure.surfaces
+        self.walls = walls
         self.contact_time = float(setup.contact_time)
         self.restitution = tuple(tuple(float(e) for e in row) for row in np.asarray(setup.restitution))
         wide = spheres.wide
@@ -39,7 +41,7 @@ class Collision:
         builder.place(self.overlap)
         builder.dense(ti.i, 1).place(self.virial, self.dissipated)
         builder.place(self.impulse)
-        builder.dense(ti.i, max(len(self.surfaces), 1)).place(self.wall_impulse)
+        builder.dense(ti.i, max(walls.account_count, 1)).place(self.wall_impulse)
         self.sum_fields = (self.virial, self.dissipated, self.wall_impulse)
         self._before = ContactReport()
         builder.dense(ti.ij, np.asarray(setup.restitution).shape).place(self.table)
@@ -60,7 +62,7 @@ class Collision:
             wall_count=self.wall_count[None],
             elastic_count=self.elastic_count[None],
             virial=self.virial[0],
-            wall_impulse=tuple(self.wall_impulse.to_numpy()[: len(self.surfaces)].tolist()),
+            wall_impulse=tuple(self.wall_impulse.to_numpy()[: self.walls.account_count].tolist()),
             dissipated_energy=self.dissipated[0],
             largest_overlap=self.overlap[None],
             unresolved=self.unresolved[None],
@@ -108,24 +110,19 @@ class Collision:
         last = self._last_contact(i)
         self._begin(i, time)
         x, now = self.spheres.position[i], ti.cast(time, float)
-        n, velocity = ti.Vector.zero(float, self.spheres.dimensions), ti.Vector.zero(float, self.spheres.dimensions)
-        nominal, depth = 1.0, 0.0
-        for k, surface in ti.static(enumerate(self.surfaces)):
-            if w == k:
-                n, velocity = normal(surface, x, now), surface_velocity(surface, x)
-                nominal, depth = ti.cast(surface.restitution, float), -gap(surface, x, self.spheres.radius(i), now)
+        gap, n, velocity, nominal, account = self.walls.touched(w, x, self.spheres.radius(i), now)
         e, elastic = restitution_after(nominal, time - last, self.contact_time)
         self._count_elastic(elastic)
         v, inverse_mass = self.spheres.velocity[i], self.spheres.inverse_mass(i)
         speed, softness = n.dot(v - velocity), (n * n).dot(inverse_mass)
-        self._note_overlap(depth, self.spheres.radius(i))
+        self._note_overlap(-gap, self.spheres.radius(i))
         self.impulse[None] = 0.0
         if speed < 0 and softness > 0:
             found = impulse_between(n, v, velocity, inverse_mass, ti.Vector.zero(float, self.spheres.dimensions), e)
             impulse, lost = found[0], found[2]
             self.spheres.velocity[i] = pushed(v, inverse_mass, n, impulse, found[1], 1)
             self.wall_count[None] += 1
-            self.wall_impulse[w] += ti.cast(impulse, self.spheres.wide)
+            self.wall_impulse[account] += ti.cast(impulse, self.spheres.wide)
             self.dissipated[0] += ti.cast(lost, self.spheres.wide)
             self.impulse[None] = impulse
         return self._note_contact(i, -1 - w, e)

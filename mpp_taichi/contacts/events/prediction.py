@@ -5,9 +5,8 @@ import taichi as ti
 from mpp_taichi.contacts.events.lines import Lines
 from mpp_taichi.contacts.events.lookahead import LookAhead
 from mpp_taichi.types import Template
-from mpp_taichi.walls._base import Surface
-from mpp_taichi.walls._geometry import time_of_contact, time_of_contact_falling
 from mpp_taichi.walls._roots import first_contact_curved, first_contact_falling
+from mpp_taichi.walls._surfaces import WallSurfaces
 
 # Relative tolerance of the squared distance in the first test of a pair; more than round-off, even in f32.
 SLACK = 1e-5
@@ -17,10 +16,10 @@ SLACK = 1e-5
 class Prediction:
     """Finds the earliest event of a sphere. Partners are numbered: sphere j: j; surface w: −1 − w; side s: count + 1 + s."""
 
-    def __init__(self, look_ahead: LookAhead, surfaces: tuple[Surface, ...], lines: Lines) -> None:
-        """Place the fields, for the spheres, cells and queue of `look_ahead`, between these surfaces."""
+    def __init__(self, look_ahead: LookAhead, walls: WallSurfaces, lines: Lines) -> None:
+        """Place the fields, for the spheres, cells and queue of `look_ahead`, between these walls."""
         self.spheres, self.cells, self.queue = look_ahead.spheres, look_ahead.cells, look_ahead.queue
-        self.look_ahead, self.surfaces = look_ahead, surfaces
+        self.look_ahead, self.walls = look_ahead, walls
         self.count = self.spheres.count
         # The next contact of a sphere that crosses a side of its cell before.
         self.contact_time = lines.field(self.spheres.wide)
@@ -48,10 +47,15 @@ class Prediction:
         soonest = ti.cast(contact - time, float)
         found = self.count
         if side < 0:
-            for w, surface in ti.static(enumerate(self.surfaces)):
-                s = self._until_wall(surface, w, i, x, v, a, time, soonest)
+            for w in ti.static(range(self.walls.plain_count)):
+                s = self._until_wall(w, i, x, v, a, time, soonest)
                 if s < soonest:
                     soonest, found = s, -1 - w
+            if ti.static(self.walls.segment_count > 0):
+                for g in range(self.walls.segment_count):
+                    s = self._until_wall(self.walls.plain_count + g, i, x, v, a, time, soonest)
+                    if s < soonest:
+                        soonest, found = s, -1 - (self.walls.plain_count + g)
         count = self.cells.gather(i, side)
         ahead = self.look_ahead.fetches.take(count)
         m = 0
@@ -100,15 +104,15 @@ class Prediction:
         return result
 
     @ti.func
-    def _until_wall(self, surface: Template, w: Template, i, x, v, a, time, horizon):
-        """Time until contact of sphere i with a surface."""
+    def _until_wall(self, w: Template, i, x, v, a, time, horizon):
+        """Time until contact of sphere i with surface w."""
         now = ti.cast(time, float)
         radius = self.spheres.radius(i)
         result = ti.math.inf
         if ti.static(self.spheres.has_gravity):
-            result = time_of_contact_falling(surface, x, v, a, radius, now, horizon)
+            result = self.walls.time_of_contact_falling(w, x, v, a, radius, now, horizon)
         else:
-            result = time_of_contact(surface, x, v, radius, now, horizon)
+            result = self.walls.time_of_contact(w, x, v, radius, now, horizon)
             if result == 0 and self.spheres.last_partner[i] == -1 - w:
                 result = ti.math.inf
         if ti.static(self.spheres.has_held):

@@ -6,7 +6,6 @@ import numpy as np
 import taichi as ti
 
 from mpp_taichi.types import Template
-from mpp_taichi.walls import _geometry
 
 ROUNDINGS = 8.0  # of a coordinate, by which a position on a path may be wrong
 TIME_ROUNDING = 2.0**-52
@@ -92,11 +91,10 @@ class StepPaths:
         return self.state.start_blur[i] + self.rounding * self.state.way[i] * s
 
     @ti.func
-    def wall_blur(self, surface: Template, i, s, time):
-        """Error of the distance of sphere i from a surface, which may move."""
-        point = ti.Vector([surface.point[c] for c in ti.static(range(self.dimensions))], float)
-        speed = _geometry.surface_velocity(surface, point).norm()
-        extent = point.norm() + surface.radius + speed * ti.abs(time)
+    def wall_blur(self, walls: Template, k: Template, i, s, time):
+        """Error of the distance of sphere i from surface k, which may move."""
+        speed = walls.velocity(k, ti.Vector.zero(float, self.dimensions)).norm()
+        extent = walls.extent(k, self.dimensions) + speed * ti.abs(time)
         return self.blur(i, s) + self.rounding * extent
 
     @ti.func

@@ -9,7 +9,6 @@ from mpp_taichi.contacts.shared.bounce import Bounce
 from mpp_taichi.contacts.shared.contact_counts import Tally
 from mpp_taichi.contacts.shared.restitution import restitution_at
 from mpp_taichi.types import Template
-from mpp_taichi.walls import _geometry
 
 TWICE = 2.0  # blurs up to which a gap counts as closed: here it is computed in another way than in the search
 
@@ -21,7 +20,7 @@ class Rebound:
     def __init__(self, bounce: Bounce, paths: StepPaths, tally: Tally, state: Any) -> None:
         """Bind the parts."""
         self.bounce, self.paths, self.tally, self.state = bounce, paths, tally, state
-        self.surfaces, self.count = bounce.surfaces, paths.count
+        self.walls, self.count = bounce.walls, paths.count
         self.contact_time = bounce.contact_time
 
     @ti.func
@@ -37,8 +36,11 @@ class Rebound:
             for i in range(self.count):
                 for j in range(i + 1, self.count):
                     bounces += self._bounce_pair(i, j, s, time)
-                for k in ti.static(range(len(self.surfaces))):
+                for k in ti.static(range(self.walls.plain_count)):
                     bounces += self._bounce_wall(k, i, s, time)
+                if ti.static(self.walls.segment_count > 0):
+                    for g in range(self.walls.segment_count):
+                        bounces += self._bounce_wall(self.walls.plain_count + g, i, s, time)
             going = bounces > before and bounces <= limit
         return bounces
 
@@ -73,18 +75,17 @@ class Rebound:
         """1 if i touches surface k, approaches and bounces, else 0."""
         result = 0
         x, v, now = self.state.position[i], self.state.velocity[i], ti.cast(time, float)
-        w = _geometry.surface_velocity(self.surfaces[k], x)
-        gap = _geometry.gap(self.surfaces[k], x, self.bounce.radius[i], now)
-        if gap <= TWICE * self.paths.wall_blur(self.surfaces[k], i, s, now):
-            n = _geometry.normal(self.surfaces[k], x, now)
+        w = self.walls.velocity(k, x)
+        gap = self.walls.gap(k, x, self.bounce.radius[i], now)
+        if gap <= TWICE * self.paths.wall_blur(self.walls, k, i, s, now):
+            n = self.walls.normal(k, x, now)
             if n.dot(v - w) < -self.bounce.slowest * (v.norm() + w.norm()):
-                nominal = ti.static(self.surfaces[k].restitution)
-                e, elastic = restitution_at(time, nominal, i, i, self.state.last_contact, self.contact_time)
+                e, elastic = restitution_at(time, self.walls.restitution(k), i, i, self.state.last_contact, self.contact_time)
                 impulse = self.bounce.wall_impulse(i, n, v, w, e)
                 if impulse[0] > 0.0:
                     self.state.velocity[i] = self.bounce.after(i, v, n, impulse, 1)
                     self.tally.begin(i)
-                    self.tally.add_wall(i, k, impulse[0], impulse[2], elastic)
+                    self.tally.add_wall(i, self.walls.account(k), impulse[0], impulse[2], elastic)
                     self.tally.keep(0, i)
                     self._see_overlap(-gap, self.bounce.radius[i])
                     result = 1

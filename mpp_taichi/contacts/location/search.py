@@ -8,7 +8,6 @@ from mpp_taichi.contacts.location.paths import StepPaths
 from mpp_taichi.contacts.shared.bounce import Bounce
 from mpp_taichi.contacts.shared.contact_counts import Tally
 from mpp_taichi.types import Template
-from mpp_taichi.walls import _geometry
 
 MOST_WAITS = 100_000  # of one pair in one step; a grazing contact takes some tens
 
@@ -27,7 +26,7 @@ class StepSearch:
     def __init__(self, bounce: Bounce, paths: StepPaths, tally: Tally, state: Any) -> None:
         """Bind the parts."""
         self.bounce, self.paths, self.tally, self.state = bounce, paths, tally, state
-        self.surfaces = bounce.surfaces
+        self.walls = bounce.walls
         self.count = paths.count
 
     @ti.func
@@ -41,8 +40,11 @@ class StepSearch:
                 if reach > 0.0 and movable:
                     first = ti.min(first, self._pair_contact(i, j, reach, ti.min(first, 1.0)))
             if self.bounce.inverse_mass[i].max() > 0.0:
-                for s in ti.static(range(len(self.surfaces))):
+                for s in ti.static(range(self.walls.plain_count)):
                     first = ti.min(first, self._wall_contact(s, i, ti.min(first, 1.0)))
+                if ti.static(self.walls.segment_count > 0):
+                    for g in range(self.walls.segment_count):
+                        first = ti.min(first, self._wall_contact(self.walls.plain_count + g, i, ti.min(first, 1.0)))
         return first
 
     @ti.func
@@ -81,26 +83,26 @@ class StepSearch:
         begin, length = self.state.clock[0], self.state.clock[1]
         radius, h = self.bounce.radius[i], ti.cast(length, float)
         x, v = self.paths.place(i, 0.0)
-        w = h * _geometry.surface_velocity(self.surfaces[k], x)
+        w = h * self.walls.velocity(k, x)
         way = self.state.way[i] + w.norm()
         slowest = self.paths.rounding * way
-        is_plane = ti.static(self.surfaces[k].kind == "plane")
-        is_bowl = ti.static(self.surfaces[k].kind != "plane" and self.surfaces[k].inside)
-        inner = self.surfaces[k].radius - radius
-        bend = 0.0
+        is_plane = ti.static(self.walls.is_plane(k))
+        is_bowl = ti.static(self.walls.is_bowl(k))
+        inner, bend = 0.0, 0.0
         if ti.static(is_plane):
-            bend = self.paths.bend_along(i, _geometry.normal(self.surfaces[k], x, 0.0))
+            bend = self.paths.bend_along(i, self.walls.normal(k, x, 0.0))
         else:
             bend = self.paths.bend(i)
         if ti.static(is_bowl):
+            inner = self.walls.surfaces[k].radius - radius
             bend = 2.0 * (way * way + inner * bend)
         s, waits, going = 0.0, 0, True
         while going:
             x, v = self.paths.place(i, s)
             now = ti.cast(begin + s * length, float)
-            gap = _geometry.gap(self.surfaces[k], x, radius, now)
-            rate = _geometry.normal(self.surfaces[k], x, now).dot(v - w)
-            blur = self.paths.wall_blur(self.surfaces[k], i, s, now)
+            gap = self.walls.gap(k, x, radius, now)
+            rate = self.walls.normal(k, x, now).dot(v - w)
+            blur = self.paths.wall_blur(self.walls, k, i, s, now)
             touches, least = gap <= blur, slowest
             if ti.static(is_bowl):
                 # gap (2 inner − gap) = inner² − (squared distance from the axis), which is smooth on the axis as well.

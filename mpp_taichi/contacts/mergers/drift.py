@@ -12,7 +12,8 @@ from mpp_taichi.contacts.mergers.merger import Merger
 from mpp_taichi.contacts.shared.impulse import impulse_between, pushed
 from mpp_taichi.device.fast_taichi.quick_compilation import quick_compilation
 from mpp_taichi.neighbors.cell_grid import CellGrid
-from mpp_taichi.walls import _geometry
+from mpp_taichi.types import Template
+from mpp_taichi.walls._surfaces import WallSurfaces
 
 ALL_PAIRS_UP_TO = 800  # spheres; on two cores both ways take as long at some 900
 EVENTS_PER_SPHERE, SPARE_EVENTS = 8, 64  # entries for which the agenda has room; a drift with more is cut into pieces
@@ -47,7 +48,7 @@ class MergingDrift:
         self._before = ContactReport()
         n = setup.particle_count
         self.particle_count, self.state = n, state
-        self.surfaces = setup.enclosure.surfaces
+        self.walls = WallSurfaces(setup.enclosure)
         self.bounce_limit = bounce_limit
         self.all_pairs = n <= ALL_PAIRS_UP_TO
         self.merger = Merger(setup, state, forces, log_capacity=log_capacity)
@@ -68,7 +69,7 @@ class MergingDrift:
 
     def destroy(self) -> None:
         """Give the memory back."""
-        for part in (self.merger, self._tree, self.grid):
+        for part in (self.merger, self.walls, self._tree, self.grid):
             if part is not None:
                 part.destroy()
 
@@ -197,19 +198,26 @@ class MergingDrift:
     @ti.func
     def _see_walls(self, i, time, now, h):
         """List the next contact of i with each surface, from `now` on."""
-        if ti.static(len(self.surfaces) > 0):
+        if ti.static(len(self.walls.surfaces) > 0):
             if self.state.free[i].max() > 0.0:
-                x, v, radius = self.merger.place(i, now), self.state.velocity[i], self.state.radius[i]
-                for s in ti.static(range(len(self.surfaces))):
-                    t = _geometry.time_of_contact(self.surfaces[s], x, v, radius, time + now, h - now)
-                    if t == 0.0:
-                        # An approach of a touching sphere that is round-off counts as none: the sphere lies on the wall.
-                        w = _geometry.surface_velocity(self.surfaces[s], x)
-                        n = _geometry.normal(self.surfaces[s], x, time + now)
-                        if -n.dot(v - w) <= self.slowest * (v.norm() + w.norm()):
-                            t = ti.math.inf
-                    if now + t <= h:
-                        self.agenda.add(now + t, i, -1 - s)
+                for s in ti.static(range(self.walls.plain_count)):
+                    self._see_wall(s, i, time, now, h)
+                if ti.static(self.walls.segment_count > 0):
+                    for g in range(self.walls.segment_count):
+                        self._see_wall(self.walls.plain_count + g, i, time, now, h)
+
+    @ti.func
+    def _see_wall(self, s: Template, i, time, now, h):
+        x, v, radius = self.merger.place(i, now), self.state.velocity[i], self.state.radius[i]
+        t = self.walls.time_of_contact(s, x, v, radius, time + now, h - now)
+        if t == 0.0:
+            # An approach of a touching sphere that is round-off counts as none: the sphere lies on the wall.
+            w = self.walls.velocity(s, x)
+            n = self.walls.normal(s, x, time + now)
+            if -n.dot(v - w) <= self.slowest * (v.norm() + w.norm()):
+                t = ti.math.inf
+        if now + t <= h:
+            self.agenda.add(now + t, i, -1 - s)
 
     # Resolution of contacts
 
@@ -271,19 +279,15 @@ class MergingDrift:
     @ti.func
     def _bounce(self, i, surface, time, t):
         """Let sphere i bounce off a surface, with its inverse masses w = free / mass along the axes."""
-        for s in ti.static(range(len(self.surfaces))):
-            if s == surface:
-                x, v = self.merger.place(i, t), self.state.velocity[i]
-                n = _geometry.normal(self.surfaces[s], x, time + t)
-                surface_velocity = _geometry.surface_velocity(self.surfaces[s], x)
-                e = ti.static(self.surfaces[s].restitution)
-                w = self.state.free[i] / self.state.mass[i]
-                if (n * n).dot(w) > 0.0:
-                    impulse = impulse_between(n, v, surface_velocity, w, ti.Vector.zero(float, n.n), e)
-                    after = pushed(v, w, n, impulse[0], impulse[1], 1)
-                    self.state.velocity[i] = after
-                    self.state.position[i] = x - after * t
-                    self.tally.begin(i)
-                    self.tally.add_wall(i, s, impulse[0], impulse[2], 0)
-                    self.tally.keep(0, i)
-                    self.log.note(time + t, i, -1 - s, ti.abs(impulse[0]))
+        x, v = self.merger.place(i, t), self.state.velocity[i]
+        _, n, surface_velocity, e, account = self.walls.touched(surface, x, self.state.radius[i], time + t)
+        w = self.state.free[i] / self.state.mass[i]
+        if (n * n).dot(w) > 0.0:
+            impulse = impulse_between(n, v, surface_velocity, w, ti.Vector.zero(float, n.n), e)
+            after = pushed(v, w, n, impulse[0], impulse[1], 1)
+            self.state.velocity[i] = after
+            self.state.position[i] = x - after * t
+            self.tally.begin(i)
+            self.tally.add_wall(i, account, impulse[0], impulse[2], 0)
+            self.tally.keep(0, i)
+            self.log.note(time + t, i, -1 - surface, ti.abs(impulse[0]))

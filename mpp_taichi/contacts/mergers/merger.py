@@ -36,7 +36,7 @@ class Merger:
         self.has_potential = forces is not None and len(forces.forces) > 0
         real = np.float32 if ti.lang.impl.current_cfg().default_fp == ti.f32 else np.float64
         self.rounding = ROUNDINGS * float(np.finfo(real).eps)
-        self.tally = Tally(setup.particle_count, len(setup.enclosure.surfaces), self.wide)
+        self.tally = Tally(setup.particle_count, len(setup.enclosure.accounts), self.wide)
         builder = ti.FieldsBuilder()
         self.log = ContactLog(log_capacity, builder, self.wide)
         self.potential_change = ti.field(self.wide)

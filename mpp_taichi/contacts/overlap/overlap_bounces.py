@@ -9,7 +9,7 @@ from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.shared.bounce import Bounce
 from mpp_taichi.contacts.shared.contact_counts import Tally
 from mpp_taichi.contacts.shared.restitution import restitution_at
-from mpp_taichi.walls import _geometry
+from mpp_taichi.types import Template
 
 LONG_AGO = -1e30  # last contact of a sphere that has had none
 
@@ -30,7 +30,8 @@ class OverlapBounces:
         self.state = state
         self.contact_time = float(setup.contact_time)
         self.bounce = Bounce(setup)
-        self.tally = Tally(n, len(self.bounce.surfaces), getattr(state, "wide", ti.f64), apart=apart)
+        self.walls = self.bounce.walls
+        self.tally = Tally(n, self.walls.account_count, getattr(state, "wide", ti.f64), apart=apart)
         self.last_contact = ti.field(float)
         builder = ti.FieldsBuilder()
         builder.dense(ti.i, n if self.contact_time > 0.0 else 1).place(self.last_contact)
@@ -89,30 +90,41 @@ class OverlapBounces:
         # Most spheres touch no wall: the least gap of all walls is computed without a branch for each wall.
         place, radius = self.state.position[i], self.bounce.radius[i]
         least = ti.cast(0.0, float)
-        for s in ti.static(range(len(self.bounce.surfaces))):
-            least = ti.min(least, _geometry.gap(self.bounce.surfaces[s], place, radius, time))
+        for s in ti.static(range(self.walls.plain_count)):
+            least = ti.min(least, self.walls.gap(s, place, radius, time))
+        if ti.static(self.walls.segment_count > 0):
+            for g in range(self.walls.segment_count):
+                least = ti.min(least, self.walls.gap(self.walls.plain_count + g, place, radius, time))
         if least < 0.0:
             self._bounce_off_each_wall(chunk, i, time)
 
     @ti.func
     def _bounce_off_each_wall(self, chunk, i, time):
-        for s in ti.static(range(len(self.bounce.surfaces))):
-            x = self.state.position[i]
-            gap = _geometry.gap(self.bounce.surfaces[s], x, self.bounce.radius[i], time)
-            if gap < 0.0:
-                if self.bounce.radius[i] > 0.0:
-                    self.tally.see_overlap(i, -gap / self.bounce.radius[i])
-                n = _geometry.normal(self.bounce.surfaces[s], x, time)
-                w = self.bounce.inverse_mass[i]
-                v, surface_velocity = self.state.velocity[i], _geometry.surface_velocity(self.bounce.surfaces[s], x)
-                yielding = (n * n).dot(w)
-                if n.dot(v - surface_velocity) < 0.0 and yielding > 0.0:
-                    nominal = ti.static(self.bounce.surfaces[s].restitution)
-                    e, elastic = restitution_at(time, nominal, i, i, self.last_contact, self.contact_time)
-                    result = self.bounce.wall_impulse(i, n, v, surface_velocity, e)
-                    self.state.velocity[i] = self.bounce.after(i, v, n, result, 1)
-                    self.tally.begin(i)
-                    self.tally.add_wall(i, s, result[0], result[2], elastic)
-                    self.tally.keep(chunk, i)
-                if yielding > 0.0:
-                    self.state.position[i] = self.state.position[i] - (gap / yielding) * (w * n)
+        for s in ti.static(range(self.walls.plain_count)):
+            self._bounce_off_wall(s, chunk, i, time)
+        if ti.static(self.walls.segment_count > 0):
+            for g in range(self.walls.segment_count):
+                self._bounce_off_wall(self.walls.plain_count + g, chunk, i, time)
+
+    @ti.func
+    def _bounce_off_wall(self, s: Template, chunk, i, time):
+        x, radius = self.state.position[i], self.bounce.radius[i]
+        gap, bears = self.walls.gap(s, x, radius, time), False
+        if gap < 0.0:
+            bears = self.walls.bears(s, x, radius, time)
+        if bears:
+            if radius > 0.0:
+                self.tally.see_overlap(i, -gap / radius)
+            n = self.walls.normal(s, x, time)
+            w = self.bounce.inverse_mass[i]
+            v, surface_velocity = self.state.velocity[i], self.walls.velocity(s, x)
+            yielding = (n * n).dot(w)
+            if n.dot(v - surface_velocity) < 0.0 and yielding > 0.0:
+                e, elastic = restitution_at(time, self.walls.restitution(s), i, i, self.last_contact, self.contact_time)
+                result = self.bounce.wall_impulse(i, n, v, surface_velocity, e)
+                self.state.velocity[i] = self.bounce.after(i, v, n, result, 1)
+                self.tally.begin(i)
+                self.tally.add_wall(i, self.walls.account(s), result[0], result[2], elastic)
+                self.tally.keep(chunk, i)
+            if yielding > 0.0:
+                self.state.position[i] = self.state.position[i] - (gap / yielding) * (w * n)

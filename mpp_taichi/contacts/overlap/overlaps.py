@@ -187,7 +187,7 @@ class Overlaps:
 
     @ti.kernel
     def _bounce_walls(self, time: float):
-        if ti.static(len(self.bounce.surfaces) > 0):
+        if ti.static(len(self.bounce.walls.surfaces) > 0):
             grain = ti.static(loop_grain())
             for q in range(CHUNKS * grain):
                 if is_heavy(q, grain):

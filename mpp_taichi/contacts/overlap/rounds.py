@@ -73,7 +73,7 @@ class OverlapRounds:
             for _ in range(ROUNDS_AT_ONCE):
                 self._bounce_round(time)
             left = self._is_any_left()
-        if self.bounce.surfaces:
+        if self.bounce.walls.surfaces:
             self._bounce_walls(time)
 
     @ti.kernel

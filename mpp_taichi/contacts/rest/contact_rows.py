@@ -8,10 +8,11 @@ import taichi as ti
 from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.neighbors.periodic import nearest_image
 from mpp_taichi.types import Template
-from mpp_taichi.walls import _geometry
 from mpp_taichi.walls._roots import first_contact_curved
+from mpp_taichi.walls._surfaces import WallSurfaces
 
 ROUNDINGS = 16  # of a coordinate, by which an impact may seem later than it is
+SEGMENTS_EACH = 8  # mean room of a row for the segments of walls
 ENTRIES_EACH = 40  # mean room of a row: enough for the spheres within half a radius of each other in a dense packing
 
 
@@ -35,10 +36,10 @@ class ContactRows:
         n = setup.particle_count
         self.dimensions = setup.dimensions
         self.particle_count = n
-        self.surfaces = setup.enclosure.surfaces
+        self.walls = WallSurfaces(setup.enclosure)
         self.period = setup.enclosure.period
         self.epsilon = float(np.finfo(np.float32 if ti.lang.impl.current_cfg().default_fp == ti.f32 else np.float64).eps)
-        self.capacity = (ENTRIES_EACH + len(self.surfaces)) * n
+        self.capacity = (ENTRIES_EACH + self.walls.plain_count + min(self.walls.segment_count, SEGMENTS_EACH)) * n
         numbers, integers = ti.FieldsBuilder(), ti.FieldsBuilder()  # apart: see State._builder
         self.start, self.old_start, self.filled = (ti.field(ti.i32) for _ in range(3))
         self.radius = ti.field(float)
@@ -72,8 +73,8 @@ class ContactRows:
 
     def destroy(self) -> None:
         """Give the memory back."""
-        for tree in self._trees:
-            tree.destroy()
+        for part in (self.walls, *self._trees):
+            part.destroy()
 
     # Construction; each func is a loop for the top level of a kernel, or for the inside of a serial loop
 
@@ -122,14 +123,21 @@ class ContactRows:
     @ti.func
     def add_surfaces(self, state: Template, i, bound, time, h, filling):
         """Count or fill in the surfaces that a sphere of at most the speed `bound` can reach within h."""
-        for s in ti.static(range(len(self.surfaces))):
-            gap = _geometry.gap(self.surfaces[s], state.position[i], self.radius[i], time)
-            speed = bound + _geometry.surface_velocity(self.surfaces[s], state.position[i]).norm()
-            if gap <= h * speed and self.inverse_mass[i].max() > 0.0:
-                if filling > 0:
-                    n = _geometry.normal(self.surfaces[s], state.position[i], time)
-                    self._set(self.start[i] + self.filled[i], i, -1 - s, n, gap, filling)
-                self.filled[i] = self.filled[i] + 1
+        for s in ti.static(range(self.walls.plain_count)):
+            self._add_surface(s, state, i, bound, time, h, filling)
+        if ti.static(self.walls.segment_count > 0):
+            for g in range(self.walls.segment_count):
+                self._add_surface(self.walls.plain_count + g, state, i, bound, time, h, filling)
+
+    @ti.func
+    def _add_surface(self, s: Template, state: Template, i, bound, time, h, filling):
+        gap = self.walls.gap(s, state.position[i], self.radius[i], time)
+        speed = bound + self.walls.velocity(s, state.position[i]).norm()
+        if gap <= h * speed and self.inverse_mass[i].max() > 0.0:
+            if filling > 0:
+                n = self.walls.normal(s, state.position[i], time)
+                self._set(self.start[i] + self.filled[i], i, -1 - s, n, gap, filling)
+            self.filled[i] = self.filled[i] + 1
 
     @ti.func
     def _set(self, c, i, other, normal, gap, filling):
@@ -155,9 +163,12 @@ class ContactRows:
         j = self.other[c]
         if j >= 0:
             e = self.restitution[self.material[i], self.material[j]]
-        for s in ti.static(range(len(self.surfaces))):
+        for s in ti.static(range(self.walls.plain_count)):
             if j == -1 - s:
-                e = ti.cast(self.surfaces[s].restitution, float)
+                e = self.walls.restitution(s)
+        if ti.static(self.walls.segment_count > 0):
+            if j < -self.walls.plain_count:
+                e = self.walls.restitution(-1 - j)
         return e
 
     @ti.func
@@ -173,9 +184,12 @@ class ContactRows:
         """Velocity of the other sphere or the surface of entry c."""
         j = self.other[c]
         result = velocity[ti.max(j, 0)]
-        for s in ti.static(range(len(self.surfaces))):
+        for s in ti.static(range(self.walls.plain_count)):
             if j == -1 - s:
-                result = _geometry.surface_velocity(self.surfaces[s], result)
+                result = self.walls.velocity(s, result)
+        if ti.static(self.walls.segment_count > 0):
+            if j < -self.walls.plain_count:
+                result = self.walls.velocity(-1 - j, result)
         return result
 
     @ti.func
@@ -197,14 +211,24 @@ class ContactRows:
             if when <= horizon:
                 place = separation + when * u
                 n = place * (-1.0 / place.norm())
-        for s in ti.static(range(len(self.surfaces))):
+        for s in ti.static(range(self.walls.plain_count)):
             if j == -1 - s:
-                when = _geometry.time_of_contact(self.surfaces[s], x, v, self.radius[i], time, horizon)
+                when = self.walls.time_of_contact(s, x, v, self.radius[i], time, horizon)
                 if when <= horizon:
-                    n = _geometry.normal(self.surfaces[s], x + when * v, time + when)
+                    n = self.walls.normal(s, x + when * v, time + when)
+        if ti.static(self.walls.segment_count > 0):
+            if j < -self.walls.plain_count:
+                when = self.walls.time_of_contact(-1 - j, x, v, self.radius[i], time, horizon)
+                if when <= horizon and self.walls.stands_back(-1 - j, x, self.radius[i], time, v, when, horizon):
+                    when = ti.cast(ti.math.inf, float)
+                if when <= horizon:
+                    n = self.walls.normal(-1 - j, x + when * v, time + when)
         if when <= horizon and n.dot(u) > limit:
             when = ti.min(when, h)
             self.impact[c] = 1
             self.when[c] = when
             self.normal[c] = n
             self.gap[c] = ti.max(self.gap[c], 0.0) if when == 0.0 else when * n.dot(u)
+        elif ti.static(self.walls.segment_count > 0):
+            if j < -self.walls.plain_count:
+                self.gap[c], self.normal[c] = self.walls.support(-1 - j, x, self.radius[i], time)

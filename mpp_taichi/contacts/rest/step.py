@@ -11,7 +11,6 @@ from mpp_taichi.contacts.rest.complementarity import CHUNK, Complementarity
 from mpp_taichi.contacts.rest.contact_rows import ContactRows
 from mpp_taichi.contacts.shared.impulse import impulse_between, pushed
 from mpp_taichi.types import Template
-from mpp_taichi.walls import _geometry
 
 ROOM = 1.25  # speed that the rows allow for, over the largest speed; a faster sphere has wider rows built
 OPEN = 1e-3  # of the smaller radius: a smaller gap is that of a contact, through which a shock passes in one projection
@@ -28,7 +27,7 @@ class RestingStep:
     overlap     (n,) largest overlap that was seen, relative to the smaller radius
     missed      (n,) energy of the rebounds that a sphere had no room for in this drift, which met others again after an impact
     sums        of each chunk of spheres: impacts of pairs and with surfaces, virial, energy lost, energy of rebounds that were
-                missed, impulse on each surface; they grow through a phase. `low_sums` is what f32 leaves out of them.
+                missed, impulse on each wall; they grow through a phase. `low_sums` is what f32 leaves out of them.
     """
 
     def __init__(self, setup: ContactSetup, tolerance: float, wide: Any, compliance: float = 0.0):
@@ -37,9 +36,9 @@ class RestingStep:
         self.solver = Complementarity(self.rows, tolerance, wide, compliance)
         self.particle_count = setup.particle_count
         self.dimensions = setup.dimensions
-        self.surfaces = setup.enclosure.surfaces
+        self.walls = self.rows.walls
         self.wide = wide
-        restitutions = {float(e) for e in setup.restitution.ravel()} | {surface.restitution for surface in self.surfaces}
+        restitutions = {float(e) for e in setup.restitution.ravel()} | {surface.restitution for surface in self.walls.surfaces}
         self.mixed = len(restitutions) > 1
         builder = ti.FieldsBuilder()
         self.left, self.final = (ti.Vector.field(self.dimensions, float) for _ in range(2))
@@ -48,9 +47,9 @@ class RestingStep:
             builder.dense(ti.i, self.particle_count).place(field)
         self._trees = [builder.finalize()]
         builder = ti.FieldsBuilder()
-        self.sums = ti.Vector.field(PUSHED + len(self.surfaces), wide)
+        self.sums = ti.Vector.field(PUSHED + self.walls.account_count, wide)
         self.two_parts = wide == ti.f32  # a sum that grows through a whole run needs more digits than f32 has
-        self.low_sums = ti.Vector.field(PUSHED + len(self.surfaces), wide) if self.two_parts else None
+        self.low_sums = ti.Vector.field(PUSHED + self.walls.account_count, wide) if self.two_parts else None
         self.sum_fields = (self.sums, self.low_sums) if self.two_parts else (self.sums,)
         for field in self.sum_fields:
             builder.dense(ti.i, self.solver.chunk_count).place(field)
@@ -256,13 +255,15 @@ class RestingStep:
             if 0 <= j and j < i:
                 self._add(k, PAIRS, hit)
                 self._add(k, VIRIAL, impulse * (self.rows.radius[i] + self.rows.radius[j]))
-            for s in ti.static(range(len(self.surfaces))):
-                if j == -1 - s:
-                    wall = _geometry.surface_velocity(self.surfaces[s], self.rows.normal[c])
-                    work = impulse * self.rows.normal[c].dot(wall)
+            if ti.static(self.walls.account_count > 0):
+                if j < 0:
+                    work = impulse * self.rows.normal[c].dot(self.rows.velocity_of_other(state.velocity, c))
+                    account = self.walls.account_of(-1 - j)
                     self._add(k, WALLS, hit)
                     self._add(k, LOST, work)
-                    self._add(k, PUSHED + s, impulse)
+                    for a in ti.static(range(self.walls.account_count)):
+                        if a == account:
+                            self._add(k, PUSHED + a, impulse)
 
     @ti.func
     def _add(self, k, which: Template, more):

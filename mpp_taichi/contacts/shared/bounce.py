@@ -7,8 +7,8 @@ from mpp_taichi.contacts._base import ContactSetup
 from mpp_taichi.contacts.shared.impulse import impulse_between, pushed
 from mpp_taichi.neighbors.periodic import nearest_image
 from mpp_taichi.types import Template
-from mpp_taichi.walls import _geometry
 from mpp_taichi.walls._roots import first_contact_curved
+from mpp_taichi.walls._surfaces import WallSurfaces
 
 ROUNDINGS = 4.0  # of the velocities; a slower approach is round-off
 SLACK = 1e-5  # of a squared distance; more than round-off, even in f32
@@ -27,14 +27,14 @@ class Bounce:
     def __init__(self, setup: ContactSetup) -> None:
         """Allocate and fill; needs a started Taichi."""
         self.dimensions = setup.dimensions
-        self.surfaces = setup.enclosure.surfaces
+        self.walls = WallSurfaces(setup.enclosure)
         self.period = tuple(float(edge) for edge in setup.enclosure.period)
         self.contact_time = float(setup.contact_time)
         inverse_mass = np.asarray(setup.inverse_mass)[:, : self.dimensions]
         self.has_common_mass = bool((inverse_mass == inverse_mass[:1]).all())
         self.has_one_material = setup.restitution.shape == (1, 1)
         self.has_held = bool((inverse_mass.max(axis=1) == 0.0).any())
-        restitutions = [*np.unique(setup.restitution), *(surface.restitution for surface in self.surfaces)]
+        restitutions = [*np.unique(setup.restitution), *(surface.restitution for surface in self.walls.surfaces)]
         self.is_elastic = all(e == 1.0 for e in restitutions)
         real = np.float32 if ti.lang.impl.current_cfg().default_fp == ti.f32 else np.float64
         self.slowest = ROUNDINGS * float(np.finfo(real).eps)
@@ -55,8 +55,8 @@ class Bounce:
 
     def destroy(self) -> None:
         """Give the memory back."""
-        for tree in self._trees:
-            tree.destroy()
+        for part in (self.walls, *self._trees):
+            part.destroy()
 
     @ti.func
     def separation(self, first, second):
@@ -83,13 +83,13 @@ class Bounce:
     @ti.func
     def time_of_wall(self, s: Template, i, radius, x, v, time, horizon):
         """When i meets surface s, 0 … horizon from `time`; infinity if it does not."""
-        result = _geometry.time_of_contact(self.surfaces[s], x, v, radius, time, horizon)
+        result = self.walls.time_of_contact(s, x, v, radius, time, horizon)
         if ti.static(self.has_held):
             if self.inverse_mass[i].max() == 0.0:
                 result = ti.math.inf
         if ti.static(not self.is_elastic):
-            w = _geometry.surface_velocity(self.surfaces[s], x)
-            n = _geometry.normal(self.surfaces[s], x, time)
+            w = self.walls.velocity(s, x)
+            n = self.walls.normal(s, x, time)
             if result == 0.0 and -n.dot(v - w) <= self.slowest * (v.norm() + w.norm()):
                 result = ti.math.inf
         return result

@@ -18,7 +18,7 @@ VIRIAL, LOST = 0, 1
 
 @ti.data_oriented
 class Tally:
-    """counted (pairs, walls, elastic, given up), summed (virial, dissipated energy), pushed (impulse on surfaces) per sphere.
+    """counted (pairs, walls, elastic, given up), summed (virial, dissipated energy), pushed (impulse on walls) per sphere.
 
     There are totals for each of CHUNKS of spheres. On a device of many threads they are `apart`: each sphere has totals of its
     own, so that no two threads write to one place, and STRIPES threads add them up before the host reads them. The sums of
@@ -27,27 +27,27 @@ class Tally:
     """
 
     def __init__(
-        self, particle_count: int, surface_count: int, wide: Any, *, apart: bool | None = None, placed_by_caller: bool = False
+        self, particle_count: int, account_count: int, wide: Any, *, apart: bool | None = None, placed_by_caller: bool = False
     ) -> None:
         """Allocate; `wide` is the type of the sums; `apart` when absent: on all devices but the CPU.
 
         `placed_by_caller`: `counted` and `summed` are left to be placed beside other fields of a sphere.
         """
         self.particle_count = particle_count
-        self.surface_count = surface_count
+        self.account_count = account_count
         self.wide = wide
         self.apart = not on_cpu() if apart is None else apart
         self.rows = particle_count if self.apart else CHUNKS
         seen = particle_count if self.apart else 1
         self.counted = ti.Vector.field(4, ti.i32)
         self.summed = ti.Vector.field(2, float)
-        self.pushed = ti.Vector.field(max(surface_count, 1), float)
+        self.pushed = ti.Vector.field(max(account_count, 1), float)
         self.total_count = ti.Vector.field(4, ti.i32)
         self.total_sum = ti.Vector.field(2, wide)
-        self.total_push = ti.Vector.field(max(surface_count, 1), wide)
+        self.total_push = ti.Vector.field(max(account_count, 1), wide)
         self.two_parts = wide == ti.f32  # a sum that grows through a whole run needs more digits than f32 has
         self.low_sum = ti.Vector.field(2, wide) if self.two_parts else None
-        self.low_push = ti.Vector.field(max(surface_count, 1), wide) if self.two_parts else None
+        self.low_push = ti.Vector.field(max(account_count, 1), wide) if self.two_parts else None
         self._before = ContactReport()
         self.unresolved = ti.field(ti.i32)
         self.overlap = ti.field(float)
@@ -58,7 +58,7 @@ class Tally:
         if not placed_by_caller:
             builder.dense(ti.i, particle_count).place(self.counted)
             real_builder.dense(ti.i, particle_count).place(self.summed)
-        real_builder.dense(ti.i, particle_count if surface_count else 1).place(self.pushed)
+        real_builder.dense(ti.i, particle_count if account_count else 1).place(self.pushed)
         real_builder.dense(ti.i, seen).place(self.overlap)
         self.sum_fields = (self.total_sum, self.total_push, *((self.low_sum, self.low_push) if self.two_parts else ()))
         for field in self.sum_fields:
@@ -80,8 +80,8 @@ class Tally:
         """Set the counts of sphere i to 0, for a new try."""
         self.counted[i] = ti.Vector.zero(ti.i32, 4)
         self.summed[i] = ti.Vector.zero(float, 2)
-        if ti.static(self.surface_count > 0):
-            self.pushed[i] = ti.Vector.zero(float, self.surface_count)
+        if ti.static(self.account_count > 0):
+            self.pushed[i] = ti.Vector.zero(float, self.account_count)
 
     @ti.func
     def add_pair(self, i, impulse, distance, lost, elastic):
@@ -90,13 +90,13 @@ class Tally:
         self.summed[i] = self.summed[i] + ti.Vector([impulse * distance, lost])
 
     @ti.func
-    def add_wall(self, i, surface, impulse, lost, elastic):
-        """Count a contact with a surface."""
+    def add_wall(self, i, account, impulse, lost, elastic):
+        """Count a contact with a surface, whose impulses are summed under the number `account`."""
         self.counted[i] = self.counted[i] + ti.Vector([0, 1, elastic, 0])
         self.summed[i] = self.summed[i] + ti.Vector([0.0, lost])
-        for s in ti.static(range(self.surface_count)):
-            if s == surface:
-                self.pushed[i][s] = self.pushed[i][s] + ti.abs(impulse)
+        for k in ti.static(range(self.account_count)):
+            if k == account:
+                self.pushed[i][k] = self.pushed[i][k] + ti.abs(impulse)
 
     @ti.func
     def fail(self, i, contacts):
@@ -108,7 +108,7 @@ class Tally:
         """Add the counts of sphere i to the totals of a chunk, or of the sphere; one thread writes to each chunk."""
         self.total_count[chunk] = self.total_count[chunk] + self.counted[i]
         self._grow(self.total_sum, self.low_sum, chunk, self.summed[i])
-        if ti.static(self.surface_count > 0):
+        if ti.static(self.account_count > 0):
             self._grow(self.total_push, self.low_push, chunk, self.pushed[i])
 
     @ti.func
@@ -203,7 +203,7 @@ class Tally:
             wall_count=int(counts[WALLS]),
             elastic_count=int(counts[ELASTIC]),
             virial=float(sums[VIRIAL]),
-            wall_impulse=tuple(float(p) for p in pushes[: self.surface_count]),
+            wall_impulse=tuple(float(p) for p in pushes[: self.account_count]),
             dissipated_energy=float(sums[LOST]),
             largest_overlap=float(reals[:, sum_count].max()),
             unresolved=int(counts[FAILED] + counts[GIVEN_UP]),

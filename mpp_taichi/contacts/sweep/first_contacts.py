@@ -3,7 +3,7 @@
 import taichi as ti
 
 from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
-from mpp_taichi.walls import _geometry
+from mpp_taichi.types import Template
 
 
 @ti.data_oriented
@@ -13,6 +13,7 @@ class FirstContacts:
     def __init__(self, parts: SweepParts) -> None:
         """Bind the parts."""
         self.slots, self.bounce, self.tally = parts.slots, parts.bounce, parts.tally
+        self.walls = parts.bounce.walls
 
     @ti.func
     def separation(self, i, j):
@@ -38,12 +39,23 @@ class FirstContacts:
     def first_wall(self, k, time, h):
         """Time of the first contact of slot k with a surface s, and −2 − s; (infinity, −1) if there is none within h."""
         result = ti.Vector([ti.math.inf, -1.0])
-        for s in ti.static(range(len(self.bounce.surfaces))):
-            x, radius = self.slots.start_of(k), self.slots.radius_of(k)
-            t = self.bounce.time_of_wall(s, self.slots.index(k), radius, x, self.slots.start_velocity_of(k), time, h)
-            gap = _geometry.gap(self.bounce.surfaces[s], x, radius, time)
-            if gap < 0.0 and radius > 0.0:
-                self.tally.see_overlap(k, -gap / radius)
+        for s in ti.static(range(self.walls.plain_count)):
+            t = self._time_of_wall(s, k, time, h)
             if t < result[0]:
                 result = ti.Vector([t, -2.0 - s])
+        if ti.static(self.walls.segment_count > 0):
+            for g in range(self.walls.segment_count):
+                t = self._time_of_wall(self.walls.plain_count + g, k, time, h)
+                if t < result[0]:
+                    result = ti.Vector([t, -2.0 - (self.walls.plain_count + g)])
         return result
+
+    @ti.func
+    def _time_of_wall(self, s: Template, k, time, h):
+        """When slot k meets surface s, 0 … h, or infinity; an overlap is noted."""
+        x, radius = self.slots.start_of(k), self.slots.radius_of(k)
+        t = self.bounce.time_of_wall(s, self.slots.index(k), radius, x, self.slots.start_velocity_of(k), time, h)
+        gap = self.walls.gap(s, x, radius, time)
+        if gap < 0.0 and radius > 0.0:
+            self.tally.see_overlap(k, -gap / radius)
+        return t

@@ -8,8 +8,9 @@ from mpp_taichi.contacts.sweep.contact_group import ContactGroup
 from mpp_taichi.contacts.sweep.pair_rule import PairRule
 from mpp_taichi.contacts.sweep.reflections import Reflections
 from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
-from mpp_taichi.walls import _geometry
+from mpp_taichi.types import Template
 
+SEGMENTS_EACH = 8  # that a sphere touches at one time, on an average; more are given up
 CONTACTS_EACH = 8  # touching spheres have fewer than 7.5 contacts each: half the mean kissing number, below 14.96
 
 
@@ -27,11 +28,12 @@ class GroupRule:
         """Allocate for the spheres of `setup`."""
         self.bounce, self.tally, self.slots, self.played = parts.bounce, parts.tally, parts.slots, parts.played
         self.memory, self.islands, self.grid = parts.memory, parts.islands, parts.grid
-        self.alone = PairRule(parts)
+        self.alone, self.walls = PairRule(parts), parts.bounce.walls
         n = self.particle_count = setup.particle_count
         self.all_pairs = parts.slots.all_pairs
         pairs = min(n * (n - 1) // 2, CONTACTS_EACH * n)
-        self.group = ContactGroup(setup, pairs + n * len(setup.enclosure.surfaces))
+        walls = self.walls.plain_count + min(self.walls.segment_count, SEGMENTS_EACH)
+        self.group = ContactGroup(setup, pairs + n * walls)
         self.reflections = Reflections(self.group)
         self.touching = self.group.epsilon**TOUCHING_POWER
         builder = ti.FieldsBuilder()
@@ -97,13 +99,19 @@ class GroupRule:
                 self._see_touching(i, j, root, t)
         else:
             self.grid.visit(i, self._see_touching, root, t)
-        x = self.played.position[i]
-        for s in ti.static(range(len(self.bounce.surfaces))):
-            radius = self.slots.radius_of(i)
-            if _geometry.gap(self.bounce.surfaces[s], x, radius, time + t) <= self.touching * radius:
-                n = _geometry.normal(self.bounce.surfaces[s], x, time + t)
-                speed = n.dot(_geometry.surface_velocity(self.bounce.surfaces[s], x))
-                self._add_row(i, -1 - s, n, speed, ti.cast(self.bounce.surfaces[s].restitution, float), t)
+        for s in ti.static(range(self.walls.plain_count)):
+            self._see_wall(s, i, t, time)
+        if ti.static(self.walls.segment_count > 0):
+            for g in range(self.walls.segment_count):
+                self._see_wall(self.walls.plain_count + g, i, t, time)
+
+    @ti.func
+    def _see_wall(self, s: Template, i, t, time):
+        x, radius = self.played.position[i], self.slots.radius_of(i)
+        if self.walls.gap(s, x, radius, time + t) <= self.touching * radius:
+            if self.walls.bears(s, x, radius, time + t):
+                n = self.walls.normal(s, x, time + t)
+                self._add_row(i, -1 - s, n, n.dot(self.walls.velocity(s, x)), self.walls.restitution(s), t)
 
     @ti.func
     def _see_touching(self, i, j, root, t):
@@ -153,6 +161,7 @@ class GroupRule:
                         reach = self.slots.radius_of(i) + self.slots.radius_of(second)
                         self.tally.add_pair(i, share, reach, lost, self.group.made_elastic[c])
                     else:
-                        self.tally.add_wall(i, -1 - second, share, lost, self.group.made_elastic[c])
+                        account = self.walls.account_of(-1 - second)
+                        self.tally.add_wall(i, account, share, lost, self.group.made_elastic[c])
                 self.memory.note(i, second, t)
         return hit

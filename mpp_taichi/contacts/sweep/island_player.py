@@ -8,6 +8,7 @@ import taichi as ti
 from mpp_taichi.arithmetic.particle_update import drifted
 from mpp_taichi.contacts.sweep.played_spheres import NOTHING
 from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
+from mpp_taichi.types import Template
 
 LOOK_AGAIN = -1  # stamp of a prediction that says only that there is no contact before
 
@@ -25,7 +26,7 @@ class IslandPlayer:
         """Bind the parts; `rule` has `resolve` (PairRule, GroupRule), `links` has `wish` (Islands, DeviceIslands)."""
         self.bounce, self.tally, self.slots, self.played = parts.bounce, parts.tally, parts.slots, parts.played
         self.islands, self.planner, self.candidates, self.memory = parts.islands, parts.planner, parts.candidates, parts.memory
-        self.state, self.rule, self.links = parts.state, rule, links
+        self.state, self.rule, self.links, self.walls = parts.state, rule, links, parts.bounce.walls
         self.event_limit = event_limit
         self.particle_count = parts.slots.particle_count
         self.all_pairs = parts.slots.all_pairs
@@ -97,15 +98,22 @@ class IslandPlayer:
                     self._consider(i, j, now, h)
         else:
             self.candidates.visit(i, self._consider_slot, now, h)
-        x = self.played.place_at(i, now)
-        for s in ti.static(range(len(self.bounce.surfaces))):
-            t = now + self.bounce.time_of_wall(
-                s, self.slots.index(i), self.slots.radius_of(i), x, self.played.velocity[i], time + now, h - now
-            )
-            if t < self.islands.best_time[i]:
-                self.islands.best_time[i] = t
-                self.played.best_partner[i] = -2 - s
+        for s in ti.static(range(self.walls.plain_count)):
+            self._consider_wall(s, i, now, time, h)
+        if ti.static(self.walls.segment_count > 0):
+            for g in range(self.walls.segment_count):
+                self._consider_wall(self.walls.plain_count + g, i, now, time, h)
         self.islands.replay(root, i)
+
+    @ti.func
+    def _consider_wall(self, s: Template, i, now, time, h):
+        """A contact of i with surface s may be its next event."""
+        x, v = self.played.place_at(i, now), self.played.velocity[i]
+        radius = self.slots.radius_of(i)
+        t = now + self.bounce.time_of_wall(s, self.slots.index(i), radius, x, v, time + now, h - now)
+        if t < self.islands.best_time[i]:
+            self.islands.best_time[i] = t
+            self.played.best_partner[i] = -2 - s
 
     @ti.func
     def _consider_slot(self, i, j, now, h):

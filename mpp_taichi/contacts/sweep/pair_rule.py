@@ -3,7 +3,6 @@
 import taichi as ti
 
 from mpp_taichi.contacts.sweep.sweep_parts import SweepParts
-from mpp_taichi.walls import _geometry
 
 
 @ti.data_oriented
@@ -14,7 +13,7 @@ class PairRule:
 
     def __init__(self, parts: SweepParts) -> None:
         """Bind the parts."""
-        self.bounce, self.tally = parts.bounce, parts.tally
+        self.bounce, self.walls, self.tally = parts.bounce, parts.bounce.walls, parts.tally
         self.slots, self.played, self.memory, self.islands = parts.slots, parts.played, parts.memory, parts.islands
 
     def destroy(self) -> None:
@@ -64,17 +63,11 @@ class PairRule:
 
     @ti.func
     def _bounce_off_wall(self, i, surface, t, time):
-        n = ti.Vector.zero(float, self.bounce.dimensions)
-        v, w = self.played.velocity[i], ti.Vector.zero(float, self.bounce.dimensions)
-        nominal = 1.0
-        for s in ti.static(range(len(self.bounce.surfaces))):
-            if s == surface:
-                n = _geometry.normal(self.bounce.surfaces[s], self.played.position[i], time + t)
-                w = _geometry.surface_velocity(self.bounce.surfaces[s], n)
-                nominal = ti.static(self.bounce.surfaces[s].restitution)
+        v, radius = self.played.velocity[i], self.slots.radius_of(i)
+        _, n, w, nominal, account = self.walls.touched(surface, self.played.position[i], radius, time + t)
         e, elastic = self.memory.restitution(nominal, i, i, t)
         result = self.bounce.wall_impulse(self.slots.index(i), n, v, w, e)
         self.played.velocity[i] = self.bounce.after(self.slots.index(i), v, n, result, 1)
-        self.tally.add_wall(i, surface, result[0], result[2], elastic)
+        self.tally.add_wall(i, account, result[0], result[2], elastic)
         if not result[0] > 0.0:
             self.tally.fail(i, 1)

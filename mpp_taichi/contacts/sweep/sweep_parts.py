@@ -43,7 +43,7 @@ class SweepParts:
         n, enclosure = setup.particle_count, setup.enclosure
         self.state = state
         self.bounce = Bounce(setup)  # filled before any field is left to be placed
-        self.tally = Tally(n, len(self.bounce.surfaces), getattr(state, "wide", ti.f64), placed_by_caller=True)
+        self.tally = Tally(n, self.bounce.walls.account_count, getattr(state, "wide", ti.f64), placed_by_caller=True)
         kind = CellGrid if on_cpu() else DeviceGrid
         self.grid: Any = None if all_pairs else kind(n, setup.dimensions, enclosure.period, enclosure.origin)
         order = None if all_pairs else self.grid.order

@@ -1,0 +1,195 @@
+"""The surfaces of an enclosure on the device, by their numbers.
+
+Planes, cylinders and spheres are few, and known when kernels are compiled; a loop over them is unrolled. Segments may be many,
+and are in fields. A solver loops over both, with one body, which takes the number of the surface as a template:
+
+    for s in ti.static(range(self.walls.plain_count)):
+        body(s, …)
+    if ti.static(self.walls.segment_count > 0):
+        for g in range(self.walls.segment_count):
+            body(self.walls.plain_count + g, …)
+"""
+
+from typing import Any
+
+import taichi as ti
+
+from mpp_taichi.types import Template
+from mpp_taichi.walls import _geometry
+from mpp_taichi.walls._base import Enclosure
+from mpp_taichi.walls._segments import WallSegments
+
+
+@ti.data_oriented
+class WallSurfaces:
+    """The formulas of `_geometry.py` and `_segments.py`, by the number of the surface: a Python number, or a segment's number.
+
+    surfaces         the surfaces of the enclosure, segments last
+    account_count    number of the accounts of the enclosure
+    """
+
+    def __init__(self, enclosure: Enclosure) -> None:
+        """Allocate and fill; needs a started Taichi."""
+        self.surfaces = enclosure.surfaces
+        self.segment_count = len(enclosure.segments)
+        self.plain_count = len(self.surfaces) - self.segment_count
+        self.accounts = enclosure.account_of
+        self.account_count = len(enclosure.accounts)
+        self.segments: Any = None
+        self._tree: Any = None
+        if any(surface.kind == "segment" for surface in self.surfaces[: self.plain_count]):
+            raise ValueError("segments must be the last surfaces of an enclosure")
+        if self.segment_count:
+            self.segments = WallSegments(enclosure.segments)
+            self.segment_account = ti.field(ti.i32)
+            builder = ti.FieldsBuilder()
+            builder.dense(ti.i, self.segment_count).place(self.segment_account)
+            self._tree = builder.finalize()
+            for g, account in enumerate(self.accounts[self.plain_count :]):
+                self.segment_account[g] = account
+
+    def destroy(self) -> None:
+        """Give the memory back."""
+        for part in (self.segments, self._tree):
+            if part is not None:
+                part.destroy()
+
+    def is_plane(self, w: Any) -> bool:
+        """Whether surface w is a plane."""
+        return is_known(w) and self.surfaces[w].kind == "plane"
+
+    def is_bowl(self, w: Any) -> bool:
+        """Whether surface w is curved around the particles."""
+        return is_known(w) and self.surfaces[w].kind != "plane" and self.surfaces[w].inside
+
+    @ti.func
+    def gap(self, w: Template, x, radius, time):
+        """Distance [length] from a sphere at x to surface w; negative where they overlap."""
+        result = radius * 0
+        if ti.static(is_known(w)):
+            result = _geometry.gap(self.surfaces[w], x, radius, time)
+        else:
+            result = self.segments.gap(w - self.plain_count, x, radius, time)
+        return result
+
+    @ti.func
+    def normal(self, w: Template, x, time):
+        """Unit vector towards x at the point of surface w next to x; zero on an axis, at a centre and at an end."""
+        result = ti.Vector.zero(float, x.n)
+        if ti.static(is_known(w)):
+            result = _geometry.normal(self.surfaces[w], x, time)
+        else:
+            result = self.segments.normal(w - self.plain_count, x, time)
+        return result
+
+    @ti.func
+    def velocity(self, w: Template, x):
+        """The velocity of surface w, with as many components as x."""
+        result = ti.Vector.zero(float, x.n)
+        if ti.static(is_known(w)):
+            result = _geometry.surface_velocity(self.surfaces[w], x)
+        else:
+            result = self.segments.velocity(w - self.plain_count, x)
+        return result
+
+    @ti.func
+    def restitution(self, w: Template):
+        """The restitution of surface w."""
+        result = ti.cast(1.0, float)
+        if ti.static(is_known(w)):
+            result = ti.cast(self.surfaces[w].restitution, float)
+        else:
+            result = self.segments.restitution_of[w - self.plain_count]
+        return result
+
+    @ti.func
+    def account(self, w: Template):
+        """The number under which the impulse on surface w is summed."""
+        result = 0
+        if ti.static(is_known(w)):
+            result = self.accounts[w]
+        else:
+            result = self.segment_account[w - self.plain_count]
+        return result
+
+    @ti.func
+    def account_of(self, w):
+        """The account of surface w, a number that is known only when a kernel runs."""
+        result = 0
+        for s in ti.static(range(self.plain_count)):
+            if w == s:
+                result = self.account(s)
+        if ti.static(self.segment_count > 0):
+            if w >= self.plain_count:
+                result = self.account(w)
+        return result
+
+    @ti.func
+    def support(self, w, x, radius, time):
+        """Gap and normal of segment w for a sphere that rests: see `WallSegments.support`."""
+        return self.segments.support(w - self.plain_count, x, radius, time)
+
+    @ti.func
+    def stands_back(self, w, x, radius, time, v, when, horizon):
+        """Whether a sphere meets another segment before segment w at their corner: see `WallSegments.stands_back`."""
+        return self.segments.stands_back(w - self.plain_count, x, radius, time, v, when, horizon)
+
+    @ti.func
+    def bears(self, w: Template, x, radius, time):
+        """Whether surface w can hold a sphere at x that touches it; at a corner of segments another one may hold it alone."""
+        result = True
+        if ti.static(not is_known(w)):
+            result = self.segments.bears(w - self.plain_count, x, radius, time)
+        return result
+
+    @ti.func
+    def time_of_contact(self, w: Template, x, v, radius, time, horizon):
+        """Earliest s in 0 … horizon at which a sphere in straight flight meets surface w; infinity if there is none."""
+        result = ti.math.inf
+        if ti.static(is_known(w)):
+            result = _geometry.time_of_contact(self.surfaces[w], x, v, radius, time, horizon)
+        else:
+            result = self.segments.time_of_contact(w - self.plain_count, x, v, radius, time, horizon)
+        return result
+
+    @ti.func
+    def time_of_contact_falling(self, w: Template, x, v, acceleration, radius, time, horizon):
+        """The time of contact in a flight x + v s + acceleration s² / 2."""
+        result = ti.math.inf
+        if ti.static(is_known(w)):
+            result = _geometry.time_of_contact_falling(self.surfaces[w], x, v, acceleration, radius, time, horizon)
+        else:
+            result = self.segments.time_of_contact_falling(w - self.plain_count, x, v, acceleration, radius, time, horizon)
+        return result
+
+    @ti.func
+    def extent(self, w: Template, dimensions: Template):
+        """Size of the numbers that describe surface w, whose rounding is part of the error of a gap [length]."""
+        result = ti.cast(0.0, float)
+        if ti.static(is_known(w)):
+            point = ti.Vector([self.surfaces[w].point[c] for c in ti.static(range(dimensions))], float)
+            result = point.norm() + self.surfaces[w].radius
+        else:
+            g = w - self.plain_count
+            result = self.segments.begin[g].norm() + self.segments.end[g].norm()
+        return result
+
+    @ti.func
+    def touched(self, w, x, radius, time):
+        """Gap, normal, velocity, restitution and account of surface w, a number that is known only when a kernel runs."""
+        gap, n, velocity = radius * 0, ti.Vector.zero(float, x.n), ti.Vector.zero(float, x.n)
+        restitution, account = ti.cast(1.0, float), 0
+        for s in ti.static(range(self.plain_count)):
+            if w == s:
+                gap, n, velocity = self.gap(s, x, radius, time), self.normal(s, x, time), self.velocity(s, x)
+                restitution, account = self.restitution(s), self.account(s)
+        if ti.static(self.segment_count > 0):
+            if w >= self.plain_count:
+                gap, n, velocity = self.gap(w, x, radius, time), self.normal(w, x, time), self.velocity(w, x)
+                restitution, account = self.restitution(w), self.account(w)
+        return gap, n, velocity, restitution, account
+
+
+def is_known(w: Any) -> bool:
+    """Whether the number of a surface is known when a kernel is compiled."""
+    return isinstance(w, int)
