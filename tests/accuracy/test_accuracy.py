@@ -19,6 +19,7 @@ from mpp_taichi.accuracy import chaos, front
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.ladder import Ladder
 from mpp_taichi.accuracy.machine import Machine
+from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.reference import Convergence, converge
 from mpp_taichi.accuracy.reference_search import MOST_BUDGETS
@@ -31,6 +32,7 @@ from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.cli.main import main
 from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.scene.load import load_scene
+from mpp_taichi.step import adaptive_steps
 from scenes import kepler
 
 ECCENTRICITY = 0.3
@@ -246,6 +248,14 @@ def test_a_run_that_blows_up_is_a_row_with_the_reason():
     machine = machine_of(scene, "leapfrog")
     sample, _ = machine.run(machine.configuration(400), Budget(1e9))
     assert sample.status == "diverged" and "out of bounds before t =" in sample.reason and sample.end is None
+
+
+def test_a_run_of_more_own_steps_than_can_be_counted_is_a_row_with_the_reason(monkeypatch):
+    """The study goes on with other methods."""
+    machine = machine_of({**kepler(ECCENTRICITY, dt=0.01), "run": {"duration": SPAN}}, "adaptive_bogacki_shampine")
+    monkeypatch.setattr(adaptive_steps, "MOST_STEPS", 2)  # of some 10 between two samples
+    sample, _ = machine.run(machine.configuration(LOOKS), Budget(1e9))
+    assert sample.status == "diverged" and "steps of" in sample.reason and sample.end is None
 
 
 # --- fronts and words -------------------------------------------------------------------------------------------------
