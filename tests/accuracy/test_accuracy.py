@@ -351,6 +351,23 @@ def test_the_sentence_says_what_ten_times_less_and_more_time_would_buy():
     assert "faster" not in alone and "this time buys" not in sentence(alone)
 
 
+def test_the_sentence_says_what_other_precisions_take():
+    """Times and floors of errors as they are for few bodies: df64 ten times as dear as f64, f32 at 10⁻⁵."""
+    from mpp_taichi.accuracy.verdict import verdict
+
+    rows = [
+        front.StudyRow(
+            Sample(Configuration("leapfrog", steps, precision, "cpu"), 1.0 / steps, evaluations=steps, seconds=[cost * steps]),
+            *[MeasuredError(max(1.0 / steps**2, floor))] * 5,
+        )
+        for precision, cost, floor in (("f64", 1e-6, 0.0), ("df64", 1e-5, 0.0), ("ds", 3e-6, 1e-5), ("f32", 1e-6, 1e-5))
+        for steps in (32, 2000)
+    ]
+    said = sentence(verdict(rows, "position", 1e-6))
+    assert "in df64 the same takes 20 ms (10× as long), in ds and f32 nothing that was tried reaches it" in said
+    assert "in df64" not in sentence(verdict(rows[:2], "position", 1e-6))
+
+
 def test_the_sentence_says_what_other_backends_take_and_what_a_film_needs():
     from mpp_taichi.accuracy.verdict import verdict
 
