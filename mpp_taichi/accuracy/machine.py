@@ -19,7 +19,7 @@ from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.stepper import StepCost, Stepper
 from mpp_taichi.accuracy.stretches import Leg, Stretch, legs
 from mpp_taichi.accuracy.trace import PhasePoint, Trace, followed
-from mpp_taichi.errors import MppError
+from mpp_taichi.errors import CapacityError, MppError
 from mpp_taichi.simulation.simulation import Simulation
 
 SHORT = 2e-3  # seconds over which runs are repeated for their time, at most MOST_REPEATS times
@@ -259,8 +259,8 @@ class Machine:
         for before, stop in zip((0, *leg.stops), leg.stops):
             try:
                 took, iterations, solved = self.stepper.advance(leg, before, stop, budget)
-            except MppError as error:  # a contact solver that no longer advances
-                if self.contacts is None:
+            except MppError as error:  # a contact solver that no longer advances, or a method that needs too many steps
+                if self.contacts is None and not isinstance(error, CapacityError):
                     raise
                 sample.status, sample.reason = "diverged", str(error).splitlines()[0]
                 break

@@ -21,6 +21,8 @@ def verdict(rows: Sequence[StudyRow], quantity: str | None, target: float) -> di
     faster, slower  the smallest error in a tenth of the time of the choice, and in ten times its time; absent without a row
     elsewhere    for each other backend with rows the row to take for the target there; absent where none reaches it
     missed       for each other backend where no row reaches it, the row with the smallest error
+    precisions   for each other precision with rows on the backend of the choice the row to take there; absent as above
+    too_rounded  the precisions among these in which no row reaches it
     film         the row to take for FILM of positions, which is all that an eye sees; absent for targets near it
     own          the scene's own setting: its error, and `step_ratio`, the factor by which its step could be longer (above 1)
                  or must be shorter (below 1) for the target, from the errors of its own method
@@ -42,6 +44,7 @@ def verdict(rows: Sequence[StudyRow], quantity: str | None, target: float) -> di
             if (other := _best_within(rows, quantity, times * (chosen.seconds or math.inf))) is not None:
                 found[name] = _described(other, quantity)
         found["elsewhere"], found["missed"] = _elsewhere(rows, quantity, target, chosen)
+        found["precisions"], found["too_rounded"] = _in_other_precisions(rows, quantity, target, chosen)
         if quantity == "position" and target * TEN <= FILM and (enough := choice(rows, quantity, FILM)) is not None:
             found["film"] = _described(enough, quantity)
     elif ends := time_front(rows, quantity):
@@ -77,6 +80,24 @@ def _elsewhere(
             reached.append(_described(found, quantity))
         elif ends := time_front(group, quantity):
             missed.append(_described(ends[-1], quantity))
+    return reached, missed
+
+
+def _in_other_precisions(
+    rows: Sequence[StudyRow], quantity: str, target: float, chosen: StudyRow
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """The choice in every other precision on the same backend; and the precisions in which no row reaches the target."""
+    here = chosen.sample.configuration
+    mine = [row for row in rows if row.sample.configuration.backend == here.backend]
+    reached, missed = [], []
+    for precision in dict.fromkeys(row.sample.configuration.precision for row in mine):
+        group = [row for row in mine if row.sample.configuration.precision == precision]
+        if precision == here.precision:
+            continue
+        if (found := choice(group, quantity, target)) is not None:
+            reached.append(_described(found, quantity))
+        elif any(row.sample.status == "ok" for row in group):
+            missed.append(precision)
     return reached, missed
 
 
@@ -140,6 +161,7 @@ def sentence(found: dict[str, Any], because: str = "") -> str:
             f"{duration(choice['seconds'])}{_energy(choice)}"
         )
         parts.append(_other_times(found))
+        parts.append(_other_precisions(found))
         parts.append(_other_backends(found))
         parts.append(_film(found))
     elif best := found.get("best"):
@@ -158,12 +180,24 @@ def _other_times(found: dict[str, Any]) -> str:
     return ", ".join(said)
 
 
+def _other_precisions(found: dict[str, Any]) -> str:
+    """The time that the target takes in every other precision that was tried, over the time of the choice."""
+    said = []
+    for other in sorted(found["precisions"], key=lambda each: float(each["seconds"])):
+        relation = _relation(other["seconds"] / found["choice"]["seconds"])
+        is_same = all(other[name] == found["choice"][name] for name in ("integrator", "setting"))
+        how = "the same" if is_same else f"{other['integrator']} with {other['setting']}"
+        said.append(f"in {other['precision']} {how} takes {duration(other['seconds'])} ({relation})")
+    if missed := found["too_rounded"]:
+        said.append(f"in {' and '.join(filter(None, (', '.join(missed[:-1]), missed[-1])))} nothing that was tried reaches it")
+    return ", ".join(said)
+
+
 def _other_backends(found: dict[str, Any]) -> str:
     """The time that the target takes on every other backend that was tried, over the time of the choice."""
     said, choice = [], found["choice"]
     for other in found["elsewhere"]:
-        ratio = other["seconds"] / choice["seconds"]
-        relation = f"{factor(ratio)} as long" if ratio >= 1.0 else f"{factor(1.0 / ratio)} faster"
+        relation = _relation(other["seconds"] / choice["seconds"])
         is_same = all(other[name] == choice[name] for name in ("integrator", "setting"))
         where = f"{other['backend']} in {other['precision']} the same" if is_same else f"{other['backend']} it"
         how = "" if is_same else f", by {other['integrator']} in {other['precision']} with {other['setting']}"
@@ -172,6 +206,11 @@ def _other_backends(found: dict[str, Any]) -> str:
         how = f"{other['integrator']} in {other['precision']}, {other['setting']}"
         said.append(f"on {other['backend']} nothing that was tried reaches it: {how}, came to {_error(other)}")
     return ", ".join(said)
+
+
+def _relation(ratio: float) -> str:
+    """How a time is to another, by their ratio."""
+    return f"{factor(ratio)} as long" if ratio >= 1.0 else f"{factor(1.0 / ratio)} faster"
 
 
 def _method(described: dict[str, Any]) -> str:

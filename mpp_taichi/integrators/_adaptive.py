@@ -13,6 +13,12 @@ from mpp_taichi.precision import FARTHEST_PAIR_IN_SINGLE
 from mpp_taichi.scene.physics_checks import LARGEST_COORDINATE
 from mpp_taichi.types import Template
 
+NEAR_REST = 1e-3
+"""Part of the time from rest across the system: the shortest time of change of a system of several particles."""
+
+LONG_BESIDE_ROUNDING = 1e6
+"""Roundings of the time in the shortest time of change: a first step, some 10⁻⁴ of this time, is many of them."""
+
 
 @ti.data_oriented
 class Adaptive(Integrator):
@@ -174,15 +180,18 @@ class Adaptive(Integrator):
         state.clock[self.CLOCK * r + 1] = 0.0
 
     @ti.func
-    def time_of_change(self, state: Template, fastest, most, widest, dt):
+    def time_of_change(self, state: Template, fastest, most, widest, time, dt):
         """Time in which the largest acceleration doubles the largest speed, or carries a particle from rest across the system.
 
         It is dt where nothing moves and nothing is accelerated. Where accelerations are next to nothing, it ends before a
-        particle is so far away that the cube of its distance is no number.
+        particle is so far away that the cube of its distance is no number. Speeds next to nothing, such as a rounding error,
+        double in no time and tell nothing: the time is at least NEAR_REST of the time from rest across the system, and so long
+        that a small part of it still changes `time`.
         """
         result = ti.cast(dt, state.wide)
         if most > 0.0 and fastest > 0.0:
-            result = ti.min(fastest / most, ti.static(farthest()) / fastest)
+            doubled = ti.max(fastest / most, NEAR_REST * ti.sqrt(widest / most), LONG_BESIDE_ROUNDING * 2.0**-52 * ti.abs(time))
+            result = ti.min(doubled, ti.static(farthest()) / fastest)
         elif most > 0.0 and widest > 0.0:
             result = ti.sqrt(widest / most)
         return result

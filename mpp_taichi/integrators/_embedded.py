@@ -133,7 +133,7 @@ class Embedded(Adaptive):
             state.position_rest[i], state.velocity_rest[i] = zero, zero
             state.start_acceleration[i] = found
             self._keep(state, total_force, first, i, 0, found)
-        following = self.time_of_change(state, fastest, most, widest, dt)
+        following = self.time_of_change(state, fastest, most, widest, time, dt)
         state.clock[self.CLOCK * r + 2] = state.control[self.CONTROL * r + 1] * following
         state.judged[2 * r] = 1.0
         state.judged[2 * r + 1] = 0.0

@@ -90,7 +90,7 @@ class Ias15(Adaptive):
             fastest = ti.max(fastest, ti.cast(state.velocity[i].norm(), state.wide))
             most = ti.max(most, ti.cast(self.found(state, total_force, first, i, time).norm(), state.wide))
             widest = ti.max(widest, ti.cast((state.position[i] - state.position[first]).norm(), state.wide))
-        state.clock[self.CLOCK * r + 2] = FIRST_SHARE * self.time_of_change(state, fastest, most, widest, dt)
+        state.clock[self.CLOCK * r + 2] = FIRST_SHARE * self.time_of_change(state, fastest, most, widest, time, dt)
         zero = ti.Vector.zero(float, state.dimensions)
         for i in range(first, first + total_force.particle_count):
             state.start_position[i] = state.position[i]

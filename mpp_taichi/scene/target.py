@@ -29,11 +29,28 @@ class TargetSpec:
         return self.of or self.quantity
 
 
+class QuantityName(Field):
+    """The name of a quantity, without its parameters."""
+
+    text = Text()
+
+    def check(self, value: Any, context: Context) -> str:
+        """Refuse a quantity with its parameters, which stand elsewhere."""
+        if isinstance(value, dict) and value:
+            name = next(iter(value))
+            raise Wrong(f"must be a name: write of: {name}, and the parameters into expect:, as in expect: {{{name}: {{…}}}}")
+        return self.text.check(value, context)
+
+    def schema(self) -> dict[str, Any]:
+        """A string."""
+        return self.text.schema()
+
+
 class Target(Field):
     """A number, {position: number}, {energy: number}, or {of: name of a quantity, below: number}."""
 
     number = Number(above=0.0, maximum=LARGEST)
-    name = Text()
+    name = QuantityName()
 
     def check(self, value: Any, context: Context) -> TargetSpec:
         """Check the number and the quantity; the name of a quantity of `expect:` is checked together with `expect:`."""

@@ -10,6 +10,12 @@ from mpp_taichi.step.launcher import Launcher
 MOST_STEPS = 2**31 - 1
 """Steps of the method that its counter counts; a launch that needs more would take hours, and cannot be interrupted."""
 
+TRIAL_STEPS = 1000
+"""Steps of the known length that are tried where a launch seems to need too many."""
+
+LENGTHENED = 2.0
+"""Ratio of the lengths after and before a trial, from which on steps are still becoming longer."""
+
 
 @ti.data_oriented
 class AdaptiveSteps(Launcher):
@@ -25,26 +31,38 @@ class AdaptiveSteps(Launcher):
             self._control = control
         with self.parts.quickly():
             self._begin_steps(time, dt)
-        lengths = self.integrator.first_lengths(self.state)
-        self._first_length = float(np.min(lengths, where=lengths > 0.0, initial=np.inf))
+        self._length = self._shortest(self.integrator.first_lengths(self.state))
 
     def check_span(self, span: float) -> None:
         """Refuse a time that is too long for one launch.
 
         Raises:
-            CapacityError: the method would take more than `MOST_STEPS` steps of the length with which it begins.
+            CapacityError: the method would take more than `MOST_STEPS` steps of the length that is known of its steps.
         """
-        if span > MOST_STEPS * self._first_length:
+        if span > MOST_STEPS * self._length:
             raise CapacityError(
-                f"a time of {span:.3g} between samples is about {span / self._first_length:.2g} steps of "
-                f"{self._first_length:.3g}, with which the method begins, allowed: {MOST_STEPS:,}; take a shorter dt"
+                f"a time of {span:.3g} between samples is about {span / self._length:.2g} steps of "
+                f"{self._length:.3g}, as the method takes them, allowed: {MOST_STEPS:,}; take a shorter dt"
             )
 
     def launch(self, time: float, dt: float, first: int, last: int) -> None:
         """Steps until one ends at time + last · dt or later, and the state shown at that time."""
-        self.check_span((last - first) * dt)
+        span = (last - first) * dt
         with self.compiled():
+            # The first step may be short by chance: it is known after some steps whether all are. To stop changes no bit.
+            while span > MOST_STEPS * self._length:
+                known = self._length
+                self._advance(time + first * dt + TRIAL_STEPS * known)
+                self._length = max(known, self._shortest(self.integrator.lengths(self.state)))
+                if self._length < LENGTHENED * known:
+                    self.check_span(span)
+                    break
             self._advance(time + last * dt)
+
+    @staticmethod
+    def _shortest(lengths: np.ndarray) -> float:
+        """The shortest of the steps that some replicas have taken [time]; infinite where none has."""
+        return float(np.min(lengths, where=lengths > 0.0, initial=np.inf))
 
     @ti.kernel
     def _begin_steps(self, time: ti.f64, dt: ti.f64):

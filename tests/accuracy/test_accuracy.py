@@ -19,6 +19,7 @@ from mpp_taichi.accuracy import chaos, front
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.ladder import Ladder
 from mpp_taichi.accuracy.machine import Machine
+from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.reference import Convergence, converge
 from mpp_taichi.accuracy.reference_search import MOST_BUDGETS
@@ -31,6 +32,7 @@ from mpp_taichi.accuracy.workbench import Workbench
 from mpp_taichi.cli.main import main
 from mpp_taichi.device.backends import import_taichi
 from mpp_taichi.scene.load import load_scene
+from mpp_taichi.step import adaptive_steps
 from scenes import kepler
 
 ECCENTRICITY = 0.3
@@ -248,6 +250,14 @@ def test_a_run_that_blows_up_is_a_row_with_the_reason():
     assert sample.status == "diverged" and "out of bounds before t =" in sample.reason and sample.end is None
 
 
+def test_a_run_of_more_own_steps_than_can_be_counted_is_a_row_with_the_reason(monkeypatch):
+    """The study goes on with other methods."""
+    machine = machine_of({**kepler(ECCENTRICITY, dt=0.01), "run": {"duration": SPAN}}, "adaptive_bogacki_shampine")
+    monkeypatch.setattr(adaptive_steps, "MOST_STEPS", 2)  # of some 10 between two samples
+    sample, _ = machine.run(machine.configuration(LOOKS), Budget(1e9))
+    assert sample.status == "diverged" and "steps of" in sample.reason and sample.end is None
+
+
 # --- fronts and words -------------------------------------------------------------------------------------------------
 
 
@@ -339,6 +349,23 @@ def test_the_sentence_says_what_ten_times_less_and_more_time_would_buy():
     assert "ten times this time buys 1.6e-07 (leapfrog in f64, dt = 0.0004)" in said
     alone = verdict(rows[2:3], "position", 2e-5)
     assert "faster" not in alone and "this time buys" not in sentence(alone)
+
+
+def test_the_sentence_says_what_other_precisions_take():
+    """Times and floors of errors as they are for few bodies: df64 ten times as dear as f64, f32 at 10⁻⁵."""
+    from mpp_taichi.accuracy.verdict import verdict
+
+    rows = [
+        front.StudyRow(
+            Sample(Configuration("leapfrog", steps, precision, "cpu"), 1.0 / steps, evaluations=steps, seconds=[cost * steps]),
+            *[MeasuredError(max(1.0 / steps**2, floor))] * 5,
+        )
+        for precision, cost, floor in (("f64", 1e-6, 0.0), ("df64", 1e-5, 0.0), ("ds", 3e-6, 1e-5), ("f32", 1e-6, 1e-5))
+        for steps in (32, 2000)
+    ]
+    said = sentence(verdict(rows, "position", 1e-6))
+    assert "in df64 the same takes 20 ms (10× as long), in ds and f32 nothing that was tried reaches it" in said
+    assert "in df64" not in sentence(verdict(rows[:2], "position", 1e-6))
 
 
 def test_the_sentence_says_what_other_backends_take_and_what_a_film_needs():

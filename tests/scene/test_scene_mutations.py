@@ -235,6 +235,11 @@ CHANGES = [
     ("run: {duration: 30}", "run: {duration: 30}\naccuracy: {of: steps, below: 1e-3}", "steps is the same for every method"),
     ("run: {duration: 30}", "run: {duration: 30}\naccuracy: {of: speed, below: 2}", "accuracy.below: 2 is not allowed"),
     ("run: {duration: 30}", "run: {duration: 30}\naccuracy: {of: [speed], below: 1e-3}", "accuracy.of: must be text"),
+    (
+        "run: {duration: 30}",
+        "run: {duration: 30}\naccuracy: {of: {speed: {of: a}}, below: 1e-3}",
+        "must be a name: write of: speed, and the parameters into expect:, as in expect: {speed: {…}}",
+    ),
     ("run: {duration: 30}", "rnu: {duration: 30}", "did you mean 'run'"),
     ("trails: 10", "trails: -1", "must be at least 0"),
     ("projection: perspective", "projection: fisheye", "allowed: orthographic, perspective"),

@@ -86,6 +86,26 @@ def test_a_sample_of_more_own_steps_than_can_be_counted_is_refused():
         simulation.run(steps=1)
 
 
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize("speed", [1e-9, 1e-20])
+@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("method", ["adaptive_bogacki_shampine", "adaptive_dop853", "ias15"])
+def test_a_speed_next_to_nothing_refuses_no_motion_and_stalls_none(method, held, speed):
+    """A body that falls, alone or beside a held one, from a phase that does not begin at t = 0; y = −g t²/2."""
+    moving = {"body": {"mass": 1.0, "position": [1, 0], "velocity": [speed, 0]}}
+    scene = {
+        "dimensions": 2,
+        "particles": [moving, *([{"body": {"mass": 1.0, "position": [0, 0], "free": False}}] if held else [])],
+        "forces": [{"uniform_gravity": {"acceleration": [0, -9.81]}}],
+        "integrator": {method: {"dt": 0.1}},
+    }
+    with Simulation(scene, backend="cpu", precision="f64") as simulation:
+        simulation.launcher.prepare(8.0, 0.1)  # at which a step of 1e-20 would not change the time
+        simulation.launcher.advance(8.0, 0.1, 0, 10)
+        assert simulation.snapshot().position[0] == pytest.approx([1.0, -0.5 * 9.81, 0.0], abs=2e-9)
+        assert simulation.launcher.facts()["step_control"]["steps"] < 1000  # 400 are enough for the lowest order
+
+
 @pytest.mark.parametrize("mass", [1e-300, 1e300])
 def test_a_mass_that_single_precision_does_not_have_is_refused_by_name(mass):
     scene = orbit(leapfrog={"dt": 0.1})
