@@ -4,6 +4,7 @@ The answer to a request is known by the row, the command, the fields of the requ
 name, and how often this was asked before. Failures are not kept: what failed is tried again.
 """
 
+import copy
 import hashlib
 import json
 from collections import Counter
@@ -51,7 +52,7 @@ class KeptWorker:
         if known is None:
             answer = self._asked_now(key, command, within, fields)
         else:
-            answer = known["answer"]
+            answer = copy.deepcopy(known["answer"])
             if known["arrays"]:
                 np.savez(fields["to"], **known["arrays"])
         if command in PREPARING:
@@ -67,7 +68,7 @@ class KeptWorker:
             with np.load(fields["to"], allow_pickle=False) as found:
                 arrays = {name: found[name] for name in found.files}
         if sum(each.nbytes for each in arrays.values()) <= MOST_BYTES:
-            self._journal.put(key, {"answer": answer, "arrays": arrays})
+            self._journal.put(key, {"answer": copy.deepcopy(answer), "arrays": arrays})  # it is written later
             self._kept()
         return answer
 

@@ -120,6 +120,6 @@ def cases() -> list[Case]:
             ["accuracy", "s.yaml", *few, "--json"],
             errors,
             ("accuracy", "--help"),
-            "out/s.accuracy/journal",
+            "out/s.accuracy/samples-*.json",
         ),
     ]
