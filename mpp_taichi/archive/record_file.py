@@ -14,6 +14,7 @@ machine or the program ended while it was being written. There is no index in th
 import os
 import struct
 import zlib
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -191,8 +192,9 @@ class RecordFile:
         return next((record for record in reversed(self.records) if record.kind == kind), None)
 
     def close(self) -> None:
-        """Close the file."""
-        self._stream.close()
+        """Close the file; what a full disk has not taken of a record is dropped."""
+        with suppress(OSError):  # every whole record is on the disk already
+            self._stream.close()
 
     def _write(self, *parts: bytes) -> None:
         for data in parts:

@@ -15,6 +15,7 @@ BACKENDS = ("cpu", "cuda", "vulkan", "metal")
 PROBE_SECONDS = 60
 PROBE_REVISION = 2  # raise when a probe changes
 TAICHI_VERSION = "1.7.4"
+DRIVER_FOLDERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 DRIVER_VARIABLES = ("VK_ICD_FILENAMES", "VK_DRIVER_FILES", "CUDA_VISIBLE_DEVICES")
 
 
@@ -39,16 +40,17 @@ def _try_in_child(backend: str) -> dict[str, Any]:
     search_path = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
     environment = dict(os.environ, PYTHONPATH=search_path)
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_SECONDS, env=environment, check=False)
+        done = subprocess.run(command, capture_output=True, timeout=PROBE_SECONDS, env=environment, check=False)
     except OSError as error:
         reason = f"no process for a trial start: {error.strerror or error}"
         return {"available": False, "reason": reason, "device": "", "software": False}
     except subprocess.TimeoutExpired:
         return {"available": False, "reason": f"it did not answer within {PROBE_SECONDS} s", "device": "", "software": False}
+    said, told = (stream.decode("utf-8", "replace").strip().splitlines() for stream in (done.stdout, done.stderr))
     try:
-        return json.loads(done.stdout.strip().splitlines()[-1])
+        return json.loads(said[-1])
     except (IndexError, ValueError):
-        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        last = (told or ["no message"])[-1]
         reason = f"a trial start ended with status {done.returncode}: {last}"
         return {"available": False, "reason": reason, "device": "", "software": False}
 
@@ -71,10 +73,12 @@ def remembered(name: str, find: Callable[[], dict[str, Any]], *, keep: Callable[
 
 
 def _driver_stamp() -> list[str]:
-    """Names and times of the installed Vulkan drivers, so that a new driver is tried."""
-    folders = [Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d")]
-    entries = [entry for folder in folders if folder.is_dir() for entry in sorted(folder.iterdir())]
-    return [f"{entry.name}:{entry.stat().st_mtime_ns}" for entry in entries]
+    """Names and times of the installed Vulkan drivers, so that a new driver is tried; a link to nothing has its own time."""
+    entries: list[Path] = []
+    for folder in DRIVER_FOLDERS:
+        with contextlib.suppress(OSError):  # it does not exist, or may not be read
+            entries += sorted(folder.iterdir())
+    return [f"{entry.name}:{(entry.stat() if entry.exists() else entry.lstat()).st_mtime_ns}" for entry in entries]
 
 
 def cache_folder() -> Path:

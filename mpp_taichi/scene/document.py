@@ -147,7 +147,8 @@ def read_text(text: str, file: str, faults: Faults) -> Node:
 
 def _composed(text: str, file: str) -> Any:
     yaml_limits.check_events(text, file)
-    return yaml.compose(text, Loader=yaml_limits.LOADER)
+    with yaml_limits.syntax_told(text, file):
+        return yaml.compose(text, Loader=yaml_limits.LOADER)
 
 
 def _with_rows(cut: rows.Cut, file: str, faults: Faults) -> Node | None:

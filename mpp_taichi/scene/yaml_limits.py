@@ -6,6 +6,7 @@ that breaks a limit; only after that does the composer, which is recursive and i
 
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,6 +63,7 @@ def check_events(text: str, file: str) -> None:
     """Refuse bombs, tags, several documents and bad syntax, at the place where a limit is broken."""
     stack: list[_Open] = []
     anchors: dict[str, _Open] = {}
+    named: dict[str, int] = {}  # line of each anchor, from 1
     total = documents = 0
 
     def refuse(event: Any, message: str) -> None:
@@ -89,7 +91,9 @@ def check_events(text: str, file: str) -> None:
             total += 1
             entry = _Open(event.anchor)
             if event.anchor:
-                anchors.pop(event.anchor, None)  # an anchor is defined only after its node has ended
+                if event.anchor in named:
+                    refuse(event, f"the anchor &{event.anchor[:40]} stands in line {named[event.anchor]} already")
+                named[event.anchor] = event.start_mark.line + 1
             if kind is yaml.ScalarEvent:
                 if len(event.value) > TEXT_ALLOWED:
                     refuse(event, f"a text of {len(event.value)} characters, allowed: {TEXT_ALLOWED}")
@@ -109,8 +113,15 @@ def check_events(text: str, file: str) -> None:
 
 
 def _events(text: str, file: str) -> Iterator[Any]:
-    try:
+    with syntax_told(text, file):
         yield from yaml.parse(text, Loader=LOADER)
+
+
+@contextmanager
+def syntax_told(text: str, file: str) -> Iterator[None]:
+    """A block in which an error of YAML's parser becomes a SceneError with the place and the cause."""
+    try:
+        yield
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = f"{file}:{mark.line + 1}:{mark.column + 1}" if mark else f"{file}:1:1"

@@ -121,6 +121,25 @@ def test_a_full_disk_takes_back_the_part_of_a_record(tmp_path, monkeypatch):
     assert [again.read(record) for record in again.records] == [b"first", b"third"]
 
 
+def test_a_file_without_room_for_a_record_keeps_the_others_and_can_be_closed(tmp_path):
+    """A run goes on without its archive, so no step of giving it up may raise."""
+    resource = pytest.importorskip("resource")  # POSIX
+    path = tmp_path / "a.run"
+    file = RecordFile.create(path)
+    file.append(STATE, b"first")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200, before[1]))  # writes beyond it fail as on a full disk
+    try:
+        with pytest.raises(OutputError, match="cannot be written"):
+            file.append(STATE, b"x" * 1000)
+        file.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    again = RecordFile.open(path)
+    assert [again.read(record) for record in again.records] == [b"first"]
+    again.close()
+
+
 def test_outputs_are_never_thinned_out_and_do_not_count(tmp_path, monkeypatch):
     monkeypatch.setattr(record_file, "MOST_BYTES", 1000)
     file = RecordFile.create(tmp_path / "a.run")

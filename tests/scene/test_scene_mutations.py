@@ -328,6 +328,8 @@ WHOLE_FILES = {
     "truncated": (GOOD[: GOOD.index("velocity")].encode(), "not valid YAML"),
     "too large": (b"# " + b"x" * (32 << 20), "larger than 32 MiB; put bulk particles into a .npz or .csv file"),
     "recursive alias": (b"a: &x [*x]\n", "refers to itself"),
+    "anchor twice": (b"a: &x 1\nb: &x 2\n", "the anchor &x stands in line 1 already"),
+    "anchor within itself": (b"a: &x [1, &x 2]\n", "the anchor &x stands in line 1 already"),
     "merge bomb": (b"a: &a {b: 1}\nc: {<<: *a}\n", "merge keys"),
 }
 

@@ -6,12 +6,14 @@ Targets: tree (the guard of YAML), scene (the whole reader), expression, overrid
 (pip install atheris; Linux and macOS) new inputs are led by the lines of the program that they reach; without it they are
 random changes of the seeds, which finds less. Inputs that reach something new are kept in the folder of the corpus, at most
 `MOST_KEPT` for a target; an input at fault is kept as crash-…, timeout-… or oom-… beside them. Exit code 1 if there is one.
+An input hangs where it takes HANG_SECONDS of processor time, or ten times as long by the clock: other programs may be busy.
 """
 
 import argparse
 import faulthandler
 import importlib.util
 import random
+import re
 import resource
 import subprocess
 import sys
@@ -24,6 +26,7 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))  # so that it also runs from a checkout that is not installed
 
 HANG_SECONDS, MEMORY_MIB, LONGEST = 5, 1024, 4096
+BUSY = 10  # times as long, by the clock, an input may take beside other programs
 MOST_KEPT = 300  # inputs of a corpus, the smallest first
 PROGRAM = "mpp_taichi"
 TEXTS = {
@@ -123,12 +126,15 @@ def reader(target):
     read = own.get(target, imported)
 
     def run(data):
+        began = time.process_time()
         try:
             read(data)
         except (MppError, expressions.ExpressionError):
             pass
         finally:
             file.unlink(missing_ok=True)
+        if (taken := time.process_time() - began) > HANG_SECONDS:
+            raise TimeoutError(f"{taken:.1f} s of processor time for one input")
 
     return run
 
@@ -146,7 +152,12 @@ def run_guided(target, corpus, seconds):
 
     with atheris.instrument_imports(include=[PROGRAM]):
         read = reader(target)
-    limits = [f"-max_total_time={seconds}", f"-timeout={HANG_SECONDS}", f"-rss_limit_mb={MEMORY_MIB}", f"-max_len={LONGEST}"]
+    limits = [
+        f"-max_total_time={seconds}",
+        f"-timeout={BUSY * HANG_SECONDS}",
+        f"-rss_limit_mb={MEMORY_MIB}",
+        f"-max_len={LONGEST}",
+    ]
     atheris.Setup([target, *limits, f"-artifact_prefix={corpus}/", "-print_final_stats=1", "-verbosity=0", str(corpus)], read)
     atheris.Fuzz()
 
@@ -159,7 +170,7 @@ def run_random(target, corpus, seconds):
     while time.monotonic() < end:
         data = changed(given, chance)
         (corpus / "latest").write_bytes(data)
-        faulthandler.dump_traceback_later(HANG_SECONDS, exit=True)
+        faulthandler.dump_traceback_later(BUSY * HANG_SECONDS, exit=True)
         try:
             read(data)
         except BaseException:
@@ -218,9 +229,9 @@ def main():
         words = [sys.executable, __file__, target, "--seconds", str(arguments.seconds), "--corpus", str(arguments.corpus)]
         done = subprocess.run([*words, "--child"], capture_output=True, text=True, errors="replace", check=False)
         at_fault = tidy(corpus)
-        count = done.stderr.rpartition("number_of_executed_units:")[2].split()
+        count = re.findall(r"number_of_executed_units: *(\d+)", done.stderr)
         way = "led by coverage" if guided else "at random"
-        sys.stdout.write(f"{target}: {count[0] if count else 'unknown'} inputs {way}, {len(at_fault)} at fault\n")
+        sys.stdout.write(f"{target}: {count[-1] if count else 'an unknown number of'} inputs {way}, {len(at_fault)} at fault\n")
         sys.stdout.flush()
         if at_fault or done.returncode:
             sys.stdout.write("\n".join(f"    {line}" for line in (done.stderr + done.stdout).strip().splitlines()[-25:]) + "\n")
