@@ -7,7 +7,7 @@ from typing import Any
 import yaml
 
 from mpp_taichi.errors import MppError, SceneError
-from mpp_taichi.scene import overrides, right_half
+from mpp_taichi.scene import overrides, repeat_words, right_half
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.right_half import DEVICE_SETTINGS
 from mpp_taichi.scene.spec import SceneSpec
@@ -46,6 +46,8 @@ class Beside:
             key = key.strip().removeprefix("+")
             for found, spec, device in zip(lines, (left, self.scene), (left_device, right_device)):
                 line = f"{key}: {device[key]}" if key in DEVICE_SETTINGS else _told(key, spec)
+                if repeat_words.WORD in overrides.steps(key):  # the text of a repeat, which is written out in both scenes
+                    line = f"{key}: {_short(value.strip()) if spec is self.scene else 'as written'}"
                 if line not in found:
                     found.append(line)
         return lines
@@ -83,8 +85,9 @@ def beside(left: SceneSpec, said: Sequence[str], source: Any, given: Sequence[st
 def _as_said(fault: str, own: dict[str, str]) -> str:
     """A fault, placed at the option that has caused it."""
     for override, text in own.items():
-        if fault.startswith(place := f"--set {override}:"):
-            return f"--beside {text}:{fault.removeprefix(place)}"
+        place = f"--set {override}"
+        if fault.startswith((f"{place}:", f"{place} (")):  # in a repeat the value of its variable stands behind it
+            return f"--beside {text}{fault.removeprefix(place)}"
     return fault
 
 

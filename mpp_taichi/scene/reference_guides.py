@@ -30,9 +30,9 @@ integrator: {leapfrog: {dt: 1e-3}}
 run: {duration: 1}
 ```
 
-`--set particles[1].repeat.count=20` changes the text of a repeat: a path through `repeat` counts the entries as they are
-written. Every other path, also in `timeline:` and `sliders:`, counts them after the repeats are written out:
-`particles[3].body.mass`.
+`mpp-taichi pendulum_wave --set "particles[1].repeat.body.radius=0.02"` changes the text of a repeat: a path through `repeat`
+counts the entries as they are written. Every other path, also in `timeline:` and `sliders:`, counts them after the repeats are
+written out: `particles[13].body.radius` is the second of these balls.
 
 | key | default | meaning |
 |---|---|---|"""

@@ -12,18 +12,17 @@ from mpp_taichi import component
 from mpp_taichi.scene import yaml_limits
 from mpp_taichi.scene.did_you_mean import choices
 from mpp_taichi.scene.document import Node
-from mpp_taichi.scene.expressions import RESERVED, ExpressionError
+from mpp_taichi.scene.expressions import RESERVED
 from mpp_taichi.scene.faults import Faults, shown
 from mpp_taichi.scene.fields import Context, Whole, Wrong
-from mpp_taichi.scene.location import Location
 from mpp_taichi.scene.messages import key_text
 from mpp_taichi.scene.model import KIND_OF_KEY, available
 from mpp_taichi.scene.named_numbers import named_numbers
-from mpp_taichi.scene.repeat_text import NO_SHIFTS, USES, Use, filled
+from mpp_taichi.scene.repeat_copies import Copies, Variables, where
+from mpp_taichi.scene.repeat_text import USES, Use
 from mpp_taichi.scene.repeat_words import COUNT, ENTRIES, KEYS, VARIABLE, VARIABLE_WHEN_ABSENT, WORD
 
 _Path = tuple[Any, ...]
-_Variables = Mapping[str, int]
 
 
 def present(tree: Node) -> bool:
@@ -104,7 +103,7 @@ class _Expansion:
         self.uses: dict[str, Mapping[str, Use]] = {}  # of the parameters of each component
         self.read: dict[int, _Repeat | None] = {}  # by the identity of the node, which stands in the tree of the scene
 
-    def written_out(self, entries: list[Node], path: _Path, variables: _Variables) -> Iterator[Node]:
+    def written_out(self, entries: list[Node], path: _Path, variables: Variables) -> Iterator[Node]:
         """The entries of a list, with those of its repeats."""
         for number, entry in enumerate(entries):
             repeat = _repeat_of(entry)
@@ -113,7 +112,7 @@ class _Expansion:
             else:
                 yield self._entry(entry, (*path, number), variables) if variables else entry
 
-    def _repeated(self, repeat: Node, path: _Path, outer: _Variables) -> Iterator[Node]:
+    def _repeated(self, repeat: Node, path: _Path, outer: Variables) -> Iterator[Node]:
         if id(repeat) not in self.read:
             self.read[id(repeat)] = self._read(repeat, path, outer)
         found = self.read[id(repeat)]
@@ -122,7 +121,7 @@ class _Expansion:
             return
         if not self.room.takes(count * found.size):
             told = f"makes {shown(count)} × {found.size} values, and with those of all other repeats more than"
-            place = replace(repeat.value[COUNT].location, where=_where(outer))
+            place = replace(repeat.value[COUNT].location, where=where(outer))
             self.faults.add(place, key_text((*path, COUNT)), f"{told} {yaml_limits.NODES_ALLOWED:,}; {yaml_limits.IN_BULK}")
             raise _TooMany
         content, below = repeat.value[found.word], (*path, found.word)
@@ -135,7 +134,7 @@ class _Expansion:
             else:
                 yield self._entry(repeat.with_value({found.word: content}), path, variables)
 
-    def _read(self, repeat: Node, path: _Path, outer: _Variables) -> "_Repeat | None":
+    def _read(self, repeat: Node, path: _Path, outer: Variables) -> "_Repeat | None":
         """The parts of a repeat that are the same whenever it is written out; None where a fault is reported."""
         before, given, key = len(self.faults.found), repeat.value, key_text(path)
         if not isinstance(given, dict):
@@ -156,7 +155,10 @@ class _Expansion:
             return None
         word = contents[0]
         content = given[word]
-        variable = self._variable(repeat, path, outer, word)
+        variable = self._variable(repeat, path, outer)
+        for name in sorted(self._values_of_each_particle(word, content) & {variable, *outer}):
+            told = f"{shown(name)} is a value of each particle here, so that a variable needs another name"
+            self.faults.add(content.place, key_text((*path, word)), told)
         size = 1 if word == WORD else 1 + _size(content)
         if word == ENTRIES and not isinstance(content.value, list):
             told = f"must be a list of entries, not {shown(content.plain())}"
@@ -165,7 +167,7 @@ class _Expansion:
             size = 1 + sum(1 if _repeat_of(entry) is not None else _size(entry) for entry in content.value)
         return None if len(self.faults.found) > before else _Repeat(variable, word, size)
 
-    def _variable(self, repeat: Node, path: _Path, outer: _Variables, word: str) -> str:
+    def _variable(self, repeat: Node, path: _Path, outer: Variables) -> str:
         node = repeat.get(VARIABLE)
         name = VARIABLE_WHEN_ABSENT if node is None else node.value
         told = ""
@@ -177,28 +179,30 @@ class _Expansion:
             told = f"{shown(name)} is a constant of the scene, choose another name"
         elif name in outer:
             told = f"{shown(name)} is the variable of a repeat around this repeat, choose another name"
-        elif name in self._names_of_each_particle(word):
-            told = f"{shown(name)} is a value of each particle of a {word}, choose another name"
         if told:
             self.faults.add((node or repeat).location, key_text((*path, VARIABLE)), told)
         return str(name)
 
-    def _names_of_each_particle(self, word: str) -> set[str]:
-        if word in (ENTRIES, WORD):
-            return set()
-        return {name for each in component.declaration(self.kind, word).parameters for name in each.names}
+    def _values_of_each_particle(self, word: str, content: Node) -> set[str]:
+        """The names that expressions of repeated components may use for a value of each particle, such as u of a lattice."""
+        entries = content.value if word == ENTRIES and isinstance(content.value, list) else []
+        words = {key for entry in entries if isinstance(entry.value, dict) for key in entry.value} if entries else {word}
+        declared = [
+            component.declaration(self.kind, each) for each in words if component.find_file(self.kind, each) is not None
+        ]
+        return {name for each in declared for parameter in each.parameters for name in parameter.names}
 
-    def _count(self, node: Node, path: _Path, outer: _Variables) -> int | None:
+    def _count(self, node: Node, path: _Path, outer: Variables) -> int | None:
         try:
             return Whole(minimum=0).check(node.value, Context({**self.constants, **outer}))
         except Wrong as wrong:
             for _, offset, message in wrong.parts:
-                self.faults.add(replace(node.place_of(offset), where=_where(outer)), key_text(path), message)
+                self.faults.add(replace(node.place_of(offset), where=where(outer)), key_text(path), message)
             return None
 
-    def _entry(self, entry: Node, path: _Path, variables: _Variables) -> Node:
+    def _entry(self, entry: Node, path: _Path, variables: Variables) -> Node:
         """A copy of an entry with values for the variables."""
-        copy = _Copy(self, variables)
+        copy = Copies(variables, self.constants, self.faults)
         if not isinstance(entry.value, dict):
             return copy.of(entry, path, Use.TEXT)
         copied = {}
@@ -210,39 +214,6 @@ class _Expansion:
             copied[name] = copy.of(body, (*path, name), self.uses[name])
         begins = next(iter(entry.value.values())).place if entry.value else entry.location
         return Node(copied, copy.place(begins))
-
-
-class _Copy:
-    """Copies of nodes in which the variables have values."""
-
-    def __init__(self, expansion: _Expansion, variables: _Variables) -> None:
-        self.variables, self.constants, self.faults = variables, expansion.constants, expansion.faults
-        self.where = _where(variables)
-
-    def place(self, place: Location) -> Location:
-        return Location(place.file, place.line, place.column, self.where)
-
-    def of(self, node: Node, path: _Path, use: Use | Mapping[str, Use]) -> Node:
-        """A copy of a node; `use` tells what its texts are, or of a mapping the texts of each key."""
-        value, shifts = node.value, NO_SHIFTS
-        if isinstance(value, dict):
-            of_keys, default = (use, Use.NUMBER) if isinstance(use, Mapping) else ({}, use)
-            value = {key: self.of(each, (*path, key), of_keys.get(key, default)) for key, each in value.items()}
-        elif isinstance(value, list):
-            below = Use.NUMBER if isinstance(use, Mapping) else use
-            value = [self.of(each, (*path, number), below) for number, each in enumerate(value)]
-        elif isinstance(value, str) and isinstance(use, Use):
-            try:
-                value, shifts = filled(value, self.variables, self.constants, use)
-            except ExpressionError as error:
-                self.faults.add(self.place(node.place_of(error.offset)), key_text(path), str(error))
-        begins = None if node.key_location is None else self.place(node.key_location)
-        return Node(value, self.place(node.location), begins, node.text_column, None, shifts)
-
-
-def _where(variables: _Variables) -> str:
-    """The values of the variables, as `Location` has them."""
-    return ", ".join(f"{name} = {value}" for name, value in variables.items())
 
 
 def _size(node: Node) -> int:

@@ -271,6 +271,22 @@ def test_captions_say_what_either_half_has(scene):
 OTHER = {"record": {"beside": {"dt": 0.05, "integrator": "rk4"}}}
 
 
+def test_the_text_of_a_repeat_differs_in_the_right_half():
+    body = {"mass": "1 + i", "position": ["i", 0, 0]}
+    source = {"particles": [{"repeat": {"count": 3, "body": body}}], "integrator": {"leapfrog": {"dt": 0.1}}}
+    left = load_scene(source)
+    right = beside(left, ["particles.repeat.body.mass=5", "particles[1].body.radius=0.1"], source, [])
+    assert [entry.parameters["mass"] for entry in right.scene.particles] == [5.0, 5.0, 5.0]
+    assert right.scene.particles[1].parameters["radius"] == 0.1
+    lines = right.captions(left, {}, {})
+    assert [found[0] for found in lines] == ["particles.repeat.body.mass: as written", "particles.repeat.body.mass: 5"]
+    with pytest.raises(mpp.SceneError) as caught:
+        beside(left, ["particles.repeat.body.mass=-i"], source, [])
+    assert caught.value.faults[0].startswith(
+        "--beside particles.repeat.body.mass=-i (i = 1): particles[1].body.mass: -1 is not"
+    )
+
+
 def test_a_scene_says_itself_what_is_beside_it(scene, capsys):
     words = ["--inspect", "d.csv", "--still", "a.png", "--backend", "cpu", "--json", *FILM]
     assert main(["record", scene(**OTHER), *words]) == 0
