@@ -8,7 +8,7 @@ import numpy as np
 
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
 from mpp_taichi.snapshot import Snapshot
-from mpp_taichi.start.contact_setup import ContactSetup, contact_setup
+from mpp_taichi.start.contact_setup import ContactSetup, contact_setup, enclosure_of
 
 from .devices import Device, Refused
 from .n_body import PairForce
@@ -128,6 +128,8 @@ def _contact_reason(spec: SceneSpec) -> str:
         return f"walls without contacts ({spec.walls[0].name})" if spec.walls else ""
     if spec.contacts.solver.name not in SOLVERS:
         return f"the contact solver {spec.contacts.solver.name}, there is {', '.join(SOLVERS)}"
+    if segments := enclosure_of(spec).segments:
+        return f"{segments[0].label}, there are planes, cylinders and spheres"
     return "contacts under rk4, whose drifts are no straight ways" if spec.integrator.name == "rk4" else ""
 
 

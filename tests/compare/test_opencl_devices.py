@@ -84,10 +84,12 @@ def test_a_device_that_is_here_is_found_by_its_id(opencl):
 SWEPT = spheres(5) | {"contacts": {"hard_spheres": {"solver": "swept"}}}
 DRIVEN = cluster(5) | {"forces": [{"harmonic_drive": {"force": [1, 0, 0], "angular_frequency": 1.0}}]}
 CHANGING = everything() | {"timeline": [{"at": 0.1, "set": {"forces.linear_drag.coefficient": 0.5}}]}
+BIN = [{"polygon": {"points": [[0, 0, 0], [90, 0, 0], [90, 90, 0]], "closed": False}}]
 REFUSALS = {
     "integrator": (cluster(5, integrator="yoshida4"), {}, "integrator yoshida4, there are leapfrog, velocity_verlet, rk4"),
     "force": (DRIVEN, {}, "force harmonic_drive, there are newtonian_gravity, "),
     "solver": (SWEPT, {}, "contact solver swept, there is pairwise"),
+    "wall": (spheres(5, walls=BIN), {}, "walls[1].polygon, side 0, there are planes, cylinders and spheres"),
     "timeline": (CHANGING, {}, "timeline"),
     "precision": (cluster(5), {"precision": "ds"}, "precision ds, there are f32, f64"),
     "variant": (cluster(5), {"variant": "tree"}, "no variant 'tree' of the direct sum"),

@@ -1,4 +1,4 @@
-"""The pictures of README.md and docs/scenes.md: films of ten seconds and stills of six scenes in 1920 × 1080, with no display.
+"""Pictures of README.md and docs/scenes.md: films of ten seconds and stills of eight scenes in 1920 × 1080, without a display.
 
     python tools/make/make_gallery.py [--scenes ring …] [--into out/gallery] [--pictures docs/pictures]
 
@@ -13,9 +13,13 @@ from pathlib import Path
 from PIL import Image
 
 ROOT = Path(__file__).parents[2]
-SCENES = ("ring", "membrane", "newtons_cradle", "maxwell_boltzmann", "solar_system_moons", "pendulum_wave")
+SCENES = (
+    *("ring", "membrane", "newtons_cradle", "maxwell_boltzmann", "solar_system_moons", "pendulum_wave"),
+    *("galton", "hourglass"),
+)
 FILM = ("--size", "1920x1080", "--fps", "30", "--duration", "10")
 SMALL = (960, 540)
+UNTIL = {"galton": 12, "hourglass": 1.7}  # times of the last frames, where the end shows less
 
 
 def main():
@@ -28,6 +32,8 @@ def main():
     for name in arguments.scenes:
         film, still = arguments.into / f"{name}.mp4", arguments.into / f"{name}.png"
         command = [sys.executable, "-m", "mpp_taichi", "record", f"scenes/{name}.yaml"]
+        if name in UNTIL:
+            command += ["--set", f"run.duration={UNTIL[name]}"]
         subprocess.run([*command, "--video", str(film), "--still", str(still), *FILM, "--quiet"], cwd=ROOT, check=True)
         picture = Image.open(still).resize(SMALL, Image.Resampling.LANCZOS)
         picture.save(arguments.pictures / f"{name}.png", optimize=True)
