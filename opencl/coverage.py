@@ -1,7 +1,7 @@
 """What of a scene there are kernels for, and a named refusal of the rest."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -106,8 +106,18 @@ def _reason(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: str)
     if snapshot.merged_into is not None:
         return "spheres that merge"
     if spec.integrator.name not in INTEGRATORS:
-        return f"the integrator {spec.integrator.name}, there are {', '.join(INTEGRATORS)}"
+        offer = _offer(spec, snapshot, device, precision)
+        return f"the integrator {spec.integrator.name}, there are {', '.join(INTEGRATORS)}{offer}"
     return next((reason for force in spec.forces if (reason := _force_reason(force))), "") or _contact_reason(spec)
+
+
+def _offer(spec: SceneSpec, snapshot: Snapshot, device: Device, precision: str) -> str:
+    """The option with which the scene has all kernels, at its own step; nothing where more is missing."""
+    name, dt = INTEGRATORS[0], float(spec.integrator.parameters["dt"])
+    other = replace(spec, integrator=ComponentSpec(name, {"dt": dt}, spec.integrator.location))
+    if _reason(other, snapshot, device, precision):
+        return ""
+    return f'; --set "integrator={{{name}: {{dt: {dt:.6g}}}}}" has one'
 
 
 def _force_reason(force: ComponentSpec) -> str:

@@ -8,12 +8,14 @@ from mpp_taichi.accuracy.phase_studies import PhaseStudy
 from mpp_taichi.accuracy.study import Study
 from mpp_taichi.accuracy.verdict import sentence, verdict
 
+BROKEN_OFF = ("out of time", "interrupted", "unfinished")
+
 
 def findings(study: Study, target: float, phases: Sequence[PhaseStudy] = ()) -> dict[str, Any]:
     """All results, and the verdict for a target; with a timeline those of its phases too."""
     reference, chaos = study.reference, study.chaos
     rows = study.rows()
-    said = verdict(rows, study.quantity, target)
+    said = verdict(rows, study.quantity, target) | tried(study)
     return {
         "scene": study.problem.spec.source,
         "title": study.problem.spec.title,
@@ -40,6 +42,14 @@ def findings(study: Study, target: float, phases: Sequence[PhaseStudy] = ()) -> 
         "sentence": sentence(said, study.reason),
         "phases": [phase_facts(phase, target) for phase in phases],
     }
+
+
+def tried(study: Study) -> dict[str, Any]:
+    """The methods of which a run was done, all that suit the scene, and whether the budget ended before all were tried."""
+    begun = {row.sample.configuration.integrator for row in study.rows()} & set(study.methods)
+    ended = study.status in BROKEN_OFF or any(study.cut.values())
+    counts = {"methods_tried": len(begun), "methods_suited": len(study.methods)}
+    return {**counts, "budget_ended": ended and len(begun) < len(study.methods)}
 
 
 def phase_facts(phase: PhaseStudy, target: float) -> dict[str, Any]:

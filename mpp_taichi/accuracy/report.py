@@ -8,6 +8,7 @@ from xml.sax.saxutils import escape
 
 from mpp_taichi.accuracy import svg, table
 from mpp_taichi.accuracy.front import StudyRow
+from mpp_taichi.accuracy.prominent import Key, groups, prominent
 from mpp_taichi.accuracy.svg import Plot, PlotMark, Series
 from mpp_taichi.accuracy.verdict import duration
 
@@ -15,17 +16,6 @@ LIGHT = ("#2a6fcf", "#0f8a5f", "#b97a00", "#5b3db0", "#d23c3c", "#c2528b", "#0a7
 DARK = ("#6ea8ff", "#3ccb98", "#e8b13a", "#a994ff", "#ff7d7d", "#f08cc0", "#4cc6d4", "#c9a47a")
 EPSILON = 2.0**-52
 DECADES_APART = 2  # energy errors of two runs in the plot of energies
-EXPLANATION = (
-    "* on the front of error and time, + on the front of error and force evaluations, o the scene’s own setting. Position: "
-    "largest error of a particle at the end, and the root mean square over particles, relative to the size of the system. "
-    "Energy, momentum, angular momentum: largest relative error of the run. Times: medians of the steps without samples."
-)
-EXPLANATION_OF_WANTED = (
-    "* on the front of error and time, + on the front of error and force evaluations, o the scene’s own setting. The column "
-    "after the time: difference of the quantity from its reference value, over this value (or absolute, where the value is 0 "
-    "or an error itself); with several entries in expect: the largest. Energy, momentum, angular momentum: largest relative "
-    "error of the run."
-)
 STYLE = """
 :root { color-scheme: light dark; --paper: #ffffff; --field: #fafafa; --ink: #1c1f24; --quiet: #5a616b; --line: #d9dde3; %s }
 @media (prefers-color-scheme: dark) { :root { --paper: #14171b; --field: #1a1e23; --ink: #e8eaed; --quiet: #a3abb6;
@@ -41,7 +31,11 @@ svg text { fill: var(--quiet) } svg .label { fill: var(--ink); font-size: 13px }
 .field { fill: var(--field) } .grid { stroke: var(--line); stroke-width: 1 }
 .ring { fill: none; stroke: var(--ink); stroke-width: 1.5 }
 polyline { fill: none; stroke-width: 1.6 } .hollow { fill: var(--paper); stroke-width: 1.6 }
-.l-front { stroke: var(--quiet) }
+.l-front { stroke: var(--quiet) } .cq { fill: var(--quiet); stroke: var(--quiet) }
+.rest { opacity: .3 } .rest polyline { stroke-width: 1.1; pointer-events: stroke }
+.rest:hover { opacity: 1 } .rest:hover polyline { stroke-width: 3; stroke: var(--ink) } .rest:hover .cq { fill: var(--ink) }
+.many th, .many td { padding: .15rem .38rem } .many :is(th, td):last-child { white-space: normal; text-align: left }
+.key { color: var(--quiet); max-width: 60rem }
 .legend { display: flex; flex-wrap: wrap; gap: .3rem 1.1rem; list-style: none; padding: 0 }
 .legend svg { width: 26px; height: 14px; vertical-align: middle; margin-right: .35rem }
 .wide { overflow-x: auto } table { border-collapse: collapse; font-size: .88rem; font-variant-numeric: tabular-nums }
@@ -52,16 +46,17 @@ th:nth-child(-n+3), td:nth-child(-n+3) { text-align: left } .front td { font-wei
 
 def page(found: dict[str, Any], rows: Sequence[StudyRow], phases: Sequence[Sequence[StudyRow]] = ()) -> str:
     """The page; `found` is the study as plain data with `verdict` and `sentence`; `phases` are the rows of each phase."""
-    numbers = {name: k for k, name in enumerate(dict.fromkeys(row.sample.configuration.integrator for row in rows))}
+    shown = [] if found["quantity"] is None else prominent(rows, found["verdict"], found["quantity"])
+    numbers = {name: k for k, name in enumerate(dict.fromkeys(integrator for integrator, _, _ in shown))}
     title = f"What accuracy costs: {found['title'] or found['scene']}"
-    plots = _plots(found, rows, numbers)
+    plots = _plots(found, rows, numbers, shown)
     figures = [f"<figure>{svg.draw(plot)}<figcaption>{escape(' '.join(plot.notes))}</figcaption></figure>" for plot in plots]
     body = [
         _legend(rows, numbers),
         f'<div class="plots">{"".join(figures)}</div>',
         "<h2>Every run</h2>",
-        f'<p class="quiet">{escape(EXPLANATION if wanted_of(found) is None else EXPLANATION_OF_WANTED)}</p>',
         _table(rows, found["verdict"], wanted_of(found)),
+        f'<p class="key">{escape(" ".join(table.key(wanted_of(found))))}</p>',
         *(_phase(*each) for each in zip(found["phases"], phases)),
     ]
     return framed(title, found["sentence"], circumstances(found), body, machine(found))
@@ -141,44 +136,48 @@ def machine(found: dict[str, Any]) -> str:
     return f"{known['cpu']}, {known['system']}{others}; {versions}; {effort}{again}; {found['status']}"
 
 
-def _plots(found: dict[str, Any], rows: Sequence[StudyRow], numbers: dict[str, int]) -> list[Plot]:
+def _plots(found: dict[str, Any], rows: Sequence[StudyRow], numbers: dict[str, int], shown: Sequence[Key]) -> list[Plot]:
     quantity = found["quantity"]
     if quantity is None:
         return []
     told = f"error of {'position at the end' if quantity == 'position' else quantity}"
     verdict = found["verdict"]
-    ringed = "Rings: the front. Hollow: at most so much, the reference is no better. Dashed: not f64."
+    ringed = (
+        "In colour: the front, the scene’s own setting and well-known methods. Grey: all others, named under the pointer. "
+        "Rings: the front. Hollow: at most so much, the reference is no better. Dashed: not f64."
+    )
     return [
         Plot(
             "Error against time",
             "time of the stepping [s]",
             told,
-            _work(rows, numbers, quantity, verdict["time_front"], lambda row: row.seconds or math.nan),
+            _work(rows, numbers, shown, quantity, verdict["time_front"], lambda row: row.seconds or math.nan),
             (ringed,),
         ),
         Plot(
             "Error against force evaluations",
             "force evaluations",
             told,
-            _work(rows, numbers, quantity, verdict["evaluations_front"], lambda row: float(row.sample.evaluations)),
+            _work(rows, numbers, shown, quantity, verdict["evaluations_front"], lambda row: float(row.sample.evaluations)),
             (ringed,),
         ),
         *([_drift(rows, numbers, verdict)] if any(row.sample.energy_errors for row in rows) else []),
     ]
 
 
-def _groups(rows: Sequence[StudyRow]) -> dict[tuple[str, str, str], list[StudyRow]]:
-    groups: dict[tuple[str, str, str], list[StudyRow]] = {}
-    for row in rows:
-        configuration = row.sample.configuration
-        if row.sample.status == "ok":
-            groups.setdefault((configuration.integrator, configuration.precision, configuration.backend), []).append(row)
-    return groups
-
-
-def _work(rows: Sequence[StudyRow], numbers: dict[str, int], quantity: str, front: Sequence[str], cost: Any) -> list[Series]:
+def _work(
+    rows: Sequence[StudyRow],
+    numbers: dict[str, int],
+    shown: Sequence[Key],
+    quantity: str,
+    front: Sequence[str],
+    cost: Any,
+) -> list[Series]:
+    """A series for each method, precision and backend; those that are not `shown` are grey, and have no number."""
     series = []
-    for (integrator, precision, backend), group in _groups(rows).items():
+    found = groups(rows)
+    for integrator, precision, backend in (*(key for key in found if key not in shown), *shown):
+        group, is_shown = found[integrator, precision, backend], (integrator, precision, backend) in shown
         points = []
         for row in sorted(group, key=lambda row: row.sample.dt, reverse=True):
             error = row.error(quantity)
@@ -187,8 +186,15 @@ def _work(rows: Sequence[StudyRow], numbers: dict[str, int], quantity: str, fron
             said = f"{integrator} {precision} {backend}, {row.sample.setting}: {error}, {duration(row.seconds)}"
             strong = row.sample.configuration.key in front
             points.append(PlotMark(cost(row), error.bound, said, strong=strong, bound=error.value is None))
-        series.append(Series(f"{integrator} {precision} {backend}", numbers[integrator], points, dashed=precision != "f64"))
+        number = numbers[integrator] if is_shown else -1
+        name = _short_name(integrator, precision, backend) if is_shown else f"{integrator} {precision} {backend}"
+        series.append(Series(name, number, points, dashed=precision != "f64", labelled=is_shown))
     return series
+
+
+def _short_name(integrator: str, precision: str, backend: str) -> str:
+    """The name at the end of a line: f64 and the CPU are not told."""
+    return " ".join([integrator, *([precision] if precision != "f64" else []), *([backend] if backend != "cpu" else [])])
 
 
 def _drift(rows: Sequence[StudyRow], numbers: dict[str, int], verdict: dict[str, Any]) -> Plot:
@@ -200,7 +206,7 @@ def _drift(rows: Sequence[StudyRow], numbers: dict[str, int], verdict: dict[str,
         name = f"{configuration.integrator} {configuration.precision}, {row.sample.setting}"
         highest = itertools.accumulate(row.sample.energy_errors, max)
         points = [PlotMark(time, error, name) for time, error in zip(row.sample.times, highest)]
-        number, dashed = numbers[configuration.integrator], configuration.precision != "f64"
+        number, dashed = numbers.get(configuration.integrator, -1), configuration.precision != "f64"
         series.append(Series(name, number, points, marked=False, dashed=dashed, labelled=True))
     if shown:
         finest = min(shown, key=lambda row: row.sample.dt).sample
@@ -222,12 +228,15 @@ def _some(rows: Sequence[StudyRow], verdict: dict[str, Any]) -> list[StudyRow]:
 
 
 def _legend(rows: Sequence[StudyRow], numbers: dict[str, int]) -> str:
-    used = {row.sample.configuration.integrator for row in rows if row.sample.status == "ok"}
+    used = {integrator for integrator, _, _ in groups(rows)}
     entries = []
     for name, number in numbers.items():
         if name in used:
             line = f'<polyline class="l{number % 8}" points="0,7 26,7"/>'
             entries.append(f'<li><svg viewBox="0 0 26 14">{line}{svg.marker(number, 13, 7)}</svg>{escape(name)}</li>')
+    if others := len(used - set(numbers)):
+        line = '<g class="rest"><polyline class="l-front" points="0,7 26,7"/></g>'
+        entries.append(f'<li><svg viewBox="0 0 26 14">{line}</svg>{others} more method{"s" if others > 1 else ""}</li>')
     return f'<ul class="legend">{"".join(entries)}</ul>'
 
 
@@ -261,5 +270,6 @@ def _table(rows: Sequence[StudyRow], verdict: dict[str, Any], wanted: str | None
 def style_sheet() -> str:
     """The style sheet of a page, with the colours of its series in light and dark."""
     light, dark = (" ".join(f"--s{k}: {color};" for k, color in enumerate(colors)) for colors in (LIGHT, DARK))
-    series = "".join(f".c{k} {{ fill: var(--s{k}); stroke: var(--s{k}) }} .l{k} {{ stroke: var(--s{k}) }}\n" for k in range(8))
+    rules = ".c{k} { fill: var(--s{k}); stroke: var(--s{k}) } .l{k} { stroke: var(--s{k}) } svg .n{k} { fill: var(--s{k}) }\n"
+    series = "".join(rules.replace("{k}", str(k)) for k in range(8))
     return STYLE.replace("%%", "%").replace("%s", light, 1).replace("%s", dark, 1) + series + ".hollow { fill: var(--paper) }"

@@ -9,7 +9,10 @@ NAMESPACE = "http://www.w3.org/2000/svg"
 WIDTH, HEIGHT = 640, 400
 LEFT, RIGHT, TOP, BOTTOM = 70, 16, 14, 52
 MARKERS = ("circle", "square", "diamond", "triangle", "cross", "plus")
-RADIUS = 4.0
+RADIUS, SMALL = 4.0, 2.2  # of a marker, and of a grey one
+RIGHT_OF_END = (0.3, -0.7, 1.3, -1.7, 2.3, -2.7, 3.3, -3.7)  # heights of a line below the end at which a name is tried
+ABOVE_END = (-0.6, 1.2, -1.7, 2.2, -2.7, 3.2)  # where the name is on the line itself
+LETTER = 6.3  # pixels: the mean width of a letter of a name
 LINE_HEIGHT = 12.0
 TICKS = 8  # on a linear axis at most
 
@@ -27,7 +30,10 @@ class PlotMark:
 
 @dataclass(frozen=True)
 class Series:
-    """Points that belong together; `number` chooses colour and marker, `joined` draws a line, `marked` the points."""
+    """Points that belong together; `number` chooses colour and marker, `joined` draws a line, `marked` the points.
+
+    A series with a number below 0 is grey. Of many of them, one is brought out when the pointer is on it, with its name.
+    """
 
     name: str
     number: int
@@ -60,7 +66,8 @@ def draw(plot: Plot) -> str:
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" xmlns="{NAMESPACE}" aria-label={quoteattr(plot.title)}>',
         f"<title>{escape(plot.title)}</title>",
         *_axes(frame, plot),
-        *(line for series in plot.series for line in _series(frame, series)),
+        *(line for series in plot.series if series.number < 0 for line in _quiet(frame, series)),
+        *(line for series in plot.series if series.number >= 0 for line in _series(frame, series)),
         *_labels(frame, plot.series),
         "</svg>",
     ]
@@ -69,8 +76,8 @@ def draw(plot: Plot) -> str:
 
 def marker(number: int, x: float, y: float, *, hollow: bool = False, radius: float = RADIUS, said: str = "") -> str:
     """One marker; shape and colour go by the number, so that neither is needed to tell series apart."""
-    style = f"c{number % 8}" + (" hollow" if hollow else "")
-    shape = MARKERS[number % len(MARKERS)]
+    style = (f"c{number % 8}" if number >= 0 else "cq") + (" hollow" if hollow else "")
+    shape = MARKERS[number % len(MARKERS)] if number >= 0 else "circle"
     r = radius
     if shape == "circle":
         body = f'<circle class="{style}" cx="{x:.1f}" cy="{y:.1f}" r="{r:.1f}">'
@@ -173,18 +180,33 @@ def _power(decade: int) -> str:
 
 
 def _labels(frame: _Frame, series: Sequence[Series]) -> list[str]:
-    """Names at the ends of lines, each moved down until it is clear of the names before it."""
-    parts, taken = [], list[float]()
+    """Names at the ends of lines, each moved up or down until it is clear of the others; none where there is no room."""
+    parts: list[str] = []
+    taken: list[tuple[float, float, float]] = []  # left, right and base line of each name
     for each in series:
         points = [mark for mark in each.points if frame.shows(mark)]
         if not (each.labelled and points):
             continue
-        x, y = frame.x(points[-1].x), frame.y(points[-1].y) - 5.0
-        while any(abs(y - other) < LINE_HEIGHT for other in taken):
-            y += LINE_HEIGHT
-        taken.append(y)
-        parts.append(f'<text class="tick" x="{x:.1f}" y="{y:.1f}" text-anchor="end">{escape(each.name)}</text>')
+        x, y, wide = frame.x(points[-1].x), frame.y(points[-1].y), LETTER * len(each.name)
+        is_right = x + 7.0 + wide <= WIDTH - RIGHT
+        left = x + 7.0 if is_right else x - 7.0 - wide
+        for line in (y + shift * LINE_HEIGHT for shift in (RIGHT_OF_END if is_right else ABOVE_END)):
+            inside = TOP + LINE_HEIGHT <= line <= HEIGHT - BOTTOM - 3.0 and left >= LEFT
+            if inside and not any(
+                left < end and begin < left + wide and abs(line - other) < LINE_HEIGHT for begin, end, other in taken
+            ):
+                taken.append((left, left + wide, line))
+                style = f"n{each.number % 8}" if each.number >= 0 else "tick"
+                parts.append(f'<text class="{style}" x="{left:.1f}" y="{line:.1f}">{escape(each.name)}</text>')
+                break
     return parts
+
+
+def _quiet(frame: _Frame, series: Series) -> list[str]:
+    """A series in grey, as a group that says its name under the pointer."""
+    if series.marked:
+        return [f'<g class="rest"><title>{escape(series.name)}</title>', *_series(frame, series), "</g>"]
+    return _series(frame, series)
 
 
 def _series(frame: _Frame, series: Series) -> list[str]:
@@ -198,7 +220,7 @@ def _series(frame: _Frame, series: Series) -> list[str]:
         parts.append(f'<polyline class="{style}"{dashes} points="{path}"><title>{escape(series.name)}</title></polyline>')
     if series.marked:
         for mark, (x, y) in zip(points, places):
-            radius = RADIUS + (1.5 if mark.strong else 0.0)
+            radius = (RADIUS if series.number >= 0 else SMALL) + (1.5 if mark.strong else 0.0)
             parts.append(marker(series.number, x, y, hollow=mark.bound, radius=radius, said=mark.said))
             if mark.strong:
                 parts.append(f'<circle class="ring" cx="{x:.1f}" cy="{y:.1f}" r="{RADIUS + 4.5:.1f}"/>')

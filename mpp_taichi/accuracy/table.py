@@ -58,6 +58,26 @@ def lines(rows: Sequence[StudyRow], fronts: dict[str, Sequence[str]], wanted: st
     ]
 
 
+def key(wanted: str | None = None) -> list[str]:
+    """The meaning of the signs and columns of the table, a sentence each."""
+    errors = (
+        "position: largest error of a particle at the end, relative to the size of the system; (rms): the root mean square of "
+        "the errors of all particles."
+        if wanted is None
+        else f"{wanted}: difference from its reference value, over this value (or absolute, where the value is 0 or an error "
+        "itself); of several entries of expect: the largest."
+    )
+    return [
+        "*: on the front of error and time, so that no other run is both faster and more exact.",
+        "+: on the front of error and force evaluations.",
+        "o: the scene's own setting.",
+        errors,
+        "energy, momentum, ang. mom.: largest relative error of the run.",
+        "≤: at most so much; the reference shows no more.",
+        "time: median of the steps without samples.",
+    ]
+
+
 def front_lines(rows: Sequence[StudyRow], verdict: dict[str, Any]) -> list[str]:
     """The table of the front in time, and of the scene's own setting."""
     fronts = {name: verdict.get(f"{name}_front", ()) for name in ("time", "evaluations")}

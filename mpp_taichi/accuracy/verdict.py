@@ -145,10 +145,16 @@ def _described(row: StudyRow, quantity: str) -> dict[str, Any]:
 
 
 def sentence(found: dict[str, Any], because: str = "") -> str:
-    """The verdict for a person; `because` is the reason why a quantity is compared, or none can be."""
+    """The verdict for a person; `because` is the reason why a quantity is compared, or none can be.
+
+    Where the budget ended before all methods were tried (`budget_ended`), no method is recommended: another may be better.
+    The price of a digit, along a front of few methods, and the runs for other times are left out then.
+    """
     quantity = found["quantity"]
     if quantity is None:
         return f"nothing can be compared: {because}"
+    if found.get("budget_ended"):
+        return _of_few(found)
     parts = []
     if found["time_per_digit"] is not None:
         forces = found["evaluations_per_digit"]
@@ -169,6 +175,24 @@ def sentence(found: dict[str, Any], because: str = "") -> str:
     if own := found.get("own"):
         parts.append(_own(own, found))
     return "; ".join(part for part in parts if part) or "too little was measured to say what accuracy costs"
+
+
+def _of_few(found: dict[str, Any]) -> str:
+    """The verdict of a study whose budget ended before all methods were tried."""
+    target = f"{found['target']:.0e}".replace("e-0", "e-")
+    tried, suited = found["methods_tried"], found["methods_suited"]
+    parts = [f"the budget ended when {tried} of {suited} methods had been tried"]
+    if choice := found.get("choice"):
+        first = f"of these, {_method(choice)} with {choice['setting']} reaches {target} of {found['quantity']} "
+        parts.append(f"{first}in the shortest time, {duration(choice['seconds'])}; the others may be faster")
+    elif best := found.get("best"):
+        parts.append(f"none of these reaches {target} of {found['quantity']}; {best['integrator']} came to {_error(best)}")
+    else:
+        parts.append("too little was measured to compare them")
+    if own := found.get("own"):
+        parts.append(_own(own, found))
+    parts.append("the same command goes on with the others; --budget gives it more time at once")
+    return "; ".join(part for part in parts if part)
 
 
 def _other_times(found: dict[str, Any]) -> str:

@@ -153,14 +153,15 @@ def _write(folder: Path, found: dict[str, Any], study: "Study", phases: "PhaseSt
 
 def _report(found: dict[str, Any], study: "Study", phases: "PhaseStudies", arguments: argparse.Namespace) -> None:
     from mpp_taichi.accuracy.report import circumstances, machine
-    from mpp_taichi.accuracy.table import front_lines, lines
+    from mpp_taichi.accuracy.table import front_lines, key, lines
 
     if arguments.json:
         put_json(found)
     elif not arguments.quiet:
         verdict = found["verdict"]
         fronts = {name: verdict.get(f"{name}_front", ()) for name in ("time", "evaluations")}
-        put("\n".join([*lines(study.rows(), fronts, found["wanted"]), "", *circumstances(found), machine(found)]))
+        table = [*lines(study.rows(), fronts, found["wanted"]), "", *(f"  {line}" for line in key(found["wanted"]))]
+        put("\n".join([*table, "", *circumstances(found), machine(found)]))
         for facts, phase in zip(found["phases"], phases.found):
             put("\n".join(["", phase.told, *front_lines(phase.study.rows(), facts["verdict"]), facts["sentence"]]))
         put(f"\n{found['sentence']}")

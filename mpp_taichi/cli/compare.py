@@ -7,6 +7,7 @@ DIR/compare.json and DIR/compare.html. The code is 4 where a backend differs by 
 
 import argparse
 import json
+import textwrap
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -105,12 +106,13 @@ def _write(folder: Path, found: dict[str, Any]) -> list[str]:
 
 def _report(found: dict[str, Any], arguments: argparse.Namespace) -> None:
     from mpp_taichi.compare.table import lines
-    from mpp_taichi.compare.words import circumstances, machine
+    from mpp_taichi.compare.words import EXPLANATION, circumstances, machine
 
     if arguments.json:
         put_json(found)
     elif not arguments.quiet:
-        put("\n".join([*lines(found["rows"]), "", *circumstances(found), machine(found)]))
+        key = textwrap.wrap(EXPLANATION, 110, initial_indent="  ", subsequent_indent="  ")
+        put("\n".join([*lines(found["rows"]), "", *key, "", *circumstances(found), machine(found)]))
         put(f"\n{found['sentence']}")
         put(f"\nwrote {', '.join(found['files'])}")
 

@@ -106,7 +106,7 @@ class ReferenceCourse:
             look, particle = np.unravel_index(np.argmax(ratio), ratio.shape)
             findings.append(
                 Finding(
-                    f"{kind} after {evidence.steps[look]:,} steps",
+                    f"{kind} after {evidence.steps[look]:,} step{'s' if evidence.steps[look] > 1 else ''}",
                     float(ratio[look, particle]),
                     float(off[look, particle]) / scale,
                     float(allowed[look, particle]) / scale,

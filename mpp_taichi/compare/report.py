@@ -22,8 +22,8 @@ def page(found: dict[str, Any]) -> str:
     ]
     body = [
         _table(found["rows"]),
-        f'<p class="quiet">{escape(EXPLANATION)}</p>',
-        _legend(numbers),
+        f'<p class="key">{escape(EXPLANATION)}</p>',
+        _legend(found["rows"], numbers),
         f'<div class="plots">{"".join(figures)}</div>',
         "<h2>Every comparison with the reference</h2>",
         f'<p class="quiet">{escape(_chance(found))}</p>',
@@ -54,6 +54,7 @@ def _plots(found: dict[str, Any], numbers: dict[str, int]) -> list[Plot]:
                 for point in row["scaling"]
             ],
             dashed=row["precision"] != "f64",
+            labelled=True,
         )
         for row in found["rows"]
         if row["scaling"]
@@ -70,7 +71,7 @@ def _apart(row: dict[str, Any], numbers: dict[str, int]) -> list[Series]:
     apart = [PlotMark(look["steps"], _finite(look["distance"]), name) for look in looks]
     allowed = [PlotMark(look["steps"], _finite(look["allowed"])) for look in looks]
     return [
-        Series(name, number, apart),
+        Series(name, number, apart, labelled=True),
         Series(f"{name}: allowed", number, allowed, marked=False, dashed=True),
     ]
 
@@ -80,18 +81,23 @@ def _finite(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def _legend(numbers: dict[str, int]) -> str:
+def _legend(rows: Sequence[dict[str, Any]], numbers: dict[str, int]) -> str:
+    """An entry for each backend and precision: a colour for a backend, and a dashed line for all precisions but f64."""
     entries = []
-    for name, number in numbers.items():
-        line = f'<polyline class="l{number % 8}" points="0,7 26,7"/>'
-        entries.append(f'<li><svg viewBox="0 0 26 14">{line}{svg.marker(number, 13, 7)}</svg>{escape(name)}</li>')
+    for row in rows:
+        if row["status"] != "ok":
+            continue
+        number, dashes = numbers[row["label"]], "" if row["precision"] == "f64" else ' stroke-dasharray="5 4"'
+        line = f'<polyline class="l{number % 8}"{dashes} points="0,7 26,7"/>'
+        name = escape(f"{row['label']} {row['precision']}")
+        entries.append(f'<li><svg viewBox="0 0 26 14">{line}{svg.marker(number, 13, 7)}</svg>{name}</li>')
     return f'<ul class="legend">{"".join(entries)}</ul>'
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> str:
     columns = table.head(rows)
     body = [(table.cells(row, columns), "broken" if row["status"] != "ok" else "") for row in rows]
-    return _html_table(columns, body)
+    return _html_table(columns, body, style="many")
 
 
 def _findings(rows: Sequence[dict[str, Any]]) -> str:
@@ -114,12 +120,12 @@ def _findings(rows: Sequence[dict[str, Any]]) -> str:
     return _html_table(head, body)
 
 
-def _html_table(head: Sequence[str], body: Sequence[tuple[Sequence[str], str]]) -> str:
+def _html_table(head: Sequence[str], body: Sequence[tuple[Sequence[str], str]], *, style: str = "") -> str:
     top = "".join(f"<th>{escape(name)}</th>" for name in head)
     rows = []
-    for texts, style in body:
+    for texts, row_style in body:
         tags = [f"<td>{escape(text)}</td>" for text in texts]
         if len(texts) < len(head):  # the last text has the rest of the row
             tags[-1] = f'<td colspan="{len(head) - len(texts) + 1}" style="text-align: left">{escape(texts[-1])}</td>'
-        rows.append(f'<tr class="{style}">{"".join(tags)}</tr>')
-    return f'<div class="wide"><table><thead><tr>{top}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'
+        rows.append(f'<tr class="{row_style}">{"".join(tags)}</tr>')
+    return f'<div class="wide"><table class="{style}"><thead><tr>{top}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>'

@@ -5,12 +5,11 @@ from typing import Any
 
 from mpp_taichi.accuracy.verdict import duration
 
-HEAD = (
-    *("backend", "", "verdict", "decided by", "off", "allowed", "energy", "compile", "again", "step", "±", "launches", "copy"),
-    *("rate", "GFLOP/s", "of peak"),
-)
+_FIRST = ("backend", "", "verdict", "GFLOP/s", "of peak", "rate", "step", "±")
 JOULES = "J / step"  # a column more where the machine counts its energy
-WIDE = 4  # columns that are aligned to the left
+_LAST = ("launches", "compile", "again", "copy", "off", "allowed", "energy", "decided by")
+HEAD = (*_FIRST, *_LAST)
+LEFT = 3  # columns that are aligned to the left, and the last
 RATES = (
     ("interactions_per_second", "pairs/s"),
     ("springs_per_second", "springs/s"),
@@ -20,7 +19,7 @@ RATES = (
 
 def head(rows: Sequence[dict[str, Any]]) -> tuple[str, ...]:
     """The headings of the columns of these rows."""
-    return (*HEAD, JOULES) if any(row.get("step_joules") is not None for row in rows) else HEAD
+    return (*_FIRST, JOULES, *_LAST) if any(row.get("step_joules") is not None for row in rows) else HEAD
 
 
 def cells(row: dict[str, Any], columns: Sequence[str] = HEAD) -> tuple[str, ...]:
@@ -38,20 +37,20 @@ def cells(row: dict[str, Any], columns: Sequence[str] = HEAD) -> tuple[str, ...]
         row["label"],
         row["precision"],
         row["verdict"],
-        decided["check"] if decided else row["verdict_reason"],
+        f"{rates['flops'] / 1e9:.3g}" if "flops" in rates else "",
+        f"{100 * shares[0]:.0f} %" if shares else "",
+        rate,
+        duration(row["step_seconds"]),
+        "" if row["step_spread"] is None else f"{100 * row['step_spread']:.0f} %",
+        *(("" if joules is None else f"{joules:.2g}",) if JOULES in columns else ()),
+        "" if launches is None else f"{launches:g}",
+        duration(row["cold_compile_seconds"]),
+        duration(row["warm_compile_seconds"]),
+        duration(row["copy_seconds"]),
         number(decided["difference"]) if decided else "",
         number(decided["allowance"]) if decided else "",
         "" if energy is None else number(abs(energy)),
-        duration(row["cold_compile_seconds"]),
-        duration(row["warm_compile_seconds"]),
-        duration(row["step_seconds"]),
-        "" if row["step_spread"] is None else f"{100 * row['step_spread']:.0f} %",
-        "" if launches is None else f"{launches:g}",
-        duration(row["copy_seconds"]),
-        rate,
-        f"{rates['flops'] / 1e9:.3g}" if "flops" in rates else "",
-        f"{100 * shares[0]:.0f} %" if shares else "",
-        *(("" if joules is None else f"{joules:.2g}",) if JOULES in columns else ()),
+        decided["check"] if decided else row["verdict_reason"],
     )
 
 
@@ -63,7 +62,8 @@ def lines(rows: Sequence[dict[str, Any]]) -> list[str]:
     widths[:2] = [max(len(row[k]) for row in table) for k in range(2)]
     return [
         "  ".join(
-            text.ljust(width) if column < WIDE else text.rjust(width) for column, (text, width) in enumerate(zip(row, widths))
+            text.ljust(width) if column < LEFT or column == len(row) - 1 else text.rjust(width)
+            for column, (text, width) in enumerate(zip(row, widths))
         ).rstrip()
         for row in table
     ]

@@ -8,7 +8,8 @@ from mpp_taichi.compare.table import number
 EXPLANATION = (
     "Decided by: of all comparisons with the reference the one nearest to, or farthest beyond, its allowance; off and allowed "
     "are relative to the largest acceleration, the system’s size or the typical velocity. Energy: change to the last sample. "
-    "Compile: with empty caches, and again with what was kept. Step: median, ± interquartile range. Pairs/s: ordered pairs, "
+    "Compile: with empty caches, and again with what was kept. Copy: of all positions to the host. Launches: of a step. "
+    "Step: median, ± interquartile range. Pairs/s: ordered pairs, "
     "N (N − 1) for each evaluation of the force. GFLOP/s: 20 for a pair in f32, 30 in f64, by convention. Of peak: of the most "
     "that probes reached on the same device, in sums of products, for springs in copied bytes. Rendering is not measured."
 )

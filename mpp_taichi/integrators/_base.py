@@ -59,6 +59,7 @@ class Integrator:
                          accuracy tries the method first
     slow_to_compile      takes many times as long to compile as most methods
     proposed_for         purposes ("tree", "friction", "oscillation") for which messages propose the method
+    well_known           whether readers know the method from textbooks, so that plots of a study always show it
 
     A subclass may make any of them a property. Here they must stay plain attributes: from a property of this class Taichi
     would take the value of this class, and not of the subclass.
@@ -94,6 +95,7 @@ class Integrator:
     promising_for: tuple = ()
     slow_to_compile = False
     proposed_for: tuple = ()
+    well_known = False
 
     @property
     def evaluations(self) -> int:

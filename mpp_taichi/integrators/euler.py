@@ -13,4 +13,5 @@ class Euler(RungeKutta):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 1
+    well_known = True
     a, b = EULER

@@ -13,6 +13,7 @@ class Leapfrog(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 2
+    well_known = True
     moves_forward_alone = True
     default_of_kind = True
     proposed_for = ("tree", "oscillation")

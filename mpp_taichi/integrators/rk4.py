@@ -13,5 +13,6 @@ class Rk4(RungeKutta):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 4
+    well_known = True
     proposed_for = ("tree", "oscillation")
     a, b = CLASSICAL

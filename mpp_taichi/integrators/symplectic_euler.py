@@ -14,6 +14,7 @@ class SymplecticEuler(Splitting):
 
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 1
+    well_known = True
     moves_forward_alone = True
     drifts_after_kick = True
     drifts, kicks = (0.0, 1.0), (1.0,)

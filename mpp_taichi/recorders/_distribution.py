@@ -49,7 +49,7 @@ class MaxwellBoltzmann:
 
 
 class Distribution:
-    """Fills a histogram: with the last sample, or from `after` on with all samples together."""
+    """Fills a histogram: with the last sample, or from `after` on with all samples together, and before it with none."""
 
     def __init__(self, plot: Histogram, quantity: OfEach, after: float | None, law: MaxwellBoltzmann | None) -> None:
         """`law` is the distribution by theory."""
@@ -64,13 +64,15 @@ class Distribution:
         self._plot.clear()
 
     def add(self, sample: RunSample) -> None:
-        """Count the values of a sample."""
+        """Count the values of a sample; a sample before `after` leaves the histogram empty."""
+        if self._after is not None and sample.time < self._after:
+            return
         values = self._quantity.each(sample)
         values = values[np.isfinite(values)]
         edges = self._edges(values, sample)
         counts, _ = np.histogram(values, edges)
         seen = len(values)
-        together = self._after is not None and sample.time >= self._after
+        together = self._after is not None
         if together and self._counts is not None:
             counts, seen = self._counts + counts, self._seen + seen
         else:

@@ -34,6 +34,8 @@ def _method(tree: Node) -> tuple[str | None, Node | None]:
     """The name of the method and its parameters; of a contact solver that flies, the method has the name of the solver."""
     node = tree.get("integrator")
     if node is not None:
+        if isinstance(node.value, str):  # the mere name of a method
+            return node.value, None
         if not isinstance(node.value, dict) or len(node.value) != 1:
             return None, None
         return next(iter(node.value.items()))

@@ -55,7 +55,7 @@ def load_scene(
     faults = Faults()
     with _collector_paused():
         tree, name, folder = _read(source, faults)
-        tree = bare_names.expanded(_override(tree, overrides, faults))
+        tree = _override(tree, overrides, faults)
         is_open = interval is not None and intervals.is_open(tree)
         tree = intervals.with_interval(tree, interval) if is_open and interval is not None else tree
         spec = replace(_whole(tree, name, folder, faults), leaves_interval_open=is_open)

@@ -129,7 +129,8 @@ def test_the_closing_summary_begins_with_the_verdict_and_tells_details_when_aske
     assert out.startswith("  status  ok\n  wrote   d.csv\n  expect  pass  ") and "steps/s with samples" in out
     assert not any(word in out for word in DETAILS)
     assert main([*words, "-v"]) == 0
-    assert all(word in capsys.readouterr().out for word in DETAILS)
+    out = capsys.readouterr().out
+    assert all(word in out for word in DETAILS)
 
 
 def test_with_json_the_summary_is_on_standard_error(scene, capsys):
@@ -365,8 +366,8 @@ def test_what_libraries_print_does_not_reach_standard_output():
 def test_no_character_ends_the_program_in_a_poor_locale(scene):
     environment = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     done = start(scene(title="Šuvakov's butterfly ☄"), "--headless", environment=environment)
-    _, err = done.communicate(timeout=60)
-    assert done.returncode == 0 and b"\\u0160uvakov" in err and b"Traceback" not in err
+    out, err = done.communicate(timeout=60)
+    assert done.returncode == 0 and b"\\u0160uvakov" in out and b"Traceback" not in err
 
 
 @pytest.mark.skipif(os.name == "nt", reason="needs a shell of Unix")

@@ -106,8 +106,8 @@ def test_modes_and_damping_are_told_of_the_time_before_a_change():
 
 def test_a_run_that_goes_on_counts_its_own_steps_in_its_rates():
     """The first step of a phase is the compiler's."""
+    stopwatch = Stopwatch()
     with Simulation(oscillator(), backend="cpu") as simulation:
-        stopwatch = Stopwatch()
         simulation.run(steps=100)
         whole, rest = (
             summarize(simulation, TableRecorder(10), stopwatch, plan_asked="auto", first_step=first) for first in (0, 50)

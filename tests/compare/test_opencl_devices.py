@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import sys
 import pytest
 from opencl_models import loaded, spheres
 
+from mpp_taichi import load_scene
 from mpp_taichi.compare import opencl_package
 from mpp_taichi.compare.opencl_package import load_opencl
 from scenes import cluster, everything
@@ -104,6 +106,21 @@ def test_what_there_is_no_kernel_for_is_refused_by_name(opencl, name):
     with pytest.raises(opencl.Refused) as caught:
         opencl.Runner(spec, start, **options)
     assert message in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_the_refusal_of_an_integrator_offers_an_option_that_works(opencl):
+    scene = cluster(5, integrator="yoshida4")
+    spec, start = loaded(scene)
+    with pytest.raises(opencl.Refused) as caught:
+        opencl.Runner(spec, start)
+    option = re.search(r'--set "([^"]+)" has one$', str(caught.value))[1]
+    offered, start = loaded(load_scene(scene, overrides=[option]))
+    assert offered.integrator.parameters["dt"] == spec.integrator.parameters["dt"]
+    opencl.Runner(offered, start).close()
+    spec, start = loaded({**DRIVEN, "integrator": {"yoshida4": {"dt": 0.1}}})
+    with pytest.raises(opencl.Refused) as caught:
+        opencl.Runner(spec, start)
+    assert "--set" not in str(caught.value), "a force is missing too"
 
 
 def test_a_force_that_gained_a_parameter_is_refused_unless_it_is_off(opencl):

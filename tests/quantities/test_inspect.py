@@ -168,6 +168,26 @@ def test_a_histogram_is_that_of_theory(tmp_path: Path):
         assert np.all(np.abs(plot.density - expected) < error)
 
 
+def test_a_histogram_from_a_time_on_is_empty_before_it(tmp_path):
+    """Samples of the times 0, 1, 2 and 3; from 2 on they are added up."""
+    scene = {
+        "particles": [{"body": {"mass": 1, "position": [k, 0, 0], "velocity": [0.1 * k, 0, 0]}} for k in range(5)],
+        "integrator": {"leapfrog": {"dt": 1}},
+        "inspect": [{"histogram": {"velocity": {"axis": "x"}}, "bins": 4, "after": 2}],
+    }
+    with Simulation(scene, backend="cpu") as simulation:
+        recorder = InspectionRecorder(Inspector(simulation), every=1)
+        (plot,) = recorder.inspector.plots
+        simulation.run(steps=1, recorders=[recorder])
+        assert not len(plot.edges) and not len(plot.density)
+        for name in ("early.csv", "early.svg"):
+            recorder.save(tmp_path / name)
+        simulation.run(steps=1, recorders=[recorder])
+        assert plot.density @ np.diff(plot.edges) == pytest.approx(1.0, rel=1e-12)
+        simulation.run(steps=1, recorders=[recorder])
+        assert recorder.inspector._histograms[0]._seen == 10
+
+
 def test_a_narrower_picture_shows_all_that_the_wide_one_did():
     view = ViewSpec(camera=CameraSpec(position=(0, 0, 5), look_at=(0, 0, 0), up=(0, 1, 0)))
     frame = Frame(position=np.array([[3.0, 1.9, 0.0]]), radius=np.ones(1), color=np.ones((1, 3)))
