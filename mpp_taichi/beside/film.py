@@ -23,6 +23,7 @@ class ExactMoments:
     """
 
     tolerance = timeline.SAME_TIME
+    velocities_stay = False
 
     def particles(self, simulation: "Simulation", time: float) -> Snapshot:
         """The particles at a time before the next step."""

@@ -13,7 +13,8 @@ from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.views._base import Frame
 
 PLACE, PRESENT = "place", "present"
-_WORDS = ("time", "title", "extra", "center", "name")
+_SENT = ("time", "center", "collides", "period", "ahead")
+_WORDS = (*_SENT, "title", "clock", "units", "extra", "name")
 _ARRAYS = tuple(each.name for each in fields(Frame) if each.name not in _WORDS)
 
 
@@ -45,7 +46,8 @@ class MomentSender:
         changed = {name: array for name, array in arrays.items() if not _equal(self._sent.get(name), array)}
         self._sent |= changed
         gone = sorted(self._sent.keys() - arrays.keys())
-        send(self._stream, {"kind": "moment", "time": frame.time, "center": frame.center, "gone": gone}, changed)
+        words = {"kind": "moment", "gone": gone} | {name: getattr(frame, name) for name in _SENT}
+        send(self._stream, words, changed)
 
 
 class MomentReceiver:
@@ -61,8 +63,8 @@ class MomentReceiver:
         given: dict[str, Any] = {
             name: array for name, array in self._known.items() if name in _ARRAYS and name not in words["gone"]
         }
-        center = words["center"]
-        frame = Frame(**given, time=words["time"], center=None if center is None else tuple(center))
+        said: dict[str, Any] = {name: tuple(words[name]) if isinstance(words[name], list) else words[name] for name in _SENT}
+        frame = Frame(**given, **said)
         return Moment(frame, self._known[PLACE], self._known[PRESENT])
 
 

@@ -9,6 +9,7 @@ from mpp_taichi.cli._options import output_stem
 from mpp_taichi.cli._window_desk import SessionDesk
 from mpp_taichi.errors import BackendError, OutputError
 from mpp_taichi.scene import timeline
+from mpp_taichi.scene.human_units import TimeScale
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.views._base import Frame
@@ -64,6 +65,7 @@ def show(
     frames = max(1, round(spec.record.seconds * WINDOW_FRAMES_PER_SECOND))
     steps = max(1, round(total / frames)) if total else STEPS_PER_FRAME_WITHOUT_END
     steered = _Steered(simulation, spec, goal, recorders, interruption, caption, inspection, desk.history)
+    steered.time_scale = TimeScale.of(spec.units, simulation.time + steps * frames * simulation.dt)
     with DisplayLoss(lambda display: lost(display, steered.state)) as loss:
         words: dict[str, Any] = {"title": spec.title, "dimensions": spec.dimensions, "glass": glass, "loss": loss}
         window = Window(spec.view, panels=panels, desk=desk.desk(), **words)
@@ -105,6 +107,7 @@ class _Steered:
         self.history = history
         self.simulation, self.spec, self.goal, self.interruption = simulation, spec, goal, interruption
         self.recorders, self.caption, self.inspection = recorders, caption, inspection
+        self.time_scale = TimeScale()
         self._state = simulation.snapshot()
         self._walls = outline_of(spec, simulation.start.position)
 
@@ -136,8 +139,10 @@ class _Steered:
         if self.inspection is not None:
             self.inspection.inspector.look(self.simulation)
         acceleration = self.simulation.accelerations() if self.spec.view.wants_acceleration else None
-        snapshot, words = self._look(), {"title": self.spec.title, "extra": self.caption().replace("≈", "~")}
-        return Frame.of(snapshot, **words, walls=self._walls, acceleration=acceleration)
+        snapshot = self._look()
+        words: dict[str, Any] = {"title": self.spec.title, "extra": self.caption().replace("≈", "~")}
+        words |= {"clock": self.time_scale.text(snapshot.time), "units": self.spec.units}
+        return Frame.of(snapshot, **words, walls=self._walls, collides=bool(self.spec.contacts), acceleration=acceleration)
 
     def _look(self) -> Snapshot:
         self._state = self.simulation.snapshot()

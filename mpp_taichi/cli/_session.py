@@ -21,6 +21,7 @@ from mpp_taichi.cli._signals import Interrupted, Interruption
 from mpp_taichi.cli._start_simulation import start, start_another
 from mpp_taichi.cli._step_check import check_steps
 from mpp_taichi.cli._terminal import UsageError, say
+from mpp_taichi.cli._turning import tell_turn
 from mpp_taichi.cli._validity import Validity
 from mpp_taichi.cli._window_desk import save_log
 from mpp_taichi.errors import BackendError, MppError, OutputError, StabilityError
@@ -264,8 +265,9 @@ class _Run:
         for page in pages:
             page.begin(self.spec, self.simulation.start.name, self.table.rows, count)
         more: dict[str, Any] = {"title": self.spec.title, "caption": self._caption, "stopwatch": self.stopwatch}
-        more["start"] = self.goal.begin if self.request.rewind is not None else None
-        more |= {"is_dimmed": self.validity.is_beyond, "raise_if_interrupted": interruption.raise_if_any}
+        more |= {"start": self.goal.begin if request.rewind is not None else None, "is_dimmed": self.validity.is_beyond}
+        told = partial(tell_turn, fps=request.fps or record.fps, quiet=request.quiet)
+        more |= {"raise_if_interrupted": interruption.raise_if_any, "told": told}
         if self.right is not None:
             return self.right.film(size, pictures, count, **more)
         return FilmRecorder(self._view(size) if pictures else None, pictures, count, span, pages=pages, **more)
@@ -280,11 +282,8 @@ class _Run:
 
     def _caption(self) -> str:
         error = self._energy_error()
-        told = (
-            f"energy error {error:.1e}" if error else "",
-            self.modes.caption() if self.modes else "",
-            self.validity.caption(),
-        )
+        of_modes = self.modes.caption() if self.modes else ""
+        told = (f"energy error {error:.1e}" if error else "", of_modes, self.validity.caption())
         return "\n".join(line for line in told if line)
 
     def _finish(self, recorders: Sequence[Any]) -> None:

@@ -6,7 +6,7 @@ import math
 import re
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from html import escape
 from itertools import groupby
 from pathlib import Path
@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 
 from mpp_taichi.recorders._column_code import EncodedColumn, encode, grid_step, stacked
+from mpp_taichi.recorders._page_paths import FinerPaths, PathPoints, finer_paths
+from mpp_taichi.scene.human_units import TimeScale, length_units, symbol
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.version import __version__
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame
@@ -22,10 +24,21 @@ from mpp_taichi.views.camera import MARGIN, Camera
 from mpp_taichi.views.wall_outline import outline_of
 
 TEMPLATE_FOLDER = Path(__file__).with_name("page")
-SCRIPTS = ("data.js", "camera.js", "shaders.js", "drawing.js", "plot.js", "inspector.js", "player.js")
+SCRIPTS = (
+    "data.js",
+    "camera.js",
+    "shaders.js",
+    "trails.js",
+    "drawing.js",
+    "overlay.js",
+    "plot.js",
+    "inspector.js",
+    "player.js",
+)
 POSITION_BYTES = (2, 3)  # for each coordinate of a frame: the fewest bytes that keep the error within LARGEST_SHIFT
 LARGEST_SHIFT = 0.25  # pixels of the first view between a particle and its true place
 MOST_TRAIL_SEGMENTS = 200_000  # a browser draws this number thirty times a second
+TRAIL_SHIFT = 0.5  # pixels of the first view between a trail and the path
 COMPRESSION_LEVEL = 6
 SERIES = (
     ("relative_energy_error", "relative energy error", ""),
@@ -41,7 +54,7 @@ class Recording:
     """A recorded run: its frames, the names of its particles, and its samples of energies.
 
     `speeds` has one array for each frame, or none; `size` is the size in pixels of the picture of the first view; `legend`
-    explains the colours in words.
+    explains the colours in words, and `paths` are as in `finer_paths`.
     """
 
     spec: SceneSpec
@@ -52,6 +65,7 @@ class Recording:
     size: tuple[int, int]
     fps: float
     legend: Sequence[str] = ()
+    paths: Sequence[PathPoints | None] = ()
 
 
 def page(recording: Recording) -> str:
@@ -67,12 +81,15 @@ def page(recording: Recording) -> str:
         for epoch, color in zip(epochs, colors, strict=True)
     ]
     links = [np.asarray(frames[epoch[0]].between, dtype="<i4").tobytes() for epoch in epochs]
-    block = b"".join([*(column.packed() for column in columns), *links, *(color.packed() for color in colors)])
     trails = min(spec.view.trails, len(frames) - 1, MOST_TRAIL_SEGMENTS // max(1, len(frames[0].position)))
+    finer = _finer_paths(recording, camera, max(column.byte_count for column in positions)) if trails > 0 else None
+    in_order = [*columns, *(finer.columns if finer is not None else ())]
+    block = b"".join([*(column.packed() for column in in_order), *links, *(color.packed() for color in colors)])
     header = {
         "title": spec.title,
         "scene": Path(spec.source).name,
         "units": spec.units,
+        "clock": asdict(TimeScale.of(spec.units, frames[-1].time)),
         "fps": recording.fps,
         "times": [frame.time for frame in frames],
         "captions": [frame.extra for frame in frames] if any(frame.extra for frame in frames) else None,
@@ -81,6 +98,7 @@ def page(recording: Recording) -> str:
         "camera": _camera(camera, recording.size),
         "view": _view(spec, trails) | {"period": outline_of(spec, frames[0].position).repeating.period},
         "columns": [column.description() for column in columns],
+        "path": None if finer is None else finer.description(),
         "springs": springs,
         "series": _series(recording.rows),
         "notes": _notes(recording, positions, shift, trails),
@@ -145,6 +163,11 @@ def _other_columns(frames: Sequence[Frame], speeds: Sequence[np.ndarray]) -> lis
     return columns
 
 
+def _finer_paths(recording: Recording, camera: Camera, byte_count: int) -> FinerPaths | None:
+    tolerance = TRAIL_SHIFT * camera.visible_height / recording.size[1]
+    return finer_paths(recording.frames, recording.paths, tolerance, max(byte_count, POSITION_BYTES[0]))
+
+
 def _spring_key(frames: Sequence[Frame]) -> Callable[[int], int]:
     """A number for the springs of a frame, equal for successive frames with the same springs: a timeline may change them."""
     keys, number = [0], 0
@@ -176,7 +199,10 @@ def _view(spec: SceneSpec, trails: int) -> dict[str, Any]:
         "minimumPixels": view.minimum_pixels,
         "springWidth": view.spring_width,
         "trails": max(0, trails),
+        "collides": bool(spec.contacts or spec.walls),
         "caption": view.caption,
+        "labels": view.labels or None,
+        "scaleBar": length_units(spec.units) if view.scale_bar else None,
         "wallColor": WALL_COLOR,
         "wallWidth": WALL_WIDTH,
     }
@@ -200,7 +226,7 @@ def _notes(recording: Recording, positions: Sequence[EncodedColumn], shift: floa
     spec, frames = recording.spec, recording.frames
     width, height = recording.size
     reach = float(np.linalg.norm([column.step / 2.0 for column in positions], axis=0).max(initial=0.0))
-    unit = f" {spec.units['length']}" if spec.units else ""
+    unit = f" {symbol(spec.units['length'])}" if spec.units else ""
     bits = 8 * max(column.byte_count for column in positions)
     notes = [
         f"{len(frames):,} frames of {len(frames[0].position):,} particles, {recording.fps:g} a second, from "

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from mpp_taichi.recorders.path_samples import MOST_PLACES, PathSamples, Told
+from mpp_taichi.scene.human_units import TimeScale
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.views._base import Frame, View
 from mpp_taichi.views.wall_outline import Outline, outline_of
@@ -41,10 +43,12 @@ class MomentSink(Protocol):
 class BetweenSteps(Protocol):
     """The method that finds the particles at a time between two steps.
 
-    tolerance   a time this near to a step, as a share of dt, is taken as the time of the step
+    tolerance         a time this near to a step, as a share of dt, is taken as the time of the step
+    velocities_stay   whether the velocities are those of the step before
     """
 
     tolerance: float
+    velocities_stay: bool
 
     def particles(self, simulation: "Simulation", time: float) -> Snapshot:
         """The particles at a time before the next step."""
@@ -58,6 +62,7 @@ class DenseOutput:
     """
 
     tolerance = SAME_TIME
+    velocities_stay = True
 
     def particles(self, simulation: "Simulation", time: float) -> Snapshot:
         """The particles at a time before the next step."""
@@ -82,6 +87,8 @@ class FilmRecorder:
         "_is_dimmed",
         "_raise_if_interrupted",
         "_walls",
+        "_time_scale",
+        "_told",
     )
 
     def __init__(
@@ -100,6 +107,7 @@ class FilmRecorder:
         stopwatch: Callable[[str], AbstractContextManager[Any]],
         raise_if_interrupted: Callable[[], None] = lambda: None,
         start: float | None = None,
+        told: Told = lambda name, turns: None,
     ) -> None:
         """`stopwatch(name)` times a block; drawing is counted as capture, handing over to a sink as encode.
 
@@ -107,7 +115,8 @@ class FilmRecorder:
 
         `pages` and `moments` get every frame, `sinks` every picture of a frame; without a view there are no pictures.
         `raise_if_interrupted` is called before each frame: any number of frames may lie between two steps. `start` is the
-        time of the first frame; the time of `begin` when absent.
+        time of the first frame; the time of `begin` when absent. `told` is told once which body turns by more than a third
+        of a circle between two frames, and how far.
         """
         self.pages, self.moments, self._between = tuple(pages), tuple(moments), between
         self.view, self.sinks, self.frame_count, self.span = view, tuple(sinks), frame_count, span
@@ -116,7 +125,9 @@ class FilmRecorder:
         self._raise_if_interrupted = raise_if_interrupted
         self.drawn_count = 0
         self._walls: Outline | None = None
-        self._start, self._is_begun = start, False
+        self._time_scale = TimeScale()
+        self._start, self._is_begun, self._told = start, False, told
+        self._paths: PathSamples | None = None
 
     def begin(self, simulation: "Simulation") -> None:
         """Begin the film: unless a time was given, the first frame shows the present one. A second call changes nothing."""
@@ -124,6 +135,10 @@ class FilmRecorder:
             self._is_begun = True
             self._start = simulation.time if self._start is None else self._start
             self._walls = outline_of(simulation.spec, simulation.start.position)
+            self._time_scale = TimeScale.of(simulation.spec.units, self._start + self.span)
+            if self.frame_count > 1 and simulation.start.particle_count <= MOST_PLACES:
+                interval = self.span / (self.frame_count - 1)
+                self._paths = PathSamples(simulation.spec, interval, self._walls, self._told)
 
     def steps_until_due(self, simulation: "Simulation") -> int:
         """Until the last step not after the next frame's time; for the last frame, until the end."""
@@ -133,14 +148,17 @@ class FilmRecorder:
         ahead = (self._due_time() - simulation.time) / simulation.dt
         if ahead <= self._between.tolerance:
             return 0
+        steps = int(ahead + self._between.tolerance)
         if self._is_last():
-            return max(1, int(ahead + self._between.tolerance))
-        return int(ahead + self._between.tolerance)
+            steps = max(1, steps)
+        return steps if self._paths is None else min(steps, self._paths.steps_until_due(simulation, self._due_time()))
 
     def record(self, simulation: "Simulation") -> None:
         """Draw every frame that lies before the next step."""
         with self.stopwatch("capture"):
             snapshot = simulation.snapshot()
+        if self._paths is not None and self.drawn_count < self.frame_count:
+            self._paths.look(simulation, snapshot, self._due_time())
         while self.drawn_count < self.frame_count:
             self._raise_if_interrupted()
             offset = self._due_time() - simulation.time
@@ -170,8 +188,21 @@ class FilmRecorder:
         if drawn and simulation.spec.view.wants_acceleration:
             with self.stopwatch("capture"):
                 acceleration = simulation.accelerations(snapshot)
-        frame = Frame.of(snapshot, title=self.title, extra=self.caption(), walls=self._walls, acceleration=acceleration)
-        return replace(frame, time=self._due_time(), dimmed=self._is_dimmed(self._due_time()))
+        words: dict[str, Any] = {"title": self.title, "extra": self.caption(), "units": simulation.spec.units}
+        collides = bool(simulation.spec.contacts)
+        frame = Frame.of(snapshot, **words, walls=self._walls, collides=collides, acceleration=acceleration)
+        time = self._due_time()
+        path = {} if self._paths is None else self._paths.take(simulation, snapshot, time)
+        ahead = max(0.0, time - simulation.time) if self._between.velocities_stay else 0.0
+        return replace(
+            frame,
+            **path,
+            ahead=ahead,
+           
+            time=time,
+            clock=self._time_scale.text(time),
+            dimmed=self._is_dimmed(time),
+        )
 
     def _due_time(self) -> float:
         assert self._start is not None

@@ -13,11 +13,13 @@ from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.errors import CapacityError, StateError
 from mpp_taichi.recorders._html_page import Recording, page
 from mpp_taichi.recorders._lock import OutputLock
+from mpp_taichi.recorders._page_paths import SHARES, PathPoints
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import HORIZON
 from mpp_taichi.views.legend import legend_lines
+from mpp_taichi.views.trails import Trails
 
 FORMATS = (".html", ".htm")
 SELDOM_NEW = ("radius", "color", "between", "spring_color", "outline")  # equal arrays of many frames are kept once
@@ -36,6 +38,8 @@ class HtmlRecorder:
         self.path, self.size, self.fps = Path(path), size, fps
         self._frames: list[Frame] = []
         self._speeds: list[np.ndarray] = []
+        self._paths: list[PathPoints | None] = []  # for the trails, before each frame
+        self._trails = Trails(0)
         self._spec: SceneSpec | None = None
         self._appearance: Appearance | None = None
         self._names: Sequence[str] = ()
@@ -73,6 +77,7 @@ class HtmlRecorder:
             )
         self._spec, self._names, self._rows = spec, names, rows
         self._appearance = Appearance(spec.view, spec.dimensions)
+        self._trails = Trails(min(1, spec.view.trails))
 
     def add(self, frame: Frame) -> None:
         """Keep one frame as it is drawn; a particle farther away than any picture reaches is left out."""
@@ -83,9 +88,21 @@ class HtmlRecorder:
         place = frame.position if seen.all() else np.where(seen[:, None], frame.position, np.nan)
         if frame.velocity is not None:
             self._speeds.append(np.where(seen, np.linalg.norm(frame.velocity, axis=1), np.nan).astype(np.float32))
+        self._paths.append(self._path(frame))
         last = self._frames[-1] if self._frames else frame
         same = {name: getattr(last, name) for name in SELDOM_NEW if np.array_equal(getattr(last, name), getattr(frame, name))}
-        self._frames.append(replace(frame, position=place, velocity=None, **same))
+        bare: dict[str, Any] = dict.fromkeys(("velocity", "path_index", "path_time", "path"))
+        self._frames.append(replace(frame, position=place, ahead=0.0, **bare, **same))
+
+    def _path(self, frame: Frame) -> PathPoints | None:
+        """Places since the last frame of the particles that have turned far from frame to frame, now or before."""
+        if self._appearance is None or not self._trails.length:
+            return None
+        self._trails.add(self._appearance.with_drawn_velocity(frame))
+        known = self._paths[-1] if self._paths else None
+        index = np.zeros(0, np.int64) if frame.path_index is None else frame.path_index
+        index = index if known is None else np.union1d(index, known[0])
+        return (index, self._trails.newest_points(index, SHARES)) if len(index) and self._paths else None
 
     # For the archive of a run, see `RunOutput`.
 
@@ -104,13 +121,14 @@ class HtmlRecorder:
             frame, before = self._frames[number], self._frames[number - 1] if number else None
             values = {each.name: getattr(frame, each.name) for each in fields(Frame)}
             new = {key: value for key, value in values.items() if before is None or not _same(value, getattr(before, key))}
-            found.append({"frame": new, "speed": self._speeds[number] if number < len(self._speeds) else None})
+            speed = self._speeds[number] if number < len(self._speeds) else None
+            found.append({"frame": new, "speed": speed, "path": self._paths[number]})
         self._in_archive = len(self._frames)
         return found
 
     def at_record(self) -> dict[str, Any]:
         """The number of frames, and the ranges of colours."""
-        ranges = object_state.captured({"appearance": self._appearance})
+        ranges = object_state.captured({"appearance": self._appearance, "trails": self._trails})
         return {"frame_count": self.frame_count, "ranges": ranges}
 
     def stop(self) -> None:
@@ -126,10 +144,12 @@ class HtmlRecorder:
             self._frames.append(replace(self._frames[-1], **entry["frame"]) if self._frames else Frame(**entry["frame"]))
             if entry["speed"] is not None:
                 self._speeds.append(entry["speed"])
+            self._paths.append(entry.get("path"))
         if self.frame_count != saved["frame_count"]:
             raise StateError(f"it holds {self.frame_count:,} of {saved['frame_count']:,} frames of {self.path}")
         self._in_archive = self.frame_count
-        object_state.restore(saved["ranges"], {"appearance": self._appearance})
+        objects = {"appearance": self._appearance, "trails": self._trails}  # archives of version 0.1.0 may lack the trails
+        object_state.restore(saved["ranges"], {name: objects[name] for name in saved["ranges"]["roots"] if name in objects})
 
     def close(self) -> None:
         """Write the page under its name, if that was not done before.
@@ -141,7 +161,8 @@ class HtmlRecorder:
             return
         assert self._spec is not None
         legend = [] if self._appearance is None else legend_lines(replace(self._appearance.legend(), lines=()))
-        recording = Recording(self._spec, self._frames, self._speeds, self._names, self._rows, self.size, self.fps, legend)
+        found = (self._spec, self._frames, self._speeds, self._names, self._rows, self.size, self.fps, legend, self._paths)
+        recording = Recording(*found)
         try:
             with whole_file(self.path, "the page") as temporary:
                 temporary.write_text(page(recording), encoding="utf-8")

@@ -1,5 +1,6 @@
 """Run a scene from Python as the command line does, and keep its results as arrays: `mpp_taichi.run`."""
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from html import escape
@@ -11,6 +12,7 @@ import numpy as np
 
 from mpp_taichi.atomic_file import whole_file
 from mpp_taichi.errors import CapacityError, MppError
+from mpp_taichi.recorders.path_samples import MOST_PLACES, PathSamples
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.report import bridges, result_page
 from mpp_taichi.report.expectations import Verdict, Watcher
@@ -25,6 +27,9 @@ from mpp_taichi.simulation import notebook
 from mpp_taichi.simulation.recorder import Recorder
 from mpp_taichi.simulation.simulation import Simulation
 from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.views.wall_outline import outline_of
+
+logger = logging.getLogger(__name__)
 
 MOST_NUMBERS = 2**27  # of the positions and velocities that are kept: a gigabyte
 
@@ -66,7 +71,7 @@ def run(
         if any(each.quantity in BALANCE_QUANTITIES for each in watcher.expectations):
             simulation.keep_energy_balance()
         told = _horizon(simulation, count) if simulation.scene.horizon else {}
-        table, moments = TableRecorder(apart), Moments(apart)
+        table, moments = TableRecorder(apart), Moments(apart, simulation)
         simulation.run(duration, steps=steps, recorders=[table, moments, watcher, *recorders], every=every, call=call)
         for look in (table, moments, watcher):
             look.finish(simulation)
@@ -78,7 +83,7 @@ def run(
         verdict = simulation.verdict
         summary["status"] = verdict.status if all(each.passed for each in verdicts) else "failed"
         summary["findings"] = [vars(each) for each in verdict.findings]
-        return Result(simulation, summary, verdicts, table, moments.seen)
+        return Result(simulation, summary, verdicts, table, moments.seen, moments.paths)
     except BaseException:
         simulation.close()
         raise
@@ -103,23 +108,48 @@ def _step_count(simulation: Simulation, duration: float | None, steps: int | Non
 class Moments:
     """A recorder that keeps the particles after every `every` steps, and at the end."""
 
-    def __init__(self, every: int) -> None:
+    def __init__(self, every: int, simulation: Simulation) -> None:
         """Begin without a moment."""
-        self.every = every
+        self.every, spec = every, simulation.spec
         self.seen: list[Snapshot] = []
+        self.paths: list[dict[str, Any]] = []  # of the moments that a picture's trails show, the last ones
+        self._trails = spec.view.trails
+        self._samples: PathSamples | None = None
+        if self._trails and simulation.start.particle_count <= MOST_PLACES:
+            walls = outline_of(spec, simulation.start.position)
+            self._samples = PathSamples(spec, every * simulation.dt, walls, _tell_turn)
 
     def steps_until_due(self, simulation: Simulation) -> int:
-        """Steps until the next multiple of `every`."""
-        return self.seen[-1].step + self.every - simulation.step_count if self.seen else 0
+        """Steps until the next multiple of `every`, or until the next sample of fast motion."""
+        steps = self._steps_to_moment(simulation)
+        if self._samples is None:
+            return steps
+        return min(steps, self._samples.steps_until_due(simulation, simulation.time + steps * simulation.dt))
 
     def record(self, simulation: Simulation) -> None:
         """Keep the present moment."""
-        self.seen.append(simulation.snapshot())
+        snapshot, steps = simulation.snapshot(), self._steps_to_moment(simulation)
+        if steps > 0 and self._samples is not None:
+            self._samples.look(simulation, snapshot, simulation.time + steps * simulation.dt)
+        if steps <= 0:
+            self._keep(simulation, snapshot)
+
+    def _keep(self, simulation: Simulation, snapshot: Snapshot) -> None:
+        self.seen.append(snapshot)
+        self.paths.append({} if self._samples is None else self._samples.take(simulation, snapshot, snapshot.time))
+        del self.paths[: -self._trails - 1]
+
+    def _steps_to_moment(self, simulation: Simulation) -> int:
+        return self.seen[-1].step + self.every - simulation.step_count if self.seen else 0
 
     def finish(self, simulation: Simulation) -> None:
         """Keep the last moment, unless it has just been kept."""
         if self.seen[-1].step != simulation.step_count:
-            self.record(simulation)
+            self._keep(simulation, simulation.snapshot())
+
+
+def _tell_turn(name: str, turns: float) -> None:
+    logger.warning("%s turns %.2f times between two samples: more samples show its path", name, turns)
 
 
 class Result:
@@ -140,8 +170,10 @@ class Result:
         verdicts: Sequence[Verdict],
         table: TableRecorder,
         moments: Sequence[Snapshot],
+        paths: Sequence[Mapping[str, Any]] = (),
     ) -> None:
         """Keep the results of a run that has ended."""
+        self._paths = tuple(paths)
         self.simulation, self.summary, self.verdicts = simulation, summary, tuple(verdicts)
         self.table: dict[str, np.ndarray] = table.columns()
         self._rows = table.rows
@@ -162,7 +194,7 @@ class Result:
     __repr__ = __str__
 
     def _repr_png_(self) -> bytes | None:
-        return notebook.png(self.simulation, earlier=self.moments[:-1]) if self._shows_its_end else None
+        return notebook.png(self.simulation, earlier=self.moments[:-1], paths=self._paths) if self._shows_its_end else None
 
     def _repr_html_(self) -> str:
         """The page that plays the run, or the picture where it is too large, and the summary.

@@ -48,7 +48,20 @@ def resolve_view(view: ViewSpec, layout: ParticleLayout, finder: Finder) -> View
     changed["arrows"] = tuple(
         _arrows_of(arrows, ("view", "arrows", number), finder) for number, arrows in enumerate(view.arrows)
     )
+    changed["labels"] = _labels(view.labels, layout, finder)
     return replace(view, **changed)
+
+
+def _labels(labels: Any, layout: ParticleLayout, finder: Finder) -> Any:
+    """True, or (name, first index, count) of each body or group that is named in the picture."""
+    if isinstance(labels, bool):
+        return labels or ()
+    found = []
+    for number, each in enumerate(labels):
+        if (group := finder.group(each, ("view", "labels", number))) is not None:
+            name = layout.entries[layout.entry_of(group[0])].parameters.get("name") if isinstance(each, int) else None
+            found.append((str(name or each), *group))
+    return tuple(found)
 
 
 def _arrows_of(arrows: ArrowsSpec, path: tuple[Any, ...], finder: Finder) -> ArrowsSpec:

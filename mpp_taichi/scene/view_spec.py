@@ -7,6 +7,7 @@ from pydantic import BeforeValidator, ConfigDict, Field
 
 from mpp_taichi.scene.colors import Color
 from mpp_taichi.scene.fields import FileBeside, Flag, ListOf, Number, OneOrMore, Reference, Text, Whole
+from mpp_taichi.scene.flag_or import FlagOr
 
 COLOR_MAPS = ("viridis", "cividis", "diverging")
 ARROW_QUANTITIES = ("velocity", "acceleration", "force")
@@ -14,6 +15,7 @@ PATTERNS = ("banded", "continents", "cratered", "checker")
 _CLOSED = ConfigDict(extra="forbid")
 _COLOR = Color()
 _MOST_GROUPS = 64
+_MOST_LABELS = 1000
 
 
 def _nothing_is_empty(value: Any) -> Any:
@@ -295,6 +297,16 @@ class ViewSpec:
         _ASKED,
         Field(description="velocities as arrows, or accelerations, or forces; several of these as a list"),
     ] = ()
+    labels: Annotated[
+        Any,
+        FlagOr(ListOf(Reference(), tuple(range(1, _MOST_LABELS + 1)), "bodies and groups")),
+        Field(description="names beside bodies: true for every body with a name, or a list of bodies and groups"),
+    ] = False  # once the scene is loaded: True, or (name, first index, count) of each
+    scale_bar: Annotated[
+        bool,
+        Flag(),
+        Field(description="a bar of a round length with its unit; its length holds at the depth of the camera's target"),
+    ] = False
     axes: Annotated[AxesSpec | None, _ASKED, Field(description="axes with their letters")] = None
     grid: Annotated[GridSpec | None, _ASKED, Field(description="a grid in a plane")] = None
 

@@ -6,39 +6,53 @@ class imports this module.
 
 import base64
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from html import escape
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
+from mpp_taichi.scene.human_units import TimeScale
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.wall_outline import outline_of
 
 SIZE = (960, 540)  # pixels
+Paths = Mapping[str, Any]
 
 
-def picture(simulation: Any, size: tuple[int, int] = SIZE, *, earlier: Sequence[Snapshot] = ()) -> np.ndarray:
-    """The particles now, by the kernel renderer: uint8, shape (height, width, 3); trails lead through the `earlier` moments."""
+def picture(
+    simulation: Any, size: tuple[int, int] = SIZE, *, earlier: Sequence[Snapshot] = (), paths: Sequence[Paths] = ()
+) -> np.ndarray:
+    """The particles now, by the kernel renderer: uint8, shape (height, width, 3).
+
+    Trails lead through the `earlier` moments. `paths` are the samples before the last of these moments, and before the
+    present, as fields of `Frame`.
+    """
     from mpp_taichi.views.renderer import Renderer  # the first import of Taichi, where nothing runs yet
 
     spec = simulation.scene
     walls = outline_of(spec, simulation.start.position)
     view = Renderer(spec.view, size, dimensions=spec.dimensions)
-    for snapshot in earlier:
-        view.trails.add(Frame.of(snapshot, walls=walls))
+    more: dict[str, Any] = {"walls": walls, "collides": bool(spec.contacts)}
+    known: list[Paths] = [{}] * (len(earlier) + 1 - len(paths)) + list(paths[-len(earlier) - 1 :])
+    for snapshot, path in zip(earlier, known[:-1], strict=True):
+        view.lead_trails_through(replace(Frame.of(snapshot, **more), **path))
     acceleration = simulation.accelerations() if spec.view.wants_acceleration else None
-    return view.draw(Frame.of(simulation.snapshot(), title=spec.title, walls=walls, acceleration=acceleration))
+    now = simulation.snapshot()
+    clock = TimeScale.of(spec.units, now.time).text(now.time)
+    words: dict[str, Any] = {"title": spec.title, "clock": clock, "units": spec.units}
+    return view.draw(replace(Frame.of(now, **words, **more, acceleration=acceleration), **known[-1]))
 
 
-def png(simulation: Any, *, earlier: Sequence[Snapshot] = ()) -> bytes | None:
+def png(simulation: Any, *, earlier: Sequence[Snapshot] = (), paths: Sequence[Paths] = ()) -> bytes | None:
     """The picture as a PNG; None where the simulation has ended and its state is lost."""
     if not simulation.is_alive:
         return None
     stream = io.BytesIO()
-    Image.fromarray(picture(simulation, earlier=earlier)).save(stream, format="PNG", optimize=True)
+    Image.fromarray(picture(simulation, earlier=earlier, paths=paths)).save(stream, format="PNG", optimize=True)
     return stream.getvalue()
 
 

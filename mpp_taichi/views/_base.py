@@ -1,6 +1,7 @@
 """The interface of every view: it takes a `Frame` and gives a picture or a window."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,7 +24,14 @@ class Frame:
     spring_color as `color`, shape (spring_count, 3)
     center       point at which a camera without a target is directed [length]; the middle of the bounding box when None
     velocity     [length / time], shape (particle_count, 3); shows a camera without a position in which plane particles move
+    ahead        time by which the positions are later than the velocities [time]
+    path_index, path_time, path   moments of some particles since the last frame, for trails: indices (count,), times
+                 (moments,), positions and velocities (moments, count, 6); None where the frames themselves are enough
+    collides     whether velocities may jump between two frames, as in collisions
+    period       of a box that repeats along each axis [length], 0 where it does not
     acceleration [length / time²], shape (particle_count, 3); None where no view asks for it
+    clock        the time as the caption shows it, `19.3 d`; empty for the bare number
+    units        names of the units of length, time and mass; None where the scene has none
     extra        one more line of caption, such as the energy error
     dimmed       drawn with less contrast, as positions have lost their meaning
     outline      segments of walls [length], shape (count, 2, 3)
@@ -38,10 +46,18 @@ class Frame:
     spring_color: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     time: float = 0.0
     title: str = ""
+    clock: str = ""
+    units: Mapping[str, str] | None = None
     extra: str = ""
     dimmed: bool = False
     center: tuple[float, float, float] | None = None
     velocity: np.ndarray | None = None
+    ahead: float = 0.0
+    path_index: np.ndarray | None = None
+    path_time: np.ndarray | None = None
+    path: np.ndarray | None = None
+    collides: bool = False
+    period: tuple[float, float, float] = (0.0, 0.0, 0.0)
     acceleration: np.ndarray | None = None
     outline: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 3)))
     mass: np.ndarray | None = None
@@ -55,8 +71,11 @@ class Frame:
         snapshot: Snapshot,
         *,
         title: str = "",
+        clock: str = "",
+        units: Mapping[str, str] | None = None,
         extra: str = "",
         walls: Outline | None = None,
+        collides: bool = False,
         acceleration: np.ndarray | None = None,
     ) -> "Frame":
         """The frame of a snapshot; its center is the center of mass, which orbits stay around."""
@@ -77,9 +96,13 @@ class Frame:
             spring_color=springs.color,
             time=snapshot.time,
             title=title,
+            clock=clock,
+            units=units,
             extra=extra,
             center=center,
             velocity=snapshot.velocity,
+            collides=collides or (walls is not None and len(walls.segments) > 0),
+            period=(0.0, 0.0, 0.0) if walls is None else walls.repeating.period,
             acceleration=acceleration,
             outline=np.zeros((0, 2, 3)) if walls is None else walls.at(snapshot.time),
             mass=snapshot.mass,

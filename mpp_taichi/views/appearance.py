@@ -23,6 +23,28 @@ class Legend:
     lines: tuple[str, ...]
 
 
+class DrawnPlaces:
+    """The places at which bodies with a `distance_scale` are drawn; false where there is no such body."""
+
+    def __init__(self, bodies: dict[tuple[int, int], BodyViewSpec]) -> None:
+        """Find the bodies that are drawn farther from another body than they are."""
+        self._moved = _primaries_first(bodies)
+
+    def __bool__(self) -> bool:
+        """Whether a body is drawn in another place."""
+        return bool(self._moved)
+
+    def of(self, vectors: np.ndarray) -> np.ndarray:
+        """Positions (count, 3) as they are drawn, and velocities likewise."""
+        drawn = np.array(vectors, dtype=float)
+        for (first, group), body in self._moved:
+            if body.around is None or body.around >= len(drawn):
+                continue
+            way = vectors[first : first + group] - vectors[body.around]
+            drawn[first : first + group] = drawn[body.around] + body.distance_scale * way
+        return drawn
+
+
 class Appearance:
     """Prepares the frames of one view; ranges of colours and lengths of arrows are remembered from frame to frame."""
 
@@ -31,7 +53,7 @@ class Appearance:
         self.spec = spec
         self._coloring = Coloring(spec.color_by, spec.spring_color_by)
         self._marks = Marks(spec, dimensions)
-        self._moved = _primaries_first(spec.bodies)
+        self._drawn_places = DrawnPlaces(spec.bodies)
 
     def dress(self, frame: Frame) -> Frame:
         """The frame with display-only places, radii and colours; the frame itself where the scene asks for none."""
@@ -40,22 +62,21 @@ class Appearance:
             changed["color"] = colors
         if (colors := self._coloring.spring_colors(frame)) is not None:
             changed["spring_color"] = colors
-        count = len(frame.position)
         scaled = [(key, body) for key, body in self.spec.bodies.items() if body.radius_scale != 1.0]
         if scaled:
             radius = np.array(frame.radius, dtype=float)
             for (first, group), body in scaled:
                 radius[first : first + group] *= body.radius_scale
             changed["radius"] = radius
-        if self._moved:
-            position = np.array(frame.position, dtype=float)
-            for (first, group), body in self._moved:
-                if body.around is None or body.around >= count:
-                    continue
-                way = frame.position[first : first + group] - frame.position[body.around]
-                position[first : first + group] = position[body.around] + body.distance_scale * way
-            changed["position"] = position
+        if self._drawn_places:
+            changed["position"] = self._drawn_places.of(frame.position)
         return replace(frame, **changed) if changed else frame
+
+    def with_drawn_velocity(self, frame: Frame) -> Frame:
+        """A prepared frame with the velocities of the places drawn, for trails; samples between frames are of these already."""
+        if frame.velocity is None or not self._drawn_places:
+            return frame
+        return replace(frame, velocity=self._drawn_places.of(frame.velocity))
 
     def segments(self, frame: Frame, camera: Camera) -> Segments:
         """The additional lines of a prepared frame: arrows, axes, grid."""

@@ -14,9 +14,9 @@ DARK: Background = (0.0, 0.0, 0.0)
 LINES_PER_PICTURE = 36  # the height of one line is this share of the picture, 20 pixels at 720
 
 
-def text_height(picture: np.ndarray) -> int:
-    """Height of a line of text in a picture [pixels]."""
-    return max(picture.shape[0] // LINES_PER_PICTURE, 9)
+def text_height(rows: int) -> int:
+    """Height of a line of text in a picture of so many rows [pixels]."""
+    return max(rows // LINES_PER_PICTURE, 9)
 
 
 def is_light(background: Background) -> bool:
@@ -31,7 +31,7 @@ def ink(background: Background) -> tuple[Color, Color]:
 
 def caption_lines(frame: Frame) -> list[str]:
     """The lines of a frame's caption, from the top."""
-    return [line for line in (frame.title, f"t = {frame.time:.4g}", frame.extra) if line]
+    return [line for line in (frame.title, f"t = {frame.clock or format(frame.time, '.4g')}", frame.extra) if line]
 
 
 def draw_caption(picture: np.ndarray, frame: Frame, background: Background = DARK) -> None:
@@ -42,7 +42,7 @@ def draw_caption(picture: np.ndarray, frame: Frame, background: Background = DAR
 def draw_text(picture: np.ndarray, text: str, background: Background = DARK) -> None:
     """Write lines of text into the upper left corner of a picture, in place; text that does not fit is cut off."""
     height, width = picture.shape[:2]
-    size = text_height(picture)
+    size = text_height(height)
     margin = size // 2
     font = font_of(size)
     ruler = ImageDraw.Draw(Image.new("RGB", (1, 1)))

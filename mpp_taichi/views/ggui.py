@@ -23,6 +23,7 @@ from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
 from mpp_taichi.views.dimming import dim
 from mpp_taichi.views.legend import draw_labels, draw_legend
+from mpp_taichi.views.overlay import draw_overlay
 from mpp_taichi.views.trails import Trails
 
 PROBE_SECONDS = 60.0
@@ -41,6 +42,7 @@ else:
 LIGHT = (-0.75, 1.0, 1.1)  # right, up, towards the viewer, in camera distances from the target
 NEAR, FAR = 1.0e-3, 1.0e3  # in camera distances
 TRAIL_WIDTH = 1.5  # pixels
+TRAIL_TOLERANCE = 0.25  # pixels between a trail and the curve that it follows
 THINNEST = 1.0  # pixels; GGUI does not smooth edges, and draws only some pixels of a thinner line
 
 
@@ -112,7 +114,8 @@ class GguiScene:
         walls = frame.outline.reshape(-1, 3)
         self._draw_lines(walls, np.tile(WALL_COLOR, (len(walls), 1)), WALL_WIDTH * thickness, camera)
         if trails is not None:
-            ends, colors, _ = trails.segments(np.asarray(frame.color), np.array(self._spec.background))
+            tolerance = TRAIL_TOLERANCE * camera.visible_height / height
+            ends, colors, _ = trails.segments(np.asarray(frame.color), np.array(self._spec.background), tolerance)
             self._draw_lines(ends.reshape(-1, 3), colors.reshape(-1, 3), TRAIL_WIDTH * thickness, camera)
         added = self.appearance.segments(frame, camera)
         for width in np.unique(added.width):
@@ -233,10 +236,11 @@ class GguiView(View):
         frame = appearance.dress(frame)
         if self.camera is None:
             self.camera = Camera(self.spec.camera, frame, aspect=self.size[0] / self.size[1], dimensions=self.dimensions)
-        self.trails.add(frame)
+        self.trails.add(appearance.with_drawn_velocity(frame))
         self._scene.draw(frame, self.camera, self.trails)
         picture = read_back(self._window)
         draw_labels(picture, appearance.labels(), self.camera, self.spec.background)
+        draw_overlay(picture, frame, self.spec, self.camera)
         if frame.dimmed:
             dim(picture, self.spec.background)
         if self.spec.caption:

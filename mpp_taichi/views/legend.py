@@ -34,7 +34,7 @@ def draw_legend(picture: np.ndarray, legend: Legend, background: Background = DA
     """Draw a legend into the lower left corner of a picture (height, width, 3), in place; parts outside are cut off."""
     if not legend.entries and not legend.lines:
         return
-    size = _text_height(picture)
+    size = line_height(picture.shape[1::-1])
     margin, step = size // 2 + 1, size + size // 3
     rows = len(legend.lines) + sum(3 if isinstance(entry, ColorBar) else len(_names(entry)) for entry in legend.entries)
     words = [*legend.lines, *(word for entry in legend.entries if isinstance(entry, GroupKey) for word, _ in _names(entry))]
@@ -63,7 +63,7 @@ def draw_labels(picture: np.ndarray, labels: list[Label], camera: Camera, backgr
     if not labels:
         return
     height, width = picture.shape[:2]
-    pen = _Pen(picture, _text_height(picture), ink(background))
+    pen = _Pen(picture, line_height(picture.shape[1::-1]), ink(background))
     for text, place, color in labels:
         right, up, depth = camera.view(place)
         per_pixel = float(camera.length_per_pixel(np.array(depth), height))
@@ -83,10 +83,11 @@ def number_text(value: float, span: float) -> str:
     return f"{value:.{digits}g}"
 
 
-def _text_height(picture: np.ndarray) -> int:
+def line_height(size: tuple[int, int]) -> int:
     """Height of a line, as in a caption; in a wide strip above panels, as in the caption of the whole picture."""
-    height, width = picture.shape[:2]
-    return min(max(text_height(picture), width * 9 // 16 // LINES_PER_PICTURE), max(height // 12, text_height(picture)))
+    width, height = size
+    least = text_height(height)
+    return min(max(least, width * 9 // 16 // LINES_PER_PICTURE), max(height // 12, least))
 
 
 def _names(key: GroupKey) -> list[tuple[str, Color | None]]:

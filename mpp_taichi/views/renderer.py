@@ -21,6 +21,7 @@ from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
 from mpp_taichi.views.dimming import dim
 from mpp_taichi.views.legend import draw_labels, draw_legend
+from mpp_taichi.views.overlay import draw_overlay
 from mpp_taichi.views.sky import Sky
 from mpp_taichi.views.srgb import linear_from_srgb
 from mpp_taichi.views.surfaces import Surfaces, SurfaceTables
@@ -31,6 +32,7 @@ logger = logging.getLogger(__name__)
 
 LIGHT = np.array([-0.45, 0.6, -0.66]) / math.sqrt(0.45**2 + 0.6**2 + 0.66**2)  # to the light: upper left, in front
 TRAIL_WIDTH = 1.5  # pixels
+TRAIL_TOLERANCE = 0.2  # pixels between a trail and the curve that it follows
 TRAIL_DEPTH = 1.0e-3  # share of its distance by which the oldest part of a trail is drawn behind its place
 LOOP_LIMIT = 65_000  # software Vulkan ends a thread's loop silently at 65,535 iterations
 
@@ -55,11 +57,12 @@ class Renderer(View):
         frame = self._appearance.dress(frame)
         if self.camera is None:
             self.camera = Camera(self.spec.camera, frame, aspect=width / height, dimensions=self.dimensions)
-        self.trails.add(frame)
+        self.trails.add(self._appearance.with_drawn_velocity(frame))
         screen = Screen.of(self.camera, width, height)
         primitives, tables = self._primitives(frame, self.camera, screen)
         picture = self._rasterize(primitives, tables, screen)
         draw_labels(picture, self._appearance.labels(), self.camera, self.spec.background)
+        draw_overlay(picture, frame, self.spec, self.camera)
         if frame.dimmed:
             dim(picture, self.spec.background)
         if self.spec.caption:
@@ -70,6 +73,10 @@ class Renderer(View):
     def see(self, frame: Frame) -> None:
         """Extend the ranges of colours that the scene does not give to a frame that is drawn later."""
         self._appearance.dress(frame)
+
+    def lead_trails_through(self, frame: Frame) -> None:
+        """Let the trails pass through a frame that is not drawn."""
+        self.trails.add(self._appearance.with_drawn_velocity(self._appearance.dress(frame)))
 
     def close(self) -> None:
         """Do nothing: the renderer holds no memory of the device."""
@@ -86,7 +93,8 @@ class Renderer(View):
             tables = self._surfaces.tables(frame, camera, center / scale, size, radius / scale, screen.height)
         marks = tables.marks if self._surfaces else None
         drawn = spheres(center / scale, radius / scale, linear_from_srgb(frame.color), screen, marks=marks)
-        ends, colors, age = self.trails.segments(np.asarray(frame.color), np.array(spec.background))
+        tolerance = TRAIL_TOLERANCE * camera.visible_height / screen.height
+        ends, colors, age = self.trails.segments(np.asarray(frame.color), np.array(spec.background), tolerance)
         springs = center[np.asarray(frame.between, dtype=np.int64)].reshape(-1, 2, 3)
         walls, added = camera.view(frame.outline), self._appearance.segments(frame, camera)
         # Older parts lie a little farther away: where a path overlaps itself, its newest part is visible.

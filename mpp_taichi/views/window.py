@@ -26,9 +26,11 @@ from mpp_taichi.views.display_loss import DisplayLoss
 from mpp_taichi.views.following import Follower
 from mpp_taichi.views.ggui import GguiScene, probe, read_back
 from mpp_taichi.views.legend import draw_legend, legend_lines
+from mpp_taichi.views.overlay import has_overlay, overlay_layer
 from mpp_taichi.views.pace import Pace, Rate
 from mpp_taichi.views.picking import discs, pick
 from mpp_taichi.views.picture import save_picture
+from mpp_taichi.views.pixel_points import PixelPoints
 from mpp_taichi.views.scene_list import SceneList
 from mpp_taichi.views.slider_panel import SliderPanel
 from mpp_taichi.views.trails import Trails
@@ -118,6 +120,7 @@ class Window:
         self._sliders = SliderPanel(self._desk.knobs)
         self._scenes = SceneList(self._desk.scenes, self._desk.present)
         self._picked = WindowMark()
+        self._names = PixelPoints()
         self._follower = Follower()
         self._message, self._message_end = "", 0.0
 
@@ -195,7 +198,7 @@ class Window:
             self._say(self._follower.next(self._picked.index))
 
     def _show(self, frame: Frame, camera: Camera, controls: Controls, finished: bool, rate: str) -> None:
-        self._trails.add(frame)
+        self._trails.add(self._scene.appearance.with_drawn_velocity(frame))
         if controls.take("panels"):
             self._panels.toggle()
         self._draw(frame, camera, controls.trails)
@@ -232,6 +235,11 @@ class Window:
             self._scene.draw(frame, camera, self._trails if with_trails else None)
             if self._picked.index is not None:
                 self._picked.draw(self._window.get_canvas(), discs(frame, camera, self.spec, size, self._scene.shift), size)
+            if has_overlay(self.spec):
+                division = self._panels.division(size)
+                part = size if division is None else division.scene
+                self._names.put(*overlay_layer(frame, self.spec, camera, size, self._scene.shift, part), size)
+                self._names.draw(self._window.get_canvas(), size)
         self._panels.draw(self._window.get_canvas(), size, self._window.get_cursor_pos())
 
     def _save(self, frame: Frame) -> None:

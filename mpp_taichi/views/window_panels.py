@@ -13,10 +13,7 @@ from mpp_taichi.plots.sheet import Sheet, letters_for
 from mpp_taichi.scene.spec import CameraSpec, RecordSpec
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.panels import Division, widened, widening
-
-SPARE = 1.5  # times the number of points needed now: GGUI compiles its copy kernels anew for every field
-RADIUS = 0.5  # pixels: a disc of this radius about the middle of a pixel covers that pixel and no other
-NOWHERE = -2.0
+from mpp_taichi.views.pixel_points import PixelPoints
 
 
 class WindowPanels:
@@ -33,7 +30,7 @@ class WindowPanels:
         self._size: tuple[int, int] | None = None
         self._sheet: Sheet | None = None
         self._last = np.zeros(0)
-        self._points = _PlotPoints()
+        self._points = PixelPoints()
         self._ground = _Ground()
 
     def division(self, size: tuple[int, int]) -> Division | None:
@@ -84,9 +81,20 @@ class WindowPanels:
             self._last = picture.copy()
             boxes = self._sheet.grounds()
             self._ground.put(boxes, (left, top), size)
-            self._points.put(picture, boxes, (left, top), size)
+            rows, columns = _drawn(picture, boxes)
+            self._points.put(top + rows, left + columns, picture[rows, columns], size)
         canvas.triangles(self._ground.corner, per_vertex_color=self._ground.color)
-        canvas.circles(self._points.place, radius=RADIUS / size[1], per_vertex_color=self._points.color)
+        self._points.draw(canvas, size)
+
+
+def _drawn(picture: np.ndarray, boxes: Sequence[tuple]) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the pixels that differ from the rectangles below them."""
+    ground = np.zeros_like(picture)
+    for (left, top, right, bottom), color in boxes:
+        ground[top:bottom, left:right] = color
+    red, green, blue = np.moveaxis(picture != ground, 2, 0)
+    rows, columns = np.nonzero(red | green | blue)
+    return rows, columns
 
 
 class _Ground:
@@ -108,32 +116,3 @@ class _Ground:
             colors += [color] * 6
         self.corner.from_numpy(np.array(corners, np.float32))
         self.color.from_numpy(np.array(colors, np.float32) / 255.0)
-
-
-class _PlotPoints:
-    """The pixels of a picture that differ from the rectangles below it."""
-
-    def __init__(self) -> None:
-        self._capacity = 0
-        self.place: Any = None
-        self.color: Any = None
-
-    def put(self, picture: np.ndarray, boxes: Sequence[tuple], origin: tuple[int, int], size: tuple[int, int]) -> None:
-        ground = np.zeros_like(picture)
-        for (left, top, right, bottom), color in boxes:
-            ground[top:bottom, left:right] = color
-        red, green, blue = np.moveaxis(picture != ground, 2, 0)
-        rows, columns = np.nonzero(red | green | blue)
-        if len(rows) > self._capacity:
-            self._capacity = int(SPARE * len(rows))
-            self.place = ti.Vector.field(2, ti.f32, self._capacity)
-            self.color = ti.Vector.field(3, ti.f32, self._capacity)
-        if self._capacity == 0:
-            return
-        place = np.full((self._capacity, 2), NOWHERE, np.float32)
-        color = np.zeros((self._capacity, 3), np.float32)
-        place[: len(rows), 0] = (origin[0] + columns + 0.5) / size[0]
-        place[: len(rows), 1] = 1.0 - (origin[1] + rows + 0.5) / size[1]
-        color[: len(rows)] = picture[rows, columns] / 255.0
-        self.place.from_numpy(place)
-        self.color.from_numpy(color)

@@ -2,6 +2,7 @@
 
 import io
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -291,6 +292,88 @@ def test_a_browser_draws_particles_where_the_camera_sees_them(tmp_path, browser)
     browser.wait_for("player.frame > 3 && player.frame < 39")  # it begins again, and plays
     browser.press(" ")
     assert browser.evaluate("player.playing") is False
+
+
+FLAT = {"camera": {"position": [0, 0, 6], "look_at": [0, 0, 0], "up": [0, 1, 0], "projection": "orthographic", "height": 4}}
+# Both ends of every line, as the picture has them: to the right and up, in lengths.
+LINES = """(() => {
+  const { count, stride, data } = player.drawing.lines, { distance } = player.camera, ends = [];
+  for (let n = 0; n < count; n++) for (const k of [0, 4]) ends.push([0, 1].map((c) => distance * data[n * stride + k + c]));
+  return ends;
+})()"""
+
+
+def turning(turns, count=12, samples=12):
+    """A body on the unit circle that turns so many times from frame to frame, with samples between the frames."""
+    step = 2 * math.pi * turns
+    for k in range(count):
+        angles = step * (k - 1 + np.arange(1, samples) / samples)
+        paths = np.stack([np.cos(angles), np.sin(angles), 0 * angles, -np.sin(angles), np.cos(angles), 0 * angles], axis=1)
+        path = {"path_index": np.array([0]), "path_time": angles, "path": paths[:, None]} if k and turns > 0.03 else {}
+        at = np.array([[math.cos(step * k), math.sin(step * k), 0.0]])
+        speed = np.array([[-at[0, 1], at[0, 0], 0.0]])
+        yield Frame(at, np.full(1, 0.01), COLORS[:1], time=step * k, velocity=speed, **path)
+
+
+@pytest.mark.parametrize("turns", [0.93, 0.2, 1 / 30])
+def test_a_browser_draws_trails_along_the_path_and_not_from_frame_to_frame(tmp_path, browser, turns):
+    header, columns, _, _ = recorded(tmp_path / "run.html", list(turning(turns)), SCENE | {"view": FLAT | {"trails": 9}})
+    assert (header["path"] is not None) == (turns > 0.1), "at 12° the places of the frames are enough"
+    if turns > 0.1:
+        assert header["path"]["particles"] == [0] and len(columns["path_x"]) == 11 * header["path"]["pieces"] + 1
+        place = np.stack([columns[f"path_{name}"][:, 0] for name in "xy"], axis=1)
+        assert np.abs(np.linalg.norm(place, axis=1) - 1).max() < 1e-3
+    browser.open(tmp_path / "run.html", "#frame=11")
+    browser.settle()
+    ends = np.array(browser.evaluate(LINES), dtype=float).reshape(-1, 2, 2)
+    # Half a pixel of the page at SIZE, 4/360 of a length each, for the recorded path and as much for straight pieces.
+    middles = ends.mean(axis=1)
+    away = np.abs(np.linalg.norm(np.concatenate([ends[:, 0], middles]), axis=1) - 1)
+    assert away.max() < 4 / 360
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()
+    assert length == pytest.approx(9 * 2 * math.pi * turns, rel=0.01)
+
+
+def test_the_trail_of_a_bouncing_ball_stays_in_its_box_in_a_browser(tmp_path, browser):
+    time = 0.17 * np.arange(60)
+    fold = np.abs((time + 0.37) % 2 - 1)  # between 0 and 1, there and back
+    frames = [
+        Frame(np.array([[0.1 * t - 1, y, 0]]), np.full(1, 0.01), COLORS[:1], time=t, velocity=np.zeros((1, 3)), collides=True)
+        for t, y in zip(time, fold, strict=True)
+    ]
+    contacts = {"hard_spheres": {"solver": "swept"}}
+    recorded(tmp_path / "run.html", frames, SCENE | {"view": FLAT | {"trails": 50}, "contacts": contacts})
+    browser.open(tmp_path / "run.html", "#frame=55")
+    browser.settle()
+    ends = np.array(browser.evaluate(LINES), dtype=float)
+    assert len(ends) >= 100
+    assert ends[:, 1].min() > -1e-4 and ends[:, 1].max() < 1 + 1e-4, "a grid step and single precision"
+
+
+def test_a_browser_has_names_and_a_scale_bar_where_a_film_has_them(tmp_path, browser):
+    units = {"length": "AU", "time": "s", "mass": "Msun"}
+    view = SCENE["view"] | {"labels": True, "scale_bar": True}
+    frames = [replace(frame, name=("a", "Überß", "", "d")) for frame in balls()]
+    recorded(tmp_path / "run.html", frames, SCENE | {"view": view, "units": units}, names=("a", "Überß", "", "d"))
+    browser.open(tmp_path / "run.html", "#frame=12")
+    browser.press("p")
+    browser.settle()
+    size = browser.evaluate("[player.canvas.clientWidth, player.canvas.clientHeight]")
+    rows = min(size[1], size[0] * SIZE[1] / SIZE[0])
+    camera = Camera(load_scene(SCENE).view.camera, frames[0], aspect=SIZE[0] / SIZE[1])
+    found = {tag["name"]: tag for tag in browser.evaluate("player.overlay.names")}
+    assert set(found) == {"a", "Überß", "d"}
+    for name, particle in (("a", 0), ("Überß", 1)):
+        across, down = _on_screen(camera, frames[12].position[particle : particle + 1], size, rows)[0]
+        # Coordinates are on a grid whose step moves nothing by more than a quarter of a pixel.
+        assert found[name]["top"] == pytest.approx(down, abs=0.5)
+        assert across < found[name]["left"] < across + 30
+    bar = browser.evaluate("player.overlay.bar")
+    assert bar["text"] == "2 AU" and bar["pixels"] == pytest.approx(2.0 / camera.visible_height * rows, rel=1e-9)
+    letters = "(() => { const { canvas } = player.overlay; return canvas.getContext('2d').getImageData(0, 0, canvas.width, "
+    assert browser.evaluate(letters + "canvas.height).data.filter((value, n) => n % 4 === 0 && value > 200).length; })()") > 100
+    # The run ends at 9.75 s: every frame has two decimals.
+    assert browser.evaluate("[0, 3.5, 9.75].map((time) => player.run.clockText(time))") == ["0.00 s", "3.50 s", "9.75 s"]
 
 
 WITHOUT_WEBGL = """{

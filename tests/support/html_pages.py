@@ -38,6 +38,10 @@ def read_page(path):
     columns, steps = {}, {}
     for description in header["columns"]:
         columns[description["name"]], steps[description["name"]] = column(description, frames)
+    if path := header["path"]:
+        rows = (frames - 1) * path["pieces"] + 1
+        for description in path["columns"]:
+            columns[description["name"]], steps[description["name"]] = column(description, rows)
     links = [take("<i4", 2 * each["count"]).reshape(-1, 2) for each in header["springs"]]
     colors = [column(each["color"], each["frames"])[0] for each in header["springs"]]
     assert place == len(block)

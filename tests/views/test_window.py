@@ -15,7 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from pictures import frame_of
 from PIL import Image
+
+from mpp_taichi.scene.spec import CameraSpec, ViewSpec
+from mpp_taichi.views.camera import Camera
+from mpp_taichi.views.overlay import overlay_layer
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
@@ -297,6 +302,27 @@ def test_panels_are_those_of_a_film_and_say_what_the_cursor_points_at(display: s
         session.wait_for(lambda: "exported" in session.said())
         session.press("p")
         session.wait_for(lambda: changed(session.picture()[:, 416:], expected) > 5000)
+        session.press("Escape")
+        assert session.end() == 0 and session.complaints() == ""
+    finally:
+        session.close()
+
+
+def test_names_and_scale_bar_stand_where_a_film_has_them(display: str, tmp_path: Path) -> None:
+    program = PROGRAM.replace("ViewSpec(camera=camera)", "ViewSpec(camera=camera, labels=True, scale_bar=True)")
+    program = program.replace('title="Planets", extra', 'name=("Sonne", "Erde", "Überß"), title="Planets", extra')
+    session = Session(display, tmp_path, program=program)
+    try:
+        camera = CameraSpec(position=(0, 0, 8), look_at=(0, 0, 0), up=(0, 1, 0))
+        places = [[0, 0, 0], [2, 0, 0], [1.2, 0, 0]]
+        frame = frame_of(places, [0.4, 0.15, 0.2], name=("Sonne", "Erde", "Überß"))
+        view = ViewSpec(camera=camera, labels=True, scale_bar=True)
+        rows, columns, colors = overlay_layer(frame, view, Camera(camera, frame, aspect=16 / 9), WINDOW, (0.0, 0.0), WINDOW)
+        assert len(rows) > 300
+        picture = session.picture()
+        np.testing.assert_array_equal(picture[rows, columns], colors)
+        session.press("i", seconds=0.6)
+        assert changed(picture[130:], session.scene()) > 100, "names go along with their bodies"
         session.press("Escape")
         assert session.end() == 0 and session.complaints() == ""
     finally:

@@ -67,8 +67,17 @@ class Run {
     this.columns = {};
     for (const description of header.columns) this.columns[description.name] = new Column(reader, description, this.frameCount);
     this.count = this.columns.x.entries;
+    this.path = this.finerPath(header.path, reader);
     this.springs = header.springs.map(({ first, count }) => ({ first, count, between: reader.take(Int32Array, 2 * count) }));
     header.springs.forEach(({ color, frames }, n) => { this.springs[n].color = new Column(reader, color, frames); });
+  }
+
+  /** Places between the frames of the particles that turn far from frame to frame; null where there are none. */
+  finerPath(path, reader) {
+    if (!path) return null;
+    const columns = {}, rows = (this.frameCount - 1) * path.pieces + 1;
+    for (const description of path.columns) columns[description.name.replace("path_", "")] = new Column(reader, description, rows);
+    return { ...path, columns };
   }
 
   /** The springs of a frame: they change where a timeline changes them. */
@@ -80,6 +89,14 @@ class Run {
   place(frame, particle) {
     const { x, y, z } = this.columns;
     return [x.value(frame, particle), y.value(frame, particle), z.value(frame, particle)];
+  }
+
+  /** A time as a reader wants it, in the unit of this run and with the same decimals in all frames. */
+  clockText(time) {
+    const { size, unit, decimals, power } = this.header.clock, value = time / size / 10 ** power;
+    let number = decimals === null ? spelled(value) : value.toFixed(decimals).replace(/^-(0\.?0*)$/, "$1");
+    if (power) number += `e${power}`;
+    return unit ? `${number} ${unit}` : number;
   }
 
   name(particle) {

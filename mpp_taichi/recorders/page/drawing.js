@@ -40,6 +40,16 @@ class Squares {
     this.count = 0;
   }
 
+  /** The data, with room for one more square. */
+  room() {
+    if ((this.count + 1) * this.stride > this.data.length) {
+      const larger = new Float32Array(2 * Math.max(this.data.length, SQUARES_PER_ROW * this.stride));
+      larger.set(this.data);
+      this.data = larger;
+    }
+    return this.data;
+  }
+
   draw(uniforms) {
     const { gl, data, texels } = this, rows = Math.ceil(this.count / SQUARES_PER_ROW), width = SQUARES_PER_ROW * texels;
     if (!this.count) return;
@@ -116,6 +126,7 @@ class Drawing {
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     const focal = camera.focal(width, height);
     this.lineScale = camera.rows(width, height) / REFERENCE_ROWS;
+    this.focal = focal;
     this.place(frame, camera, focal / ratio);
     this.writeSpheres(frame);
     this.writeLines(frame, camera, Math.min(trails, frame));
@@ -165,8 +176,9 @@ class Drawing {
 
   /** One line; ends are taken from two arrays of coordinates, and left out where they are not numbers. */
   writeLine(a, i, b, j, red, green, blue, width) {
-    const { lines } = this, { data } = lines, n = lines.count * lines.stride;
+    const { lines } = this, n = lines.count * lines.stride;
     if (!(Number.isFinite(a[i]) && Number.isFinite(b[j]))) return;
+    const data = lines.room();
     for (let k = 0; k < 3; k++) {
       data[n + k] = a[i + k];
       data[n + 4 + k] = b[j + k];
@@ -196,30 +208,38 @@ class Drawing {
     }
   }
 
-  /** The last places of every particle, which fade into the background and become thinner; the newest are drawn last, on top. */
+  /** The last ways of every particle, which fade into the background and become thinner; the newest are drawn last, on top. */
   writeTrails(frame, camera, length) {
-    const { run: { count, columns: { x, y, z } }, view: { background, trails: whole } } = this, see = camera.viewer();
-    const write = (then, places) => {
-      for (let i = 0; i < count; i++) see(x.value(then, i), y.value(then, i), z.value(then, i), places, 3 * i);
-    };
-    let older = new Float64Array(3 * count), newer = new Float64Array(3 * count);
-    write(frame - length, older);
-    for (let age = length - 1; age >= 0; age--) {
-      const strength = 1 - (age + 0.5) / whole, width = TRAIL_WIDTH * (1 - 0.5 * (age + 1) / whole);
-      write(frame - age, newer);
-      for (let i = 0; i < count; i++) {
-        if (this.repeats && this.wrapped(frame - age, frame - age - 1, i)) continue;
-        const shade = (k) => background[k] + strength * (this.color(frame, i, k) - background[k]);
-        this.writeLine(newer, 3 * i, older, 3 * i, shade(0), shade(1), shade(2), width);
+    const { run: { columns, count, frameCount, path } } = this, see = camera.viewer();
+    const cutter = new CurveCutter(this.focal, camera.orthographic, this.view.collides);
+    const finer = new Set(path?.particles), all = Array.from({ length: count }, (_, i) => i).filter((i) => !finer.has(i));
+    this.writeTrailsOf(frame, length, new Window6(columns, frameCount, see), all, (i) => i, 1, cutter);
+    if (!path) return;
+    const entries = path.particles.map((_, entry) => entry), rows = (frameCount - 1) * path.pieces + 1;
+    this.writeTrailsOf(frame, length, new Window6(path.columns, rows, see), entries, (entry) => path.particles[entry], path.pieces, cutter);
+  }
+
+  /** The trails of some entries of columns that have so many rows for each frame. */
+  writeTrailsOf(frame, length, moving, entries, particleOf, pieces, cutter) {
+    const { background, trails: whole } = this.view, last = frame * pieces;
+    if (!entries.length) return;
+    moving.begin(last - length * pieces);
+    for (; moving.at < last; moving.advance()) {
+      for (const entry of entries) {
+        const i = particleOf(entry);
+        if (this.repeats && this.wrapped(moving, entry)) continue;
+        cutter.cut(moving.places, 3 * entry, (ends, since, until) => {
+          const age = (share) => (last - moving.at - share) / pieces, strength = 1 - (age(since) + age(until)) / 2 / whole;
+          const shade = (k) => background[k] + strength * (this.color(frame, i, k) - background[k]);
+          this.writeLine(ends, 3, ends, 0, shade(0), shade(1), shade(2), TRAIL_WIDTH * (1 - 0.5 * (age(until) + 1) / whole));
+        });
       }
-      [newer, older] = [older, newer];
     }
   }
 
   /** Whether a particle has left a box that repeats between two frames and come in on the other side. */
-  wrapped(frame, then, i) {
-    const { x, y, z } = this.run.columns;
-    return [x, y, z].some((axis, k) => 2 * Math.abs(axis.value(frame, i) - axis.value(then, i)) > (this.view.period[k] || Infinity));
+  wrapped({ columns: { x, y, z }, at }, entry) {
+    return [x, y, z].some((axis, k) => 2 * Math.abs(axis.value(at + 1, entry) - axis.value(at, entry)) > (this.view.period[k] || Infinity));
   }
 
   /** The particle under a point of the page, or −1: the nearest whose disc, at least so many points wide, holds it. */

@@ -64,8 +64,13 @@ class Inspector {
   /** Whether two particles are compared. */
   get pairs() { return this.choice.value === "particle distance"; }
 
-  /** The curves of the choice. */
+  /** The curves of the choice, over times in the unit of the caption. */
   curves() {
+    const { size } = this.run.header.clock;
+    return this.curvesOverTime().map((curve) => (size === 1 ? curve : { ...curve, times: curve.times.map((time) => time / size) }));
+  }
+
+  curvesOverTime() {
     const { run, choice: { value: chosen } } = this, { series } = run.header;
     if (chosen.startsWith("particle ")) {
       const [label, kind, value] = OF_PARTICLE[chosen.slice(9)], { units } = run.header;
@@ -90,11 +95,11 @@ class Inspector {
     this.second.value = this.other;
     document.getElementById("particle-name").textContent = this.pairs ? "" : this.run.name(this.particle);
     if (this.element.hidden) return;
-    const { units } = this.run.header;
-    this.plot.show(this.curves(), units ? `t [${units.time}]` : "t");
+    const { unit } = this.run.header.clock;
+    this.plot.show(this.curves(), unit ? `t [${unit}]` : "t");
   }
 
   draw(time) {
-    if (!this.element.hidden) this.plot.draw(time);
+    if (!this.element.hidden) this.plot.draw(time / this.run.header.clock.size);
   }
 }

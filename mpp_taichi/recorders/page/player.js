@@ -42,6 +42,7 @@ class Player {
     } catch (error) {
       tell(`The picture cannot be drawn here: ${error.message}.\nA browser of the last years with WebGL 2 shows it; the plot works without.`);
     }
+    this.overlay = new Overlay(element("overlay"), run);
     this.furnish();
     this.listen();
     this.inspector.update();
@@ -124,9 +125,10 @@ class Player {
   draw() {
     this.dirty = false;
     this.shownCount++;
-    const { frame, run, camera } = this, { units, captions, dimmed } = run.header, time = run.times[frame];
+    const { frame, run, camera } = this, { captions, dimmed } = run.header, time = run.times[frame];
     this.drawing?.draw(frame, camera, this.trails ? run.header.view.trails : 0);
-    element("time").textContent = `t = ${spelled(time)}${units ? ` ${units.time}` : ""}`;
+    if (this.drawing) this.overlay.draw(this.drawing, camera, element("stage").classList.contains("on-light"));
+    element("time").textContent = `t = ${run.clockText(time)}`;
     element("extra").textContent = captions ? captions[frame] : "";
     element("stage").classList.toggle("dimmed", Boolean(dimmed?.[frame]));
     element("slider").value = frame;
@@ -180,7 +182,13 @@ class Player {
 
   savePicture() {
     this.draw();  // in the same turn as it is read, or it is gone
-    this.canvas.toBlob((blob) => {
+    let picture = this.canvas;
+    if (this.overlay.wanted && this.drawing) {
+      const { width, height } = picture;
+      picture = Object.assign(document.createElement("canvas"), { width, height });
+      for (const layer of [this.canvas, this.overlay.canvas]) picture.getContext("2d").drawImage(layer, 0, 0);
+    }
+    picture.toBlob((blob) => {
       const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob) });
       link.download = `${this.run.header.scene.replace(/\.[^.]*$/, "") || "scene"}_${String(this.frame).padStart(6, "0")}.png`;
       link.click();
@@ -228,7 +236,7 @@ class Player {
     const seek = (event) => {
       if (!(event.buttons & 1)) return;
       this.play(false);
-      this.goToTime(this.inspector.plot.timeAt(event.offsetX));
+      this.goToTime(this.inspector.plot.timeAt(event.offsetX) * this.run.header.clock.size);
     };
     plot.addEventListener("pointerdown", (event) => { plot.setPointerCapture(event.pointerId); seek(event); });
     plot.addEventListener("pointermove", seek);
