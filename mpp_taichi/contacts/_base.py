@@ -126,7 +126,8 @@ class ContactSolver:
 
     def failure(self, count: int) -> str:
         """The message for contacts that were given up, with a remedy."""
-        return f"{count} contacts could not be resolved; try a smaller dt, or a contact_time that makes quick bounces elastic"
+        contacts = "1 contact" if count == 1 else f"{count} contacts"
+        return f"{contacts} could not be resolved; try a smaller dt, or a contact_time that makes quick bounces elastic"
 
     @property
     def conserves_energy(self) -> bool:

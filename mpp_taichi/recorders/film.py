@@ -198,7 +198,6 @@ class FilmRecorder:
             frame,
             **path,
             ahead=ahead,
-           
             time=time,
             clock=self._time_scale.text(time),
             dimmed=self._is_dimmed(time),

@@ -189,13 +189,34 @@ def test_the_result_does_not_depend_on_the_numbering_of_the_spheres(corner):
     assert np.abs(corner.spheres.read()[0][:9] - first[order]).max() < 1e3 * TOLERANCE
 
 
-def test_contacts_without_a_solution_are_counted(corner):
-    """Three in a row, the outer ones immovable and too close: nothing can take the one between out of both."""
-    corner.place([(10.0, 10.0), (10.9, 10.0), (11.8, 10.0)], mass=[np.inf, 1.0, np.inf])
+SQUEEZED = [(10.0, 10.0), (10.9, 10.0), (11.8, 10.0)]  # nothing can take the sphere between out of both others
+
+
+def test_a_sphere_without_room_is_named_with_what_presses_on_it(corner):
+    corner.place(SQUEEZED, mass=[np.inf, 1.0, np.inf])
     corner.solver.drift(corner.spheres, 0.0, STEP)
     position, _ = corner.spheres.read()
     assert corner.solver.collect().unresolved > 0
     assert np.isfinite(position).all()
+    message = corner.solver.failure(1)
+    for part in ("particle 1 at [10.9, 10]", "particle 0", "particle 2", "0.2 of a radius", "compliance"):
+        assert part in message
+    assert "dt" not in message  # no step is short enough
+
+
+def test_a_little_less_room_than_a_sphere_needs_presses_it_on_both_sides(corner):
+    missing = 1e-5
+    corner.place(
+        [(10.0, 10.0), (11.0 - missing, 10.0), (12.0 - 2 * missing, 10.0)],
+        [(0.0, 0.0), (0.3, 0.2), (0.0, 0.0)],
+        mass=[np.inf, 1.0, np.inf],
+    )
+    corner.solver.drift(corner.spheres, 0.0, STEP)
+    position, velocity = corner.spheres.read()
+    assert corner.solver.collect().unresolved == 0
+    # It stays where both overlap alike, or one of them by all that is missing; along y it slides on.
+    assert abs(position[1, 0] - 11.0 + missing) < 1.01 * missing
+    assert velocity[1, 1] == pytest.approx(0.2, rel=1e-4)
 
 
 @pytest.mark.thorough
@@ -257,6 +278,14 @@ def test_a_column_yields_by_the_weight_that_each_contact_bears(yielding):
     report = yielding.solver.collect()
     assert report.wall_impulse[0] == pytest.approx(COUNT * GRAVITY * 10 * LONG_STEP, rel=1e-6)
     assert report.largest_overlap == pytest.approx(COMPLIANCE * GRAVITY * COUNT / RADIUS, rel=1e-6)
+
+
+def test_a_compliance_lets_a_sphere_without_room_yield(yielding):
+    """The remedy that the message for such a sphere names."""
+    yielding.place(SQUEEZED, mass=[np.inf, 1.0, np.inf])
+    yielding.run(10)
+    assert yielding.solver.collect().unresolved == 0
+    assert yielding.spheres.read()[0][1, 0] == pytest.approx(10.9, abs=1e-9)  # pressed from both sides alike
 
 
 def test_an_impact_elsewhere_does_not_disturb_what_has_yielded(yielding):

@@ -7,7 +7,7 @@ import taichi as ti
 from mpp_taichi.contacts.rest.contact_rows import ContactRows
 
 CHUNK = 256  # spheres whose terms one thread sums
-ITERATIONS = 50_000  # after which the problem is given up
+PATIENCE = 2_000  # iterations after which the groups that are not solved are solved on the host
 FEWEST = 4  # iterations at least, so that the impulses of lasting contacts improve from drift to drift
 BATCH = 8  # iterations between two tests of the host
 
@@ -183,23 +183,27 @@ class Complementarity:
     def solve_serial(self, h):
         """Iterate in one thread; returns the number of iterations, and 1 if they did not converge."""
         iterations = 0
+        unsolved = 0
         going = 1
         while going == 1:
             self.iterate()
             iterations += 1
             solved = self.total[0][1] * h <= self.tolerance and iterations >= FEWEST
-            if solved or iterations >= ITERATIONS:
+            unsolved = 0 if solved else 1
+            if solved or iterations >= PATIENCE:
                 going = 0
-        return ti.Vector([iterations, 1 if iterations >= ITERATIONS else 0])
+        return ti.Vector([iterations, unsolved])
 
     @ti.kernel
     def _iterate(self):
         self.iterate()
 
-    def solve_parallel(self, h: float) -> tuple[int, bool]:
-        """Iterate with a launch for each iteration; returns the number of iterations, and whether they did not converge."""
-        iterations = 0
-        while iterations < ITERATIONS:
+    def solve_parallel(self, h: float, iterations: int, most: int) -> tuple[int, bool]:
+        """Iterate on, with a launch for each iteration, from `iterations` up to `most`.
+
+        Returns the number of iterations, and whether they did not converge.
+        """
+        while iterations < most:
             for _ in range(BATCH):
                 self._iterate()
             iterations += BATCH

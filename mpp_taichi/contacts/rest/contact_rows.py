@@ -14,6 +14,7 @@ from mpp_taichi.walls._surfaces import WallSurfaces
 ROUNDINGS = 16  # of a coordinate, by which an impact may seem later than it is
 SEGMENTS_EACH = 8  # mean room of a row for the segments of walls
 ENTRIES_EACH = 40  # mean room of a row: enough for the spheres within half a radius of each other in a dense packing
+FEW_ENTRIES = 2**18  # room for all pairs of up to 512 spheres, if a drift is so long that each could meet any other
 
 
 @ti.data_oriented
@@ -39,7 +40,8 @@ class ContactRows:
         self.walls = WallSurfaces(setup.enclosure)
         self.period = setup.enclosure.period
         self.epsilon = float(np.finfo(np.float32 if ti.lang.impl.current_cfg().default_fp == ti.f32 else np.float64).eps)
-        self.capacity = (ENTRIES_EACH + self.walls.plain_count + min(self.walls.segment_count, SEGMENTS_EACH)) * n
+        each = max(ENTRIES_EACH, n - 1) if n * n <= FEW_ENTRIES else ENTRIES_EACH
+        self.capacity = (each + self.walls.plain_count + min(self.walls.segment_count, SEGMENTS_EACH)) * n
         numbers, integers = ti.FieldsBuilder(), ti.FieldsBuilder()  # apart: see State._builder
         self.start, self.old_start, self.filled = (ti.field(ti.i32) for _ in range(3))
         self.radius = ti.field(float)

@@ -1,10 +1,14 @@
 """Two ways to run a drift with resting contacts: by one thread in one launch, or a launch for each loop over the spheres."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import taichi as ti
 
 from mpp_taichi.contacts._base import ContactSetup
+from mpp_taichi.contacts.rest.complementarity import PATIENCE
+from mpp_taichi.contacts.rest.slow_groups import SlowGroups, Squeeze
 from mpp_taichi.contacts.rest.step import ROOM, RestingStep
 from mpp_taichi.device.fast_taichi.serial_loops import on_cpu
 from mpp_taichi.neighbors.cell_grid import CellGrid
@@ -14,79 +18,135 @@ from mpp_taichi.types import Template
 
 ALL_PAIRS_UP_TO = 1000  # spheres on another device than the CPU, where a launch takes longer than the test of all pairs
 TRIES = 12  # to build rows, each time for spheres twice as fast
+MOST_ITERATIONS = 50_000  # for groups that are too large for the host
+
+
+@dataclass(frozen=True)
+class Drifted:
+    """What a drift tells.
+
+    changed      whether velocities had changed since the last drift
+    iterations   of all problems
+    crowded      largest number of contact rows for which there was no room, 0 if there was room for all
+    hurried      whether spheres came out faster than rows could be built for
+    squeezes     of each problem without a solution, the worst contact
+    """
+
+    changed: bool
+    iterations: int
+    crowded: int
+    hurried: bool
+    squeezes: tuple[Squeeze, ...]
+
+
+IMPACTS, REST, WAYS, MOVED = 0, 1, 2, 3  # the three problems of a drift, one after the other, and its end
+BEGIN = -1
 
 
 @ti.data_oriented
 class SerialPlan:
-    """A single thread does the whole drift, and tests all pairs."""
+    """A single thread does the whole drift, and tests all pairs.
+
+    The kernel ends at a problem that its iterations do not solve. The host solves it, and the kernel goes on behind it.
+    """
 
     def __init__(self, step: RestingStep):
         """Bind the step."""
         self.step = step
+        self.slow = SlowGroups(step.rows, step.solver)
+        builder = ti.FieldsBuilder()
+        self.bound = ti.field(float)  # of the speeds for which there are rows
+        builder.dense(ti.i, 1).place(self.bound)
+        self._tree = builder.finalize()
 
     def destroy(self) -> None:
-        """Own no memory."""
+        """Give the memory back."""
+        self._tree.destroy()
 
-    def drift(self, state: Any, time: float, h: float, resting_speed: float, kicked: bool) -> tuple[bool, int, int]:
-        """Returns whether velocities had changed since the last drift, the iterations, and the number of failures."""
-        changed, iterations, unresolved = self._drift(state, time, h, resting_speed, int(kicked))
-        return changed == 1, int(iterations), int(unresolved)
+    def drift(self, state: Any, time: float, h: float, resting_speed: float, kicked: bool) -> Drifted:
+        """Move all spheres by h."""
+        squeezes: list[Squeeze] = []
+        iterations = crowded = hurried = 0
+        changed, tries, hit, solved = int(kicked), 0, 0, BEGIN
+        while solved != MOVED:
+            told = self._drift(state, time, h, resting_speed, changed, tries, hit, solved)
+            changed, tries, hit, solved = int(told[0]), int(told[1]), int(told[2]), int(told[3])
+            iterations, crowded, hurried = iterations + int(told[4]), max(crowded, int(told[5])), hurried + int(told[6])
+            if solved != MOVED:
+                squeeze = self.slow.solve(h)[1]
+                if squeeze is not None:
+                    squeezes.append(squeeze)
+        return Drifted(changed == 1, iterations, crowded, hurried > 0, tuple(squeezes))
 
     @ti.kernel
-    def _drift(self, state: Template, time: float, h: float, resting_speed: float, kicked: int) -> ti.types.vector(3, int):
-        result = ti.Vector([0, 0, 0])
+    def _drift(
+        self, state: Template, time: float, h: float, resting_speed: float, kicked: int, tried: int, had_hit: int, solved: int
+    ) -> ti.types.vector(7, int):
+        """From the beginning, or on from the problem `solved` that the host has solved, to a problem that it has to solve."""
+        result = ti.Vector([kicked, tried, had_hit, solved, 0, 0, 0])
         ti.loop_config(serialize=True)
         for _ in range(1):
-            if kicked == 1:
-                self.step.rows.remember()
-            self.step.measure(state.velocity)
-            bound = ROOM * ti.cast(self.step.solver.total[0][0], float)
-            result[0] = 1 if self.step.solver.total[0][1] > 0.0 else 0
-            tries = 0
-            while tries < TRIES:
-                tries += 1
-                for counting in range(2):
-                    self.step.begin_rows()
-                    self.step.add_all_pairs(state, bound, time, h, 0 if counting == 0 else 1 + result[0])
-                    if counting == 0:
-                        self.step.rows.number()
-                        if self.step.rows.start[self.step.particle_count] > self.step.rows.capacity:
-                            result[2] += self.step.rows.start[self.step.particle_count]
-                            self.step.rows.clear()
-                self.step.find_impacts(state, time, h, resting_speed)
-                hit = self.step.solver.total[0][0] > 0.0
-                phase = 0 if hit else 1
-                last = 2 if hit else 1
-                while phase <= last:
-                    if phase == 0:
+            tries = tried
+            hit = had_hit
+            phase = solved
+            if phase == BEGIN:
+                if kicked == 1:
+                    self.step.rows.remember()
+                self.step.measure(state.velocity)
+                self.bound[0] = ROOM * ti.cast(self.step.solver.total[0][0], float)
+                result[0] = 1 if self.step.solver.total[0][1] > 0.0 else 0
+            going = 1
+            while going == 1:
+                if phase == BEGIN:
+                    tries += 1
+                    for counting in range(2):
+                        self.step.begin_rows()
+                        self.step.add_all_pairs(state, self.bound[0], time, h, 0 if counting == 0 else 1 + result[0])
+                        if counting == 0:
+                            self.step.rows.number()
+                            if self.step.rows.start[self.step.particle_count] > self.step.rows.capacity:
+                                result[5] = ti.max(result[5], self.step.rows.start[self.step.particle_count])
+                                self.step.rows.clear()
+                    self.step.find_impacts(state, time, h, resting_speed)
+                    hit = 1 if self.step.solver.total[0][0] > 0.0 else 0
+                elif phase == IMPACTS:
+                    self.step.end_impacts(state)
+                elif phase == REST:
+                    self.step.end_rest()
+                phase = (
+                    IMPACTS if phase == BEGIN and hit == 1 else REST if phase <= IMPACTS else WAYS if phase == REST else MOVED
+                )
+                if phase == WAYS and hit == 0:
+                    phase = MOVED
+                if phase == MOVED:
+                    self.step.measure(self.step.solver.velocity)
+                    fastest = ti.cast(self.step.solver.total[0][0], float)
+                    if fastest > self.bound[0] and tries < TRIES:
+                        self.bound[0] = 2.0 * fastest
+                        phase = BEGIN
+                    else:
+                        going = 0
+                        result[6] = 1 if fastest > self.bound[0] else 0
+                else:
+                    if phase == IMPACTS:
                         self.step.begin_impacts(state)
                         if ti.static(self.step.mixed):
                             spreading = 1
                             while spreading == 1:
                                 self.step.spread_restitution()
                                 spreading = 1 if self.step.solver.total[0][0] > 0.0 else 0
-                    elif phase == 1:
-                        self.step.begin_rest(state, h, ti.cast(hit, ti.i32))
+                    elif phase == REST:
+                        self.step.begin_rest(state, h, hit)
                     else:
                         self.step.begin_ways(state, h)
-                    self.step.solver.prepare(1 if phase == 0 else 0, h)
+                    self.step.solver.prepare(1 if phase == IMPACTS else 0, h)
                     outcome = self.step.solver.solve_serial(h)
-                    result[1] += outcome[0]
-                    result[2] += outcome[1]
-                    if phase == 0:
-                        self.step.end_impacts(state)
-                    elif phase == 1:
-                        self.step.end_rest()
-                    phase += 1
-                self.step.measure(self.step.solver.velocity)
-                fastest = ti.cast(self.step.solver.total[0][0], float)
-                if fastest <= bound:
-                    tries = TRIES + 1
-                else:
-                    bound = 2.0 * fastest
-            if tries == TRIES:
-                result[2] += 1
-            self.step.move(state, h)
+                    result[4] += outcome[0]
+                    if outcome[1] == 1:
+                        going = 0
+            if phase == MOVED:
+                self.step.move(state, h)
+            result[1], result[2], result[3] = tries, hit, phase
         return result
 
 
@@ -98,6 +158,7 @@ class ParallelPlan:
         """Bind the step and the state; allocate the grid."""
         self.step = step
         self.state = state
+        self.slow = SlowGroups(step.rows, step.solver)
         n, enclosure = setup.particle_count, setup.enclosure
         kind = CellGrid if on_cpu() else DeviceGrid
         self.few = not on_cpu() and n <= ALL_PAIRS_UP_TO
@@ -115,45 +176,61 @@ class ParallelPlan:
                 part.destroy()
         self._tree.destroy()
 
-    def drift(self, state: Any, time: float, h: float, resting_speed: float, kicked: bool) -> tuple[bool, int, int]:
-        """Returns whether velocities had changed since the last drift, the iterations, and the number of failures."""
+    def drift(self, state: Any, time: float, h: float, resting_speed: float, kicked: bool) -> Drifted:
+        """Move all spheres by h."""
         step = self.step
         if kicked:
             self._remember()
         self._measure(state.velocity)
         fastest, change = self._totals()
         bound = ROOM * fastest
-        iterations = unresolved = 0
+        iterations = crowded = 0
+        squeezes: list[Squeeze] = []
+
+        def solve(prepare: Callable[[], None]) -> None:
+            nonlocal iterations
+            prepare()
+            done, squeeze = self._solve(h)
+            iterations += done
+            if squeeze is not None:
+                squeezes.append(squeeze)
+
         for _ in range(TRIES):
             if self.grid is not None:
                 self._set_reach(h * bound)
                 self.grid.build(state.position, self.reach)
             entries = self._number_rows(state, bound, time, h)
             if entries > step.rows.capacity:
-                unresolved += entries
+                crowded = max(crowded, entries)
                 self._clear()
             self._fill(state, bound, time, h, 2 if change > 0.0 else 1, resting_speed)
             hit = self._totals()[0] > 0.0
             if hit:
-                done, failed = self._rebound(state, h)
-                iterations, unresolved = iterations + done, unresolved + failed
-            self._begin_rest(state, h, int(hit))
-            done, failed = step.solver.solve_parallel(h)
-            iterations, unresolved = iterations + done, unresolved + failed
+                solve(lambda: self._prepare_rebounds(state, h))
+                self._end_impacts(state)
+            solve(lambda after=int(hit): self._begin_rest(state, h, after))
             self._end_rest()
             if hit:
-                self._begin_ways(state, h)
-                done, failed = step.solver.solve_parallel(h)
-                iterations, unresolved = iterations + done, unresolved + failed
+                solve(lambda: self._begin_ways(state, h))
             self._measure(step.solver.velocity)
             fastest, _ = self._totals()
             if fastest <= bound:
                 break
             bound = 2.0 * fastest
-        else:
-            unresolved += 1
         self._move(state, h)
-        return change > 0.0, iterations, unresolved
+        return Drifted(change > 0.0, iterations, crowded, not fastest <= bound, tuple(squeezes))
+
+    def _solve(self, h: float) -> tuple[int, Squeeze | None]:
+        """Iterate, then solve on the host what is not solved; returns the iterations and the worst contact without one."""
+        iterations, unsolved = self.step.solver.solve_parallel(h, 0, PATIENCE)
+        squeeze = None
+        if unsolved:
+            done, squeeze = self.slow.solve(h, whatever=False)
+            if not done:
+                iterations, unsolved = self.step.solver.solve_parallel(h, iterations, MOST_ITERATIONS)
+                if unsolved:
+                    squeeze = self.slow.solve(h)[1]
+        return iterations, squeeze
 
     def _number_rows(self, state: Any, bound: float, time: float, h: float) -> int:
         """Count the entries of each row, and set where the rows begin; returns the number of entries."""
@@ -168,16 +245,13 @@ class ParallelPlan:
         total = self.step.solver.total[0]
         return float(total[0]), float(total[1])
 
-    def _rebound(self, state: Any, h: float) -> tuple[int, int]:
+    def _prepare_rebounds(self, state: Any, h: float) -> None:
         self._begin_impacts(state)
         while self.step.mixed:
             self._spread_restitution()
             if not self._totals()[0] > 0.0:
                 break
         self._prepare_impacts(h)
-        outcome = self.step.solver.solve_parallel(h)
-        self._end_impacts(state)
-        return outcome
 
     @ti.func
     def _see(self, slot, other, margin, filling):
