@@ -3,6 +3,7 @@
 The step is an argument of the kernels, so that one compilation of a method serves all step sizes.
 """
 
+import functools
 import math
 import time as clock
 from collections.abc import Callable
@@ -50,8 +51,7 @@ class Machine:
             self._observer.look(problem, leg.stretch.began, 0)
         self.compile_seconds = clock.process_time() - began
         for leg in different.values():
-            self._enter(leg, begins=True)
-            self.stepper.cost.seconds = self.stepper.try_out(leg, problem.span / problem.samples)
+            self.stepper.cost_of_trial(functools.partial(self._enter, leg, begins=True), leg, problem.span / problem.samples)
 
     @property
     def order(self) -> int:

@@ -14,6 +14,7 @@ from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.methods import LOOKS
 from mpp_taichi.accuracy.problem import pose
 from mpp_taichi.accuracy.reference import ReferenceSolution, size_of
+from mpp_taichi.accuracy.stepper import TRIAL, Stepper
 from mpp_taichi.scene.load import load_scene
 
 TURNS = 10
@@ -53,6 +54,14 @@ def bench():
     machine = Machine(problem, "ias15", backend="cpu", precision="f64")
     yield SimpleNamespace(problem=problem, machine=machine, truth=closed_form(problem.span))
     machine.close()
+
+
+def test_one_disturbed_launch_does_not_make_an_adaptive_method_dear(monkeypatch):
+    """A study leaves out methods whose runs seem to take more than a part of its budget."""
+    seconds = iter([5e-3, 1e-4, 2e-4])
+    monkeypatch.setattr(Stepper, "_launch_seconds", lambda *_: next(seconds))
+    machine = Machine(pose(load_scene(scene())), "adaptive_bogacki_shampine", backend="cpu", precision="f64")
+    assert machine.seconds_per_step == TRIAL * 1e-4
 
 
 def test_one_compilation_serves_all_tolerances(bench):

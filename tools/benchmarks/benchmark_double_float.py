@@ -1,7 +1,7 @@
 """Which error of the positions each precision leaves, and what its step costs, on five kinds of motion and on two backends.
 
-    python tools/benchmarks/benchmark_double_float.py [--problems kepler,cluster] [--backends cpu,vulkan] [--repeats 9]
-        [--json FILE]
+    python tools/benchmarks/benchmark_double_float.py [--problems kepler,cluster] [--backends cpu,vulkan]
+        [--precisions f32,df64] [--repeats 9] [--json FILE]
 
 Scenes of the program, each for about one orbit, one period or one crossing time, by `kahan_li8` with so many steps that the
 method itself leaves less than 10⁻¹³ (the row of f64 shows it). The error is the largest of a particle at the end, relative to
@@ -98,11 +98,11 @@ def work(pipe, name, backend, precision):
             pipe.send((time.process_time() - began) / count)
 
 
-def measure(name, backend, repeats, end, size):
+def measure(name, backend, precisions, repeats, end, size):
     """Errors, and medians of the times, of all precisions on a backend that starts; else the reason."""
     context = multiprocessing.get_context("spawn")  # Taichi does not survive a fork
     pipes, children, rows, seconds = {}, [], {}, {}
-    for precision in PRECISIONS:
+    for precision in precisions:
         ours, theirs = context.Pipe()
         children.append(context.Process(target=work, args=(theirs, name, backend, precision), daemon=True))
         children[-1].start()
@@ -150,15 +150,19 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--problems", default=",".join(PROBLEMS).replace(", ", "; "))
     parser.add_argument("--backends", default="cpu,vulkan")
+    parser.add_argument("--precisions", default=",".join(PRECISIONS), help="among them f32 and df64")
     parser.add_argument("--repeats", type=int, default=9)
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     print(f"{'problem':30s}{'backend':8s}{'':6s}{'error':>10s}{'step':>15s}{'÷ f32':>9s}")
+    precisions = arguments.precisions.split(",")
+    if not {"f32", "df64"} <= set(precisions):
+        parser.error("--precisions needs f32 and df64")
     results, verdicts, machine = {}, [], {}
     for name in (each.replace("; ", ", ") for each in arguments.problems.split(",")):
         end, size = reference(name)
         for backend in arguments.backends.split(","):
-            rows = results.setdefault(name, {})[backend] = measure(name, backend, arguments.repeats, end, size)
+            rows = results.setdefault(name, {})[backend] = measure(name, backend, precisions, arguments.repeats, end, size)
             show(name, backend, rows)
             machine[backend] = next((row["device"] for row in rows.values() if "device" in row), None)
             error = rows["df64"].get("error", float("inf"))
