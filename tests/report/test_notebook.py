@@ -31,7 +31,8 @@ def outputs():
 
 
 def test_a_result_is_shown_as_the_page_that_plays_it_and_nothing_in_red(outputs):
-    (shown,) = outputs[0]
+    *progress, shown = outputs[0]  # on a busy machine the run is long enough to show its progress
+    assert [each["data"]["text/html"] for each in progress] in ([], [""])
     html = shown["data"]["text/html"]
     assert shown["output_type"] == "execute_result" and "image/png" in shown["data"]
     assert html.startswith('<figure><iframe srcdoc="&lt;!DOCTYPE html&gt;') and 'sandbox="allow-scripts"' in html
