@@ -10,6 +10,7 @@ from mpp_taichi.energy.numerical_damping import numerical_damping
 from mpp_taichi.modes.network_report import mode_lines, network_lines
 from mpp_taichi.report.adaptive_summary import step_control, step_control_line
 from mpp_taichi.report.contact_summary import contact_facts, contact_line
+from mpp_taichi.scene.human_units import symbol, time_text
 from mpp_taichi.step import plans
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ def summarize(simulation: "Simulation", table: "TableRecorder", stopwatch: Stopw
     return {
         "scene": spec.source,
         "title": spec.title,
+        "units": spec.units,
         "backend": device.backend,
         "device": device.name,
         "threads": device.threads,
@@ -209,7 +211,7 @@ def lines(found: Mapping[str, Any], *, files: Sequence[str] = (), verdicts: Sequ
         ("device", f"{found['backend']}: {found['device']}{threads}"),
         ("plan", f"{found['plan']}: {found['plan_reason']}"),
         ("off", switch.line(found)),
-        ("reached", f"t = {found['time']:.9g} in {found['steps']:,} steps{_rate(found)}"),
+        ("reached", f"t = {found['time']:.9g}{_time_unit(found)} in {found['steps']:,} steps{_rate(found)}"),
         *(("phase", line) for line in _phase_lines(found["phases"])),
         ("control", control),
         ("solver", _solver_line(found)),
@@ -234,6 +236,13 @@ def verdict_line(verdict: Any) -> str:
     value = "undefined" if verdict.value is None else f"{verdict.value:.9g}"
     reason = f" ({verdict.reason})" if verdict.reason else ""
     return f"{'pass' if verdict.passed else 'FAIL'}  {verdict.label} = {value}, expected {verdict.bound}{reason}"
+
+
+def _time_unit(found: Mapping[str, Any]) -> str:
+    """The unit of the time, and the time in another unit where this is easier to read: ` s (19.3 d)`."""
+    units = found.get("units")
+    other = time_text(units, found["time"])
+    return (f" {symbol(units['time'])}" if units else "") + (f" ({other})" if other else "")
 
 
 def _rate(found: Mapping[str, Any]) -> str:
