@@ -7,6 +7,7 @@ import numpy as np
 from mpp_taichi.plots import Curves, Samples
 from mpp_taichi.quantities._base import Setting
 from mpp_taichi.recorders.inspection import save_panels
+from mpp_taichi.scene.human_units import TimeScale
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 
@@ -30,17 +31,19 @@ class Difference:
         self._setting = Setting(spec, start)
         self._samples = Samples()
         self._samples.open(len(COLUMNS))
+        scale = TimeScale(self._setting.unit(TIME)) if spec.units is None else TimeScale.of(spec.units, span[1])
         self.plot = Curves(
             title="Distance between the same particles",
             x_label="time",
-            x_unit=self._setting.unit(TIME),
+            x_unit=scale.unit,
             names=("root mean square of all",),
             y_unit=self._setting.unit(LENGTH),
             samples=self._samples,
             x_column=0,
             y_columns=(1,),
-            span=span,
+            span=(span[0] / scale.size, span[1] / scale.size),
             logarithmic=True,
+            x_size=scale.size,
         )
 
     @property

@@ -53,6 +53,7 @@ class Curves:
 
     span         limits of x, where they are known before the run
     equal        whether both axes have the same scale
+    x_size       size of the unit of x in units of the samples
     """
 
     title: str
@@ -67,11 +68,13 @@ class Curves:
     logarithmic: bool = False
     equal: bool = False
     theories: int = 0
+    x_size: float = 1.0
 
     @property
     def x(self) -> np.ndarray:
         """Values along x, (count,)."""
-        return self.samples.column(self.x_column)
+        column = self.samples.column(self.x_column)
+        return column if self.x_size == 1.0 else column / self.x_size
 
     @property
     def count(self) -> int:

@@ -6,7 +6,7 @@ import math
 import re
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from html import escape
 from itertools import groupby
 from pathlib import Path
@@ -16,11 +16,13 @@ import numpy as np
 
 from mpp_taichi.recorders._column_code import EncodedColumn, encode, grid_step, stacked
 from mpp_taichi.recorders._page_paths import FinerPaths, PathPoints, finer_paths
+from mpp_taichi.recorders.motion import MOMENTS
 from mpp_taichi.scene.human_units import TimeScale, length_units, symbol
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.version import __version__
 from mpp_taichi.views._base import WALL_COLOR, WALL_WIDTH, Frame
 from mpp_taichi.views.camera import MARGIN, Camera
+from mpp_taichi.views.motion_places import chooses_its_place
 from mpp_taichi.views.wall_outline import outline_of
 
 TEMPLATE_FOLDER = Path(__file__).with_name("page")
@@ -71,7 +73,8 @@ class Recording:
 def page(recording: Recording) -> str:
     """The whole page, which loads no other file."""
     spec, frames = recording.spec, recording.frames
-    camera = Camera(spec.view.camera, frames[0], aspect=recording.size[0] / recording.size[1], dimensions=spec.dimensions)
+    first = frames[0] if frames[0].motion is not None else replace(frames[0], motion=_motion(spec, frames))
+    camera = Camera(spec.view.camera, first, aspect=recording.size[0] / recording.size[1], dimensions=spec.dimensions)
     positions, shift = _position_columns(frames, camera, recording.size)
     columns = [*positions, *_other_columns(frames, recording.speeds)]
     epochs = [list(same) for _, same in groupby(range(len(frames)), key=_spring_key(frames))]
@@ -111,6 +114,14 @@ def page(recording: Recording) -> str:
         "SCRIPT": "\n".join(_template(name) for name in SCRIPTS),
     }
     return re.sub(r"@@([A-Z]+)@@", lambda match: parts[match[1]], _template("page.html"))
+
+
+def _motion(spec: SceneSpec, frames: Sequence[Frame]) -> np.ndarray | None:
+    """The places of some of the frames, for a camera without a position."""
+    if not chooses_its_place(spec):
+        return None
+    alike = [frame for frame in frames[:: max(1, len(frames) // MOMENTS)] if len(frame.position) == len(frames[0].position)]
+    return np.concatenate([np.concatenate([frame.position, np.asarray(frame.radius)[:, None]], axis=1) for frame in alike])
 
 
 def _template(name: str) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from mpp_taichi.recorders.motion import motion_ahead
 from mpp_taichi.recorders.path_samples import MOST_PLACES, PathSamples, Told
 from mpp_taichi.scene.human_units import TimeScale
 from mpp_taichi.snapshot import Snapshot
@@ -128,6 +129,7 @@ class FilmRecorder:
         self._time_scale = TimeScale()
         self._start, self._is_begun, self._told = start, False, told
         self._paths: PathSamples | None = None
+        self._motion: np.ndarray | None = None  # until the first frame has placed the camera
 
     def begin(self, simulation: "Simulation") -> None:
         """Begin the film: unless a time was given, the first frame shows the present one. A second call changes nothing."""
@@ -136,11 +138,20 @@ class FilmRecorder:
             self._start = simulation.time if self._start is None else self._start
             self._walls = outline_of(simulation.spec, simulation.start.position)
             self._time_scale = TimeScale.of(simulation.spec.units, self._start + self.span)
+            if self.view is not None and self.frame_count > 1:
+                self._motion = motion_ahead(simulation, self._start + self.span - simulation.time)
             if self.frame_count > 1 and simulation.start.particle_count <= MOST_PLACES:
                 interval = self.span / (self.frame_count - 1)
                 self._paths = PathSamples(simulation.spec, interval, self._walls, self._told)
 
     def steps_until_due(self, simulation: "Simulation") -> int:
+        """Until the next frame, or until the next sample of fast motion before it."""
+        steps = self.steps_until_frame(simulation)
+        if self._paths is None or self.drawn_count >= self.frame_count:
+            return steps
+        return min(steps, self._paths.steps_until_due(simulation, self._due_time()))
+
+    def steps_until_frame(self, simulation: "Simulation") -> int:
         """Until the last step not after the next frame's time; for the last frame, until the end."""
         self.begin(simulation)
         if self.drawn_count >= self.frame_count:
@@ -151,7 +162,7 @@ class FilmRecorder:
         steps = int(ahead + self._between.tolerance)
         if self._is_last():
             steps = max(1, steps)
-        return steps if self._paths is None else min(steps, self._paths.steps_until_due(simulation, self._due_time()))
+        return steps
 
     def record(self, simulation: "Simulation") -> None:
         """Draw every frame that lies before the next step."""
@@ -194,10 +205,12 @@ class FilmRecorder:
         time = self._due_time()
         path = {} if self._paths is None else self._paths.take(simulation, snapshot, time)
         ahead = max(0.0, time - simulation.time) if self._between.velocities_stay else 0.0
+        motion, self._motion = self._motion, None
         return replace(
             frame,
             **path,
             ahead=ahead,
+            motion=motion,
             time=time,
             clock=self._time_scale.text(time),
             dimmed=self._is_dimmed(time),

@@ -28,7 +28,7 @@ LETTERS = 20  # pixels
 class Rhythm(Protocol):
     """A recorder at whose samples the inspector takes a sample as well: a film."""
 
-    def steps_until_due(self, simulation: "Simulation") -> int:
+    def steps_until_frame(self, simulation: "Simulation") -> int:
         """The number of steps before the next sample."""
 
 
@@ -59,7 +59,7 @@ class InspectionRecorder:
     def steps_until_due(self, simulation: "Simulation") -> int:
         """Until the next sample, its own or the film's."""
         own = 0 if self._due is None else self._due - simulation.step_count
-        return own if self.film is None else min(own, self.film.steps_until_due(simulation))
+        return own if self.film is None else min(own, self.film.steps_until_frame(simulation))
 
     def record(self, simulation: "Simulation") -> None:
         """Take a sample."""

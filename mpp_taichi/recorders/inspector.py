@@ -11,6 +11,7 @@ from mpp_taichi.recorders._distribution import Distribution, MaxwellBoltzmann
 from mpp_taichi.recorders._measured_columns import MeasuredColumns
 from mpp_taichi.recorders._simulation_sample import SimulationSample
 from mpp_taichi.scene.expressions import ExpressionError, Formula
+from mpp_taichi.scene.human_units import TimeScale, symbol
 from mpp_taichi.scene.spec import ComponentSpec, PanelSpec
 
 if TYPE_CHECKING:
@@ -91,19 +92,24 @@ class Inspector:
             self._theories.append((formula, x_column, columns[-1]))
         dimensions = {quantity.dimension for quantity, _ in found}
         unit = self._setting.unit(found[0][0].dimension) if len(dimensions) == 1 else ""
+        scale = TimeScale(symbol(self._setting.unit(x.dimension)))
+        over_time = panel.x.name == "time" and self._span is not None
+        if over_time and self._span is not None and self._setting.spec.units is not None:
+            scale = TimeScale.of(self._setting.spec.units, self._span[1])
         return Curves(
             title=panel.title,
             x_label=x.label(self._setting),
-            x_unit=self._setting.unit(x.dimension),
+            x_unit=scale.unit,
             names=tuple(labels),
             y_unit=unit,
             samples=self.samples,
             x_column=x_column,
             y_columns=tuple(columns),
-            span=self._span if panel.x.name == "time" else None,
+            span=(self._span[0] / scale.size, self._span[1] / scale.size) if over_time and self._span is not None else None,
             logarithmic=panel.logarithmic,
             equal=panel.x.name == "position" and all(each.name == "position" for each in panel.y),
             theories=len(theories),
+            x_size=scale.size,
         )
 
     def _histogram(self, panel: PanelSpec, entry: ComponentSpec, key: str) -> Histogram:

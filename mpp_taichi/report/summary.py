@@ -99,6 +99,7 @@ def summarize(
     return {
         "scene": spec.source,
         "title": spec.title,
+        "units": spec.units,
         "backend": device.backend,
         "device": device.name,
         "threads": device.threads,

@@ -7,6 +7,7 @@ from mpp_taichi.device.fast_taichi import switch
 from mpp_taichi.modes.network_report import mode_lines, network_lines
 from mpp_taichi.report.adaptive_summary import step_control_line
 from mpp_taichi.report.contact_summary import contact_line
+from mpp_taichi.scene.human_units import symbol, time_text
 
 PHASES_TOLD = 8
 
@@ -27,7 +28,7 @@ def lines(
         *(("wrote", file) for file in files),
         *(("expect", verdict_line(verdict)) for verdict in verdicts),
         ("scene", f"{found['title'] or found['scene']}: {found['particle_count']:,} particles{springs}"),
-        ("reached", f"t = {found['time']:.9g} in {found['steps']:,} steps"),
+        ("reached", f"t = {found['time']:.9g}{_time_unit(found)} in {found['steps']:,} steps"),
         ("rewound", found.get("rewound", "")),
         ("off", switch.line(found)),
         ("errors", _errors(found)),
@@ -73,6 +74,13 @@ def verdict_line(verdict: Any) -> str:
     """`pass  relative_energy_error_max = 2.1e-09, expected < 1e-06`."""
     reason = f" ({verdict.reason})" if verdict.reason else ""
     return f"{'pass' if verdict.passed else 'FAIL'}  {verdict.label} = {verdict.told}, expected {verdict.bound}{reason}"
+
+
+def _time_unit(found: Mapping[str, Any]) -> str:
+    """The unit of the time, and the time in another unit where this is easier to read: ` s (19.3 d)`."""
+    units = found.get("units")
+    other = time_text(units, found["time"])
+    return (f" {symbol(units['time'])}" if units else "") + (f" ({other})" if other else "")
 
 
 def _solver_line(found: Mapping[str, Any]) -> str:

@@ -17,6 +17,7 @@ from PIL import Image
 from mpp_taichi.scene.human_units import TimeScale
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.views._base import Frame
+from mpp_taichi.views.motion_places import chooses_its_place, places_of
 from mpp_taichi.views.wall_outline import outline_of
 
 SIZE = (960, 540)  # pixels
@@ -44,7 +45,11 @@ def picture(
     now = simulation.snapshot()
     clock = TimeScale.of(spec.units, now.time).text(now.time)
     words: dict[str, Any] = {"title": spec.title, "clock": clock, "units": spec.units}
-    return view.draw(replace(Frame.of(now, **words, **more, acceleration=acceleration), **known[-1]))
+    motion = None
+    if earlier and chooses_its_place(spec):
+        alike = [each for each in (*earlier, now) if len(each.position) == len(now.position)]
+        motion = np.concatenate([places_of(each, spec) for each in alike])
+    return view.draw(replace(Frame.of(now, **words, **more, acceleration=acceleration), motion=motion, **known[-1]))
 
 
 def png(simulation: Any, *, earlier: Sequence[Snapshot] = (), paths: Sequence[Paths] = ()) -> bytes | None:

@@ -29,6 +29,8 @@ class Frame:
                  (moments,), positions and velocities (moments, count, 6); None where the frames themselves are enough
     collides     whether velocities may jump between two frames, as in collisions
     period       of a box that repeats along each axis [length], 0 where it does not
+    motion       places of all particles during the whole run, with their radii, (moments · particle_count, 4), which a camera
+                 without a position frames; None where they are unknown
     acceleration [length / time²], shape (particle_count, 3); None where no view asks for it
     clock        the time as the caption shows it, `19.3 d`; empty for the bare number
     units        names of the units of length, time and mass; None where the scene has none
@@ -58,6 +60,7 @@ class Frame:
     path: np.ndarray | None = None
     collides: bool = False
     period: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    motion: np.ndarray | None = None
     acceleration: np.ndarray | None = None
     outline: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 3)))
     mass: np.ndarray | None = None

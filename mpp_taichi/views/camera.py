@@ -9,6 +9,9 @@ from mpp_taichi.scene.spec import CameraSpec
 from mpp_taichi.views._base import Frame
 
 MARGIN = 1.12  # room left around the scene when it is framed
+AIMS = 6  # corrections of the target: each leaves a small part of the error, which a perspective makes
+FAR_OUT = 3.0  # times the reach of nine tenths of the particles: a particle that goes farther is not framed
+MANY = 10  # particles, from which on a few of them may leave the picture
 FLAT = 1.0e-3  # an axis whose extent is below this share of the largest one counts as flat
 HORIZON = 1.0e100  # scene lengths; a particle farther away, or at NaN, is lost
 POLE = math.radians(89.0)  # a turntable never quite looks along its own axis
@@ -42,7 +45,7 @@ class Camera:
             backward = tuple(offset / self.distance) if offset.any() else backward
         self.turn_to(backward, axis if spec.up is None else spec.up)
         if spec.position is None:
-            self._fit(frame, aspect)
+            self._fit(frame, aspect, aims=spec.look_at is None)
         else:
             self.height = 2.0 * self.distance * math.tan(math.radians(self.field_of_view) / 2.0)
         if spec.height is not None:
@@ -144,9 +147,13 @@ class Camera:
         self.target = bounds(frame)[0]
         self._fit(frame, aspect)
 
-    def _fit(self, frame: Frame, aspect: float) -> None:
+    def _fit(self, frame: Frame, aspect: float, *, aims: bool = False) -> None:
+        """Step back until all is in view; `aims` moves the target to the middle of a motion as well."""
         if len(frame.outline):
             self._fit_walls(frame.outline.reshape(-1, 3), aspect)
+            return
+        if frame.motion is not None and len(places := _framed(frame.motion, len(frame.position))):
+            self._fit_motion(places, aspect, aims=aims)
             return
         center, reach = bounds(frame)
         reach = MARGIN * (reach + float(np.linalg.norm(center - self.target)))
@@ -154,6 +161,20 @@ class Camera:
         narrow = min(half_angle, math.atan(aspect * math.tan(half_angle)))
         self.distance = reach / math.sin(narrow)
         self.height = 2.0 * reach / min(aspect, 1.0)
+
+    def _fit_motion(self, places: np.ndarray, aspect: float, *, aims: bool) -> None:
+        """Fill the picture with spheres of given centres and radii, (count, 4)."""
+        slope = math.tan(math.radians(self.field_of_view) / 2.0)
+        for _ in range(AIMS if aims else 1):
+            offset, room = places[:, :3] - self.target, places[:, 3]
+            wide, high, near = offset @ self.right, offset @ self.up, offset @ self.backward
+            needed = MARGIN * np.maximum((np.abs(wide) + room) / aspect, np.abs(high) + room)
+            self.distance = float(np.max(needed / slope + near + room)) or 1.0
+            self.height = 2.0 * float(needed.max()) or 1.0
+            if aims:
+                scale = 1.0 if self.orthographic else self.distance / (self.distance - near)
+                middle = [0.5 * (np.max(scale * (way + room)) + np.min(scale * (way - room))) for way in (wide, high)]
+                self.target = self.target + middle[0] * self.right + middle[1] * self.up
 
     def _fit_walls(self, corners: np.ndarray, aspect: float) -> None:
         """Walls keep the particles inside: no room is left around them, and the walls fill the picture."""
@@ -176,6 +197,18 @@ class Camera:
         if self.orthographic:
             lines += ["    projection: orthographic", f"    height: {self.height:.6g}"]
         return "\n".join(lines) + "\n"
+
+
+def _framed(motion: np.ndarray, count: int) -> np.ndarray:
+    """The places of a motion that a picture shall show, (places, 4); of many particles without the few that fly far away."""
+    with np.errstate(invalid="ignore"):
+        seen = (np.abs(motion[:, :3]) < HORIZON).all(axis=1)
+    if count >= MANY and len(motion) % count == 0 and seen.any():
+        middle = np.median(motion[seen, :3], axis=0)
+        away = np.where(seen, np.linalg.norm(np.where(seen[:, None], motion[:, :3], middle) - middle, axis=1), 0.0)
+        farthest = away.reshape(-1, count).max(axis=0)
+        seen &= np.tile(farthest <= FAR_OUT * np.quantile(farthest, 0.9), len(motion) // count)
+    return motion[seen]
 
 
 def bounds(frame: Frame) -> tuple[np.ndarray, float]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mpp_taichi.scene.human_units import symbol
 from mpp_taichi.scene.view_spec import ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
@@ -51,7 +52,7 @@ class Segments:
 class Marks:
     """The marks of one view; lengths that the scene leaves open are chosen for the first picture and then kept."""
 
-    MADE_ANEW = ("labels",)  # for `archive.object_state`: they are of the last picture
+    MADE_ANEW = ("labels", "_unit")  # for `archive.object_state`: they are of the last picture
 
     def __init__(self, spec: ViewSpec, dimensions: int) -> None:
         """No length is chosen yet."""
@@ -60,11 +61,13 @@ class Marks:
         self._scales = [arrows.length_per_quantity for arrows in spec.arrows]
         self._spacing = spec.grid.spacing if spec.grid is not None else None
         self._axis = spec.axes.length if spec.axes is not None else None
+        self._unit = ""  # of lengths
         self._middle: np.ndarray | None = None
 
     def segments(self, frame: Frame, camera: Camera) -> Segments:
         """The lines for a prepared frame; sets `labels`."""
         self.labels = []
+        self._unit = f" {symbol(frame.units['length'])}" if frame.units else ""
         parts = []
         if self.spec.grid is not None:
             parts.append(self._grid(camera))
@@ -79,7 +82,7 @@ class Marks:
         """Lines of the legend about lengths."""
         told = [f"arrows: {text}" for text, _ in self._told_arrows()] if len(self.spec.arrows) == 1 else []
         if self.spec.grid is not None and self._spacing is not None:
-            told.append(f"grid: {self._spacing:g}")
+            told.append(f"grid: {self._spacing:g}{self._unit}")
         return told
 
     def arrow_key(self) -> GroupKey | None:

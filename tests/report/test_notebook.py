@@ -9,7 +9,7 @@ from nbclient import NotebookClient
 CELLS = (
     "import mpp_taichi as mpp\n"
     "from mpp_taichi.simulation import notebook_progress\n"
-    "result = mpp.run('kepler', samples=40, backend='cpu')\n"
+    "result = mpp.run('kepler', samples=400, backend='cpu')\n"
     "result",
     "notebook_progress.FIRST_SECONDS = notebook_progress.SECONDS = 0.0\n"
     "lines, shown = [], notebook_progress.CellProgress.line\n"

@@ -29,6 +29,38 @@ def test_framing_shows_every_particle(projection: str, aspect: float, scale: flo
     assert max(((np.abs(up) + frame.radius) / half).max(), ((np.abs(right) + frame.radius) / (half * aspect)).max()) > 0.5
 
 
+@pytest.mark.parametrize("projection", ["perspective", "orthographic"])
+@pytest.mark.parametrize("aspect", [16 / 9, 1.0, 0.5])
+@pytest.mark.parametrize("scale", [1.0, 1.5e11])
+def test_a_motion_fills_the_picture_and_stays_in_it(projection: str, aspect: float, scale: float) -> None:
+    random = np.random.default_rng(7)
+    for _ in range(5):
+        places = random.normal(size=(6, 3)) * random.uniform(0.1, 3.0, 3) + random.normal(size=3)
+        motion = np.concatenate([places, random.uniform(0.0, 0.2, (6, 1))], axis=1) * scale
+        frame = frame_of(motion[:2, :3], motion[:2, 3], motion=motion)
+        camera = Camera(CameraSpec(projection=projection), frame, aspect=aspect)
+        right, up, depth = camera.view(motion[:, :3]).T
+        half = camera.height / 2 if projection == "orthographic" else depth * math.tan(math.radians(22.5))
+        across, along = right / (half * aspect), up / half
+        radius = motion[:, 3] / half
+        assert (depth > 0).all() and max((np.abs(across) + radius / aspect).max(), (np.abs(along) + radius).max()) < 1.0
+        # 1/1.12 of the picture is filled along one axis; spheres reach over that part by their radii and by the perspective.
+        assert max(np.ptp(across), np.ptp(along)) > 2 * 0.6
+
+
+def test_few_of_many_particles_that_fly_far_away_do_not_make_the_others_small() -> None:
+    random = np.random.default_rng(2)
+    near = random.normal(size=(5, 40, 3))
+    motion = np.concatenate([near, np.full((5, 40, 1), 0.05)], axis=2)
+    gone = motion.copy()
+    gone[:, 7, 0] = [1.0, 10.0, 100.0, 1e3, 1e4]
+    heights = []
+    for each in (motion, gone):
+        frame = frame_of(each[0, :, :3], 0.05, motion=each.reshape(-1, 4))
+        heights.append(Camera(CameraSpec(), frame, aspect=1.5).visible_height)
+    assert heights[1] == pytest.approx(heights[0], rel=0.3)
+
+
 @pytest.mark.parametrize(
     ("flat_axis", "dimensions", "backward", "up"),
     [
