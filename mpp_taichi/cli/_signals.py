@@ -60,7 +60,7 @@ class Interruption:
                 second_signal.arm(number)
             if os.name != "nt":  # there, the pipe would have to be a socket
                 with suppress(OSError, RuntimeError):  # no file descriptor or no thread is left: the handlers count alone
-                    self._counter = _Counter(self._leave_unanswered)
+                    self._counter = _Counter.followed_by(self._leave_unanswered)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
@@ -68,7 +68,7 @@ class Interruption:
         for number, (handler, armed) in self._before.items():
             second_signal.put_back(number, handler, armed=armed)
         if self._counter is not None:
-            self._counter.close()
+            self._counter.leave()
         self._unwrap(error)
 
     def _unwrap(self, error: BaseException | None) -> None:
@@ -134,11 +134,20 @@ class Interruption:
 class _Counter:
     """Ends the process at the second signal, also while Python's handler waits for a library to return.
 
-    `unanswered` is called some time after the first signal.
+    Interruptions within each other share one counter. Some time after the first signal it calls the function of the innermost.
     """
 
-    def __init__(self, unanswered: Callable[[int], None]) -> None:
-        self._unanswered = unanswered
+    present: "_Counter | None" = None
+
+    @classmethod
+    def followed_by(cls, unanswered: Callable[[int], None]) -> "_Counter":
+        """The counter of this process, for one more interruption."""
+        found = cls.present = cls.present or cls()
+        found._unanswered.append(unanswered)
+        return found
+
+    def __init__(self) -> None:
+        self._unanswered: list[Callable[[int], None]] = []
         self._end, self._begin = os.pipe()
         os.set_blocking(self._begin, False)
         self._before = -1
@@ -150,8 +159,12 @@ class _Counter:
             raise
         self._before = signal.set_wakeup_fd(self._begin, warn_on_full_buffer=False)
 
-    def close(self) -> None:
-        """Report no more signals; the thread ends."""
+    def leave(self) -> None:
+        """The innermost interruption ends; after the last one no more signals are reported, and the thread ends."""
+        self._unanswered.pop()
+        if self._unanswered:
+            return
+        _Counter.present = None
         signal.set_wakeup_fd(self._before)
         os.close(self._begin)
 
@@ -162,7 +175,8 @@ class _Counter:
         while True:
             left = None if due == 0.0 else max(0.0, due - clock.monotonic()) * 1000.0
             if not poll.poll(left):
-                self._unanswered(first)
+                for unanswered in self._unanswered[-1:]:
+                    unanswered(first)
                 due = 0.0
                 continue
             number = os.read(self._end, 1)
