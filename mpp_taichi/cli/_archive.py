@@ -2,14 +2,15 @@
 
 import signal
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.archive import object_state
+from mpp_taichi.cli._differences import differences
+from mpp_taichi.cli._excerpt import Excerpt
 from mpp_taichi.cli._goal import Goal
-from mpp_taichi.cli._options import OUTPUT_FOLDER, output_stem
+from mpp_taichi.cli._options import archive_path
 from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._terminal import UsageError, say
 from mpp_taichi.errors import StateError
@@ -51,8 +52,14 @@ class KeptRun:
             spec = simulation.scene
             size, fps = request.size or spec.record.size, request.fps or spec.record.fps
             options["film"] = {"size": list(size), "fps": fps, "frames": request.frame_count(spec)}
-        self.path = archive_path(simulation.scene.source)
-        self.archive = RunArchive(self.path, header_of(simulation, options), objects, outputs=outputs)
+        self.path = request.archive_at or archive_path(simulation.scene.source)
+        self.may_end = request.archive_at is None
+        header = header_of(simulation, options)
+        rewind = request.rewind
+        if rewind is not None and not isinstance(rewind, Excerpt):
+            options["rewound"] = {"from": str(rewind.file), "step": simulation.step_count, "dt": simulation.dt}
+            header |= {"options": options, **rewind.header}
+        self.archive = RunArchive(self.path, header, objects, outputs=outputs)
         self._objects, self._outputs, self._request = dict(objects), dict(outputs), request
 
     def go_on(self, simulation: "Simulation") -> dict[str, Any] | None:
@@ -88,6 +95,9 @@ class KeptRun:
         """The unfinished run; an archive that is not to be gone on with is removed."""
         if not self.path.is_file():
             return None
+        rewind = self._request.rewind
+        if rewind is not None and not rewind.goes_on:
+            return None  # it is replaced by the first record of this run
         if not self._request.fresh:
             found = FoundRun(self.path)
             if not found.has_ended:
@@ -101,8 +111,9 @@ class KeptRun:
         versions = differences(old.pop("versions", {}), new.pop("versions"))
         devices = differences({"device": old.pop("device", "")}, {"device": new.pop("device")})
         old.pop("source", None), new.pop("source")
+        old.pop("rewound", None), new.pop("rewound", None)  # states; the options say which
         old.pop("format", None), new.pop("format")  # an older one can be read
-        known = {*OUTPUT_OPTIONS, "film", *old["options"]}  # the others, an earlier version knew nothing of
+        known = {*OUTPUT_OPTIONS, "film", *"rewound", *old["options"]}  # the others, an earlier version knew nothing of
         new["options"] = {name: value for name, value in new["options"].items() if name in known}
         if differing := differences(old, new):
             found.close()
@@ -125,28 +136,7 @@ class KeptRun:
             signal.signal(number, before if before is not None else signal.SIG_DFL)
 
 
-def archive_path(source: str) -> Path:
-    """Where the archive of a scene is kept."""
-    return OUTPUT_FOLDER / f"{output_stem(source)}.run"
-
-
 def is_kept(request: Request, goal: Goal) -> bool:
     """Whether a run keeps an archive: a run of one scene from its start to an end, without a window."""
-    unlike = request.window or request.beside is not None or request.rewind is not None
+    unlike = request.window or request.beside is not None
     return request.archive and not (unlike or goal.endless)
-
-
-def differences(old: Any, new: Any, path: str = "") -> list[str]:
-    """The keys in which two plain values differ, each with both values."""
-    if isinstance(old, Mapping) and isinstance(new, Mapping):
-        keys = dict.fromkeys((*old, *new))
-        return [line for key in keys for line in differences(old.get(key), new.get(key), f"{path}.{key}" if path else str(key))]
-    if isinstance(old, (list, tuple)) and isinstance(new, (list, tuple)) and len(old) == len(new):
-        return [line for k, pair in enumerate(zip(old, new)) for line in differences(*pair, f"{path}[{k}]")]
-    same: Callable[[Any, Any], bool] = lambda a, b: a == b or (a != a and b != b)  # noqa: E731 - NaN is the same as NaN
-    return [] if same(old, new) else [f"{path}: {_short(old)} there, {_short(new)} here"]
-
-
-def _short(value: Any) -> str:
-    text = "nothing" if value is None else repr(value)
-    return text if len(text) <= 40 else f"{text[:37]}…"

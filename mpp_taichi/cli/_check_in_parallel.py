@@ -55,7 +55,7 @@ def check_at_once(
             while waiting or running:
                 while waiting and len(running) < count:
                     try:
-                        running.append(_started(waiting[0], arguments))
+                        running.append(_started(waiting[0], arguments, verdicts.run_of(waiting[0])))
                     except OSError as error:
                         if not running or exhausted(error) is None:
                             raise
@@ -74,11 +74,12 @@ def check_at_once(
     return [results[scene] for scene in scenes]
 
 
-def _started(scene: Path, arguments: argparse.Namespace) -> _Job:
+def _started(scene: Path, arguments: argparse.Namespace, kept: Path | None) -> _Job:
     words = [*PROGRAM, "--jobs", "1", "--json", "--no-archive", "--backend", arguments.backend, "--plan", arguments.plan]
     words += ["--precision", arguments.precision] if arguments.precision else []
     words += ["--threads", str(arguments.threads)] if arguments.threads else []
     words += ["--quiet"] if arguments.quiet else []
+    words += ["--kept-run", str(kept)] if kept is not None else []
     command = [*words, "--", str(scene)]
     with ExitStack() as opened:
         answer, told = (opened.enter_context(tempfile.TemporaryFile()) for _ in range(2))  # a full pipe would block

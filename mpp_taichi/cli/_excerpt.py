@@ -24,6 +24,7 @@ class Excerpt:
     begin: float
     end: float
     state: None = None  # with which the run begins: that of its scene
+    goes_on: bool = False  # an excerpt keeps no archive
 
     def choose_step(self, simulation: "Simulation") -> str:
         """Take the simulation to the record, and return a line that says so; the step is that of the run.

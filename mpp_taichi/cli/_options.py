@@ -190,6 +190,11 @@ def require_suffix(path: Path | None, allowed: tuple[str, ...], option: str) -> 
         raise UsageError(f"{option} {path}: the suffix must be one of {', '.join(allowed)}")
 
 
+def archive_path(source: str) -> Path:
+    """Where the archive of a scene is kept."""
+    return OUTPUT_FOLDER / f"{output_stem(source)}.run"
+
+
 def output_stem(source: str) -> str:
     """The beginning of the names of a scene's output files."""
     return Path(source).stem or "scene"

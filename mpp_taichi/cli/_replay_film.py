@@ -4,6 +4,7 @@ import argparse
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,8 +53,10 @@ def record_film(arguments: argparse.Namespace) -> "Outcome":
         spec = load_resolved(scene_of(header, found.state()), header["source"], overrides=arguments.overrides)
         options: Mapping[str, Any] = header["options"]
         goal = Goal.of(spec, options.get("until"), options.get("steps"))
+        first = times[0] if "rewound" in header else 0.0  # of what was before, the archive knows nothing
+        goal = replace(goal, begin=first)
         excerpt = None
-        if not (ended and options and arguments.begin is None and arguments.until is None):
+        if first > 0.0 or not (ended and options and arguments.begin is None and arguments.until is None):
             excerpt = _excerpt(arguments, goal, spec, found, last_time=math.inf if ended and options else times[-1])
     finally:
         found.close()
@@ -64,7 +67,7 @@ def record_film(arguments: argparse.Namespace) -> "Outcome":
 
 def _excerpt(arguments: argparse.Namespace, goal: Goal, spec: "SceneSpec", found: FoundRun, *, last_time: float) -> Excerpt:
     path: Path = arguments.archive
-    first = 0.0
+    first = goal.begin
     last = min(last_time, first + goal.span(spec)) if not goal.endless else last_time
     begin = first if arguments.begin is None else arguments.begin
     end = last if arguments.until is None else arguments.until

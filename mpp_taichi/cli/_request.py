@@ -61,6 +61,7 @@ class Request:
     start_digest: str = ""
     beside: "Beside | None" = None
     archive: bool = False
+    archive_at: Path | None = None  # by default the archive of the scene; another one is left to be removed by the caller
     fresh: bool = False
 
     @property

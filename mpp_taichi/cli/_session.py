@@ -41,7 +41,6 @@ from mpp_taichi.report.expectations import Watcher
 from mpp_taichi.report.summary import Stopwatch, Timed, summarize
 from mpp_taichi.scene.expectations import BALANCE_QUANTITIES
 from mpp_taichi.scene.spec import SceneSpec
-from mpp_taichi.simulation.run_archive import RunArchive
 from mpp_taichi.snapshot import Snapshot
 
 if TYPE_CHECKING:
@@ -79,8 +78,7 @@ def run_scene(spec: SceneSpec, request: Request, stage: "Stage | None" = None) -
         if right is not None:
             right.begin(simulation)
         rewound = request.rewind.choose_step(simulation) if request.rewind is not None else ""
-        if request.rewind is not None:
-            goal = request.rewind.goal(goal, simulation)
+        goal = goal if request.rewind is None else request.rewind.goal(goal, simulation)
         steps = check_steps(simulation, goal, force=request.force)
         total = goal.step_count(spec) if request.rewind is None else steps
         validity = Validity.of(simulation, goal, stopwatch, interruption) if stage is None and request.is_new else Validity()
@@ -184,7 +182,7 @@ class _Run:
         with self.stopwatch("encode"):
             self._close(sinks, trajectory)
         if self.kept is not None:
-            self._end_archive(self.kept.archive)
+            self._end_archive(self.kept)
         return self._outcome()
 
     def _keep(self, looks: Sequence[Any], sinks: Sequence[Any], trajectory: TrajectoryRecorder | None) -> None:
@@ -200,15 +198,16 @@ class _Run:
         self.first_step = self.simulation.step_count
         self.simulation.when_phase_begins.append(self.kept.archive.phase_begins)
 
-    def _end_archive(self, archive: RunArchive) -> None:
+    def _end_archive(self, kept: KeptRun) -> None:
         """End the archive where all files are written; after a signal, or an error of a disk, the run is gone on with."""
         try:
-            if self.interrupted is None and (self.error is None or isinstance(self.error, StabilityError)):
-                archive.end()  # after a blow-up, a run that goes on would break down again
+            if kept.may_end and self.interrupted is None and (self.error is None or isinstance(self.error, StabilityError)):
+                # A run that blew up would break down again, unless it is rewound.
+                kept.archive.end(None if self.error is None else self.simulation)
         except OutputError as error:
             say(f"error: {error}")
             self.error = error
-        archive.close()
+        kept.archive.close()
 
     def _advance(self, recorders: list[Any], progress: ProgressRecorder, interruption: Interruption) -> None:
         if self.request.window:

@@ -36,7 +36,7 @@ def check_steps(simulation: "Simulation", goal: Goal, *, force: bool) -> int | N
         StabilityError: a step is unstable, and `force` is not set.
     """
     total = 0
-    for phase, span in spans(simulation.phases, goal, simulation.course.first):
+    for phase, span in spans(simulation.phases, goal, simulation.phase_number):
         dt = simulation.dt if total == 0 else _dt(phase.spec)
         steps = steps_in(span, dt)
         if total == 0:

@@ -4,12 +4,13 @@ import argparse
 import hashlib
 import json
 import re
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from mpp_taichi.cli._options import OUTPUT_FOLDER
-from mpp_taichi.cli._study_journal import study_journal, torn
+from mpp_taichi.cli._study_journal import program_digest, study_journal, torn
 from mpp_taichi.cli._terminal import plain, say
 
 OPTIONS = ("backend", "precision", "plan", "threads")
@@ -20,6 +21,7 @@ class Verdicts:
     """The finished verdicts of one check, by scene and by the content of its files; a context manager.
 
     The file is out/check-….journal, with a name that belongs to the list of scenes, so that different checks do not meet.
+    Beside it, a folder has the archives of runs that take their time.
     """
 
     def __init__(self, scenes: Sequence[Path], arguments: argparse.Namespace) -> None:
@@ -28,6 +30,10 @@ class Verdicts:
         known = {option: getattr(arguments, option) for option in OPTIONS}
         self.journal = study_journal(OUTPUT_FOLDER / f"check-{name}.journal", "check", arguments, known)
         self._keys = {scene: f"{scene} {digest(scene)}" for scene in scenes}
+        self._runs = None if arguments.no_archive else OUTPUT_FOLDER / f"check-{name}.runs"
+        self._facts = json.dumps({**known, "program": program_digest()}, sort_keys=True)
+        if arguments.fresh:
+            self._remove_runs()
         self._known = {scene: found for scene in self._keys if (found := self.journal.get(self._keys[scene])) is not None}
         if self.journal.holds and not arguments.quiet:
             said = f"{len(self._known)} of {len(scenes)} scenes are taken from it{torn(self.journal)}"
@@ -38,11 +44,23 @@ class Verdicts:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Remove the journal where the check has ended, and keep it where it was cut off."""
+        """Remove the journal and the archives of runs where the check has ended, and keep them where it was cut off."""
         if kind is None:
             self.journal.end()
+            self._remove_runs()
         else:
             self.journal.close()
+
+    def run_of(self, scene: Path) -> Path | None:
+        """The archive of the run of a scene, from which a check goes on within the scene; None where none is kept."""
+        if self._runs is None:
+            return None
+        name = hashlib.sha256((self._keys[scene] + self._facts).encode()).hexdigest()[:16]
+        return self._runs / f"{name}.run"
+
+    def _remove_runs(self) -> None:
+        if self._runs is not None:
+            shutil.rmtree(self._runs, ignore_errors=True)
 
     def get(self, scene: Path) -> dict[str, Any] | None:
         """The verdict of a scene whose files have not changed since; None where there is none."""

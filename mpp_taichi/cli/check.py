@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help=f"scenes to run at once; absent: as many as there are processors where more than {FEW} are checked",
     )
+    parser.add_argument("--kept-run", type=Path, help=argparse.SUPPRESS)  # of a process that another check has started
     _options.add_device(parser)
     add_journal(parser, "out/check-….journal")
     _options.add_report(parser)
@@ -99,9 +100,9 @@ def _check(scene: Path, arguments: argparse.Namespace, verdicts: Verdicts) -> di
         say(f"checking {scene}")
     try:
         spec, precision, _ = settled(load_scene(scene), arguments)
-        request = Request(
-            backend=arguments.backend, precision=precision, plan=arguments.plan, threads=arguments.threads, quiet=True
-        )
+        where = {"backend": arguments.backend, "precision": precision, "plan": arguments.plan, "threads": arguments.threads}
+        kept = arguments.kept_run or verdicts.run_of(scene)
+        request = Request(**where, quiet=True, archive=kept is not None, archive_at=kept)
         outcome = run_scene(spec, request)
     except MppError as error:
         not_here = isinstance(error, UnsupportedError)

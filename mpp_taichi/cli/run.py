@@ -46,9 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rewind",
         nargs="?",
         const="",
-        metavar="F.npz",
-        help="go on from the state of a run that blew up or was interrupted, with a stable step; "
-        "the newest of out/SCENE.crash.npz and out/SCENE.interrupted.npz when no file is named",
+        metavar="F",
+        help="go on from the last good state of a run that blew up or was interrupted, with a stable step: that of "
+        "out/SCENE.run, or else the newest of out/SCENE.crash.npz and out/SCENE.interrupted.npz, when no file is named",
     )
     _options.add_archive(parser)
     _options.add_report(parser)
@@ -103,7 +103,7 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
     if arguments.rewind is not None:
         from mpp_taichi.cli._rewind import Rewind
 
-        given["rewind"] = Rewind.of(spec, arguments.rewind, arguments.overrides)
+        given["rewind"] = Rewind.of(spec, arguments.rewind, arguments.overrides, fresh=arguments.fresh)
     if arguments.headless or arguments.video is not None or arguments.html is not None:
         return Request(**given)
     problem = no_window()

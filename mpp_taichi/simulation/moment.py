@@ -47,6 +47,13 @@ def go_to(simulation: Any, moment: Mapping[str, Any]) -> None:
         _go_to(simulation, moment)
 
 
+def forget_history(simulation: Any) -> None:
+    """Let the method begin anew from the present state, with steps of another length."""
+    require_life(simulation)
+    with one_thread.lock:
+        simulation.phase.take_over(simulation.phase, simulation.dt)
+
+
 def _go_to(simulation: Any, moment: Mapping[str, Any]) -> None:
     runner = simulation._runner
     try:

@@ -33,6 +33,8 @@ def resume(
         numbers = [number for number, time in enumerate(times) if at is None or time <= at]
         if not numbers and at is None:
             raise StateError(f"{path}: it has no state")
+        if not numbers and "rewound" in header:
+            raise StateError(f"{path}: the run was rewound, and its first record is of t = {min(times):.9g}, after {at:.9g}")
         state = found.state(numbers[-1]) if numbers else {}
         spec = load_resolved(scene_of(header, state), header["source"], overrides=overrides)
         where = {name: header[name] for name in ("backend", "precision", "plan")}

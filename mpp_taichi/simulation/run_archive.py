@@ -166,8 +166,10 @@ class RunArchive:
             self._failed = self._file is not None
             self.close()
 
-    def end(self) -> None:
+    def end(self, broken: Any = None) -> None:
         """Note that the run has come to its end, and is not to be gone on with; the states stay, for `replay`.
+
+        `broken` is a simulation that blew up, and stands at its last good step: this moment is written, to rewind the run to.
 
         Raises:
             OutputError: the file cannot be written; it is removed where that is possible.
@@ -176,7 +178,10 @@ class RunArchive:
             self.path.unlink(missing_ok=True)
         if self._file is not None:
             try:
-                self._file.append(END, pack({}))
+                if broken is not None:  # its samples belong to the blow-up
+                    state = {"moment": moment_of(broken), "samples": {}, "outputs": {}}
+                    self._file.append(STATE, pack({"time": broken.time, "step": broken.step_count, **state}))
+                self._file.append(END, pack({} if broken is None else {"broke_at": broken.step_count + 1}))
                 with suppress(OutputError):  # where there is no room for a smaller copy, the outputs stay as well
                     self._file.drop_outputs()
             except OutputError:
@@ -259,6 +264,21 @@ class FoundRun:
     def has_ended(self) -> bool:
         """Whether there is nothing to go on from: the run came to its end, or no state was written."""
         return self.file.last(STATE) is None or self.file.last(END) is not None
+
+    @property
+    def broke_at(self) -> int | None:
+        """The step at which the run blew up; None where it did not."""
+        end = self.file.last(END)
+        found = None if end is None else unpack(self.file.read(end)).get("broke_at")
+        return found if isinstance(found, int) else None
+
+    def last_before(self, step: int | None) -> dict[str, Any] | None:
+        """The last state before a step, or the last of all; None where there is none."""
+        for number in reversed(range(len(self._states))):
+            state = self.state(number)
+            if step is None or state["step"] < step:
+                return state
+        return None
 
     @property
     def times(self) -> list[float]:

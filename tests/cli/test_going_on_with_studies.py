@@ -29,19 +29,29 @@ QUICK, SLOW = SCENE.format(dt="1e-2", duration=1), SCENE.format(dt="1e-6", durat
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals of POSIX are used")
 
 
+QUICKLY = """
+import sys
+from mpp_taichi.archive import journal
+from mpp_taichi.cli import _check_in_parallel
+from mpp_taichi.cli.main import main
+from mpp_taichi.simulation import run_archive
+journal.AFTER, run_archive.EVERY, run_archive.SHARE = 0.0, 0.05, 0.2
+_check_in_parallel.PROGRAM = (sys.executable, *sys.orig_argv[1:3], "check")
+sys.exit(main())
+"""
+
+
 def started(folder, *words):
-    """A process of the program, whose journal is written from the first result on."""
+    """A process of the program, whose journal is written from the first result on, and archives of runs very often."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    program = "import sys; from mpp_taichi.archive import journal; journal.AFTER = 0.0; "
-    program += "from mpp_taichi.cli.main import main; sys.exit(main())"
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen([sys.executable, "-c", program, *words], cwd=folder, env=environment, **streams)
+    return subprocess.Popen([sys.executable, "-c", QUICKLY, *words], cwd=folder, env=environment, **streams)
 
 
 def finished(folder, *words, code=0):
     """The JSON object, and the words on standard error, of a command that runs to its end."""
     process = started(folder, *words, "--json")
-    out, told = process.communicate(timeout=100)
+    out, told = process.communicate(timeout=600)
     assert process.returncode == code, told
     return json.loads(out), told
 
@@ -61,7 +71,7 @@ def records(folder, pattern):
 def cut_off(folder, pattern, count, number, *words):
     """Start a command, and end it by a signal when its journal has so many records."""
     process = started(folder, *words)
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 300
     while records(folder, pattern) < count and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.02)
     assert process.poll() is None, process.communicate()[1]
@@ -84,6 +94,21 @@ def test_check_takes_the_verdicts_that_were_finished(tmp_path, number):
     assert found["went_on"]["results"] == 1
     assert [scene["status"] for scene in found["scenes"]] == ["ok", "ok"]
     assert list((tmp_path / "out").iterdir()) == []
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_check_goes_on_within_a_scene(tmp_path, jobs):
+    """Two scenes, so that each is checked by a process of its own where there are two jobs."""
+    for name in "ab":
+        (tmp_path / f"{name}.yaml").write_text(SCENE.format(dt="1e-6", duration=20))
+    command = ["check", "a.yaml", "b.yaml", "--jobs", jobs]
+    cut_off(tmp_path, "out/check-*.runs/*.run", 2, KILL, *command)  # the first may be that of the start
+    found, _ = finished(tmp_path, *command)
+    assert any("went_on" in scene and scene["went_on"]["step"] > 0 for scene in found["scenes"])
+    assert list((tmp_path / "out").iterdir()) == []
+    whole = json.loads(started(tmp_path, *command, "--no-archive", "--json").communicate(timeout=600)[0])
+    for name in ("status", "steps", "relative_energy_error_max", "expect"):
+        assert [scene[name] for scene in found["scenes"]] == [scene[name] for scene in whole["scenes"]]
 
 
 def test_check_does_a_changed_scene_again(tmp_path):
