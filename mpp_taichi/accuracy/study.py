@@ -368,6 +368,7 @@ class Study:
             sweep.repeat(share=end)
             sweep.weigh(share=end)
         except OutOfTime:  # what was measured is used all the same
+            self.cut[bench.backend, bench.precision] = sum(bool(ladder.open_rungs()) for ladder in ladders)
             self._after_sweep(self, bench)
             raise
         self.store.save()

@@ -16,7 +16,7 @@ from PIL import Image
 from scipy.integrate import solve_ivp
 
 from mpp_taichi.accuracy import chaos, front
-from mpp_taichi.accuracy.budget import Budget
+from mpp_taichi.accuracy.budget import Budget, OutOfTime
 from mpp_taichi.accuracy.ladder import Ladder
 from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.methods import LOOKS
@@ -26,6 +26,7 @@ from mpp_taichi.accuracy.reference_search import MOST_BUDGETS
 from mpp_taichi.accuracy.sample import Configuration, MeasuredError, Sample
 from mpp_taichi.accuracy.store import Store, identity
 from mpp_taichi.accuracy.study import Study, StudyWishes
+from mpp_taichi.accuracy.sweep import StepSweep
 from mpp_taichi.accuracy.trace import Trace
 from mpp_taichi.accuracy.verdict import duration, factor, sentence, step_ratio
 from mpp_taichi.accuracy.workbench import Workbench
@@ -445,6 +446,19 @@ def test_a_study_ends_with_its_budget_and_keeps_what_there_is(tmp_path):
     assert 3 <= len(study.rows()) and study.quantity == "position"
     again = Store(tmp_path, identity(problem, SPAN, "test"))
     assert again.resumed == len(study.rows())
+
+
+def test_ladders_that_an_ended_budget_leaves_are_said(tmp_path, monkeypatch):
+    def end(*_, **__):
+        raise OutOfTime
+
+    monkeypatch.setattr(StepSweep, "climb", end)
+    problem = pose(load_scene({**kepler(ECCENTRICITY, dt=0.01), "run": {"duration": SPAN}}))
+    store = Store(tmp_path, identity(problem, SPAN, "test"))
+    study = Study(problem, store, CountedBudget(2000.0), StudyWishes(("leapfrog",), (("cpu", "f64"),), reference="leapfrog"))
+    study.run()
+    assert study.status == "out of time"
+    assert study.remarks == ["cpu f64: the budget cut 1 ladders of steps short"]
 
 
 def test_a_run_is_left_when_the_budget_is_spent(tmp_path):
