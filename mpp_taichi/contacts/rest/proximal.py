@@ -16,7 +16,9 @@ import numpy as np
 from mpp_taichi.contacts.rest.banded import BandedCholesky, narrow_order
 
 SOFTNESS, LEAST_SOFTNESS = 1e-8, 1e-12  # share by which a contact yields in a step, of its own yielding to an impulse
+MOST_SOFTNESS = 1e-4
 STEPS, NEWTON_STEPS = 30, 60
+DIVERGED = 1e3  # times the violation of the best impulses
 ROUNDINGS = 2  # of the terms that the speed of a contact is the sum of
 
 
@@ -137,7 +139,11 @@ class Proximal:
                 break
             impulse, speed = now.impulse * self.length, now.speeds / self.length
             before = now
-            now = self._judged(np.maximum(impulse + self._step(impulse, speed + self.soft * impulse, softness), 0.0))
+            with np.errstate(over="ignore", invalid="ignore"):
+                now = self._judged(np.maximum(impulse + self._step(impulse, speed + self.soft * impulse, softness), 0.0))
+            if not now.violation <= DIVERGED * best.violation:  # too stiff a step for the digits of its equations
+                now, softness = best, min(100.0 * softness, MOST_SOFTNESS)
+                continue
             if now.solved or now.violation < best.violation:
                 best = now
             if now.violation > 0.1 * before.violation:
