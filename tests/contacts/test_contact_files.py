@@ -95,6 +95,8 @@ WALLS = [
     {"plane": {"point": [0, 0, -1], "normal": [0, 3, 4], "velocity": [0, 0.5, 0]}},
     {"cylinder": {"point": [1, 0, 0], "axis": [0, 1, 1], "radius": 4}},
     {"sphere": {"center": [0, 1, 0], "radius": 5}},
+    {"segment": {"from": [1, 2, 0], "to": [-3, 1, 0], "velocity": [0, 0.5, 0]}},
+    {"polygon": {"points": [[1, 2, 0], [-3, 1, 0], [0, -2, 0]]}},
 ]
 
 
@@ -106,6 +108,8 @@ def test_outlines_lie_on_the_walls_and_move_with_them(dimensions):
         {"plane": {"point": [0, -9], "normal": [0, 1], "velocity": [0, 0.5]}},
     ]
     walls += [{"cylinder": {"point": [1, 0], "radius": 4}}, {"sphere": {"center": [0, 1], "radius": 5}}]
+    walls += [{"segment": {"from": [1, 2], "to": [-3, 1], "velocity": [0, 0.5]}}]
+    walls += [{"polygon": {"points": [[1, 2], [-3, 1], [0, -2]]}}]
     for wall in walls if flat else WALLS:
         spec = load_scene(
             GAS
@@ -116,7 +120,8 @@ def test_outlines_lie_on_the_walls_and_move_with_them(dimensions):
             points = outline.at(time).reshape(-1, 3)
             depths = [surface_depth(each, points, np.zeros(len(points)), time)[0] for each in enclosure_of(spec).surfaces]
             assert len(points) >= 2 and np.abs(depths).min(axis=0).max() < 1e-12
-        corners = {"box": 2 * 4 if flat else 2 * 12}.get(next(iter(wall)), len(points))
+        sides = {"box": 4 if flat else 12, "segment": 1 if flat else 4, "polygon": 3 if flat else 12}
+        corners = 2 * sides.get(next(iter(wall)), len(points) // 2)
         assert len(points) == corners
 
 

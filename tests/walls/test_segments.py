@@ -24,6 +24,7 @@ def gap(wall, x, radius, time):
     return -depth.reshape(x.shape[:-1])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("dimensions", [2, 3])
 @pytest.mark.parametrize("radius", [0.1, 0.6])
 def test_the_first_contact_is_found_in_straight_and_in_falling_flight(dimensions, radius):
