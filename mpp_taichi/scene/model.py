@@ -210,11 +210,19 @@ def _entries(kind: str, names: Iterable[str]) -> Any:
     for name in names:
         declared = component.declaration(kind, name)
         summary = declared.summary.split("\n\n")[0]
-        body = create_model(declared.class_name, __config__=STRICT, __doc__=summary, **parameter_fields(declared.parameters))
+        fields = parameter_fields(declared.parameters)
+        body = create_model(definition_name(kind, declared), __config__=STRICT, __doc__=summary, **fields)
         members[name] = (_checked_before(body, _nothing_is_empty), Describe(None, description=summary))
     config = ConfigDict(**STRICT, json_schema_extra={"minProperties": 1, "maxProperties": 1})
     entry = create_model(f"{kind.capitalize()}Entry", __config__=config, __doc__=f"One of {kind}/.", **members)
     return _checked_before(entry, _only_one)
+
+
+def definition_name(kind: str, declared: component.Declaration) -> str:
+    """The name of a component's definition in the schema; it says the kind where an earlier kind has the same name."""
+    earlier = component.KINDS[: component.KINDS.index(kind)]
+    taken = any(declared.name in component.names(other) for other in earlier)
+    return f"{declared.class_name}Of{kind.capitalize()}" if taken else declared.class_name
 
 
 def _checked_before(model: Any, check: Callable[[Any], Any]) -> Any:

@@ -91,7 +91,7 @@ class CompiledPhase:
         )
         self.energy_meter = EnergyMeter(self.state, self.total_force)
         self.launch_limit = self._steps_per_launch()
-        self._has_sums = False  # whether steps were taken since the sums of the contacts began
+        self._has_sums = self._can_begin_sums = False  # whether steps were taken since they began; whether that is compiled
         self.prepared = False  # whether the next step finds in the state the forces or the history that it begins with
         if device.on_cpu and start.particle_count >= MANY_PARTICLES:
             use_large_pages()
@@ -262,6 +262,9 @@ class CompiledPhase:
 
     def prepare(self, clock: Clock) -> None:
         """Compute the forces and the history that the next step begins with, unless they are there."""
+        if self.contacts is not None and not self._has_sums and not self._can_begin_sums:
+            self.contacts.begin_sums()  # so that a later phase, or a value that is set, compiles nothing for it
+            self._can_begin_sums = True
         self._has_sums = True
         if not self.prepared:
             self.launcher.prepare(clock.time, clock.dt)

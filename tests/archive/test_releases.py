@@ -89,7 +89,7 @@ def test_states_and_trajectories_of_an_earlier_release_are_read(release, placed,
     wanted = placed(release, "plain")
     words = [each for each in wanted["command"] if not each.startswith(("--inspect", "panels"))]
     assert main([*words, "--rewind", "plain.interrupted.npz"]) == 0
-    assert "plain.interrupted.npz, t = " in capsys.readouterr().err
+    assert "plain.interrupted.npz, t = " in capsys.readouterr().out
     end = Snapshot.load(Path("end.npz"))
     assert end.time == pytest.approx(12.0)
     np.testing.assert_allclose(end.position, wanted["position"], atol=1e-6)

@@ -130,7 +130,7 @@ def test_a_rewound_run_that_is_killed_goes_on_with_the_same_command(tmp_path, mo
         with_scene(tmp_path / name, (tmp_path / "s.yaml").read_text())
         (tmp_path / name / "out" / "s.run").write_bytes((tmp_path / "out" / "s.run").read_bytes())
     command = [sys.executable, "-m", "mpp_taichi", "run", "s.yaml", "--headless", "--precision", "f64", "--until", repr(until)]
-    command += ["--rewind", "--snapshot", "e.npz", "--diagnostics", "t.csv", "--set", "integrator.leapfrog.dt=1e-6"]
+    command += ["--rewind", "--snapshot", "e.npz", "--diagnostics", "t.csv", "--set", "integrator.leapfrog.dt=1e-7"]
     done = run_whole(command, tmp_path / "whole")
     assert done.returncode == 0, done.stderr
     cut_off(command, tmp_path / "cut", (RECORD, KILL))

@@ -20,9 +20,10 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
 
 
 def begin(program, *words):
-    return subprocess.Popen(
-        [sys.executable, "-c", program, *words], env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    # A background job of a shell is started with interrupts ignored, and so would be its children.
+    restore = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
+    return subprocess.Popen([sys.executable, "-c", program, *words], env=ENVIRONMENT, **pipes, **restore)
 
 
 def wait_for_the_lock(process):
@@ -65,9 +66,10 @@ sys.exit(main(["record", sys.argv[1], "--video", "f.mp4"]))
 @pytest.mark.parametrize(("kernel", "saved"), [("_write", []), ("_advance", ["f.mp4", "out/s.interrupted.npz"])])
 def test_a_signal_ends_a_run_within_the_compiler_which_makes_other_errors_of_it(tmp_path, monkeypatch, kernel, saved):
     monkeypatch.chdir(tmp_path)
-    Path("s.yaml").write_text(yaml.safe_dump({**kepler(dt=0.02), "run": {"duration": 4e6}}), encoding="utf-8")
+    scene = {**kepler(dt=0.02), "run": {"duration": 4e6}, "view": {"camera": {"position": [0, 0, 5]}}}  # else it is looked for
+    Path("s.yaml").write_text(yaml.safe_dump(scene), encoding="utf-8")
     process = begin(IN_COMPILER, "s.yaml", kernel)
-    _, told = process.communicate(timeout=60)
+    told = "".join(process.communicate(timeout=60))
     assert process.returncode == 143 and "interrupted" in told and "error:" not in told
     assert not leftovers() and [str(each) for each in sorted(Path().glob("**/*.[mn]p*"))] == saved
 

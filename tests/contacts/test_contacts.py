@@ -256,7 +256,10 @@ FAULTS = [
     ({"walls": [{"box": {"lower": [0, 0, 0], "upper": [1, 0, 1]}}]}, "walls[0].box: goes from 0 to 0 along y"),
     ({"walls": [{"plane": {"point": [0, 0, 0], "normal": [0, 0, 0]}}]}, "walls[0].plane: normal must not be [0, 0, 0]"),
     ({"walls": 2 * [{"periodic_box": {"lower": [-9, -9, -9], "upper": [9, 9, 9]}}]}, "there is a periodic_box already"),
-    ({"walls": [{"periodic_box": {"lower": [0, 0, 0], "upper": [1.5, 9, 9]}}]}, "at most a quarter of the shortest period"),
+    (
+        {"walls": [{"periodic_box": {"lower": [0, 0, 0], "upper": [1.5, 9, 9]}}]},
+        "must be at most 0.375, a quarter of the shortest period 1.5",
+    ),
     ({"walls": [{"plane": {"point": [0, 0, 0], "normal": [1, 0, 0]}}]}, "particle 0 (body) reaches 0.5 into walls[0].plane"),
 ]
 

@@ -13,6 +13,7 @@ from mpp_taichi.scene.estimate import check_capacity, estimate
 from mpp_taichi.scene.expectations import SUMMARY_QUANTITIES
 from mpp_taichi.scene.faults import Faults
 from mpp_taichi.scene.load import load_scene
+from mpp_taichi.scene.model import definition_name
 from mpp_taichi.scene.schema import SCHEMA_FILE, scene_schema, schema_text
 from mpp_taichi.start.assemble import assemble
 
@@ -97,7 +98,7 @@ def test_every_component_and_parameter_is_described():
             if declared.base == "BondForce":
                 assert declared.class_name not in definitions
                 continue
-            described = definitions[declared.class_name + BESIDE_OTHER_KEYS.get(kind, "")]
+            described = definitions[definition_name(kind, declared) + BESIDE_OTHER_KEYS.get(kind, "")]
             parameters = {parameter.name for parameter in declared.parameters}
             keys = set(described["properties"])
             assert parameters <= keys if kind in BESIDE_OTHER_KEYS else parameters == keys

@@ -136,7 +136,7 @@ def test_another_scene_opens_in_the_same_window_and_a_faulty_one_does_not(displa
         session.tool("mouseup", 1)
         session.wait_for(lambda: (color := sphere(session.picture()))[0] > 100 and color[1] < 60)
         assert (tmp_path / "one.csv").read_text(encoding="utf-8").count("\n") > 2, "what was asked of the first is written"
-        assert session.complaints().count("  status  ok") == 1 and "  scene   One: 1 particle" in session.complaints()
+        assert session.said().count("  status  ok") == 1 and "  scene   One: 1 particle" in "\n".join(session.said())
         assert session.tool("search", "--onlyvisible", "--name", "One").split() == [session.window], "the same window"
         session.press("n")
         session.press("Up")
@@ -144,8 +144,8 @@ def test_another_scene_opens_in_the_same_window_and_a_faulty_one_does_not(displa
         session.wait_for(lambda: (color := sphere(session.picture()))[1] > 100 and color[0] < 60)
         session.press("Escape")
         assert session.end() == 0
-        told = re.findall(r"^  scene   (\w+):", session.complaints(), re.M)
-        assert told == ["One", "Two", "One"] and session.complaints().count("  status  ok") == 3
+        told = re.findall(r"^  scene   (\w+):", "\n".join(session.said()), re.M)
+        assert told == ["One", "Two", "One"] and session.said().count("  status  ok") == 3
     finally:
         session.close()
 

@@ -20,7 +20,6 @@ ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]  # so that it also runs from a checkout that is not installed
 
 import contact_scenes  # noqa: E402
-from random_piles import RandomPiles  # noqa: E402
 
 from mpp_taichi.device import backends  # noqa: E402
 from mpp_taichi.errors import StabilityError  # noqa: E402
@@ -40,6 +39,8 @@ SCENES = {
 
 def piles(options):
     """Numbers of the seeds that failed."""
+    from random_piles import RandomPiles  # it imports Taichi, behind the settings of the package
+
     backends.start("cpu", options.precision)
     failed = []
     kinds = list(itertools.product((2, 3), ("box", "slope"), (0.0, 0.4, 0.8, 1.0)))
