@@ -3,12 +3,12 @@
 import math
 
 from mpp_taichi.component import Particles, component, param
-from mpp_taichi.quantities._base import NoResultError, Quantity, RunSample, Setting
-from mpp_taichi.quantities._orbit import orbit, orbit_label, require_orbit
+from mpp_taichi.quantities._base import NoResultError, RunSample
+from mpp_taichi.quantities._orbit import OfOrbit
 
 
 @component
-class SemiMajorAxis(Quantity):
+class SemiMajorAxis(OfOrbit):
     """Semi-major axis a of the osculating orbit [length]: below 0 for a hyperbola. A parabola has none.
 
     The osculating orbit is the Kepler orbit on which the two would go on if no other force acted, with G of newtonian_gravity
@@ -17,19 +17,12 @@ class SemiMajorAxis(Quantity):
 
     of: Particles = param(help="a particle, or a group for its centre of mass")
     around: Particles = param(help="the particle that it is around, or a group for its centre of mass")
+    noun = "semi-major axis"
     dimension = (1, 0, 0)
-
-    def begin(self, setting: Setting) -> None:
-        """Check that there is gravity."""
-        require_orbit(self.of, self.around, setting)
-
-    def label(self, setting: Setting) -> str:
-        """`semi-major axis of planet around sun`."""
-        return orbit_label("semi-major axis", self.of, self.around, setting)
 
     def measure(self, sample: RunSample) -> float:
         """The axis."""
-        found = orbit(sample, self.of, self.around).semi_major_axis
+        found = self.orbit(sample).semi_major_axis
         if not math.isfinite(found):
             raise NoResultError("the orbit is a parabola, which has no semi-major axis")
         return found
