@@ -36,7 +36,7 @@ class Rewind:
 
     state       particles with which the run begins, of a file `.npz`; None for a record of an archive
     record      the record of an archive: its `time`, `step` and `moment`, the `dt` of the run, and whether it `broke_down`
-    goes_on     whether the archive of the scene is that of the rewound run itself, which was cut off
+    goes_on     whether the rewound run itself wrote the archive of the scene, and was cut off
     """
 
     state: Snapshot | None
@@ -111,7 +111,7 @@ class Rewind:
             except StateError as error:
                 raise StateError(f"--rewind {self.file}: {error}") from None
             simulation.judge.restart()  # what it found is of the run that broke down
-            simulation.dt = simulation.phase.phase.dt  # that of the scene, which may be another than that of the record
+            simulation.dt = simulation.phase.phase.dt  # the step of the scene, which the record may not have
         told = self._choose(simulation)
         if self.record is not None and simulation.dt != self.dt:
             forget_history(simulation)
@@ -176,7 +176,7 @@ def _newest(spec: SceneSpec) -> Path:
 
 
 def _is_of_later_run(state: Path, archive: Path, record: Mapping[str, Any]) -> bool:
-    """Whether a state was left by a run after that of the archive, whose last record may be older than its own state."""
+    """Whether a later run than the run of the archive wrote the state; the last record of a run may be older than its state."""
     if state.stat().st_mtime_ns <= archive.stat().st_mtime_ns:
         return False
     try:

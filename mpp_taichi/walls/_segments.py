@@ -177,7 +177,7 @@ class WallSegments:
         return gap, result
 
     @ti.func
-    def bears(self, g, x, radius, time):
+    def can_hold(self, g, x, radius, time):
         """Whether segment g can hold a sphere at x that touches it; at a corner the other segment may hold it alone."""
         gap, _ = self.support(g, x, radius, time)
         return gap < 0.5 * FAR * radius

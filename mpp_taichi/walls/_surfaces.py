@@ -135,11 +135,11 @@ class WallSurfaces:
         return self.segments.stands_back(w - self.plain_count, x, radius, time, v, when, horizon)
 
     @ti.func
-    def bears(self, w: Template, x, radius, time):
-        """Whether surface w can hold a sphere at x that touches it; at a corner of segments another one may hold it alone."""
+    def can_hold(self, w: Template, x, radius, time):
+        """Whether surface w can hold a sphere at x that touches it; at a corner the other segment may hold it alone."""
         result = True
         if ti.static(not is_known(w)):
-            result = self.segments.bears(w - self.plain_count, x, radius, time)
+            result = self.segments.can_hold(w - self.plain_count, x, radius, time)
         return result
 
     @ti.func

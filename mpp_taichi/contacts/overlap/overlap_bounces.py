@@ -109,10 +109,10 @@ class OverlapBounces:
     @ti.func
     def _bounce_off_wall(self, s: Template, chunk, i, time):
         x, radius = self.state.position[i], self.bounce.radius[i]
-        gap, bears = self.walls.gap(s, x, radius, time), False
+        gap, is_met = self.walls.gap(s, x, radius, time), False
         if gap < 0.0:
-            bears = self.walls.bears(s, x, radius, time)
-        if bears:
+            is_met = self.walls.can_hold(s, x, radius, time)
+        if is_met:
             if radius > 0.0:
                 self.tally.see_overlap(i, -gap / radius)
             n = self.walls.normal(s, x, time)

@@ -109,7 +109,7 @@ class GroupRule:
     def _see_wall(self, s: Template, i, t, time):
         x, radius = self.played.position[i], self.slots.radius_of(i)
         if self.walls.gap(s, x, radius, time + t) <= self.touching * radius:
-            if self.walls.bears(s, x, radius, time + t):
+            if self.walls.can_hold(s, x, radius, time + t):
                 n = self.walls.normal(s, x, time + t)
                 self._add_row(i, -1 - s, n, n.dot(self.walls.velocity(s, x)), self.walls.restitution(s), t)
 
