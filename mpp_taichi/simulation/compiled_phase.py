@@ -33,7 +33,7 @@ class SavedFields:
     arrays: tuple[np.ndarray, ...]
     prepared: bool
     contacts: tuple[np.ndarray, ...] = ()  # what the contact solver knows beyond the arrays
-    sums: tuple[np.ndarray, ...] | None = None  # of the contacts of the phase; empty before its first step, None: not saved
+    sums: tuple[np.ndarray, ...] | None = None  # of the contacts of the phase; empty without contacts, None: not saved
 
 
 class CompiledPhase:
@@ -91,7 +91,6 @@ class CompiledPhase:
         )
         self.energy_meter = EnergyMeter(self.state, self.total_force)
         self.launch_limit = self._steps_per_launch()
-        self._has_sums = self._can_begin_sums = False  # whether steps were taken since they began; whether that is compiled
         self.prepared = False  # whether the next step finds in the state the forces or the history that it begins with
         if device.on_cpu and start.particle_count >= MANY_PARTICLES:
             use_large_pages()
@@ -214,9 +213,8 @@ class CompiledPhase:
         self._forget()
 
     def _begin_sums(self) -> None:
-        if self._has_sums and self.contacts is not None:
+        if self.contacts is not None:
             self.contacts.begin_sums()
-        self._has_sums = False
 
     def _forget(self) -> None:
         self.prepared = False
@@ -225,7 +223,7 @@ class CompiledPhase:
     def save(self, *, whole: bool = True) -> SavedFields:
         """The state now, for `restore`; not `whole`: without what a contact solver knows beyond it, which changes last bits."""
         contacts = self.contacts.save() if whole and self.prepared and self.contacts is not None else ()
-        sums = (self.contacts.save_sums() if self._has_sums and self.contacts is not None else ()) if whole else None
+        sums = (() if self.contacts is None else self.contacts.save_sums()) if whole else None
         return SavedFields(self.state.save(), self.prepared, contacts, sums)
 
     def restore(self, saved: SavedFields) -> None:
@@ -239,7 +237,6 @@ class CompiledPhase:
             self.prepared = True
         if saved.sums and self.contacts is not None:
             self.contacts.restore_sums(saved.sums)
-            self._has_sums = True
         elif saved.sums is not None:
             self._begin_sums()
         self.launcher.clear_trouble()
@@ -262,10 +259,6 @@ class CompiledPhase:
 
     def prepare(self, clock: Clock) -> None:
         """Compute the forces and the history that the next step begins with, unless they are there."""
-        if self.contacts is not None and not self._has_sums and not self._can_begin_sums:
-            self.contacts.begin_sums()  # so that a later phase, or a value that is set, compiles nothing for it
-            self._can_begin_sums = True
-        self._has_sums = True
         if not self.prepared:
             self.launcher.prepare(clock.time, clock.dt)
             self.prepared = True
