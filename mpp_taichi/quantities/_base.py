@@ -68,14 +68,12 @@ class Setting:
         if of is None:
             return ""
         first, count = (of, 1) if isinstance(of, int) else of
+        if count == 1:
+            return self.layout.name_of(first) or f"particle {first}"
         number = self.layout.entry_of(first)
-        name, whole = self.layout.entries[number].parameters.get("name"), self.layout.counts[number]
-        if count == whole:
-            return name or (f"particle {first}" if count == 1 else self.layout.entries[number].name)
-        offset = first - self.layout.starts[number]
-        if count > 1:
-            return f"{name or self.layout.entries[number].name}[{offset}:{offset + count}]"
-        return f"{name}[{offset}]" if name else f"particle {first}"
+        entry, offset = self.layout.entries[number], first - self.layout.starts[number]
+        name = entry.parameters.get("name") or entry.name
+        return name if count == self.layout.counts[number] else f"{name}[{offset}:{offset + count}]"
 
     def unit(self, dimension: Dimension) -> str:
         """`AU/day`, `Msun AU²/day²`; empty for pure numbers, and where the scene names no units."""

@@ -35,6 +35,12 @@ class ParticleLayout:
         """The entry that made a particle."""
         return bisect.bisect_right(self.starts, index) - 1
 
+    def name_of(self, index: int) -> str:
+        """`earth`, or `ring[3]` in a group; empty where the entry that made the particle has no name."""
+        number = self.entry_of(index)
+        name = self.entries[number].parameters.get("name") or ""
+        return f"{name}[{index - self.starts[number]}]" if name and self.counts[number] > 1 else str(name)
+
     def label(self, index: int) -> str:
         """The text for a particle in messages: its name, the name of its group, or only its index."""
         number = self.entry_of(index)

@@ -6,7 +6,7 @@ import numpy as np
 
 from mpp_taichi.arithmetic.orbital_elements import Orbit, orbit_of
 from mpp_taichi.errors import ArgumentError, PlacementError
-from mpp_taichi.scene.layout import ParticleLayout, layout_of
+from mpp_taichi.scene.layout import layout_of
 from mpp_taichi.snapshot import Snapshot
 
 
@@ -29,7 +29,7 @@ def orbits(self: Any, around: int | str | None = None) -> dict[str | int, Orbit]
     found: dict[str | int, Orbit] = {}
     for index in map(int, np.flatnonzero(snapshot.present)):
         if index != primary and (orbit := _orbit(snapshot, index, primary, strength)) is not None:
-            found[_name(layout, index)] = orbit
+            found[layout.name_of(index) or index] = orbit
     return found
 
 
@@ -46,11 +46,3 @@ def _orbit(snapshot: Snapshot, index: int, primary: int | None, strength: float)
         return orbit_of(snapshot.position[index] - place, snapshot.velocity[index] - motion, attraction)
     except ValueError:
         return None
-
-
-def _name(layout: ParticleLayout, index: int) -> str | int:
-    number = layout.entry_of(index)
-    name = layout.entries[number].parameters.get("name")
-    if not name:
-        return index
-    return f"{name}[{index - layout.starts[number]}]" if layout.counts[number] > 1 else str(name)
