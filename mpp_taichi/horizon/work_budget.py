@@ -3,16 +3,13 @@
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from mpp_taichi.simulation.step_work import work_of_step
+
 if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
 
 SHARE = 0.02  # of the work of the run
 LEAST_WORK = 15_000_000  # in units of `step.plans`, tens of milliseconds: about 2 % of what a short run takes with its start
-OVERHEAD = 50  # of an evaluation on the CPU beside its forces, in the same units
-LAUNCH_OVERHEAD = 100_000  # of a step whose loops are launches of their own
-CONTACT_STEP, CONTACTS_OF_SPHERE = 10_000, 500  # of a step with contacts, and of each sphere in it
-FLIGHT = 1000  # of a contact in event-driven flight, with the predictions that it asks for
-SOLVER_SWEEPS = 30  # evaluations that an implicit step costs, roughly
 FINE_PART = 0.25  # of the followed part, where the run and its coarse rerun stay together
 COARSE_COST, FINE_COST = 0.5, 2.0  # of reruns with steps of 2 dt and dt / 2, over the cost of the same part of the run
 
@@ -61,17 +58,5 @@ def budget_of(simulation: "Simulation", steps: float, share: float, least: float
 
     Of a method that chooses its steps it is for so many evaluations, of event-driven flight for so many contacts.
     """
-    phase = simulation.phase
-    if not simulation.launcher.takes_steps:
-        return WorkBudget(FLIGHT, steps * FLIGHT, share, least)
-    evaluations = phase.integrator.evaluations_per_step or 1
-    counted = max(1, phase.integrator.typical_evaluations)  # included in the work of the phase
-    work = phase.work / counted + OVERHEAD
-    if "linear_solver" in phase.launcher.facts():
-        evaluations = SOLVER_SWEEPS
-    step = evaluations * work
-    if phase.contacts is not None and phase.launcher.contacts_in_every_step:
-        step += CONTACT_STEP + CONTACTS_OF_SPHERE * phase.state.particle_count
-    if simulation.plan == "parallel" or not simulation.device.on_cpu:
-        step += LAUNCH_OVERHEAD
+    step = work_of_step(simulation)
     return WorkBudget(step, steps * step, share, least)

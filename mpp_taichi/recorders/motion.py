@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mpp_taichi.errors import MppError
+from mpp_taichi.simulation.step_work import work_of_step
 from mpp_taichi.views.motion_places import chooses_its_place, places_of
 
 if TYPE_CHECKING:
@@ -29,10 +30,7 @@ def motion_ahead(simulation: "Simulation", span: float) -> np.ndarray | None:
     """
     if not chooses_its_place(simulation.spec) or not simulation.launcher.takes_steps or not span > 0.0:
         return None
-    from mpp_taichi.horizon.work_budget import budget_of  # for films alone whose camera looks for its place
-
-    work = budget_of(simulation, 1.0, 0.0, 0.0).step
-    reach = min(span, simulation.time_to_next_phase, simulation.dt * math.floor(MOST_WORK / work))
+    reach = min(span, simulation.time_to_next_phase, simulation.dt * math.floor(MOST_WORK / work_of_step(simulation)))
     moments = min(MOMENTS, int(reach / simulation.dt), MOST_PLACES // max(1, simulation.start.particle_count))
     if moments < LEAST_MOMENTS:
         return None
