@@ -1,7 +1,8 @@
-"""Segments: time of contact against a search along the flight in NumPy, which place bears a sphere, and what is refused."""
+"""Segments: time of contact against a search along the flight in NumPy, which place can hold a sphere, and what is refused."""
 
 import numpy as np
 import pytest
+from first_contacts import assert_first_contacts
 
 import mpp_taichi as mpp
 from mpp_taichi.device import backends
@@ -55,18 +56,9 @@ def test_the_first_contact_is_found_in_straight_and_in_falling_flight(dimensions
 
     with quick_compilation():
         fill()
-    times = np.linspace(0.0, END, 2_001)
-    for fall, results in enumerate(found.to_numpy()):
-        assert np.isfinite(results).sum() > COUNT / 20 and np.isinf(results).any()
-        for i, s in enumerate(results):
-            way = x[i] + np.outer(times, v[i]) + fall * np.outer(times**2 / 2, a[i])
-            touching = np.flatnonzero(gap(wall, way, radius, times) <= 0)
-            if len(touching):
-                assert s <= times[touching[0]]
-            if np.isfinite(s):
-                there = x[i] + s * v[i] + fall * s * s / 2 * a[i]
-                # As in test_wall_geometry.py; a graze has half the digits in its time and all of them in its gap.
-                assert abs(gap(wall, there[None], radius, np.array([s]))[0]) < 40 * 8 * 2.0**-53
+    # As in test_wall_geometry.py; a graze has half the digits in its time and all of them in its gap.
+    allowed = 40 * 8 * 2.0**-53
+    assert_first_contacts(found.to_numpy(), (x, v, a), END, lambda places, times: gap(wall, places, radius, times), allowed)
 
 
 def test_what_overlaps_meets_now_if_it_approaches_and_not_while_it_recedes():

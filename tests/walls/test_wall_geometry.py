@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from first_contacts import assert_first_contacts
 
 from mpp_taichi.device import backends
 from mpp_taichi.walls._base import Surface
@@ -54,18 +55,9 @@ def test_the_first_contact_is_found_in_straight_and_in_falling_flight(surface):
             found[1, i] = time_of_contact_falling(surface, places[i], speeds[i], falls[i], RADIUS, 0.0, END)
 
     fill()
-    times = np.linspace(0.0, END, 2_001)
-    for fall, results in enumerate(found.to_numpy()):
-        assert np.isfinite(results).sum() > COUNT / 20 and np.isinf(results).any()
-        for i, s in enumerate(results):
-            way = x[i] + np.outer(times, v[i]) + fall * np.outer(times**2 / 2, a[i])
-            touching = np.flatnonzero(gap(surface, way, times) <= 0)
-            if len(touching):
-                assert s <= times[touching[0]]
-            if np.isfinite(s):
-                there = x[i] + s * v[i] + fall * s * s / 2 * a[i]
-                # Terms up to |a| s² / 2 < 40 are added; a shallow contact has no more digits in its gap than they have.
-                assert abs(gap(surface, there, s)) < 40 * 8 * 2.0**-52
+    # Terms up to |a| s² / 2 < 40 are added; a shallow contact has no more digits in its gap than they have.
+    allowed = 40 * 8 * 2.0**-52
+    assert_first_contacts(found.to_numpy(), (x, v, a), END, lambda places, times: gap(surface, places, times), allowed)
 
 
 def test_what_overlaps_meets_now_if_it_approaches_and_not_while_it_recedes():
