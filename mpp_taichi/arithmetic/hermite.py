@@ -1,10 +1,18 @@
 """Cubic Hermite interpolation between two samples of a quantity and its rate."""
 
+from typing import TypeVar
+
+import numpy as np
+
 Look = tuple[float, float]  # value, rate
+Values = TypeVar("Values", float, np.ndarray)
 
 
-def cubic(s: float, span: float, before: Look, after: Look) -> float:
-    """The cubic through both values and both rates, at the part s in 0…1 of the span; good to span⁴/384 times |x⁗|."""
+def cubic(s: Values, span: float, before: tuple[Values, Values], after: tuple[Values, Values]) -> Values:
+    """The cubic through both values and both rates, at the part s in 0…1 of the span; good to span⁴/384 times |x⁗|.
+
+    Of arrays the cubic of each entry, by NumPy's rules for shapes.
+    """
     rise = s * s * (3.0 - 2.0 * s)
     return (1.0 - rise) * before[0] + rise * after[0] + span * s * (1.0 - s) * ((1.0 - s) * before[1] - s * after[1])
 

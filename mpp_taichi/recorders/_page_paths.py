@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mpp_taichi.arithmetic.hermite import cubic
 from mpp_taichi.recorders._column_code import EncodedColumn, encode
 from mpp_taichi.views._base import Frame
 
@@ -90,9 +91,7 @@ def _curves(rows: np.ndarray, step: int) -> np.ndarray:
     """Points of the browser's cubics at the shares 1/step … of each interval, (rows − 1, step − 1, count, 3)."""
     way = _ways(rows)
     p0, p1, v0, v1 = rows[:-1, None], rows[1:, None], way[:-1, None], way[1:, None]
-    t = (np.arange(1, step) / step)[None, :, None, None]
-    late = t * t * (3.0 - 2.0 * t)
-    return np.asarray((1.0 - late) * p0 + late * p1 + t * (1.0 - t) * ((1.0 - t) * v0 - t * v1))
+    return cubic((np.arange(1, step) / step)[None, :, None, None], 1.0, (p0, v0), (p1, v1))
 
 
 def _ways(rows: np.ndarray) -> np.ndarray:

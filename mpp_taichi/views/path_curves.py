@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mpp_taichi.arithmetic.hermite import cubic
+
 MOST_PIECES = 64
 JUMP = 0.3  # |v₀ + v₁ − 2c| over |v₁ − v₀|, from which on a scene with collisions has a jump there; a turn by 100° has it
 SLIGHT = 0.01  # |v₀ + v₁ − 2c| over the larger speed, up to which no jump can be seen
@@ -97,10 +99,8 @@ def _is_smooth(way: np.ndarray, v0: np.ndarray, v1: np.ndarray, *, collides: boo
 
 def _cubic(p0: np.ndarray, p1: np.ndarray, v0: np.ndarray, v1: np.ndarray, share: np.ndarray) -> np.ndarray:
     """Points (count, n, 3) of cubics at shares (count, n) of the time; both ends are exact."""
-    t = share[:, :, None]
     p0, p1, v0, v1 = (each[:, None, :] for each in (p0, p1, v0, v1))
-    late = t * t * (3.0 - 2.0 * t)
-    return np.asarray((1.0 - late) * p0 + late * p1 + t * (1.0 - t) * ((1.0 - t) * v0 - t * v1))
+    return cubic(share[:, :, None], 1.0, (p0, v0), (p1, v1))
 
 
 def _corners(
