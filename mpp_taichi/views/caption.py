@@ -29,6 +29,21 @@ def ink(background: Background) -> tuple[Color, Color]:
     return DARK_INK if is_light(background) else LIGHT_INK
 
 
+def write_outlined(
+    picture: Image.Image,
+    place: tuple[float, float],
+    text: str,
+    size: int,
+    colors: tuple[Color, Color],
+    *,
+    anchor: str,
+    outline: int,
+) -> None:
+    """Write a line with an outline of so many pixels, which keeps it readable before any colour; `anchor` is as Pillow's."""
+    pen, font = ImageDraw.Draw(picture), font_of(size)
+    pen.text(place, text, font=font, fill=colors[0], anchor=anchor, stroke_width=outline, stroke_fill=colors[1])
+
+
 def caption_lines(frame: Frame) -> list[str]:
     """The lines of a frame's caption, from the top."""
     return [line for line in (frame.title, f"t = {frame.clock or format(frame.time, '.4g')}", frame.extra) if line]

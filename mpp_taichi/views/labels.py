@@ -4,13 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image
 
 from mpp_taichi.plots.fonts import font_of
 from mpp_taichi.scene.view_spec import ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
-from mpp_taichi.views.caption import Color
+from mpp_taichi.views.caption import Color, write_outlined
 
 SIZE_SHARE = 0.8  # height of the letters, in heights of a line of the caption
 LEAST_SIZE = 9  # pixels
@@ -79,12 +79,9 @@ def letters_of(line: int) -> int:
 
 def write_names(picture: Image.Image, tags: list[NameTag], letters: int, ink: tuple[Color, Color]) -> None:
     """Write names into a picture, with an outline that keeps them readable before any colour."""
-    pen, font = ImageDraw.Draw(picture), font_of(letters)
+    outline = max(1, round(OUTLINE * letters))
     for tag in tags:
-        outline = max(1, round(OUTLINE * letters))
-        pen.text(
-            (tag.left, tag.middle), tag.text, font=font, fill=ink[0], anchor="lm", stroke_width=outline, stroke_fill=ink[1]
-        )
+        write_outlined(picture, (tag.left, tag.middle), tag.text, letters, ink, anchor="lm", outline=outline)
 
 
 def _named(frame: Frame, view: ViewSpec) -> Iterator[tuple[str, np.ndarray, float]]:

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 
 from PIL import Image, ImageDraw
 
-from mpp_taichi.plots.fonts import font_of
 from mpp_taichi.scene.human_units import length_unit
 from mpp_taichi.views.camera import Camera
-from mpp_taichi.views.caption import Color
+from mpp_taichi.views.caption import Color, write_outlined
 from mpp_taichi.views.marks import round_number
 
 SHARE = 0.18  # of the width of the picture, before the length is rounded
@@ -36,7 +35,7 @@ class ScaleBar:
 
 def draw_scale_bar(picture: Image.Image, bar: ScaleBar, line: int, ink: tuple[Color, Color], right: int, bottom: int) -> None:
     """Draw the bar with its text above; its right end is at the lower right corner (`right`, `bottom`) less a margin."""
-    pen, font = ImageDraw.Draw(picture), font_of(line)
+    pen = ImageDraw.Draw(picture)
     thick, tick = max(1, line // 9), TICK * line
     end, level = right - round(MARGIN * line), bottom - round(MARGIN * line)
     begin = round(end - bar.pixels)
@@ -45,8 +44,5 @@ def draw_scale_bar(picture: Image.Image, bar: ScaleBar, line: int, ink: tuple[Co
         for left, top, far, low in strokes:
             half = (thick + wider) / 2.0
             pen.rectangle([left - half, top - half, far + half, low + half], fill=color)
-    middle = (begin + end) / 2.0
-    outline = max(1, line // 9)
-    pen.text(
-        (middle, level - tick - thick), bar.text, font=font, fill=ink[0], anchor="mb", stroke_width=outline, stroke_fill=ink[1]
-    )
+    place = (begin + end) / 2.0, level - tick - thick
+    write_outlined(picture, place, bar.text, line, ink, anchor="mb", outline=thick)
