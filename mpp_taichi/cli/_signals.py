@@ -3,7 +3,8 @@
 Python runs a handler only between two of its own instructions, and a library may take minutes between two of them. So a thread
 counts the signals, which C's handler reports through a pipe the moment that they arrive. It ends the process at the second
 signal, and at the first one where nothing is to be saved and Python does not answer in time. A kernel or the compiler of Taichi
-does not let this thread run either; there, the second signal ends the process by `device/second_signal.py`.
+does not let this thread run either; there, the second signal ends the process by `device/second_signal.py`, and SIGTERM alone
+after some time by `device/unanswered_signal.py`.
 """
 
 import os
@@ -17,7 +18,7 @@ from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
 from mpp_taichi.cli._terminal import put_last_interruption, say
-from mpp_taichi.device import second_signal
+from mpp_taichi.device import second_signal, unanswered_signal
 from mpp_taichi.recorders._lock import release_all
 
 if TYPE_CHECKING:
@@ -149,11 +150,13 @@ class _Counter:
     def __init__(self) -> None:
         self._unanswered: list[Callable[[int], None]] = []
         self._end, self._begin = os.pipe()
+        self._watcher = unanswered_signal.watch(self._end, SIGNALS)
         os.set_blocking(self._begin, False)
         self._before = -1
         try:
             threading.Thread(target=self._count, name="signals", daemon=True).start()
         except RuntimeError:
+            unanswered_signal.end(self._watcher)
             os.close(self._end)
             os.close(self._begin)
             raise
@@ -166,6 +169,7 @@ class _Counter:
             return
         _Counter.present = None
         signal.set_wakeup_fd(self._before)
+        unanswered_signal.end(self._watcher)
         os.close(self._begin)
 
     def _count(self) -> None:

@@ -1,5 +1,6 @@
 """Signals: at any moment the program ends in time, with the exit code of the signal, one line, and nothing left over."""
 
+import contextlib
 import json
 import os
 import signal
@@ -139,6 +140,37 @@ def test_a_second_signal_ends_the_process_where_no_thread_of_python_runs(number)
     finally:
         process.kill()
         process.communicate()
+
+
+def watchers_of(number):
+    """The processes whose command line names the number of a process that they watch."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            found += [path] * (f"\0{number}\0".encode() in path.read_bytes())
+    return found
+
+
+IMPATIENT = "from mpp_taichi.device import unanswered_signal\nunanswered_signal.SECONDS = 0.2" + IN_KERNEL
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the handlers of a process, as /proc of Linux shows them")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, -signal.SIGTERM), (signal.SIGINT, None)])
+def test_one_sigterm_ends_the_process_where_no_thread_of_python_runs(number, code):
+    """And an interrupt from the keyboard waits: its second one is at hand."""
+    process = begin(IMPATIENT)
+    wait_for_the_lock(process)
+    process.send_signal(number)
+    try:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(timeout=20 if code else 1.5)
+        assert process.poll() == code
+    finally:
+        process.kill()
+        process.communicate()
+    until = time.monotonic() + 20.0
+    while watchers_of(process.pid):
+        assert time.monotonic() < until
 
 
 AT_ONCE = "_signals.ANSWER_SECONDS = 0.1\nwith Interruption() as interruption, interruption.at_once():"
