@@ -17,7 +17,7 @@ from mpp_taichi.cli._last_files import farewell, state_file, write_all
 from mpp_taichi.cli._outcome import Outcome
 from mpp_taichi.cli._outputs import kept_outputs, lock_outputs, open_sinks
 from mpp_taichi.cli._request import Request
-from mpp_taichi.cli._signals import Interrupted, Interruption
+from mpp_taichi.cli._signals import ANSWER_SECONDS, Interrupted, Interruption
 from mpp_taichi.cli._start_simulation import start, start_another
 from mpp_taichi.cli._step_check import check_steps
 from mpp_taichi.cli._terminal import UsageError, say
@@ -171,7 +171,8 @@ class _Run:
             self.interrupted = signal
             if self.kept is not None and self.simulation.step_count > self.first_step:
                 self.kept.archive.record(self.simulation)  # before the samples that only an interrupted run takes
-            if self.simulation.step_count > 0:  # else there is nothing to measure, and the kernels would still be compiled
+            # At the start there is nothing to measure, and the kernels would still be compiled.
+            if self.simulation.step_count > 0 and self._sample_seconds() < ANSWER_SECONDS / 2:
                 self._finish([self.table, self.watchdog, *measured, *([trajectory] if trajectory else [])])
         except StabilityError as error:
             self.error = self.blow_up.explain(error, self.simulation)
@@ -284,6 +285,10 @@ class _Run:
         of_modes = self.modes.caption() if self.modes else ""
         told = (f"energy error {error:.1e}" if error else "", of_modes, self.validity.caption())
         return "\n".join(line for line in told if line)
+
+    def _sample_seconds(self) -> float:
+        """Seconds that a sample has taken on average, among them those of energies, whose sums over pairs may be long."""
+        return self.stopwatch.seconds.get("diagnostics", 0.0) / max(1, len(self.table.rows))
 
     def _finish(self, recorders: Sequence[Any]) -> None:
         """Take the last samples, of the final state."""

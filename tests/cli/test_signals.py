@@ -86,6 +86,38 @@ def test_a_signal_ends_a_run_within_the_compiler_which_makes_other_errors_of_it(
     assert not leftovers() and [str(each) for each in sorted(Path().glob("**/*.[mn]p*"))] == saved
 
 
+SLOW_SAMPLES = """
+import os, signal, sys, time
+from mpp_taichi.cli.main import main
+from mpp_taichi.recorders.table import TableRecorder
+from mpp_taichi.simulation.watched_launches import WatchedLaunches
+before = TableRecorder.record
+def record(self, simulation):
+    print("sample of step", simulation.step_count, file=sys.stderr, flush=True)
+    time.sleep(float(sys.argv[1]))
+    before(self, simulation)
+TableRecorder.record = record
+launch = WatchedLaunches.launch
+def launched(self, *words):
+    launch(self, *words)
+    if self.timings.launch_count == 2:  # the first two launches have one step each, after which no sample is due
+        os.kill(os.getpid(), signal.SIGTERM)
+WatchedLaunches.launch = launched
+sys.exit(main(["run", "s.yaml", "--headless", "--every", "10", "--quiet", "--diagnostics", "t.csv"]))
+"""
+
+
+@pytest.mark.parametrize(("seconds", "samples"), [(0.0, 2), (1.0, 1)])
+def test_an_interrupted_run_takes_its_last_sample_only_where_samples_are_quick(seconds, samples, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scene = kepler(dt=0.02, integrator="rk4")
+    Path("s.yaml").write_text(yaml.safe_dump({**scene, "run": {"duration": 4e3}}), encoding="utf-8")
+    process = begin(SLOW_SAMPLES, str(seconds))
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 143 and told.count("sample of step") == samples
+    assert len(Path("t.csv").read_text().splitlines()) == samples + 1 and Path("out/s.interrupted.npz").is_file()
+
+
 IN_C = """
 import ctypes
 from mpp_taichi.cli._signals import Interruption
