@@ -1,10 +1,12 @@
 """Workbench: a problem compiled for several methods on one device.
 
-A device has one precision at a time: a workbench of another precision ends the present workbench.
+A device has one precision at a time: a workbench of another precision ends the present workbench. Most of the time of a study
+is that of the compiler, so methods are compiled in short: their steps have the bits of a run, and take up to a tenth longer.
 """
 
 from mpp_taichi.accuracy.machine import Machine
 from mpp_taichi.accuracy.problem import Problem
+from mpp_taichi.device.fast_taichi.short_compilation import short_compilation
 
 
 class Workbench:
@@ -19,7 +21,8 @@ class Workbench:
     def machine(self, integrator: str) -> Machine:
         """A compiled method; MppError where the scene does not allow it."""
         if integrator not in self.machines:
-            made = Machine(self._whole, integrator, backend=self.backend, precision=self.precision)
+            with short_compilation():
+                made = Machine(self._whole, integrator, backend=self.backend, precision=self.precision)
             made.problem = self.problem
             self.machines[integrator] = made
         return self.machines[integrator]

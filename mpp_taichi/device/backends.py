@@ -15,6 +15,7 @@ from typing import Any
 
 from mpp_taichi.device import fast_taichi, forked, one_thread, own_runtime
 from mpp_taichi.device.availability import BACKENDS, availability, cpu_name, present, remembered
+from mpp_taichi.device.fast_taichi import short_compilation
 from mpp_taichi.device.held_signals import signals_held
 from mpp_taichi.device.memory_limit import ADVICE, LOADING_BYTES, POOL_BYTES, require_memory, tells_no_memory
 from mpp_taichi.device.taichi_environment import user_variables_hidden
@@ -195,6 +196,7 @@ def initialise(ti: Any, backend: str, precision: str, threads: int | None = None
                 # This pass of Taichi 1.7.4 keeps a field's entry in a register across a branch that changes the entry: a
                 # Runge–Kutta step with its stages in a loop then loses the stages without a message.
                 cache_loop_invariant_global_vars=False,
+                cfg_optimization=short_compilation.analyses(),
                 log_level=ti.ERROR,
                 **options,
             )

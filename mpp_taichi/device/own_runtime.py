@@ -78,6 +78,11 @@ def is_own() -> bool:
     return _Own.runtime is not None and _Own.impl.get_runtime() is _Own.runtime
 
 
+def exists() -> bool:
+    """Whether a runtime exists now that this package started."""
+    return _Own.impl is not None and _Own.impl.get_runtime().prog is not None and is_own()
+
+
 def config() -> Any:
     """The settings of the runtime that exists now; MppError where there is none, which the program has ended."""
     program = _Own.impl.get_runtime().prog

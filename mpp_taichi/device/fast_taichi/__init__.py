@@ -16,6 +16,7 @@ remove the part's name from `switch.NAMES`, its row here and its tests.
 | serial_loops | `ASTTransformer.build_For` | waking a thread takes longer than a loop over few particles | 25 to 100 µs for each loop up to 4,096 particles | all CPUs | let `SerialLoops` do nothing |
 | worker_threads | the runtime's thread pool, `impl.reset`; `do_nothing` in one kernel | Taichi's threads sleep between two loops | 2 µs for a short loop instead of 25 to 60 µs | x64 | delete worker_threads.py and .c, and the call of `start_threads` |
 | quick_compilation | the option `opt_level` of the compiler | Taichi's own passes over long kernels are slow | a fourth to an eighth of the compile time of implicit steps and contacts | all | replace the context by nothing |
+| short_compilation | the option `cfg_optimization` of the compiler | a pilot run is too short to earn Taichi's analysis of the control flow | half to two thirds of the compile time of long steps, in `accuracy` | all | replace the context by nothing |
 | explicit_vectors | the option `real_matrix_scalarize` of the compiler | LLVM finds only a fourth of a register's lanes again | a third to a fourth of the time of the pair sum | all CPUs | replace the context by nothing |
 | lane_arithmetic | nothing; bitcode for a product with a sum, and for the inverse root | Taichi has neither | two thirds of the time of the pair sum | x64 | keep the written-out branch of each function |
 | prefetch | nothing; bitcode for a fetch ahead | Taichi has none | part of 710 instead of 1,730 ns for a collision of 100,000 disks | x64 | remove the calls |
@@ -30,7 +31,15 @@ from typing import Any
 
 from mpp_taichi.device.fast_taichi import switch
 
-REPLACING = ("source_cache", "launch_cache", "serial_loops", "worker_threads", "quick_compilation", "explicit_vectors")
+REPLACING = (
+    "source_cache",
+    "launch_cache",
+    "serial_loops",
+    "worker_threads",
+    "quick_compilation",
+    "short_compilation",
+    "explicit_vectors",
+)
 """The parts that have an `install` of their own; the others ask `switch.is_on` while a kernel is compiled."""
 
 

@@ -15,6 +15,7 @@ NAMES = (
     "serial_loops",
     "worker_threads",
     "quick_compilation",
+    "short_compilation",
     "explicit_vectors",
     "lane_arithmetic",
     "prefetch",
