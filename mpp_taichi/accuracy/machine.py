@@ -18,7 +18,7 @@ from mpp_taichi.accuracy.observer import Observer
 from mpp_taichi.accuracy.problem import AS_WRITTEN, Problem
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.stepper import StepCost, Stepper
-from mpp_taichi.accuracy.stretches import Leg, Stretch, legs
+from mpp_taichi.accuracy.stretches import LOOKS, Leg, Stretch, legs
 from mpp_taichi.accuracy.trace import PhasePoint, Trace, followed
 from mpp_taichi.errors import CapacityError, MppError
 from mpp_taichi.simulation.simulation import Simulation
@@ -86,7 +86,13 @@ class Machine:
         return Configuration(*here, self.integrator.controlled_by, self._own_tolerance if tolerance is None else tolerance)
 
     def run(
-        self, configuration: Configuration, budget: Budget, *, follow: bool = False, start: PhasePoint | None = None
+        self,
+        configuration: Configuration,
+        budget: Budget,
+        *,
+        follow: bool = False,
+        start: PhasePoint | None = None,
+        looks: int = LOOKS,
     ) -> tuple[Sample, Trace | None]:
         """Run the span with the steps of a configuration of this method and device, and take samples on the way.
 
@@ -99,20 +105,21 @@ class Machine:
         Raises:
             OutOfTime: the budget ended first.
         """
-        parts = legs(self.problem.stretches, configuration.steps)
+        parts = legs(self.problem.stretches, configuration.steps, looks)
         sample = Sample(
             configuration, self.problem.span / sum(leg.steps for leg in parts), compile_seconds=self.compile_seconds
         )
         self._tolerance = configuration.tolerance
-        trace, looks = Trace(np.zeros(0), np.zeros(0)), list[PhaseLooks]()
-        places: list[tuple[float, np.ndarray]] = []
+        trace, conserved = Trace(np.zeros(0), np.zeros(0)), list[PhaseLooks]()
+        places: list[tuple[float, np.ndarray, np.ndarray]] = []
         seconds, evaluations, own_steps, position = 0.0, 0.0, 0, self.problem.start.position
         for number, leg in enumerate(parts):
             self._enter(leg, start, begins=number == 0)
-            looks.append(PhaseLooks(self.stepper.cost.kept))
+            conserved.append(PhaseLooks(self.stepper.cost.kept))
             if follow:
                 trace.begins.append(self.simulation.state.read())
-            took, counted, position = self._run_leg(leg, budget, sample, looks[-1], places, follow=follow, is_first=number == 0)
+            kept = (sample, conserved[-1], places)
+            took, counted, position = self._run_leg(leg, budget, *kept, follow=follow, is_first=number == 0)
             seconds += took
             evaluations += self._evaluations(leg, counted, sample)
             control = self.simulation.launcher.facts().get("step_control")
@@ -125,14 +132,14 @@ class Machine:
         if self._is_adaptive:
             sample.dt = self.problem.span / max(1, own_steps)
         sample.evaluations = round(evaluations)
-        judge(sample, looks)
+        judge(sample, conserved)
         if sample.status == "ok" and start is None and self.problem.wanted is not None:
             self._measure_wanted(sample, budget)
         if sample.status != "ok":
             return sample, None
         if not follow:
             return sample, None
-        trace.times, trace.position = np.array([time for time, _ in places]), np.array([place for _, place in places])
+        trace.times, trace.position, trace.velocity = (np.array(part) for part in zip(*places))
         return sample, trace
 
     def time(self, configuration: Configuration, budget: Budget) -> float:
@@ -249,7 +256,7 @@ class Machine:
         budget: Budget,
         sample: Sample,
         looks: PhaseLooks,
-        places: list[tuple[float, np.ndarray]],
+        places: list[tuple[float, np.ndarray, np.ndarray]],
         *,
         follow: bool,
         is_first: bool,
@@ -266,7 +273,7 @@ class Machine:
                 break
             seconds += took
             solver_steps += iterations
-            found, position = self._observer.look(self.problem, leg.time(stop), stop)
+            found, position, velocity = self._observer.look(self.problem, leg.time(stop), stop)
             if not solved or not np.isfinite(position).all() or float(np.abs(position).max()) > LOST * max(self.extent, 1e-300):
                 unsolved = "contacts that it could not resolve" if self.contacts else "a step that its solver could not solve"
                 what = "grew out of bounds" if solved else f"had {unsolved}"
@@ -274,7 +281,8 @@ class Machine:
                 break
             looks.rows.append(found)
             if follow and (is_first or stop):  # the end of the leg before is the begin of this leg
-                places.append((found["time"], position[followed(self.problem)]))
+                kept = followed(self.problem)
+                places.append((found["time"], position[kept], velocity[kept]))
         trouble = self.simulation.launcher.trouble() if self.stepper.chooses_steps else None
         if trouble is not None and trouble.kind == "stalled":
             sample.status, sample.reason = "diverged", "its steps became too short for the time to go on"

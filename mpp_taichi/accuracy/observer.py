@@ -21,15 +21,15 @@ class Observer:
         self.simulation = simulation
         self._meters: dict[object, Any] = {}
 
-    def look(self, problem: Problem, time: float, step: int) -> tuple[dict, np.ndarray]:
-        """Energies and momenta of the present state, and the positions [length]."""
+    def look(self, problem: Problem, time: float, step: int) -> tuple[dict, np.ndarray, np.ndarray]:
+        """Energies and momenta of the present state, the positions [length] and the velocities [length / time]."""
         position, velocity = self.simulation.state.read()
         particles = problem.phases[self.simulation.phase_number].particles
         there = particles.moved(position=position, velocity=velocity, time=time, step=step)
         if self.simulation.state.merges:
             there = replace(there, **self.simulation.state.read_spheres(particles))
         with np.errstate(over="ignore", invalid="ignore"):
-            return self._energy_meter(problem).mechanics(there, time), position
+            return self._energy_meter(problem).mechanics(there, time), position, velocity
 
     def end(self, problem: Problem, position: np.ndarray) -> np.ndarray:
         """Positions at the end [length]; a sphere that is a part of sphere k has the entries nan, k, nan."""

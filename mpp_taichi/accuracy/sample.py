@@ -47,6 +47,7 @@ class Sample:
     joules        energy of the whole machine during a run; None where the machine does not count it
     energy_errors over the run, one for each of `times`
     values        of the wanted quantity, one list for each run, with one number for each entry of `expect:`
+    along         the largest error of the positions over the run, where it was measured, see film_checks
     end           positions at the end, (particle_count, 3) [length]; None for a run that did not reach the end. A sphere that
                   has become a part of sphere k has nan, k, nan
     """
@@ -65,6 +66,7 @@ class Sample:
     momentum: float | None = None
     angular_momentum: float | None = None
     values: list[list[float]] = field(default_factory=list)
+    along: float | None = None
     end: np.ndarray | None = None
 
     @property

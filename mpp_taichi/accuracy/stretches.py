@@ -81,10 +81,10 @@ def stretches_of(phases: Sequence[Phase], began: float, ended: float) -> tuple[S
     )
 
 
-def legs(stretches: Sequence[Stretch], steps: int) -> list[Leg]:
-    """The legs of a run with about so many steps in all; exactly so many in a problem of one stretch."""
+def legs(stretches: Sequence[Stretch], steps: int, looks: int = LOOKS) -> list[Leg]:
+    """The legs of a run with about so many steps in all; exactly so many in a problem of one stretch. With so many samples."""
     if len(stretches) == 1:
-        stops = sorted({round(k * steps / LOOKS) for k in range(LOOKS + 1)})
+        stops = sorted({round(k * steps / looks) for k in range(looks + 1)})
         return [Leg(stretches[0], steps, stops)]
     doublings = 0
     while steps % 2 == 0 and steps // 2 >= LOOKS:
@@ -92,7 +92,7 @@ def legs(stretches: Sequence[Stretch], steps: int) -> list[Leg]:
     found = []
     for stretch in stretches:
         fewest = max(1, math.ceil(steps * stretch.share - ROUNDING))
-        looks = max(1, round(LOOKS * stretch.share))
-        stops = sorted({round(k * fewest / looks) * 2**doublings for k in range(looks + 1)})
+        mine = max(1, round(looks * stretch.share))
+        stops = sorted({round(k * fewest / mine) * 2**doublings for k in range(mine + 1)})
         found.append(Leg(stretch, fewest * 2**doublings, stops))
     return found

@@ -14,12 +14,14 @@ MOST_FOLLOWED = 1000  # particles whose positions are kept in every sample
 class Trace:
     """The path of a run, kept on demand: positions [length] of the followed particles, (samples, followed, 3).
 
+    velocity of the same particles [length / time]
     begins   positions and velocities of all particles at the begin of each stretch of the problem
     """
 
     times: np.ndarray
     position: np.ndarray
     begins: list[PhasePoint] = field(default_factory=list)
+    velocity: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
 def followed(problem: Problem) -> np.ndarray:

@@ -23,7 +23,8 @@ def verdict(rows: Sequence[StudyRow], quantity: str | None, target: float) -> di
     missed       for each other backend where no row reaches it, the row with the smallest error
     precisions   for each other precision with rows on the backend of the choice the row to take there; absent as above
     too_rounded  the precisions among these in which no row reaches it
-    film         the row to take for FILM of positions, which is all that an eye sees; absent for targets near it
+    film         the row to take for FILM of positions in every frame, which is all that an eye sees, with its largest error
+                 over the run, `along`; absent for targets near it
     own          the scene's own setting: its error, and `step_ratio`, the factor by which its step could be longer (above 1)
                  or must be shorter (below 1) for the target, from the errors of its own method
     """
@@ -45,8 +46,9 @@ def verdict(rows: Sequence[StudyRow], quantity: str | None, target: float) -> di
                 found[name] = _described(other, quantity)
         found["elsewhere"], found["missed"] = _elsewhere(rows, quantity, target, chosen)
         found["precisions"], found["too_rounded"] = _in_other_precisions(rows, quantity, target, chosen)
-        if quantity == "position" and target * TEN <= FILM and (enough := choice(rows, quantity, FILM)) is not None:
-            found["film"] = _described(enough, quantity)
+        shown = [row for row in rows if row.sample.along is not None and row.sample.along <= FILM]
+        if quantity == "position" and target * TEN <= FILM and (enough := choice(shown, quantity, FILM)) is not None:
+            found["film"] = {**_described(enough, quantity), "along": enough.sample.along}
     elif ends := time_front(rows, quantity):
         found["best"] = _described(ends[-1], quantity)
     own = next((row for row in rows if row.is_own), None)

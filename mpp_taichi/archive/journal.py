@@ -21,7 +21,7 @@ from mpp_taichi.errors import OutputError, StateError
 
 log = logging.getLogger(__name__)
 
-AFTER = 4.0  # seconds after which a study leaves a journal, so that a kill costs less than 5 s
+AFTER = 3.0  # seconds after which a study leaves a journal, so that a kill costs less than 5 s
 EVERY = 0.5  # seconds between two records
 SHARE = 0.01  # of the time of a processor, that writing may take
 ANEW = "it begins anew"

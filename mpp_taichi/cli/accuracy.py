@@ -101,6 +101,7 @@ def execute(arguments: argparse.Namespace) -> int:
     with output_reserved(arguments.json), Interruption() as interruption:
         from mpp_taichi.accuracy.budget import Budget
         from mpp_taichi.accuracy.elsewhere import Elsewhere
+        from mpp_taichi.accuracy.film_checks import FilmChecks
         from mpp_taichi.accuracy.findings import findings
         from mpp_taichi.accuracy.phase_studies import PhaseStudies
         from mpp_taichi.accuracy.store import Store, identity
@@ -115,7 +116,7 @@ def execute(arguments: argparse.Namespace) -> int:
             store = Store(folder, identity(problem, problem.span, __version__), fresh=arguments.fresh)
             phases = PhaseStudies(tell)
             then = phases.run if len(problem.stretches) > 1 else None
-            study = Study(problem, store, budget, wishes, tell, then=then)
+            study = Study(problem, store, budget, wishes, tell, FilmChecks().run, then)
             _check_methods(wishes, list(study.methods), tell)
             if store.resumed:
                 tell(f"{store.resumed} runs are known from before")

@@ -27,7 +27,7 @@ from mpp_taichi.version import __version__
 log = logging.getLogger(__name__)
 
 FORMAT = 2  # in format 1, the pictures of a film were compressed as a whole
-EVERY = 4.0  # seconds of the wall clock between two records, so that a kill costs less than 5 s
+EVERY = 3.0  # seconds of the wall clock between two records, so that a kill costs less than 5 s
 SHARE = 0.01  # of the run, that writing records may take of a processor
 PARTS = {  # of a header, beside its format and versions
     **{"scene": Mapping, "source": str, "backend": str, "device": str, "precision": str, "plan": str, "start": str},
