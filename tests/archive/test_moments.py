@@ -28,7 +28,7 @@ METHODS = [
 SOLVERS = [(name, precision) for name in component.names("contacts") for precision in ("f64", "f32")]
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(20)
 @pytest.mark.parametrize(("integrator", "precision", "plan"), METHODS)
 def test_every_method_goes_on_with_the_same_bits(integrator, precision, plan):
     cut = 1 + METHODS.index((integrator, precision, plan)) * 7 % (STEPS - 2)
@@ -38,7 +38,7 @@ def test_every_method_goes_on_with_the_same_bits(integrator, precision, plan):
         pytest.skip(str(refused).splitlines()[0])
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(("solver", "precision"), SOLVERS)
 def test_every_contact_solver_goes_on_with_the_same_bits(solver, precision):
     cut = 5 + SOLVERS.index((solver, precision)) * 11 % (STEPS - 10)

@@ -42,7 +42,7 @@ def whole(tmp_path_factory):
     return found
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("signals", [(TERM,), (RECORD, KILL)], ids=["TERM", "USR1 and KILL"])
 @pytest.mark.parametrize("name", ["t.npz", "t.xyz"])
 def test_a_trajectory_goes_on_to_the_same_bytes(whole, folder, name, signals):

@@ -41,7 +41,7 @@ def end_of(scene, steps, **options):
         return end.position, end.velocity
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize(("backend", "plan"), WHERE)
 @pytest.mark.parametrize("name", RUNS)
 def test_motions_are_those_of_f64_to_1e_12(name, backend, plan, request):

@@ -38,7 +38,7 @@ def test_free_flight_of_a_hundred_thousand_steps_is_right_to_48_bits(start, prec
     assert error <= 2 * steps * UPDATE * size
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("precision", CARRYING)
 @pytest.mark.parametrize("method", METHODS)
 def test_free_flight_is_right_to_48_bits_in_every_method(method, precision):
