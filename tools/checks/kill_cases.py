@@ -37,6 +37,7 @@ inspect: [{x: time, y: {kinetic_energy: {}}}]
 """
 SHORT = ORBITS + "integrator: {leapfrog: {dt: 1e-3}}\nrun: {duration: 2}\n"
 STUDIED = ORBITS + "integrator: {leapfrog: {dt: 1e-2}}\nrun: {duration: 60}\n"
+MEMORY_OF_CHECK = ("out/check-*.journal", "out/check-*.runs/*.run")  # of whole scenes, and within a scene
 FIRST_STEP = ("run", "s.yaml", "--headless", "--steps", "1", "--no-archive")
 FIRST_PICTURE = ("record", "s.yaml", "--steps", "1", "--duration", "1", "--fps", "1", "--video", "first.mp4", "--no-archive")
 OUTPUTS = ("--diagnostics", "t.csv", "--snapshot", "e.npz", "--inspect", "p.csv", "--json")
@@ -51,7 +52,7 @@ class Case:
     words: list[str]
     results: Callable[[Path, str], object]
     start: tuple[str, ...]  # the words of a command that only starts
-    memory: str = "out/*.run"  # the archive or journal from which it goes on
+    memory: tuple[str, ...] = ("out/*.run",)  # the archives or journals from which it goes on
 
 
 def state_and_tables(folder: Path, told: str) -> object:
@@ -96,6 +97,9 @@ def cases() -> list[Case]:
         return Case("run", {"s.yaml": text}, ["run", "s.yaml", "--headless", *OUTPUTS], state_and_tables, FIRST_STEP)
 
     checked = {f"{name}.yaml": ORBITS + "integrator: {leapfrog: {dt: 1e-6}}\nrun: {duration: 4}\n" for name in "abcdef"}
+    starts = {
+        f"{name}.yaml": ORBITS + "integrator: {leapfrog: {dt: 1e-6}}\nrun: {duration: 1e-6}\n" for name in ("first", "last")
+    }
     recorded = ORBITS + "integrator: {leapfrog: {dt: 1e-3}}\nrun: {duration: 40}\nrecord: {size: [320, 180], seconds: 16}\n"
     few = ["--integrators", "leapfrog,pefrl,rk4,yoshida4", "--precisions", "f64", "--backends", "cpu", "--budget", "120"]
     return [
@@ -105,14 +109,21 @@ def cases() -> list[Case]:
         run(NETWORK, "{bdf2: {dt: 1e-4}}", 7.00000012),
         run(GAS, "{event_driven: {dt: 0.05}}", 2_500),
         Case("record", {"s.yaml": recorded}, ["record", "s.yaml", "--video", "f.mp4", "--json"], film, FIRST_PICTURE),
-        Case("check", checked, ["check", *checked, "--jobs", "2", "--json"], statuses, ("check", "--help"), "out/*.journal"),
+        Case(
+            "check",
+            checked | starts,
+            ["check", *checked, "--jobs", "2", "--json"],
+            statuses,
+            ("check", "first.yaml", "last.yaml", "--jobs", "2", "--no-archive"),
+            MEMORY_OF_CHECK,
+        ),
         Case(
             "compare",
             {"s.yaml": SHORT},
             ["compare", "s.yaml", "--backends", "cpu,numpy", "--steps", "200", "--json"],
             verdicts,
             ("compare", "--help"),
-            "out/s.compare/journal",
+            ("out/s.compare/journal",),
         ),
         Case(
             "accuracy",
@@ -120,6 +131,6 @@ def cases() -> list[Case]:
             ["accuracy", "s.yaml", *few, "--json"],
             errors,
             ("accuracy", "--help"),
-            "out/s.accuracy/samples-*.json",
+            ("out/s.accuracy/samples-*.json",),
         ),
     ]

@@ -115,7 +115,7 @@ def trial(
         for each in rest:
             with contextlib.suppress(OSError):
                 os.kill(each, signal.SIGKILL)
-    records = [each.stat().st_mtime for each in folder.glob(case.memory)]
+    records = [each.stat().st_mtime for pattern in case.memory for each in folder.glob(pattern)]
     again, began = begin(case, folder, uuid.uuid4().hex), time.monotonic()
     try:
         out, told = again.communicate(timeout=patience)
