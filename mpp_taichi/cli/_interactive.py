@@ -13,6 +13,7 @@ from mpp_taichi.scene.human_units import TimeScale
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.views._base import Frame
+from mpp_taichi.views.numbered import numbered
 from mpp_taichi.views.wall_outline import outline_of
 
 if TYPE_CHECKING:
@@ -74,11 +75,8 @@ def show(
 
 
 def exported(inspection: "InspectionRecorder", stem: str) -> str:
-    """Write a table and a drawing of the panels into the working directory, numbered with the first free number."""
-    for number in range(10**6):
-        paths = [Path(f"{stem}_{number:04d}{suffix}") for suffix in EXPORTED]
-        if not any(path.exists() for path in paths):
-            break
+    """Write a table and a drawing of the panels into the folder of outputs, numbered with the first free number."""
+    paths = numbered(stem, *EXPORTED)
     try:
         for path in paths:
             inspection.save(path)

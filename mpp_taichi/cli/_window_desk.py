@@ -4,17 +4,18 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpp_taichi.cli._options import output_stem
+from mpp_taichi.cli._options import OUTPUT_FOLDER, output_stem
 from mpp_taichi.cli._terminal import explain_error
 from mpp_taichi.errors import MppError, OutputError
 from mpp_taichi.recorders.inspection import InspectionRecorder
 from mpp_taichi.recorders.table import TableRecorder
 from mpp_taichi.report.summary import Timed
-from mpp_taichi.scene.log import write_log
+from mpp_taichi.scene.log import reads_files, write_log
 from mpp_taichi.scene.sliders import value_of
 from mpp_taichi.scene.spec import SliderSpec
 from mpp_taichi.simulation.history import History
 from mpp_taichi.views.desk import Desk
+from mpp_taichi.views.numbered import numbered
 from mpp_taichi.views.slider_panel import Knob
 
 if TYPE_CHECKING:
@@ -78,8 +79,8 @@ class SessionDesk:
         return True
 
     def save(self) -> str:
-        """Write the state into the working directory, numbered with the first free number."""
-        path = _free(self._stem, ".npz")
+        """Write the state into the folder of outputs, numbered with the first free number."""
+        (path,) = numbered(self._stem, ".npz")
         try:
             self.simulation.checkpoint(path)
         except OutputError as error:
@@ -87,8 +88,13 @@ class SessionDesk:
         return f"saved {path}"
 
     def log(self) -> str:
-        """Write the log into the working directory, numbered with the first free number."""
-        path = _free(f"{self._stem}_log", ".yaml")
+        """Write the log into the folder of outputs, numbered with the first free number.
+
+        The log of a scene that reads other files is written into the folder of the scene.
+        """
+        scene = self.simulation.scene
+        folder = self._file.parent if reads_files(scene) else OUTPUT_FOLDER
+        (path,) = numbered(f"{self._stem}_log", ".yaml", folder=folder)
         try:
             save_log(path, self.simulation, self.goal)
         except OutputError as error:
@@ -132,7 +138,3 @@ def save_log(path: Path, simulation: "Simulation", goal: "Goal") -> None:
         lines.append(f"It began at t = {begin:.9g}, from the state that --rewind named; say so again.")
     end = simulation.time if goal.until is None else min(simulation.time, goal.until)
     write_log(path, simulation.scene, end, "\n".join(lines))
-
-
-def _free(stem: str, suffix: str) -> Path:
-    return next(path for number in range(10**6) if not (path := Path(f"{stem}_{number:04d}{suffix}")).exists())

@@ -4,16 +4,10 @@ The window needs Vulkan (Mesa's lavapipe, in software, is enough) and a display;
 Linux without a display can have a display in memory: `xvfb-run python -m mpp_taichi …`.
 """
 
-import atexit
-import os
 import sys
-import tempfile
 import time
 from contextlib import nullcontext
-from pathlib import Path
 from typing import Protocol
-
-import taichi as ti
 
 from mpp_taichi.errors import BackendError, OutputError
 from mpp_taichi.scene.spec import RecordSpec, ViewSpec
@@ -24,8 +18,10 @@ from mpp_taichi.views.controls import BUTTONS, HELP, Controls
 from mpp_taichi.views.desk import Desk
 from mpp_taichi.views.display_loss import DisplayLoss
 from mpp_taichi.views.following import Follower
-from mpp_taichi.views.ggui import GguiScene, probe, read_back
+from mpp_taichi.views.ggui import GguiScene, probe
+from mpp_taichi.views.glass import Glass
 from mpp_taichi.views.legend import draw_legend, legend_lines
+from mpp_taichi.views.numbered import numbered
 from mpp_taichi.views.overlay import has_overlay, overlay_layer
 from mpp_taichi.views.pace import Pace, Rate
 from mpp_taichi.views.picking import discs, pick
@@ -37,7 +33,6 @@ from mpp_taichi.views.trails import Trails
 from mpp_taichi.views.window_mark import WindowMark
 from mpp_taichi.views.window_panels import WindowPanels
 
-FRAMES_PER_SECOND = 60
 MESSAGE_SECONDS = 3.0
 DEFAULT_TRAIL = 60  # frames, when T switches on trails that the scene does not have
 CAPTION_COLUMNS, CAPTION_ROWS = 36, 5  # GGUI never resizes a panel after its first frame
@@ -62,22 +57,10 @@ class Steerable(Protocol):
         """Go back to the start."""
 
 
-def _keep_folder_clean() -> None:
-    """Keep the layout file of GGUI's panel library, which it writes when the process ends, out of the working folder."""
-    layout = Path("imgui.ini").absolute()
-
-    def leave() -> None:
-        layout.unlink(missing_ok=True)
-        os.chdir(tempfile.gettempdir())
-
-    if not layout.exists():
-        atexit.register(leave)
-
-
 class Window:
     """Shows a simulation until the user closes it, or opens another scene.
 
-    Then `handed_on` is true, and `glass`, GGUI's own window, stays open for the Window of that scene.
+    Then `handed_on` is true, and `glass`, the open window, is handed on to the Window of that scene.
     """
 
     def __init__(
@@ -89,7 +72,7 @@ class Window:
         dimensions: int = 3,
         panels: WindowPanels | None = None,
         desk: Desk | None = None,
-        glass: "ti.ui.Window | None" = None,
+        glass: Glass | None = None,
         loss: DisplayLoss | None = None,
     ) -> None:
         """Open the window, with panels beside the scene and sliders where there are some; `ti.init` has been called.
@@ -104,17 +87,17 @@ class Window:
         if problem:
             raise BackendError(f"cannot open a window: {problem}")
         self.spec, self.dimensions, self.title = spec, dimensions, title
-        self._loss = nullcontext if loss is None else loss.in_glass
+        guard = nullcontext if loss is None else loss.in_glass
         self._panels = panels or WindowPanels((), RecordSpec(), str)
         if glass is None:
-            _keep_folder_clean()
-            with self._loss():
-                if loss is not None:
+            if loss is not None:
+                with guard():
                     loss.require_display()
-                glass = ti.ui.Window(title or "mpp_taichi", size, vsync=False, fps_limit=FRAMES_PER_SECOND)
-        self.glass = self._window = glass
+            glass = Glass(title or "mpp_taichi", size, guard)
+        glass.guard = guard
+        self.glass = glass
         self.handed_on = False
-        self._scene = GguiScene(self._window, spec, dimensions=dimensions)
+        self._scene = GguiScene(glass.window, spec, dimensions=dimensions)
         self._trails = Trails(spec.trails or DEFAULT_TRAIL)
         self._desk = desk or Desk()
         self._sliders = SliderPanel(self._desk.knobs)
@@ -133,7 +116,7 @@ class Window:
             camera.turn_projection()
         pace, rate, last = Pace(steps_per_frame), Rate(), time.perf_counter()
         try:
-            while self._window.running and not controls.quit:
+            while self.glass.running and not controls.quit:
                 now = time.perf_counter()
                 self._read_input(controls, camera, frame, now - last)
                 last = now
@@ -155,7 +138,7 @@ class Window:
                 self._show(frame, camera, controls, simulation.finished, f"{rate.count(steps):,.0f} steps/s{pace.text}")
         finally:
             if not self.handed_on:
-                self._window.destroy()
+                self.glass.destroy()
 
     def _go_back(self, simulation: Steerable, times: int) -> Frame:
         """Go back by the given number of frames, or by as many as are kept."""
@@ -170,16 +153,16 @@ class Window:
 
     def _scene_share(self) -> float:
         """The scene's share of the window's height, where panels are below the scene."""
-        size = self._window.get_window_shape()
+        size = self.glass.size
         division = self._panels.division(size)
         return 1.0 if division is None else float(division.scene[1] / size[1])
 
     def _aspect(self) -> float:
-        return self._panels.aspect(self._window.get_window_shape(), self.spec.camera)
+        return self._panels.aspect(self.glass.size, self.spec.camera)
 
     def _read_input(self, controls: Controls, camera: Camera, frame: Frame, seconds: float) -> None:
-        keys = [event.key for event in self._window.get_events(ti.ui.PRESS)]
-        held = {key for key in HELD_KEYS if self._window.is_pressed(key)}
+        keys = self.glass.pressed()
+        held = self.glass.held(HELD_KEYS)
         held |= BUTTONS & set(keys)  # a click may begin and end between two frames
         shift = "Shift" in held or "Shift" in keys  # a key may go down and up between two frames
         for key in keys:
@@ -187,11 +170,11 @@ class Window:
                 controls.press(key, shift=shift, camera=camera, frame=frame, aspect=self._aspect())
             if controls.take("scenes"):  # at once: the next keys of the same frame are for the list
                 self._scenes.toggle()
-        size = self._window.get_window_shape()
+        size = self.glass.size
         sliders = [self._sliders.box(size, self._caption_bottom())] if self._sliders.shown else []
         controls.occupied = [*sliders, *([self._scenes.box(size)] if self._scenes.shown else [])]
         with self._panels.aside(camera, self.spec.camera, size) as away:
-            controls.move(self._window.get_cursor_pos(), held, camera=camera, seconds=seconds, aspect=size[0] / size[1])
+            controls.move(self.glass.cursor, held, camera=camera, seconds=seconds, aspect=size[0] / size[1])
             if (cursor := controls.take_click()) is not None:
                 self._picked.index = pick(discs(frame, camera, self.spec, size, away), cursor, size)
         if controls.take("follow"):
@@ -221,32 +204,30 @@ class Window:
             controls.help and not self._scenes.shown,
         )
         legend = legend_lines(self._scene.appearance.legend())
-        self._picked.write(self._window, self._bare, 7 * LEGEND_COLUMNS + 40 if legend else 8)
+        self._picked.write(self.glass.window, self._bare, 7 * LEGEND_COLUMNS + 40 if legend else 8)
         if self._sliders.shown:
             self._move_sliders()
         if self._scenes.shown:
             self._list_scenes(controls)
-        with self._loss():
-            self._window.show()
+        self.glass.show()
 
     def _draw(self, frame: Frame, camera: Camera, with_trails: bool) -> None:
-        size = self._window.get_window_shape()
+        size = self.glass.size
         with self._panels.aside(camera, self.spec.camera, size) as self._scene.shift:
             self._scene.draw(frame, camera, self._trails if with_trails else None)
             if self._picked.index is not None:
-                self._picked.draw(self._window.get_canvas(), discs(frame, camera, self.spec, size, self._scene.shift), size)
+                self._picked.draw(self.glass.canvas, discs(frame, camera, self.spec, size, self._scene.shift), size)
             if has_overlay(self.spec):
                 division = self._panels.division(size)
                 part = size if division is None else division.scene
                 self._names.put(*overlay_layer(frame, self.spec, camera, size, self._scene.shift, part), size)
-                self._names.draw(self._window.get_canvas(), size)
-        self._panels.draw(self._window.get_canvas(), size, self._window.get_cursor_pos())
+                self._names.draw(self.glass.canvas, size)
+        self._panels.draw(self.glass.canvas, size, self.glass.cursor)
 
     def _save(self, frame: Frame) -> None:
-        """Write the picture, without the panels, into the working directory, with the first free number in its name."""
-        path = next(path for number in range(10**6) if not (path := Path(f"screenshot_{number:04d}.png")).exists())
-        with self._loss():
-            picture = read_back(self._window)
+        """Write the picture, without the panels."""
+        (path,) = numbered("screenshot", ".png")
+        picture = self.glass.read_back()
         if self.spec.caption:
             draw_caption(picture, frame, self.spec.background)
         rows = round(self._scene_share() * len(picture))
@@ -259,8 +240,8 @@ class Window:
 
     def _write(self, lines: list[str], with_help: bool) -> None:
         """Text over the picture. GGUI's font is 13 pixels high and knows Latin-1 only."""
-        width, height = self._window.get_window_shape()
-        gui = self._window.get_gui()
+        width, height = self.glass.size
+        gui = self.glass.window.get_gui()
         if self.spec.caption:
             columns = max(CAPTION_COLUMNS, *(len(line) for line in lines))
             with gui.sub_window(
@@ -287,8 +268,8 @@ class Window:
 
     def _move_sliders(self) -> None:
         """Draw the sliders, and set the moved parameters; the next step uses them."""
-        size = self._window.get_window_shape()
-        gui = self._window.get_gui()
+        size = self.glass.size
+        gui = self.glass.window.get_gui()
         with gui.sub_window("sliders", *self._sliders.box(size, self._caption_bottom())) as panel:
             moved = self._sliders.draw(panel)
         if moved and (message := self._desk.move(moved)):
@@ -296,10 +277,10 @@ class Window:
 
     def _list_scenes(self, controls: Controls) -> None:
         """Draw the list of scenes, and hand the window on to the chosen scene if it can be opened."""
-        size = self._window.get_window_shape()
+        size = self.glass.size
         # The number of rows is part of the name by which GGUI identifies the panel, since GGUI never resizes a panel.
         rows = self._scenes.rows(size[1])
-        with self._window.get_gui().sub_window(f"scenes###{rows}", *self._scenes.box(size)) as panel:
+        with self.glass.window.get_gui().sub_window(f"scenes###{rows}", *self._scenes.box(size)) as panel:
             self._scenes.draw(panel, size[1])
         if (name := self._scenes.take()) is not None:
             self._scenes.message = self._desk.open(name)

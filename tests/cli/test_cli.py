@@ -483,8 +483,8 @@ class ScriptedWindow:
         assert end.time == self.end and end.title == "Kepler"
         (plot,) = self.panels.plots
         assert plot.x[-1] == self.end
-        assert self.panels.export() == "saved kepler_0000.csv, kepler_0000.svg"
-        assert self.panels.export() == "saved kepler_0001.csv, kepler_0001.svg"
+        assert self.panels.export() == "saved out/kepler_0000.csv, out/kepler_0000.svg"
+        assert self.panels.export() == "saved out/kepler_0001.csv, out/kepler_0001.svg"
         simulation.advance(1)  # a single step beyond the end
         assert simulation.frame().time > self.end
         simulation.restart()

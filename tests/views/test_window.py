@@ -274,7 +274,7 @@ def test_help_trails_and_picture(session: Session) -> None:
     session.press("h")
     session.wait_for(lambda: changed(plain, session.picture()) < 20)
     session.press("c")
-    saved = session.wait_for(lambda: list(session.folder.glob("screenshot_*.png")))
+    saved = session.wait_for(lambda: list(session.folder.glob("out/screenshot_*.png")))
     picture = np.asarray(Image.open(saved[0])).astype(int)
     assert picture.shape == (WINDOW[1], WINDOW[0], 3)
     assert changed(picture[130:], plain[130:]) < 50, "the picture is what the window shows"
@@ -371,6 +371,8 @@ def test_closing_the_window_ends_cleanly(session: Session, display: str) -> None
 
 
 def test_nothing_is_left_in_the_working_directory(session: Session) -> None:
+    time.sleep(5.5)  # the time after which the panel library writes its file while a window is open
+    session.press("h")
     session.tool("key", "--window", session.window, "q")
     assert session.end() == 0
     assert {path.name for path in session.folder.iterdir()} <= {"log.txt", "errors.txt", "screen.png"}  # the test's own

@@ -259,13 +259,13 @@ def test_a_slider_picking_the_way_back_and_the_log_in_a_real_window(display, tmp
         session.wait_for(lambda: abs(pixels(session.picture(), ORANGE, left=300)[0] - WINDOW[0] / 2) < 2)
         for key in ("s", "l"):
             session.press(key)
-        session.wait_for(lambda: list(tmp_path.glob("scene_log_*.yaml")) and list(tmp_path.glob("scene_0000.npz")))
+        session.wait_for(lambda: list(tmp_path.glob("out/scene_log_*.yaml")) and list(tmp_path.glob("out/scene_0000.npz")))
         session.press("Escape")
         assert session.end() == 0 and session.complaints() == ""
     finally:
         session.close()
-    log = tmp_path / "scene_log_0000.yaml"
+    log = tmp_path / "out" / "scene_log_0000.yaml"
     assert yaml.safe_load(log.read_text(encoding="utf-8"))["timeline"][0]["at"] == 0.0
-    state = mpp.Snapshot.load(tmp_path / "scene_0000.npz")
+    state = mpp.Snapshot.load(tmp_path / "out" / "scene_0000.npz")
     with mpp.Simulation(log, backend="cpu", precision="f64") as again:
         assert np.array_equal(again.run().snapshot().position, state.position) and again.step_count == state.step == 2
