@@ -1,6 +1,8 @@
 """The desk of a window on a run: its sliders, its history, its checkpoints and its log."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 
 SCENE_FILES = (".yaml", ".yml")
+TITLE = re.compile(r"""title:\s*(?:"([^"\\]+)"|'([^']+)'|([^\s"'#|>&*!][^#\n]*?))\s*(?:#.*)?$""")
+TITLE_WITHIN = 100  # lines of a file: longer files are not read for a list
 
 
 class SessionDesk:
@@ -47,7 +51,8 @@ class SessionDesk:
     def desk(self) -> Desk:
         """The actions that the window can call."""
         knobs = [self._knob(slider) for slider in self.simulation.scene.sliders]
-        return Desk(knobs, self.move, self.back, self.save, self.log, self.scenes, self.open, self._file.name)
+        actions = {name: getattr(self, name) for name in ("move", "back", "save", "log", "scenes", "title_of", "open")}
+        return Desk(knobs, present=self._file.name, **actions)
 
     def _knob(self, slider: SliderSpec) -> Knob:
         def read() -> float:
@@ -106,6 +111,15 @@ class SessionDesk:
         if self._start is None or not self._file.is_file():
             return []
         return sorted(path.name for path in self._file.parent.iterdir() if path.suffix.lower() in SCENE_FILES)
+
+    def title_of(self, name: str) -> str:
+        """The title that another file gives, for a list; the name of the file where no title is found."""
+        try:
+            with open(self._file.with_name(name), encoding="utf-8", errors="replace") as lines:
+                found = (TITLE.match(line) for line in islice(lines, TITLE_WITHIN))
+                return next((match[1] or match[2] or match[3] for match in found if match), name)
+        except OSError:
+            return name
 
     def open(self, name: str) -> str:
         """Prepare the scene of another file; on a failure the returned line, also printed on the terminal, gives the reason."""

@@ -15,7 +15,7 @@ HELP = (
     ("V", "sliders on, off"),
     ("left drag", "rotate"),
     ("right drag, Shift+left", "pan"),
-    ("Ctrl+left drag, I, O", "zoom"),
+    ("wheel, I, O, Ctrl+left drag", "zoom"),
     ("R", "reset the camera"),
     ("F", "frame everything"),
     ("X  Y  Z", "look along an axis"),
@@ -34,6 +34,7 @@ HELP = (
     ("Q, Esc", "quit"),
 )
 ZOOM_PER_SECOND = 2.5  # factor while I or O is held
+ZOOM_PER_CLICK = 1.1  # factor for a click of the mouse wheel
 ZOOM_PER_HEIGHT = 8.0  # factor for a drag over the height of the window
 MANY_STEPS = 50
 CLICK = 0.01  # heights of the window that a mouse may move during a click
@@ -48,7 +49,8 @@ REQUESTS = {
 }
 
 
-def _holds(box: Box, cursor: tuple[float, float]) -> bool:
+def holds(box: Box, cursor: tuple[float, float]) -> bool:
+    """Whether a place, in 0…1 from the lower left corner, is in a box."""
     left, top, width, height = box
     return left <= cursor[0] <= left + width and top <= 1.0 - cursor[1] <= top + height
 
@@ -134,7 +136,7 @@ class Controls:
         if not held & BUTTONS:
             self._clicked, self._pressed, self._taken = self._pressed or self._clicked, None, False
         elif begins:
-            self._taken = any(_holds(box, cursor) for box in self.occupied)
+            self._taken = any(holds(box, cursor) for box in self.occupied)
             alone = not self._taken and not held & {"MMB", "RMB", "Shift", "Control"}
             self._pressed = cursor if alone else None
         elif self._pressed is not None:

@@ -35,6 +35,7 @@ class Desk:
     save   write the state to a file
     log    write the moves of the sliders to a file, as a scene
     scenes the scenes that can be opened instead of this one, by name; `present` is this one
+    title_of  the title of such a scene
     open   prepare another scene, to which the window is handed on; the line states the error, if there is one
     """
 
@@ -44,5 +45,6 @@ class Desk:
     save: Callable[[], str] = _nothing_saved
     log: Callable[[], str] = _nothing_saved
     scenes: Callable[[], Sequence[str]] = _no_scenes
+    title_of: Callable[[str], str] = str
     open: Callable[[str], str] = _nothing_opened
     present: str = ""

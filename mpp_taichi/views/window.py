@@ -14,7 +14,7 @@ from mpp_taichi.scene.spec import RecordSpec, ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import caption_lines, draw_caption
-from mpp_taichi.views.controls import BUTTONS, HELP, Controls
+from mpp_taichi.views.controls import BUTTONS, HELP, ZOOM_PER_CLICK, Controls, holds
 from mpp_taichi.views.desk import Desk
 from mpp_taichi.views.display_loss import DisplayLoss
 from mpp_taichi.views.following import Follower
@@ -30,6 +30,7 @@ from mpp_taichi.views.pixel_points import PixelPoints
 from mpp_taichi.views.scene_list import SceneList
 from mpp_taichi.views.slider_panel import SliderPanel
 from mpp_taichi.views.trails import Trails
+from mpp_taichi.views.waiting import WORD, waiting_picture
 from mpp_taichi.views.window_mark import WindowMark
 from mpp_taichi.views.window_panels import WindowPanels
 
@@ -94,9 +95,10 @@ class Window:
                 with guard():
                     loss.require_display()
             glass = Glass(title or "mpp_taichi", size, guard)
-        glass.guard = guard
+        glass.guard, glass.title = guard, title or glass.title
         self.glass = glass
         self.handed_on = False
+        self._wait_for(title)
         self._scene = GguiScene(glass.window, spec, dimensions=dimensions)
         self._trails = Trails(spec.trails or DEFAULT_TRAIL)
         self._desk = desk or Desk()
@@ -115,6 +117,7 @@ class Window:
         if self.dimensions == 2 and not camera.orthographic:
             camera.turn_projection()
         pace, rate, last = Pace(steps_per_frame), Rate(), time.perf_counter()
+        compiled = False  # the first picture is shown before the step is compiled
         try:
             while self.glass.running and not controls.quit:
                 now = time.perf_counter()
@@ -128,17 +131,24 @@ class Window:
                 if back := controls.take_steps_back():
                     frame = self._go_back(simulation, back)
                 going = controls.running and not simulation.finished
-                steps = controls.take_steps() or (pace.take() if going else 0)
+                steps = controls.take_steps() or (pace.take() if going and compiled else 0)
                 if steps > 0:
                     started = time.perf_counter()
                     simulation.advance(steps)
                     frame = self._look(simulation)
                     pace.took(time.perf_counter() - started)
                 self._follower.update(camera, frame)
-                self._show(frame, camera, controls, simulation.finished, f"{rate.count(steps):,.0f} steps/s{pace.text}")
+                told = f"{rate.count(steps):,.0f} steps/s{pace.text}" if compiled or not going else WORD
+                self._show(frame, camera, controls, simulation.finished, told)
+                compiled = True
         finally:
             if not self.handed_on:
                 self.glass.destroy()
+
+    def _wait_for(self, title: str) -> None:
+        """Show the title of a scene that is being compiled."""
+        self.glass.put(waiting_picture(title, self.glass.size, self.spec.background))
+        self.glass.show()
 
     def _go_back(self, simulation: Steerable, times: int) -> Frame:
         """Go back by the given number of frames, or by as many as are kept."""
@@ -177,6 +187,8 @@ class Window:
             controls.move(self.glass.cursor, held, camera=camera, seconds=seconds, aspect=size[0] / size[1])
             if (cursor := controls.take_click()) is not None:
                 self._picked.index = pick(discs(frame, camera, self.spec, size, away), cursor, size)
+        if (clicks := self.glass.take_wheel()) and not any(holds(box, self.glass.cursor) for box in controls.occupied):
+            camera.zoom(ZOOM_PER_CLICK**clicks)
         if controls.take("follow"):
             self._say(self._follower.next(self._picked.index))
 
@@ -256,11 +268,11 @@ class Window:
                 for line in legend:
                     panel.text(line)
         if with_help:
-            columns, rows = 54, len(HELP)
+            columns, rows = 60, len(HELP)
             left = 1.0 - (7 * columns + 32) / width
             with gui.sub_window("keys", left, 8 / height, (7 * columns + 24) / width, (17 * rows + 32) / height) as panel:
                 for keys, does in HELP:
-                    panel.text(f"{keys:24s}{does}")
+                    panel.text(f"{keys:29s}{does}")
 
     def _caption_bottom(self) -> int:
         """Height of the caption in pixels, at most."""
@@ -283,6 +295,7 @@ class Window:
         with self.glass.window.get_gui().sub_window(f"scenes###{rows}", *self._scenes.box(size)) as panel:
             self._scenes.draw(panel, size[1])
         if (name := self._scenes.take()) is not None:
+            self._wait_for(self._desk.title_of(name))
             self._scenes.message = self._desk.open(name)
             self.handed_on = controls.quit = not self._scenes.message
 

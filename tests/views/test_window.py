@@ -21,6 +21,7 @@ from PIL import Image
 from mpp_taichi.scene.spec import CameraSpec, ViewSpec
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.overlay import overlay_layer
+from mpp_taichi.views.waiting import waiting_picture
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
@@ -136,7 +137,8 @@ class Session:
             stderr=self.errors,
         )
         self.window = self.wait_for(lambda: self.tool("search", "--onlyvisible", "--name", title).split()[:1])[0]
-        self.wait_for(lambda: self.picture().max() > 100)
+        self.title = title
+        self.wait_for(lambda: (seen := self.picture()).max() > 100 and not self.is_compiling(seen))
 
     def tool(self, *arguments: object) -> str:
         """Run xdotool."""
@@ -168,6 +170,10 @@ class Session:
         subprocess.run(["import", "-window", "root", str(path)], env=self.environment, check=True, timeout=20)
         screen = np.asarray(Image.open(path).convert("RGB")).astype(int)
         return screen[CORNER[1] : CORNER[1] + WINDOW[1], CORNER[0] : CORNER[0] + WINDOW[0]]
+
+    def is_compiling(self, seen: np.ndarray) -> bool:
+        """Whether the window shows the picture that is there while a scene is being compiled."""
+        return np.array_equal(seen, waiting_picture(self.title, WINDOW, ViewSpec().background))
 
     def scene(self) -> np.ndarray:
         """The part of the window that no panel covers."""

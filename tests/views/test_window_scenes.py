@@ -137,7 +137,7 @@ def test_another_scene_opens_in_the_same_window_and_a_faulty_one_does_not(displa
         session.wait_for(lambda: (color := sphere(session.picture()))[0] > 100 and color[1] < 60)
         assert (tmp_path / "one.csv").read_text(encoding="utf-8").count("\n") > 2, "what was asked of the first is written"
         assert session.said().count("  status  ok") == 1 and "  scene   One: 1 particle" in "\n".join(session.said())
-        assert session.tool("search", "--onlyvisible", "--name", "One").split() == [session.window], "the same window"
+        session.wait_for(lambda: session.tool("search", "--onlyvisible", "--name", "^Two$").split() == [session.window])
         session.press("n")
         session.press("Up")
         session.press("Return")
