@@ -48,6 +48,7 @@ def show(
     start: "Callable[[Path], Simulation] | None" = None,
     glass: Any = None,
     lost: Callable[[str, Snapshot], int] = lambda display, state: BackendError.exit_code,
+    look: str = "auto",
 ) -> "Stage | None":
     """Open a window, or take over the window of another scene, and run until it is closed or another scene is opened.
 
@@ -68,7 +69,7 @@ def show(
     steered = _Steered(simulation, spec, goal, recorders, interruption, caption, inspection, desk.history)
     steered.time_scale = TimeScale.of(spec.units, simulation.time + steps * frames * simulation.dt)
     with DisplayLoss(lambda display: lost(display, steered.state)) as loss:
-        words: dict[str, Any] = {"title": spec.title, "dimensions": spec.dimensions, "glass": glass, "loss": loss}
+        words: dict[str, Any] = {"title": spec.title, "dimensions": spec.dimensions, "glass": glass, "loss": loss, "look": look}
         window = Window(spec.view, panels=panels, desk=desk.desk(), **words)
         window.run(steered, steps_per_frame=steps)
     return Stage(desk.opened, window.glass) if window.handed_on and desk.opened is not None else None

@@ -23,6 +23,7 @@ HELP = (
     ("click", "pick a particle"),
     ("Tab", "follow it, the center of mass"),
     ("T", "trails on, off"),
+    ("D", "look of films, plain spheres"),
     ("P", "panels on, off"),
     ("E", "panels to CSV and SVG"),
     ("N", "another scene of the folder"),
@@ -45,7 +46,7 @@ Box = tuple[float, float, float, float]
 BUTTONS = {"LMB", "MMB", "RMB"}
 REQUESTS = {
     **{"c": "screenshot", "p": "panels", "e": "export", "k": "print_camera"},
-    **{"v": "sliders", "s": "save", "l": "log", "Tab": "follow", "n": "scenes"},
+    **{"v": "sliders", "s": "save", "l": "log", "Tab": "follow", "n": "scenes", "d": "look"},
 }
 
 
@@ -73,6 +74,7 @@ class Controls:
     log: bool = False
     follow: bool = False
     scenes: bool = False
+    look: bool = False
     single_steps: int = 0
     steps_back: int = 0
     faster: int = 0

@@ -25,7 +25,7 @@ from mpp_taichi.views.dimming import dim
 from mpp_taichi.views.ggui_folder import ggui_folder
 from mpp_taichi.views.legend import draw_labels, draw_legend
 from mpp_taichi.views.overlay import draw_overlay
-from mpp_taichi.views.trails import Trails
+from mpp_taichi.views.trails import DrawnTrails, Trails
 
 PROBE_SECONDS = 60.0
 PROBE = """
@@ -94,7 +94,7 @@ class GguiScene:
         self.shift = (0.0, 0.0)  # of the picture to the right and up, in halves of its height
         self._canvas.set_background_color(tuple(spec.background))
 
-    def draw(self, frame: Frame, camera: Camera, trails: Trails | None) -> None:
+    def draw(self, frame: Frame, camera: Camera, trails: DrawnTrails | None) -> None:
         """Draw a prepared frame on the window's canvas; the caller shows the canvas or reads it back."""
         width, height = self._window.get_window_shape()
         self._place(camera, width / height)

@@ -53,6 +53,10 @@ class SceneList:
             self.marked = (self.marked + (1 if key == "Down" else -1)) % len(self.names)
         return True
 
+    def scroll(self, rows: int) -> None:
+        """Move the mark by rows, not beyond the ends."""
+        self.marked = min(max(self.marked + rows, 0), max(len(self.names) - 1, 0))
+
     def take(self) -> str | None:
         """The name that was chosen since the last call."""
         chosen, self._chosen = self._chosen, None

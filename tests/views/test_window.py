@@ -18,9 +18,12 @@ import yaml
 from pictures import frame_of
 from PIL import Image
 
+from mpp_taichi.device import backends
 from mpp_taichi.scene.spec import CameraSpec, ViewSpec
+from mpp_taichi.scene.view_spec import SkySpec
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.overlay import overlay_layer
+from mpp_taichi.views.renderer import Renderer
 from mpp_taichi.views.waiting import waiting_picture
 
 ROOT = Path(__file__).parents[2]
@@ -85,6 +88,13 @@ if len(sys.argv) > 2:
 Window(ViewSpec(camera=camera), (640, 360), title="Planets", panels=panels).run(Planets(), paused=True)
 print("end", flush=True)
 """
+
+
+SKY = """panels = None
+from mpp_taichi.scene.view_spec import SkySpec
+sky = SkySpec(stars=500)
+"""
+COLORS = [[1, 0.8, 0.1], [0.2, 0.5, 1], [1, 0.3, 0.2]]
 
 
 @pytest.fixture(scope="module")
@@ -314,19 +324,34 @@ def test_panels_are_those_of_a_film_and_say_what_the_cursor_points_at(display: s
         session.close()
 
 
-def test_names_and_scale_bar_stand_where_a_film_has_them(display: str, tmp_path: Path) -> None:
-    program = PROGRAM.replace("ViewSpec(camera=camera)", "ViewSpec(camera=camera, labels=True, scale_bar=True)")
+@pytest.mark.parametrize("look", ["film", "plain"])
+def test_names_and_scale_bar_stand_where_a_film_has_them(display: str, tmp_path: Path, look: str) -> None:
+    """In the look of films the picture is that of a film, to the last bit, below the status of the window."""
+    program = PROGRAM.replace("ViewSpec(camera=camera)", "ViewSpec(camera=camera, labels=True, scale_bar=True, sky=sky)")
     program = program.replace('title="Planets", extra', 'name=("Sonne", "Erde", "Überß"), title="Planets", extra')
+    program = program.replace("panels=panels)", f"panels=panels, look={look!r})").replace("panels = None", SKY)
     session = Session(display, tmp_path, program=program)
     try:
         camera = CameraSpec(position=(0, 0, 8), look_at=(0, 0, 0), up=(0, 1, 0))
         places = [[0, 0, 0], [2, 0, 0], [1.2, 0, 0]]
-        frame = frame_of(places, [0.4, 0.15, 0.2], name=("Sonne", "Erde", "Überß"))
-        view = ViewSpec(camera=camera, labels=True, scale_bar=True)
-        rows, columns, colors = overlay_layer(frame, view, Camera(camera, frame, aspect=16 / 9), WINDOW, (0.0, 0.0), WINDOW)
-        assert len(rows) > 300
+        names = ("Sonne", "Erde", "Überß")
+        frame = frame_of(
+            places, [0.4, 0.15, 0.2], COLORS, name=names, between=np.array([[0, 1]]), spring_color=[[0.5, 0.9, 0.5]]
+        )
+        view = ViewSpec(camera=camera, labels=True, scale_bar=True, sky=SkySpec(stars=500))
         picture = session.picture()
-        np.testing.assert_array_equal(picture[rows, columns], colors)
+        if look == "film":
+            backends.start("cpu", "f32")
+            np.testing.assert_array_equal(picture[130:], Renderer(view, WINDOW).draw(frame)[130:])
+        else:
+            seen = Camera(camera, frame, aspect=16 / 9)
+            rows, columns, colors = overlay_layer(frame, view, seen, WINDOW, (0.0, 0.0), WINDOW)
+            assert len(rows) > 300
+            np.testing.assert_array_equal(picture[rows, columns], colors)
+        session.press("d")
+        session.wait_for(lambda: changed(picture[130:], session.scene()) > 20)
+        session.press("d")
+        session.wait_for(lambda: np.array_equal(picture[130:], session.scene()))
         session.press("i", seconds=0.6)
         assert changed(picture[130:], session.scene()) > 100, "names go along with their bodies"
         session.press("Escape")

@@ -153,7 +153,7 @@ def test_another_scene_opens_in_the_same_window_and_a_faulty_one_does_not(displa
 class LeavingWindow:
     """Stands for a window that is left for another scene, two.yaml, and closed there."""
 
-    def __init__(self, spec, *, title="", dimensions=3, panels=None, desk=None, glass=None, loss=None):
+    def __init__(self, spec, *, title="", dimensions=3, panels=None, desk=None, glass=None, loss=None, look=""):
         self.title, self.desk, self.glass, self.handed_on = title, desk, glass or object(), False
         self.windows.append(self)
 
@@ -194,5 +194,7 @@ def test_each_scene_of_a_window_is_told_and_none_writes_into_the_files_of_anothe
 
 
 def test_what_is_asked_of_one_scene_is_not_asked_of_the_next():
-    asked = Request(backend="cpu", window=True, until=3.0, log=Path("a.yaml"), diagnostics=Path("a.csv"), quiet=True)
-    assert asked.for_another_scene() == Request(backend="cpu", window=True, quiet=True)
+    asked = Request(
+        backend="cpu", window=True, look="film", until=3.0, log=Path("a.yaml"), diagnostics=Path("a.csv"), quiet=True
+    )
+    assert asked.for_another_scene() == Request(backend="cpu", window=True, look="film", quiet=True)

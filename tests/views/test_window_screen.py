@@ -12,9 +12,13 @@ from test_window_keys import Hand
 from test_window_scenes import GREEN, RED, scene
 
 from mpp_taichi.views.controls import ZOOM_PER_CLICK
+from mpp_taichi.views.paper import GROUND, RIM
 from mpp_taichi.views.waiting import waiting_picture
+from mpp_taichi.views.window_boxes import BUTTON_WIDTH, BUTTONS
+from mpp_taichi.views.window_layout import COLUMN, STRIP
 from mpp_taichi.views.window_place import BAR, FRAME, PLACE, fitted
 
+HELP_BUTTON = len(BUTTONS)
 __all__ = ["display"]  # a fixture: it skips where no window can open
 PROGRAM = """
 import sys
@@ -80,6 +84,15 @@ def test_a_window_is_on_the_screen_with_its_title(screen, size):
 class Screen(Hand):
     """A window at a place of its own choice, whose program goes on when it may."""
 
+    def click_button(self, number):
+        """Click a button of the strip."""
+        left, top, _, height = self.place()
+        self.tool("mousemove", left + RIM + number * (BUTTON_WIDTH + 4) + 10, top + height - STRIP + 10)
+        for action in ("mousemove_relative", "mousedown", "mouseup"):
+            self.press()
+            self.tool(action, *(("1", "0") if "move" in action else ("1",)))
+        self.press()
+
     def is_compiling(self, seen):
         """The tests look for themselves."""
         return False
@@ -137,6 +150,17 @@ def test_a_scene_is_announced_and_the_wheel_zooms_in_a_window_on_the_screen(smal
         session.tool("mousemove", 1279, 799)
         session.tool("click", "4")
         assert np.linalg.norm(session.camera()[0]) == pytest.approx(nearer * ZOOM_PER_CLICK, rel=1e-5), "not beside the window"
+
+        session.click_button(0)  # pause
+        plain = session.picture()
+        session.click_button(HELP_BUTTON)
+        session.wait_for(lambda: (session.picture()[:600, :COLUMN].min(axis=2) > 150).sum() > 1000)
+        assert (session.picture()[660, 2:COLUMN] == GROUND).all(), "the boxes lie beside the picture"
+        session.click_button(HELP_BUTTON)
+        session.wait_for(lambda: (session.picture()[:600] == plain[:600]).all())
+        before = np.linalg.norm(session.camera()[0])
+        session.click_button(len(BUTTONS) + 1)  # minus
+        assert np.linalg.norm(session.camera()[0]) == pytest.approx(1.25 * before, rel=1e-5)
 
         for key in ("n", "Down", "Return"):
             session.press(key)
