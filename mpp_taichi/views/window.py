@@ -103,7 +103,7 @@ class Window:
         self._scene = WindowScene(glass, spec, dimensions, self._panels, look)
         self._desk = desk or Desk()
         self._sliders = SliderPanel(self._desk.knobs)
-        self._scenes = SceneList(self._desk.scenes, self._desk.present)
+        self._scenes = SceneList(self._desk.scenes, self._desk.present, self._desk.title_of)
         self._boxes = WindowBoxes(self._sliders, self._scenes)
         self._follower = Follower()
         self._message, self._message_end = "", 0.0
@@ -125,8 +125,8 @@ class Window:
             while self.glass.running and not controls.quit:
                 now = time.perf_counter()
                 self._layout = self._layout_of(frame, controls)
-                self._read_input(controls, camera, frame, now - last)
-                last = now
+                passed, last = now - last, now
+                self._read_input(controls, camera, frame, passed)
                 pace.change(controls.take_faster())
                 if controls.take("restart"):
                     simulation.restart()
@@ -135,14 +135,17 @@ class Window:
                 if back := controls.take_steps_back():
                     frame = self._go_back(simulation, back)
                 going = controls.running and not simulation.finished
-                steps = controls.take_steps() or (pace.take() if going and compiled else 0)
+                steps, before = controls.take_steps(), frame.time
+                if not steps and going and compiled:
+                    steps = pace.take(passed)
                 if steps > 0:
                     started = time.perf_counter()
                     simulation.advance(steps)
                     frame = self._look(simulation)
                     pace.took(time.perf_counter() - started)
                 self._follower.update(camera, frame)
-                told = f"{rate.count(steps):,.0f} steps/s{pace.text}" if compiled or not going else WORD
+                rate.count(steps, frame.time - before if steps else 0.0)
+                told = rate.text(pace, frame.units) if compiled or not going else WORD
                 self._show(frame, camera, controls, simulation.finished, told)
                 compiled = True
         finally:

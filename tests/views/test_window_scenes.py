@@ -9,6 +9,7 @@ import yaml
 from test_window import CORNER, WINDOW, Session, changed, display
 
 from mpp_taichi.cli._request import Request
+from mpp_taichi.cli._window_desk import SessionDesk
 from mpp_taichi.cli.main import VERBS, main
 from mpp_taichi.device import backends
 from mpp_taichi.views.scene_list import HEAD, LINE, MESSAGE_LINES, ROW, SceneList
@@ -85,6 +86,41 @@ def test_a_list_is_walked_by_arrows_and_chosen_from_by_enter_or_a_click():
     assert listed.press("Escape") and not listed.shown
     left, top, width, height = listed.box((640, 360))
     assert left > 0.0 and top > 0.0 and left + width < 1.0 and top + height < 1.0, "all in the window"
+
+
+def test_a_list_shows_titles_and_scrolls_to_its_ends():
+    names = [f"scene_{number:02d}.yaml" for number in range(40)]
+    listed = SceneList(lambda: names, names[0], lambda name: f"Title – {name[6:8]}")
+    listed.toggle()
+    listed.draw(hand := Hand(), 360)
+    rows = listed.rows(360)
+    assert hand.buttons[0] == "> Title – 00   scene_00.yaml  (runs)" and hand.lines[0].startswith(f"1 to {rows} of 40")
+    listed.scroll(-3)
+    assert listed.marked == 0
+    listed.scroll(1000)
+    listed.draw(hand := Hand(), 360)
+    assert listed.marked == 39 and hand.lines[0].startswith(f"{41 - rows} to 40 of 40")
+
+
+def test_titles_of_files_are_read_without_reading_the_files(tmp_path):
+    content = {
+        "plain": "title: A – b  # why",
+        "quoted": 'x: 1\ntitle: "Two: ü"',
+        "none": "particles: []",
+        "block": "title: >\n  A",
+    }
+    for name, text in content.items():
+        (tmp_path / f"{name}.yaml").write_text(text + "\nparticles: [", encoding="utf-8")
+    desk = object.__new__(SessionDesk)
+    desk._file = tmp_path / "plain.yaml"
+    titles = {name: desk.title_of(f"{name}.yaml") for name in (*content, "absent")}
+    assert titles == {
+        "plain": "A – b",
+        "quoted": "Two: ü",
+        "none": "none.yaml",
+        "block": "block.yaml",
+        "absent": "absent.yaml",
+    }
 
 
 def test_a_folder_without_scenes_is_said():
