@@ -11,6 +11,7 @@ from mpp_taichi.cli._terminal import explain_error
 from mpp_taichi.errors import MppError, OutputError
 from mpp_taichi.recorders.inspection import InspectionRecorder
 from mpp_taichi.recorders.table import TableRecorder
+from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.report.summary import Timed
 from mpp_taichi.scene.log import reads_files, write_log
 from mpp_taichi.scene.sliders import value_of
@@ -51,7 +52,7 @@ class SessionDesk:
     def desk(self) -> Desk:
         """The actions that the window can call."""
         knobs = [self._knob(slider) for slider in self.simulation.scene.sliders]
-        actions = {name: getattr(self, name) for name in ("move", "back", "save", "log", "scenes", "title_of", "open")}
+        actions = {name: getattr(self, name) for name in ("move", "back", "save", "log", "film", "scenes", "title_of", "open")}
         return Desk(knobs, present=self._file.name, **actions)
 
     def _knob(self, slider: SliderSpec) -> Knob:
@@ -105,6 +106,11 @@ class SessionDesk:
         except OutputError as error:
             return str(error)
         return f"saved {path}"
+
+    def film(self, size: tuple[int, int], fps: float) -> VideoRecorder:
+        """Open a film in the folder of outputs, numbered with the first free number."""
+        (path,) = numbered(self._stem, ".mp4")
+        return VideoRecorder(path, size, fps)
 
     def scenes(self) -> list[str]:
         """The scene files beside the present one."""

@@ -28,6 +28,7 @@ HELP = (
     ("E", "panels to CSV and SVG"),
     ("N", "another scene of the folder"),
     ("C", "picture to a file"),
+    ("M", "film on, off"),
     ("S", "state to a file"),
     ("L", "log to a file"),
     ("K", "print the camera"),
@@ -46,7 +47,7 @@ Box = tuple[float, float, float, float]
 BUTTONS = {"LMB", "MMB", "RMB"}
 REQUESTS = {
     **{"c": "screenshot", "p": "panels", "e": "export", "k": "print_camera"},
-    **{"v": "sliders", "s": "save", "l": "log", "Tab": "follow", "n": "scenes", "d": "look"},
+    **{"v": "sliders", "s": "save", "l": "log", "Tab": "follow", "n": "scenes", "d": "look", "m": "film"},
 }
 
 
@@ -75,6 +76,7 @@ class Controls:
     follow: bool = False
     scenes: bool = False
     look: bool = False
+    film: bool = False
     single_steps: int = 0
     steps_back: int = 0
     faster: int = 0

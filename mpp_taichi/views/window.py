@@ -33,6 +33,7 @@ from mpp_taichi.views.scene_list import SceneList
 from mpp_taichi.views.slider_panel import SliderPanel
 from mpp_taichi.views.waiting import WORD, waiting_picture
 from mpp_taichi.views.window_boxes import WindowBoxes
+from mpp_taichi.views.window_film import WindowFilm
 from mpp_taichi.views.window_layout import Layout
 from mpp_taichi.views.window_panels import WindowPanels
 from mpp_taichi.views.window_scene import WindowScene
@@ -106,6 +107,7 @@ class Window:
         self._scenes = SceneList(self._desk.scenes, self._desk.present, self._desk.title_of)
         self._boxes = WindowBoxes(self._sliders, self._scenes)
         self._follower = Follower()
+        self._film = WindowFilm(self._desk.film)
         self._message, self._message_end = "", 0.0
         self._mouse = Mouse()
         self._layout = Layout.of(glass.size, boxes=self._sliders.shown)
@@ -146,9 +148,10 @@ class Window:
                 self._follower.update(camera, frame)
                 rate.count(steps, frame.time - before if steps else 0.0)
                 told = rate.text(pace, frame.units) if compiled or not going else WORD
-                self._show(frame, camera, controls, simulation.finished, told)
+                self._show(frame, camera, controls, simulation.finished, told, passed)
                 compiled = True
         finally:
+            self._film.end()
             if not self.handed_on:
                 self.glass.destroy()
 
@@ -203,7 +206,7 @@ class Window:
         if controls.take("look"):
             self._say(self._scene.toggle_look(frame))
 
-    def _show(self, frame: Frame, camera: Camera, controls: Controls, finished: bool, rate: str) -> None:
+    def _show(self, frame: Frame, camera: Camera, controls: Controls, finished: bool, rate: str, seconds: float) -> None:
         scene = self._scene
         scene.trails.add(scene.appearance.with_drawn_velocity(frame))
         if controls.take("panels"):
@@ -222,6 +225,10 @@ class Window:
             self._say("camera printed")
         self._layout = self._layout_of(frame, controls)
         picture = scene.draw(frame, camera, self._layout.picture, trails=controls.trails)
+        if controls.take("film"):
+            self._say(self._film.toggle(picture))
+        elif message := self._film.add(picture, seconds):
+            self._say(message)
         status = "finished" if finished else "running" if controls.running else "paused"
         told = scene.trails.message if controls.trails else ""
         self._put_boxes(frame, controls, [f"{status}, {rate}   H: help", self._current_message() or told], picture is None)
@@ -243,6 +250,7 @@ class Window:
             self._layout,
             self._mouse,
             running=controls.running,
+            filming=self._film.on,
             status=status,
             caption=caption_lines(frame) if plain and self.spec.caption else (),
             legend=legend_lines(self._scene.appearance.legend()) if plain else (),

@@ -72,6 +72,7 @@ class WindowBoxes:
         mouse: Mouse,
         *,
         running: bool,
+        filming: bool,
         status: Sequence[str],
         caption: Sequence[str],
         legend: Sequence[str],
@@ -80,16 +81,16 @@ class WindowBoxes:
     ) -> None:
         """Lay out all boxes; `mouse` is in pixels of the window. `caption` and `legend` are those that the picture lacks."""
         if layout.strip is not None:
-            self._strip(layout.strip, mouse, running, [status[0], status[1] or "   ".join(picked)])
+            self._strip(layout.strip, mouse, running, filming, [status[0], status[1] or "   ".join(picked)])
         if layout.column is not None:
             self._column(layout.column, mouse, caption, legend, with_help)
         elif layout.strip is None:
             self._over_the_picture(layout.size, mouse, status, caption, legend, picked, with_help)
 
-    def _strip(self, area: Area, mouse: Mouse, running: bool, lines: Sequence[str]) -> None:
+    def _strip(self, area: Area, mouse: Mouse, running: bool, filming: bool, lines: Sequence[str]) -> None:
         paper = self._paper("strip", area, mouse)
         left, top, bottom = RIM, 4, 4 + ROW
-        for text, key in (("pause" if running else "run", " "), *BUTTONS):
+        for text, key in (("pause" if running else "run", " "), *BUTTONS, ("stop film" if filming else "film", "m")):
             if paper.button_at((left, top, left + BUTTON_WIDTH, bottom), text, middle=True):
                 self.keys.append(key)
             left += BUTTON_WIDTH + 4

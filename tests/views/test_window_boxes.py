@@ -8,6 +8,7 @@ from mpp_taichi.views.few_trails import MOST_PIECES, FewTrails
 from mpp_taichi.views.looks import MOST_PARTICLES, is_film
 from mpp_taichi.views.paper import GRIP, RIM, ROW, Mouse, Paper
 from mpp_taichi.views.slider_panel import Knob, SliderPanel
+from mpp_taichi.views.window_film import WindowFilm, no_film
 from mpp_taichi.views.window_layout import ROOMY, Area, Layout
 
 
@@ -94,6 +95,39 @@ def test_trails_that_a_scene_asks_for_are_complete():
             trails.add(frame_of(np.full((1000, 3), float(n)), 0.1, time=float(n)))
     assert everything.message == "" and len(everything.segments(np.ones((1000, 3)), np.zeros(3))[0]) == 1000
     assert few.message.startswith("trails of 143 of")
+
+
+class Tape:
+    """A film in memory."""
+
+    def __init__(self, size, fps):
+        self.path, self.size, self.fps, self.pictures, self.closed = "film.mp4", size, fps, [], False
+
+    def write(self, picture):
+        self.pictures.append(picture)
+
+    def close(self):
+        self.closed = True
+
+
+def test_a_film_of_the_window_has_the_pace_in_which_it_was_seen():
+    tapes = []
+    film = WindowFilm(lambda size, fps: tapes.append(Tape(size, fps)) or tapes[-1])
+    picture = np.zeros((21, 31, 3), np.uint8)
+    assert film.add(picture, 1.0) == "" and not tapes, "off"
+    assert "D" in film.toggle(None) and not film.on
+    assert film.toggle(picture) == "records film.mp4" and film.on and tapes[0].size == (30, 20)
+    for _ in range(60):
+        film.add(picture, 1.0 / 60.0)
+    assert abs(len(tapes[0].pictures) - tapes[0].fps) <= 1, "a second of the film for a second, seen at 60 pictures in a second"
+    film.add(picture, 0.5)
+    assert {each.shape for each in tapes[0].pictures} == {(20, 30, 3)}, "rows and columns of films are even"
+    assert abs(len(tapes[0].pictures) - 1.5 * tapes[0].fps) <= 1
+    assert film.toggle(picture) == "saved film.mp4" and tapes[0].closed and film.end() == ""
+    film.toggle(picture)
+    assert film.add(np.zeros((20, 40, 3), np.uint8), 0.1).startswith("saved") and tapes[1].closed and not film.on
+    refused = WindowFilm(no_film)
+    assert "no film" in refused.toggle(picture) and not refused.on
 
 
 def test_the_look_is_that_of_films_up_to_a_number_of_particles():

@@ -159,8 +159,16 @@ def test_a_scene_is_announced_and_the_wheel_zooms_in_a_window_on_the_screen(smal
         session.click_button(HELP_BUTTON)
         session.wait_for(lambda: (session.picture()[:600] == plain[:600]).all())
         before = np.linalg.norm(session.camera()[0])
-        session.click_button(len(BUTTONS) + 1)  # minus
+        session.click_button(len(BUTTONS) + 2)  # minus
         assert np.linalg.norm(session.camera()[0]) == pytest.approx(1.25 * before, rel=1e-5)
+
+        session.click_button(len(BUTTONS) + 1)  # film
+        part = tmp_path / "out" / "one_0000.part.mp4"
+        session.wait_for(part.exists)
+        session.press()
+        session.click_button(len(BUTTONS) + 1)
+        session.wait_for((tmp_path / "out" / "one_0000.mp4").exists)
+        assert not part.exists()
 
         for key in ("n", "Down", "Return"):
             session.press(key)
