@@ -64,10 +64,11 @@ def show(
         panels = WindowPanels(inspection.inspector.plots, spec.record, lambda: exported(inspection, output_stem(spec.source)))
     desk = SessionDesk(simulation, goal, recorders, start)
     total = goal.step_count(spec)
-    frames = max(1, round(spec.record.seconds * WINDOW_FRAMES_PER_SECOND))
-    steps = max(1, round(total / frames)) if total else STEPS_PER_FRAME_WITHOUT_END
+    frames = spec.record.seconds * WINDOW_FRAMES_PER_SECOND
+    steps = total / frames if total else STEPS_PER_FRAME_WITHOUT_END
     steered = _Steered(simulation, spec, goal, recorders, interruption, caption, inspection, desk.history)
-    steered.time_scale = TimeScale.of(spec.units, simulation.time + steps * frames * simulation.dt)
+    span = steps * frames * simulation.dt if goal.endless else goal.span(spec)
+    steered.time_scale = TimeScale.of(spec.units, simulation.time + span)
     with DisplayLoss(lambda display: lost(display, steered.state)) as loss:
         words: dict[str, Any] = {"title": spec.title, "dimensions": spec.dimensions, "glass": glass, "loss": loss, "look": look}
         window = Window(spec.view, panels=panels, desk=desk.desk(), **words)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
 
+LOOK_KEY = "D"
 HELP = (
     ("space", "run, pause"),
     ("right arrow", "one step (Shift: 50)"),
@@ -23,7 +24,7 @@ HELP = (
     ("click", "pick a particle"),
     ("Tab", "follow it, the center of mass"),
     ("T", "trails on, off"),
-    ("D", "look of films, plain spheres"),
+    (LOOK_KEY, "other look"),
     ("P", "panels on, off"),
     ("E", "panels to CSV and SVG"),
     ("N", "another scene of the folder"),

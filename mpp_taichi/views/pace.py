@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from mpp_taichi.scene.human_units import TimeScale
 
 SLOW_SECONDS = 0.08  # an advance that takes longer is halved, so that the window answers
-QUICK_SECONDS = 0.02  # an advance that takes less is doubled, up to the requested number of steps
+QUICK_SECONDS = 0.04  # an advance that takes less is doubled, up to the requested number of steps
 RATE_SECONDS = 0.5  # time over which steps per second are counted
 SLOWEST, FASTEST = -8, 12  # powers of two
 FRAMES_PER_SECOND = 60
@@ -20,7 +20,7 @@ class Pace:
     A run keeps pace with the clock: a frame that took long is followed by more steps, unless the steps themselves are slow.
     """
 
-    def __init__(self, asked: int) -> None:
+    def __init__(self, asked: float) -> None:
         """Begin at the speed of the scene."""
         self.asked, self.speed = asked, 0
         self._most = self._limit

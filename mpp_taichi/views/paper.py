@@ -141,6 +141,18 @@ class Paper:
                 pen.rounded_rectangle([left, top, right - 1, bottom - 1], 3, fill=mark.color)
             if mark.text:
                 inset = 6 if mark.color is not None else 0
+                text = _fitting(mark.text, right - left - inset)
                 x = (left + right) / 2.0 if mark.anchor == "mm" else left + inset
-                pen.text((x, (top + bottom) / 2.0), mark.text, font=font, fill=mark.ink, anchor=mark.anchor)
+                pen.text((x, (top + bottom) / 2.0), text, font=font, fill=mark.ink, anchor=mark.anchor)
         return np.asarray(image)
+
+
+def _fitting(text: str, width: float) -> str:
+    """A text that is cut off where it is wider than the room for it."""
+    font = font_of(LETTERS)
+    if font.getlength(text) <= width:
+        return text
+    kept = len(text)
+    while kept > 1 and font.getlength(text[:kept] + "…") > width:
+        kept -= 1
+    return text[:kept] + "…"

@@ -112,8 +112,8 @@ class Window:
         self._mouse = Mouse()
         self._layout = Layout.of(glass.size, boxes=self._sliders.shown)
 
-    def run(self, simulation: Steerable, *, steps_per_frame: int = 1, paused: bool = False) -> None:
-        """Drive the simulation until the window is closed, with fewer steps per frame while steps are slow."""
+    def run(self, simulation: Steerable, *, steps_per_frame: float = 1.0, paused: bool = False) -> None:
+        """Drive the simulation until the window is closed: so many steps in a 60th of a second, fewer while steps are slow."""
         controls = Controls(running=not paused, trails=self.spec.trails > 0)
         frame = self._look(simulation)
         self._layout = self._layout_of(frame, controls)
@@ -231,7 +231,8 @@ class Window:
             self._say(message)
         status = "finished" if finished else "running" if controls.running else "paused"
         told = scene.trails.message if controls.trails else ""
-        self._put_boxes(frame, controls, [f"{status}, {rate}   H: help", self._current_message() or told], picture is None)
+        line = f"{status}, {rate}   H: help" + ("   D: plain spheres" if picture is None else "")
+        self._put_boxes(frame, controls, [line, self._current_message() or told], picture is None)
         if picture is None:
             self._boxes.draw(self.glass)
         else:
@@ -251,6 +252,7 @@ class Window:
             self._mouse,
             running=controls.running,
             filming=self._film.on,
+            look="plain spheres" if plain else "as in films",
             status=status,
             caption=caption_lines(frame) if plain and self.spec.caption else (),
             legend=legend_lines(self._scene.appearance.legend()) if plain else (),

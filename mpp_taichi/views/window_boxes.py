@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mpp_taichi.views.canvas_layer import CanvasLayer
-from mpp_taichi.views.controls import HELP
+from mpp_taichi.views.controls import HELP, LOOK_KEY
 from mpp_taichi.views.glass import Glass
 from mpp_taichi.views.paper import LINE, RIM, ROW, Mouse, Paper
 from mpp_taichi.views.scene_list import HEAD, SceneList
@@ -42,6 +42,7 @@ class WindowBoxes:
         self.zoom = 1.0
         self.moved: dict[str, float] = {}
         self.areas: list[Area] = []
+        self._look = ""
         self._papers: dict[str, Paper] = {}
         self._layers: dict[str, CanvasLayer] = {}
         self._found: dict[str, tuple[Area, Paper]] = {}
@@ -73,6 +74,7 @@ class WindowBoxes:
         *,
         running: bool,
         filming: bool,
+        look: str,
         status: Sequence[str],
         caption: Sequence[str],
         legend: Sequence[str],
@@ -80,6 +82,7 @@ class WindowBoxes:
         with_help: bool,
     ) -> None:
         """Lay out all boxes; `mouse` is in pixels of the window. `caption` and `legend` are those that the picture lacks."""
+        self._look = look
         if layout.strip is not None:
             self._strip(layout.strip, mouse, running, filming, [status[0], status[1] or "   ".join(picked)])
         if layout.column is not None:
@@ -116,7 +119,7 @@ class WindowBoxes:
             self.moved = self.sliders.draw(paper)
         if with_help:
             paper.space(RIM)
-            _write_help(paper)
+            _write_help(paper, self._look)
 
     def _over_the_picture(
         self,
@@ -151,7 +154,7 @@ class WindowBoxes:
         elif with_help:
             high = min(HELP_LINE * len(HELP) + 16, size[1] - 2 * RIM)
             paper = self._paper("help", Area(size[0] - HELP_WIDTH - RIM, RIM, HELP_WIDTH, high), mouse)
-            _write_help(paper)
+            _write_help(paper, self._look)
 
     def paste(self, whole: np.ndarray) -> None:
         """Put the boxes into the picture of a window, in place."""
@@ -167,9 +170,10 @@ class WindowBoxes:
             layer.draw(glass.canvas, glass.size, (area.left, area.top), paper.picture(), paper.grounds())
 
 
-def _write_help(paper: Paper) -> None:
+def _write_help(paper: Paper, look: str) -> None:
     for keys, does in HELP:
-        paper.row((keys, does), (0, KEYS_WIDTH))
+        told = f"{does} (now: {look})" if keys == LOOK_KEY else does
+        paper.row((keys, told), (0, KEYS_WIDTH))
 
 
 def _area(box: tuple[float, float, float, float], size: tuple[int, int]) -> Area:

@@ -478,7 +478,7 @@ class ScriptedWindow:
 
     def run(self, simulation, *, steps_per_frame=1, paused=False):
         while not simulation.finished:
-            simulation.advance(steps_per_frame)
+            simulation.advance(max(1, round(steps_per_frame)))
         end = simulation.frame()
         assert end.time == self.end and end.title == "Kepler"
         (plot,) = self.panels.plots

@@ -46,6 +46,13 @@ def test_a_box_has_letters_beyond_latin():
         assert not any(np.array_equal(one, other) for other in pictures[:n]), "each letter has its own form"
 
 
+def test_a_line_that_is_too_long_is_cut_off_within_its_box():
+    whole = written("word " * 50)
+    assert whole[:, -RIM:].max() == whole[0, 0].max(), "nothing is written in the rim"
+    assert (whole[:, -3 * RIM : -RIM].max(axis=2) > 150).any()
+    assert not np.array_equal(whole, written("word " * 2))
+
+
 def test_a_slider_follows_the_mouse_that_holds_it_and_a_button_is_pressed_once():
     value = [0.0]
     panel, paper = SliderPanel([Knob("k", "k", 0.0, 1.0, False, lambda: value[0])]), Paper()

@@ -154,6 +154,8 @@ def test_a_run_keeps_pace_with_the_clock_and_its_speed_is_told(monkeypatch):
     for frames in (7, 20, 60):
         paced = Pace(3)
         assert sum(paced.take(1.0 / frames) for _ in range(frames)) in (179, 180), "but for a rounding of the last step"
+    slow = Pace(0.05)
+    assert 2 <= sum(slow.take(1.0 / 60.0) for _ in range(60)) <= 3, "a scene of 3 steps in a second"
     assert Pace(3).take(10.0) == 3 * MOST_FRAMES, "a long wait is not made up for"
     now = [0.0]
     monkeypatch.setattr(pace.time, "perf_counter", lambda: now[0])
