@@ -24,7 +24,7 @@ HELP = (
     ("click", "pick a particle"),
     ("Tab", "follow it, the center of mass"),
     ("T", "trails on, off"),
-    (LOOK_KEY, "other look"),
+    (LOOK_KEY, "change the look"),
     ("P", "panels on, off"),
     ("E", "panels to CSV and SVG"),
     ("N", "another scene of the folder"),

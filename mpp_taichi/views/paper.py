@@ -137,7 +137,7 @@ class Paper:
         pen, font = ImageDraw.Draw(image), font_of(LETTERS)
         for mark in self._marks:
             left, top, right, bottom = mark.box
-            if mark.color is not None:
+            if mark.color is not None and right - left >= 1 and bottom - top >= 1:
                 pen.rounded_rectangle([left, top, right - 1, bottom - 1], 3, fill=mark.color)
             if mark.text:
                 inset = 6 if mark.color is not None else 0

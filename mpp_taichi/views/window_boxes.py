@@ -63,6 +63,7 @@ class WindowBoxes:
 
     def _paper(self, name: str, area: Area, mouse: Mouse, top: int = RIM) -> Paper:
         paper = self._papers.setdefault(name, Paper())
+        area = Area(area.left, area.top, max(area.width, 1), max(area.height, 1))  # of a window that is tiny
         paper.begin(area.size, Mouse(area.inside(mouse.place), mouse.down, mouse.held), top)
         self._found[name] = area, paper
         return paper
@@ -159,9 +160,11 @@ class WindowBoxes:
     def paste(self, whole: np.ndarray) -> None:
         """Put the boxes into the picture of a window, in place."""
         for area, paper in self._found.values():
-            picture = paper.picture()
-            bottom, right = min(area.top + area.height, whole.shape[0]), min(area.left + area.width, whole.shape[1])
-            whole[area.top : bottom, area.left : right] = picture[: bottom - area.top, : right - area.left]
+            left, top = max(area.left, 0), max(area.top, 0)
+            right, bottom = min(area.left + area.width, whole.shape[1]), min(area.top + area.height, whole.shape[0])
+            if left < right and top < bottom:
+                inside = slice(top - area.top, bottom - area.top), slice(left - area.left, right - area.left)
+                whole[top:bottom, left:right] = paper.picture()[inside]
 
     def draw(self, glass: Glass) -> None:
         """Put the boxes on the canvas of a window, over a scene that GGUI has drawn."""
@@ -172,7 +175,7 @@ class WindowBoxes:
 
 def _write_help(paper: Paper, look: str) -> None:
     for keys, does in HELP:
-        told = f"{does} (now: {look})" if keys == LOOK_KEY else does
+        told = f"look: {look}" if keys == LOOK_KEY else does
         paper.row((keys, told), (0, KEYS_WIDTH))
 
 

@@ -7,7 +7,9 @@ from pictures import frame_of
 from mpp_taichi.views.few_trails import MOST_PIECES, FewTrails
 from mpp_taichi.views.looks import MOST_PARTICLES, is_film
 from mpp_taichi.views.paper import GRIP, RIM, ROW, Mouse, Paper
+from mpp_taichi.views.scene_list import SceneList
 from mpp_taichi.views.slider_panel import Knob, SliderPanel
+from mpp_taichi.views.window_boxes import WindowBoxes
 from mpp_taichi.views.window_film import WindowFilm, no_film
 from mpp_taichi.views.window_layout import ROOMY, Area, Layout
 
@@ -23,6 +25,21 @@ def test_boxes_lie_beside_the_picture_where_there_is_room(size):
     assert (layout.column is not None) == (layout.strip is not None) == (size >= ROOMY)
     without = Layout.of(size, boxes=False)
     assert without.picture.width == size[0] and without.column is None
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 50), (16, 16), (24, 40), (300, 20), (959, 2000), (1280, 720)])
+def test_a_window_of_any_size_has_boxes(size):
+    knob = Knob("k", "k", 0.0, 1.0, False, lambda: 0.5)
+    boxes = WindowBoxes(SliderPanel([knob]), SceneList(lambda: ["a", "b"], "a"))
+    boxes.scenes.toggle()
+    boxes.begin()
+    texts = {"caption": (), "legend": ("long " * 50,), "picked": ("p",), "status": ["a", "b"], "look": "as in films"}
+    layout = Layout.of(size, boxes=True)
+    boxes.put(layout, Mouse((3.0, 3.0), True, True), running=True, filming=False, with_help=True, **texts)
+    boxes.end()
+    whole = np.zeros((size[1], size[0], 3), np.uint8)
+    boxes.paste(whole)
+    assert whole.any() or min(size) < 20, "a box begins 8 pixels from the rims"
 
 
 def test_places_in_an_area():
@@ -140,3 +157,14 @@ def test_a_film_of_the_window_has_the_pace_in_which_it_was_seen():
 def test_the_look_is_that_of_films_up_to_a_number_of_particles():
     assert is_film("auto", MOST_PARTICLES) and not is_film("auto", MOST_PARTICLES + 1)
     assert is_film("film", 10**6) and not is_film("plain", 1)
+
+
+def test_the_rectangles_of_a_box_are_those_of_its_picture():
+    """Where GGUI draws the scene, a box is these rectangles and the pixels that differ from them: letters and round corners."""
+    paper = Paper()
+    paper.begin((200, 60), Mouse())
+    paper.button("")
+    picture, ground = paper.picture(), np.zeros((60, 200, 3), np.uint8)
+    for (left, top, right, bottom), color in paper.grounds():
+        ground[top:bottom, left:right] = color
+    assert len(paper.grounds()) == 2 and 0 < (picture != ground).any(axis=2).sum() <= 4 * 9, "four corners"
