@@ -13,6 +13,7 @@ from mpp_taichi.scene.human_units import TimeScale
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
 from mpp_taichi.views._base import Frame
+from mpp_taichi.views.numbered import numbered
 from mpp_taichi.views.wall_outline import outline_of
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ def show(
     start: "Callable[[Path], Simulation] | None" = None,
     glass: Any = None,
     lost: Callable[[str, Snapshot], int] = lambda display, state: BackendError.exit_code,
+    look: str = "auto",
 ) -> "Stage | None":
     """Open a window, or take over the window of another scene, and run until it is closed or another scene is opened.
 
@@ -62,23 +64,21 @@ def show(
         panels = WindowPanels(inspection.inspector.plots, spec.record, lambda: exported(inspection, output_stem(spec.source)))
     desk = SessionDesk(simulation, goal, recorders, start)
     total = goal.step_count(spec)
-    frames = max(1, round(spec.record.seconds * WINDOW_FRAMES_PER_SECOND))
-    steps = max(1, round(total / frames)) if total else STEPS_PER_FRAME_WITHOUT_END
+    frames = spec.record.seconds * WINDOW_FRAMES_PER_SECOND
+    steps = total / frames if total else STEPS_PER_FRAME_WITHOUT_END
     steered = _Steered(simulation, spec, goal, recorders, interruption, caption, inspection, desk.history)
-    steered.time_scale = TimeScale.of(spec.units, simulation.time + steps * frames * simulation.dt)
+    span = steps * frames * simulation.dt if goal.endless else goal.span(spec)
+    steered.time_scale = TimeScale.of(spec.units, simulation.time + span)
     with DisplayLoss(lambda display: lost(display, steered.state)) as loss:
-        words: dict[str, Any] = {"title": spec.title, "dimensions": spec.dimensions, "glass": glass, "loss": loss}
+        words: dict[str, Any] = {"title": spec.title, "dimensions": spec.dimensions, "glass": glass, "loss": loss, "look": look}
         window = Window(spec.view, panels=panels, desk=desk.desk(), **words)
         window.run(steered, steps_per_frame=steps)
     return Stage(desk.opened, window.glass) if window.handed_on and desk.opened is not None else None
 
 
 def exported(inspection: "InspectionRecorder", stem: str) -> str:
-    """Write a table and a drawing of the panels into the working directory, numbered with the first free number."""
-    for number in range(10**6):
-        paths = [Path(f"{stem}_{number:04d}{suffix}") for suffix in EXPORTED]
-        if not any(path.exists() for path in paths):
-            break
+    """Write a table and a drawing of the panels into the folder of outputs, numbered with the first free number."""
+    paths = numbered(stem, *EXPORTED)
     try:
         for path in paths:
             inspection.save(path)

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 from mpp_taichi.cli._terminal import UsageError
 from mpp_taichi.device.thread_count import allowed_threads, most_threads
 from mpp_taichi.precision import PRECISIONS
+from mpp_taichi.views.numbered import OUTPUT_FOLDER
 
 if TYPE_CHECKING:
     from mpp_taichi.scene.spec import SceneSpec
 
-OUTPUT_FOLDER = Path("out")
-"""The folder of output files for which the command line gives no name."""
 LARGEST_SIDE = 16384  # pixels
 LONGEST_NAME = 230  # bytes: 255 on every common file system, less the room for `.part` and the like
 

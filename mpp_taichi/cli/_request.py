@@ -56,6 +56,7 @@ class Request:
     allow_inaccurate: bool = False
     energy_balance: bool = False
     window: bool = False
+    look: str = "auto"
     force: bool = False
     rewind: "Rewind | Excerpt | None" = None
     start_digest: str = ""
@@ -80,8 +81,19 @@ class Request:
 
     def for_another_scene(self) -> "Request":
         """The part of the request that holds for a scene opened in its window: how to run, without any file."""
-        kept = ("backend", "precision", "plan", "threads", "quiet", "allow_inaccurate", "energy_balance", "window", "force")
-        return Request(**{name: getattr(self, name) for name in kept})
+        kept = (
+            "backend",
+            "precision",
+            "plan",
+            "threads",
+            "quiet",
+            "allow_inaccurate",
+            "energy_balance",
+            "window",
+            "look",
+            "force",
+        )
+        return Request(**{name: getattr(self, name) for name in (*kept, "window", "look", "force")})
 
     def check(self) -> None:
         """Refuse files that cannot be written, before anything is computed.

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from mpp_taichi.cli._goal import Goal
 from mpp_taichi.cli._request import Request
 from mpp_taichi.cli._step_check import check_steps
+from mpp_taichi.cli._terminal import say
 from mpp_taichi.errors import MppError, StateError
 from mpp_taichi.scene.load import load_scene
 from mpp_taichi.scene.spec import SceneSpec
@@ -21,6 +22,7 @@ def start(spec: SceneSpec, request: Request) -> "Simulation":
     Raises:
         MppError: the simulation cannot be started.
     """
+    _tell(spec, request)
     from mpp_taichi.simulation.simulation import Simulation  # the first import of Taichi: the scene is known to be sound
 
     options: dict[str, Any] = {name: getattr(request, name) for name in ("backend", "precision", "plan", "threads", "force")}
@@ -55,6 +57,7 @@ def start_another(file: Path, *, device: "Device", request: Request) -> "Simulat
     goal = Goal.of(spec, None, None)
     goal.check(spec, may_be_endless=True)
     where: dict[str, Any] = {"backend": device.backend, "precision": device.precision, "threads": request.threads}
+    _tell(spec, request)
     simulation = Simulation(spec, **where, plan=request.plan, force=request.force)
     try:
         check_steps(simulation, goal, force=request.force)
@@ -62,3 +65,9 @@ def start_another(file: Path, *, device: "Device", request: Request) -> "Simulat
         simulation.close()
         raise
     return simulation
+
+
+def _tell(spec: SceneSpec, request: Request) -> None:
+    """Say on the terminal what a window is waiting for; other runs show their progress."""
+    if request.window and not request.quiet:
+        say(f"compiling {spec.title} …")

@@ -1,20 +1,24 @@
 """The desk of a window on a run: its sliders, its history, its checkpoints and its log."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpp_taichi.cli._options import output_stem
+from mpp_taichi.cli._options import OUTPUT_FOLDER, output_stem
 from mpp_taichi.cli._terminal import explain_error
 from mpp_taichi.errors import MppError, OutputError
 from mpp_taichi.recorders.inspection import InspectionRecorder
 from mpp_taichi.recorders.table import TableRecorder
+from mpp_taichi.recorders.video import VideoRecorder
 from mpp_taichi.report.summary import Timed
-from mpp_taichi.scene.log import write_log
+from mpp_taichi.scene.log import reads_files, write_log
 from mpp_taichi.scene.sliders import value_of
 from mpp_taichi.scene.spec import SliderSpec
 from mpp_taichi.simulation.history import History
 from mpp_taichi.views.desk import Desk
+from mpp_taichi.views.numbered import numbered
 from mpp_taichi.views.slider_panel import Knob
 
 if TYPE_CHECKING:
@@ -23,6 +27,8 @@ if TYPE_CHECKING:
 
 
 SCENE_FILES = (".yaml", ".yml")
+TITLE = re.compile(r"""title:\s*(?:"([^"\\]+)"|'([^']+)'|([^\s"'#|>&*!][^#\n]*?))\s*(?:#.*)?$""")
+TITLE_WITHIN = 100  # lines of a file: longer files are not read for a list
 
 
 class SessionDesk:
@@ -46,7 +52,8 @@ class SessionDesk:
     def desk(self) -> Desk:
         """The actions that the window can call."""
         knobs = [self._knob(slider) for slider in self.simulation.scene.sliders]
-        return Desk(knobs, self.move, self.back, self.save, self.log, self.scenes, self.open, self._file.name)
+        actions = {name: getattr(self, name) for name in ("move", "back", "save", "log", "film", "scenes", "title_of", "open")}
+        return Desk(knobs, present=self._file.name, **actions)
 
     def _knob(self, slider: SliderSpec) -> Knob:
         def read() -> float:
@@ -78,8 +85,8 @@ class SessionDesk:
         return True
 
     def save(self) -> str:
-        """Write the state into the working directory, numbered with the first free number."""
-        path = _free(self._stem, ".npz")
+        """Write the state into the folder of outputs, numbered with the first free number."""
+        (path,) = numbered(self._stem, ".npz")
         try:
             self.simulation.checkpoint(path)
         except OutputError as error:
@@ -87,19 +94,38 @@ class SessionDesk:
         return f"saved {path}"
 
     def log(self) -> str:
-        """Write the log into the working directory, numbered with the first free number."""
-        path = _free(f"{self._stem}_log", ".yaml")
+        """Write the log into the folder of outputs, numbered with the first free number.
+
+        The log of a scene that reads other files is written into the folder of the scene.
+        """
+        scene = self.simulation.scene
+        folder = self._file.parent if reads_files(scene) else OUTPUT_FOLDER
+        (path,) = numbered(f"{self._stem}_log", ".yaml", folder=folder)
         try:
             save_log(path, self.simulation, self.goal)
         except OutputError as error:
             return str(error)
         return f"saved {path}"
 
+    def film(self, size: tuple[int, int], fps: float) -> VideoRecorder:
+        """Open a film in the folder of outputs, numbered with the first free number."""
+        (path,) = numbered(self._stem, ".mp4")
+        return VideoRecorder(path, size, fps)
+
     def scenes(self) -> list[str]:
         """The scene files beside the present one."""
         if self._start is None or not self._file.is_file():
             return []
         return sorted(path.name for path in self._file.parent.iterdir() if path.suffix.lower() in SCENE_FILES)
+
+    def title_of(self, name: str) -> str:
+        """The title that another file gives, for a list; the name of the file where no title is found."""
+        try:
+            with open(self._file.with_name(name), encoding="utf-8", errors="replace") as lines:
+                found = (TITLE.match(line) for line in islice(lines, TITLE_WITHIN))
+                return next((match[1] or match[2] or match[3] for match in found if match), name)
+        except OSError:
+            return name
 
     def open(self, name: str) -> str:
         """Prepare the scene of another file; on a failure the returned line, also printed on the terminal, gives the reason."""
@@ -132,7 +158,3 @@ def save_log(path: Path, simulation: "Simulation", goal: "Goal") -> None:
         lines.append(f"It began at t = {begin:.9g}, from the state that --rewind named; say so again.")
     end = simulation.time if goal.until is None else min(simulation.time, goal.until)
     write_log(path, simulation.scene, end, "\n".join(lines))
-
-
-def _free(stem: str, suffix: str) -> Path:
-    return next(path for number in range(10**6) if not (path := Path(f"{stem}_{number:04d}{suffix}")).exists())

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._terminal import UsageError, output_reserved, say
+from mpp_taichi.views.looks import LOOKS, MOST_PARTICLES
 
 if TYPE_CHECKING:
     from mpp_taichi.cli._outcome import Outcome
@@ -25,6 +26,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--headless", action="store_true", help="no window, and no film unless --video says so")
     parser.add_argument("--video", type=_options.output_path, metavar="F", help="film of the run: .mp4, .gif or .webp")
     parser.add_argument("--html", type=_options.output_path, metavar="F.html", help="page of the run, for a browser; no window")
+    parser.add_argument(
+        "--look",
+        choices=LOOKS,
+        default="auto",
+        help="of the window: film, as a film shows the scene; plain, spheres and lines drawn by GGUI; auto: film up to "
+        f"{MOST_PARTICLES:,} particles",
+    )
     _options.add_length(parser)
     _options.add_device(parser)
     _options.add_tables(parser)
@@ -97,6 +105,7 @@ def request_of(arguments: argparse.Namespace, spec: "SceneSpec") -> "Request":
         "allow_inaccurate",
         "energy_balance",
         "force",
+        "look",
     )
     given = {name: getattr(arguments, name) for name in (*names, *more)}
     given |= {"archive": not arguments.no_archive, "fresh": arguments.fresh}

@@ -50,7 +50,7 @@ def _base(path: Path, scene: SceneSpec) -> tuple[str, dict[str, Any]] | None:
     source, folder = Path(scene.source), path.absolute().parent
     if not source.is_file() or not source.absolute().is_relative_to(folder) or source.absolute() == path.absolute():
         return None
-    if source.absolute().parent != folder and _files(scene):
+    if source.absolute().parent != folder and reads_files(scene):
         return None
     faults = Faults()
     tree = extends.resolve(read_file(source, str(source), faults), source, source.parent, faults)
@@ -61,12 +61,12 @@ def _base(path: Path, scene: SceneSpec) -> tuple[str, dict[str, Any]] | None:
     return source.absolute().relative_to(folder).as_posix(), plain
 
 
-def _files(scene: SceneSpec) -> bool:
+def reads_files(scene: SceneSpec) -> bool:
     """Whether the scene reads other files of its folder."""
     return any(entry.name == "file" for entry in scene.particles)
 
 
 def _check_files(path: Path, scene: SceneSpec) -> None:
     folder = Path(scene.source).absolute().parent
-    if _files(scene) and path.absolute().parent != folder:
+    if reads_files(scene) and path.absolute().parent != folder:
         raise OutputError(f"{path}: the scene reads files beside it, so its log must be in its folder, {folder}")

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
 
+LOOK_KEY = "D"
 HELP = (
     ("space", "run, pause"),
     ("right arrow", "one step (Shift: 50)"),
@@ -15,7 +16,7 @@ HELP = (
     ("V", "sliders on, off"),
     ("left drag", "rotate"),
     ("right drag, Shift+left", "pan"),
-    ("Ctrl+left drag, I, O", "zoom"),
+    ("wheel, I, O, Ctrl+left drag", "zoom"),
     ("R", "reset the camera"),
     ("F", "frame everything"),
     ("X  Y  Z", "look along an axis"),
@@ -23,10 +24,12 @@ HELP = (
     ("click", "pick a particle"),
     ("Tab", "follow it, the center of mass"),
     ("T", "trails on, off"),
+    (LOOK_KEY, "change the look"),
     ("P", "panels on, off"),
     ("E", "panels to CSV and SVG"),
     ("N", "another scene of the folder"),
     ("C", "picture to a file"),
+    ("M", "film on, off"),
     ("S", "state to a file"),
     ("L", "log to a file"),
     ("K", "print the camera"),
@@ -34,6 +37,7 @@ HELP = (
     ("Q, Esc", "quit"),
 )
 ZOOM_PER_SECOND = 2.5  # factor while I or O is held
+ZOOM_PER_CLICK = 1.1  # factor for a click of the mouse wheel
 ZOOM_PER_HEIGHT = 8.0  # factor for a drag over the height of the window
 MANY_STEPS = 50
 CLICK = 0.01  # heights of the window that a mouse may move during a click
@@ -44,11 +48,12 @@ Box = tuple[float, float, float, float]
 BUTTONS = {"LMB", "MMB", "RMB"}
 REQUESTS = {
     **{"c": "screenshot", "p": "panels", "e": "export", "k": "print_camera"},
-    **{"v": "sliders", "s": "save", "l": "log", "Tab": "follow", "n": "scenes"},
+    **{"v": "sliders", "s": "save", "l": "log", "Tab": "follow", "n": "scenes", "d": "look", "m": "film"},
 }
 
 
-def _holds(box: Box, cursor: tuple[float, float]) -> bool:
+def holds(box: Box, cursor: tuple[float, float]) -> bool:
+    """Whether a place, in 0…1 from the lower left corner, is in a box."""
     left, top, width, height = box
     return left <= cursor[0] <= left + width and top <= 1.0 - cursor[1] <= top + height
 
@@ -71,6 +76,8 @@ class Controls:
     log: bool = False
     follow: bool = False
     scenes: bool = False
+    look: bool = False
+    film: bool = False
     single_steps: int = 0
     steps_back: int = 0
     faster: int = 0
@@ -134,7 +141,7 @@ class Controls:
         if not held & BUTTONS:
             self._clicked, self._pressed, self._taken = self._pressed or self._clicked, None, False
         elif begins:
-            self._taken = any(_holds(box, cursor) for box in self.occupied)
+            self._taken = any(holds(box, cursor) for box in self.occupied)
             alone = not self._taken and not held & {"MMB", "RMB", "Shift", "Control"}
             self._pressed = cursor if alone else None
         elif self._pressed is not None:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from mpp_taichi.views.slider_panel import Knob
+from mpp_taichi.views.window_film import Tape, no_film
 
 
 def _no_way_back() -> bool:
@@ -28,13 +29,15 @@ def _nothing_moved(moved: Mapping[str, float]) -> str:
 
 @dataclass(frozen=True)
 class Desk:
-    """Sliders and actions; each action except `back` returns a line to show.
+    """Sliders and actions; each action except `back` and `film` returns a line to show.
 
     move   set parameters, path → value; the line states the error, if there is one
     back   go back by a frame; False where no earlier frame is kept
     save   write the state to a file
     log    write the moves of the sliders to a file, as a scene
+    film   open a film of a size in pixels, and so many pictures in a second
     scenes the scenes that can be opened instead of this one, by name; `present` is this one
+    title_of  the title of such a scene
     open   prepare another scene, to which the window is handed on; the line states the error, if there is one
     """
 
@@ -43,6 +46,8 @@ class Desk:
     back: Callable[[], bool] = _no_way_back
     save: Callable[[], str] = _nothing_saved
     log: Callable[[], str] = _nothing_saved
+    film: Callable[[tuple[int, int], float], Tape] = no_film
     scenes: Callable[[], Sequence[str]] = _no_scenes
+    title_of: Callable[[str], str] = str
     open: Callable[[str], str] = _nothing_opened
     present: str = ""

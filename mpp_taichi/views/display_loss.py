@@ -38,9 +38,11 @@ class DisplayLoss:
         self._xlib = _library("libX11.so.6")
         self._libc = _library(None)
         self._before: int | None = None
+        self._folder = "."
 
     def __enter__(self) -> "DisplayLoss":
         """Answer Xlib."""
+        self._folder = os.getcwd()
         if self._xlib is not None:
             self._before = self._set_in_xlib(ctypes.cast(self._in_xlib, ctypes.c_void_p).value)
         return self
@@ -87,6 +89,7 @@ class DisplayLoss:
         """Xlib's handler of a broken connection, from which it must not return."""
         code = 1
         try:
+            os.chdir(self._folder)  # GGUI is called in another folder
             code = self._rescue(os.environ.get("DISPLAY", ""))
         finally:
             os._exit(code)

@@ -22,9 +22,10 @@ from mpp_taichi.views.appearance import Appearance
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import draw_caption
 from mpp_taichi.views.dimming import dim
+from mpp_taichi.views.ggui_folder import ggui_folder
 from mpp_taichi.views.legend import draw_labels, draw_legend
 from mpp_taichi.views.overlay import draw_overlay
-from mpp_taichi.views.trails import Trails
+from mpp_taichi.views.trails import DrawnTrails, Trails
 
 PROBE_SECONDS = 60.0
 PROBE = """
@@ -93,7 +94,7 @@ class GguiScene:
         self.shift = (0.0, 0.0)  # of the picture to the right and up, in halves of its height
         self._canvas.set_background_color(tuple(spec.background))
 
-    def draw(self, frame: Frame, camera: Camera, trails: Trails | None) -> None:
+    def draw(self, frame: Frame, camera: Camera, trails: DrawnTrails | None) -> None:
         """Draw a prepared frame on the window's canvas; the caller shows the canvas or reads it back."""
         width, height = self._window.get_window_shape()
         self._place(camera, width / height)
@@ -226,7 +227,8 @@ class GguiView(View):
         self.spec, self.size, self.dimensions = spec, size, dimensions
         self.camera: Camera | None = None
         self.trails = Trails(spec.trails)
-        self._window = ti.ui.Window("offscreen", size, show_window=False)
+        with ggui_folder():
+            self._window = ti.ui.Window("offscreen", size, show_window=False)
         self._scene = GguiScene(self._window, spec, dimensions=dimensions)
         self._end: Callable[[], None] = self._window.destroy
 
@@ -250,7 +252,8 @@ class GguiView(View):
 
     def close(self) -> None:
         """Close the device's side of it."""
-        self._end()
+        with ggui_folder():
+            self._end()
         self._end = _nothing
 
 
@@ -259,7 +262,8 @@ def read_back(window: "ti.ui.Window") -> np.ndarray:
 
     GGUI gives (width, height, 4) floats from the lower left corner, at the size of the real frame buffer.
     """
-    pixels = window.get_image_buffer_as_numpy()[:, ::-1, :3]
+    with ggui_folder():
+        pixels = window.get_image_buffer_as_numpy()[:, ::-1, :3]
     return np.ascontiguousarray(np.rint(255.0 * pixels).astype(np.uint8).swapaxes(0, 1))
 
 

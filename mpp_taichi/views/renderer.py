@@ -26,7 +26,7 @@ from mpp_taichi.views.sky import Sky
 from mpp_taichi.views.srgb import linear_from_srgb
 from mpp_taichi.views.surfaces import Surfaces, SurfaceTables
 from mpp_taichi.views.textures import LEVELS
-from mpp_taichi.views.trails import Trails
+from mpp_taichi.views.trails import DrawnTrails, Trails
 
 logger = logging.getLogger(__name__)
 
@@ -42,24 +42,40 @@ class Renderer(View):
 
     MADE_ANEW = ("_plain",)  # for `archive.object_state`
 
-    def __init__(self, spec: ViewSpec, size: tuple[int, int], *, dimensions: int = 3) -> None:
-        """Set up the renderer; the first frame places the camera."""
-        self.spec, self.size, self.dimensions = spec, size, dimensions
+    def __init__(
+        self, spec: ViewSpec, size: tuple[int, int], *, dimensions: int = 3, appearance: Appearance | None = None
+    ) -> None:
+        """Set up the renderer; the first frame places the camera. An `appearance` may be shared with other views."""
+        self.spec, self.dimensions = spec, dimensions
         self.camera: Camera | None = None
         self.trails = Trails(spec.trails)
-        self._appearance, self._surfaces = Appearance(spec, dimensions), Surfaces(spec)
+        self._appearance, self._surfaces = appearance or Appearance(spec, dimensions), Surfaces(spec)
+        self._take_size(size)
+
+    def _take_size(self, size: tuple[int, int]) -> None:
+        spec, self.size = self.spec, size
         self._plain = np.tile(np.rint(255.0 * np.clip(spec.background, 0.0, 1.0)).astype(np.uint8), (size[1], size[0], 1))
         self._sky = Sky(spec.sky, size, linear_from_srgb(np.array(spec.background))) if spec.sky is not None else None
 
     def draw(self, frame: Frame) -> np.ndarray:
         """The picture of a frame, uint8, shape (height, width, 3)."""
-        width, height = self.size
         frame = self._appearance.dress(frame)
         if self.camera is None:
-            self.camera = Camera(self.spec.camera, frame, aspect=width / height, dimensions=self.dimensions)
+            self.camera = Camera(self.spec.camera, frame, aspect=self.size[0] / self.size[1], dimensions=self.dimensions)
         self.trails.add(self._appearance.with_drawn_velocity(frame))
+        return self.picture_of(frame, self.trails)
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Draw pictures of another size from now on."""
+        if size != self.size:
+            self._take_size(size)
+
+    def picture_of(self, frame: Frame, trails: DrawnTrails) -> np.ndarray:
+        """The picture of a prepared frame with trails that it is in already, where the camera has its place."""
+        assert self.camera is not None
+        width, height = self.size
         screen = Screen.of(self.camera, width, height)
-        primitives, tables = self._primitives(frame, self.camera, screen)
+        primitives, tables = self._primitives(frame, self.camera, screen, trails)
         picture = self._rasterize(primitives, tables, screen)
         draw_labels(picture, self._appearance.labels(), self.camera, self.spec.background)
         draw_overlay(picture, frame, self.spec, self.camera)
@@ -81,7 +97,9 @@ class Renderer(View):
     def close(self) -> None:
         """Do nothing: the renderer holds no memory of the device."""
 
-    def _primitives(self, frame: Frame, camera: Camera, screen: Screen) -> tuple[Primitives, SurfaceTables]:
+    def _primitives(
+        self, frame: Frame, camera: Camera, screen: Screen, trails: DrawnTrails
+    ) -> tuple[Primitives, SurfaceTables]:
         scale, spec = camera.distance, self.spec
         center = camera.view(frame.position)
         radius = camera.drawn_radius(
@@ -94,16 +112,16 @@ class Renderer(View):
         marks = tables.marks if self._surfaces else None
         drawn = spheres(center / scale, radius / scale, linear_from_srgb(frame.color), screen, marks=marks)
         tolerance = TRAIL_TOLERANCE * camera.visible_height / screen.height
-        ends, colors, age = self.trails.segments(np.asarray(frame.color), np.array(spec.background), tolerance)
+        ends, colors, age = trails.segments(np.asarray(frame.color), np.array(spec.background), tolerance)
         springs = center[np.asarray(frame.between, dtype=np.int64)].reshape(-1, 2, 3)
         walls, added = camera.view(frame.outline), self._appearance.segments(frame, camera)
         # Older parts lie a little farther away: where a path overlaps itself, its newest part is visible.
-        trails, push = camera.view(ends), (1.0 + TRAIL_DEPTH * age)[:, None]
+        paths, push = camera.view(ends), (1.0 + TRAIL_DEPTH * age)[:, None]
         if camera.orthographic:
-            trails[:, :, 2] *= push
+            paths[:, :, 2] *= push
         else:
-            trails *= push[:, :, None]
-        all_ends = np.concatenate([springs, trails, walls, camera.view(added.ends)]) / scale
+            paths *= push[:, :, None]
+        all_ends = np.concatenate([springs, paths, walls, camera.view(added.ends)]) / scale
         color = linear_from_srgb(
             np.concatenate([frame.spring_color, colors.mean(axis=1), np.tile(WALL_COLOR, (len(walls), 1)), added.color])
         )

@@ -7,7 +7,7 @@ from typing import Protocol
 COLUMNS = 54  # letters of a line
 ROW, LINE, HEAD = 23, 17, 32  # pixels: of a button, of a line of text, and of the panel's title with its rim
 MESSAGE_LINES = 5
-HINT = "arrows and Enter, or a click; N or Esc: close"
+HINT = "arrows and Enter, or a click"
 Box = tuple[float, float, float, float]
 
 
@@ -24,12 +24,13 @@ class ListGui(Protocol):
 class SceneList:
     """The scenes that `names()` returns, of which `present` runs now; `shown` is toggled by the user.
 
-    Where the names do not all fit, the names around the marked name are shown.
+    Where the names do not all fit, the names around the marked name are shown. `title_of` gives the title of a scene.
     """
 
-    def __init__(self, names: Callable[[], Sequence[str]], present: str) -> None:
+    def __init__(self, names: Callable[[], Sequence[str]], present: str, title_of: Callable[[str], str] = str) -> None:
         """The list is hidden at first."""
-        self._find, self.present = names, present
+        self._find, self.present, self._title_of = names, present, title_of
+        self._titles: dict[str, str] = {}
         self.names: Sequence[str] = ()
         self.shown, self.marked, self.message = False, 0, ""
         self._chosen: str | None = None
@@ -39,6 +40,7 @@ class SceneList:
         self.shown = not self.shown
         if self.shown:
             self.names, self.message = tuple(self._find()), ""
+            self._titles = {name: self._title_of(name) for name in self.names}
             self.marked = self.names.index(self.present) if self.present in self.names else 0
 
     def press(self, key: str) -> bool:
@@ -52,6 +54,10 @@ class SceneList:
         elif self.names:
             self.marked = (self.marked + (1 if key == "Down" else -1)) % len(self.names)
         return True
+
+    def scroll(self, rows: int) -> None:
+        """Move the mark by rows, not beyond the ends."""
+        self.marked = min(max(self.marked + rows, 0), max(len(self.names) - 1, 0))
 
     def take(self) -> str | None:
         """The name that was chosen since the last call."""
@@ -77,10 +83,17 @@ class SceneList:
 
     def draw(self, gui: ListGui, height: int) -> None:
         """Put the list into a window of GGUI."""
-        for name in self.visible(height):
+        visible = self.visible(height)
+        for name in visible:
             mark = ">" if name == self.names[self.marked] else " "
-            if gui.button(f"{mark} {name}{'  (runs)' if name == self.present else ''}"):
+            title = self._titles.get(name, name)
+            told = name if title == name else f"{title}   {name}"
+            if gui.button(f"{mark} {told}{'  (runs)' if name == self.present else ''}"):
                 self.marked, self._chosen = self.names.index(name), name
-        gui.text(HINT if self.names else "there is no scene in a file here")
+        if len(visible) < len(self.names):
+            first = self.names.index(visible[0]) + 1
+            gui.text(f"{first} to {first + len(visible) - 1} of {len(self.names)}; {HINT}")
+        else:
+            gui.text(HINT if self.names else "there is no scene in a file here")
         for line in textwrap.wrap(self.message, COLUMNS)[:MESSAGE_LINES]:
             gui.text(line)

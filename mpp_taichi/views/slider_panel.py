@@ -1,6 +1,6 @@
-"""Sliders in a window: the text beside each slider, and the value at each of its places. GGUI only draws the sliders.
+"""Sliders in a window: the text beside each slider, and the value at each of its places. `Paper` only draws the sliders.
 
-GGUI's sliders know f32 and show three decimals, so a range is scaled by a power of ten, or to its decimal logarithm.
+A range is scaled by a power of ten, or to its decimal logarithm.
 """
 
 import math
@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 DIGITS = 6  # digits of a value that is set by hand
-WIDTH, ROW, HEAD = 420, 23, 32  # pixels: of the panel, of a slider in it, and of its title with the rim
+WIDTH, ROW, HEAD = 288, 23, 32  # pixels: of the panel, of a slider in it, and of its title with the rim
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from bisect import bisect_left
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
@@ -9,6 +10,15 @@ from mpp_taichi.views._base import Frame
 from mpp_taichi.views.path_curves import Pieces, cubic_points, path_pieces
 
 COARSER = 2.0  # factor between the tolerances for which curves are cut anew, as where the camera zooms
+
+
+class DrawnTrails(Protocol):
+    """The function of trails that a renderer uses."""
+
+    def segments(
+        self, color: np.ndarray, background: np.ndarray, tolerance: float = np.inf
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Ends of segments, colours of the ends, and ages, as of `Trails`."""
 
 
 class Trails:

@@ -4,44 +4,41 @@ The window needs Vulkan (Mesa's lavapipe, in software, is enough) and a display;
 Linux without a display can have a display in memory: `xvfb-run python -m mpp_taichi …`.
 """
 
-import atexit
-import os
 import sys
-import tempfile
 import time
 from contextlib import nullcontext
-from pathlib import Path
 from typing import Protocol
 
-import taichi as ti
+import numpy as np
 
 from mpp_taichi.errors import BackendError, OutputError
 from mpp_taichi.scene.spec import RecordSpec, ViewSpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.caption import caption_lines, draw_caption
-from mpp_taichi.views.controls import BUTTONS, HELP, Controls
+from mpp_taichi.views.controls import BUTTONS, ZOOM_PER_CLICK, Controls
 from mpp_taichi.views.desk import Desk
 from mpp_taichi.views.display_loss import DisplayLoss
+from mpp_taichi.views.film_look import seeing
 from mpp_taichi.views.following import Follower
-from mpp_taichi.views.ggui import GguiScene, probe, read_back
+from mpp_taichi.views.ggui import probe
+from mpp_taichi.views.glass import Glass
 from mpp_taichi.views.legend import draw_legend, legend_lines
-from mpp_taichi.views.overlay import has_overlay, overlay_layer
+from mpp_taichi.views.numbered import numbered
 from mpp_taichi.views.pace import Pace, Rate
-from mpp_taichi.views.picking import discs, pick
+from mpp_taichi.views.paper import GROUND, Mouse
+from mpp_taichi.views.picking import described
 from mpp_taichi.views.picture import save_picture
-from mpp_taichi.views.pixel_points import PixelPoints
 from mpp_taichi.views.scene_list import SceneList
 from mpp_taichi.views.slider_panel import SliderPanel
-from mpp_taichi.views.trails import Trails
-from mpp_taichi.views.window_mark import WindowMark
+from mpp_taichi.views.waiting import WORD, waiting_picture
+from mpp_taichi.views.window_boxes import WindowBoxes
+from mpp_taichi.views.window_film import WindowFilm
+from mpp_taichi.views.window_layout import Layout
 from mpp_taichi.views.window_panels import WindowPanels
+from mpp_taichi.views.window_scene import WindowScene
 
-FRAMES_PER_SECOND = 60
 MESSAGE_SECONDS = 3.0
-DEFAULT_TRAIL = 60  # frames, when T switches on trails that the scene does not have
-CAPTION_COLUMNS, CAPTION_ROWS = 36, 5  # GGUI never resizes a panel after its first frame
-LEGEND_COLUMNS = 44
 HELD_KEYS = ("LMB", "MMB", "RMB", "Shift", "Control", "i", "o")
 
 
@@ -62,22 +59,10 @@ class Steerable(Protocol):
         """Go back to the start."""
 
 
-def _keep_folder_clean() -> None:
-    """Keep the layout file of GGUI's panel library, which it writes when the process ends, out of the working folder."""
-    layout = Path("imgui.ini").absolute()
-
-    def leave() -> None:
-        layout.unlink(missing_ok=True)
-        os.chdir(tempfile.gettempdir())
-
-    if not layout.exists():
-        atexit.register(leave)
-
-
 class Window:
     """Shows a simulation until the user closes it, or opens another scene.
 
-    Then `handed_on` is true, and `glass`, GGUI's own window, stays open for the Window of that scene.
+    Then `handed_on` is true, and `glass`, the open window, is handed on to the Window of that scene.
     """
 
     def __init__(
@@ -89,13 +74,14 @@ class Window:
         dimensions: int = 3,
         panels: WindowPanels | None = None,
         desk: Desk | None = None,
-        glass: "ti.ui.Window | None" = None,
+        glass: Glass | None = None,
         loss: DisplayLoss | None = None,
+        look: str = "auto",
     ) -> None:
         """Open the window, with panels beside the scene and sliders where there are some; `ti.init` has been called.
 
-        With the `glass` of another Window, the window keeps its place, its size and its name. `loss` answers the loss of the
-        display; without it the process ends as Xlib and Taichi end it.
+        With the `glass` of another Window, the window keeps its place and its size. `loss` answers the loss of the display;
+        without it the process ends as Xlib and Taichi end it. `look` is one of LOOKS.
 
         Raises:
             BackendError: there is no display, or GGUI does not work on it.
@@ -104,58 +90,79 @@ class Window:
         if problem:
             raise BackendError(f"cannot open a window: {problem}")
         self.spec, self.dimensions, self.title = spec, dimensions, title
-        self._loss = nullcontext if loss is None else loss.in_glass
-        self._panels = panels or WindowPanels((), RecordSpec(), str)
+        guard = nullcontext if loss is None else loss.in_glass
         if glass is None:
-            _keep_folder_clean()
-            with self._loss():
-                if loss is not None:
+            if loss is not None:
+                with guard():
                     loss.require_display()
-                glass = ti.ui.Window(title or "mpp_taichi", size, vsync=False, fps_limit=FRAMES_PER_SECOND)
-        self.glass = self._window = glass
+            glass = Glass(title or "mpp_taichi", size, guard)
+        glass.guard, glass.title = guard, title or glass.title
+        self.glass = glass
         self.handed_on = False
-        self._scene = GguiScene(self._window, spec, dimensions=dimensions)
-        self._trails = Trails(spec.trails or DEFAULT_TRAIL)
+        self._wait_for(title)
+        self._panels = panels or WindowPanels((), RecordSpec(), str)
+        self._scene = WindowScene(glass, spec, dimensions, self._panels, look)
         self._desk = desk or Desk()
         self._sliders = SliderPanel(self._desk.knobs)
-        self._scenes = SceneList(self._desk.scenes, self._desk.present)
-        self._picked = WindowMark()
-        self._names = PixelPoints()
+        self._scenes = SceneList(self._desk.scenes, self._desk.present, self._desk.title_of)
+        self._boxes = WindowBoxes(self._sliders, self._scenes)
         self._follower = Follower()
+        self._film = WindowFilm(self._desk.film)
         self._message, self._message_end = "", 0.0
+        self._mouse = Mouse()
+        self._layout = Layout.of(glass.size, boxes=self._sliders.shown)
 
-    def run(self, simulation: Steerable, *, steps_per_frame: int = 1, paused: bool = False) -> None:
-        """Drive the simulation until the window is closed, with fewer steps per frame while steps are slow."""
+    def run(self, simulation: Steerable, *, steps_per_frame: float = 1.0, paused: bool = False) -> None:
+        """Drive the simulation until the window is closed: so many steps in a 60th of a second, fewer while steps are slow."""
         controls = Controls(running=not paused, trails=self.spec.trails > 0)
         frame = self._look(simulation)
-        camera = Camera(self.spec.camera, frame, aspect=self._aspect(), dimensions=self.dimensions)
+        self._layout = self._layout_of(frame, controls)
+        aspect = self._scene.aspect(self._layout.picture)
+        camera = Camera(self.spec.camera, frame, aspect=aspect, dimensions=self.dimensions)
         if self.dimensions == 2 and not camera.orthographic:
             camera.turn_projection()
         pace, rate, last = Pace(steps_per_frame), Rate(), time.perf_counter()
+        compiled = False  # the first picture is shown before the step is compiled
         try:
-            while self._window.running and not controls.quit:
+            while self.glass.running and not controls.quit:
                 now = time.perf_counter()
-                self._read_input(controls, camera, frame, now - last)
-                last = now
+                self._layout = self._layout_of(frame, controls)
+                passed, last = now - last, now
+                self._read_input(controls, camera, frame, passed)
                 pace.change(controls.take_faster())
                 if controls.take("restart"):
                     simulation.restart()
-                    self._trails.clear()
+                    self._scene.trails.clear()
                     frame = self._look(simulation)
                 if back := controls.take_steps_back():
                     frame = self._go_back(simulation, back)
                 going = controls.running and not simulation.finished
-                steps = controls.take_steps() or (pace.take() if going else 0)
+                steps, before = controls.take_steps(), frame.time
+                if not steps and going and compiled:
+                    steps = pace.take(passed)
                 if steps > 0:
                     started = time.perf_counter()
                     simulation.advance(steps)
                     frame = self._look(simulation)
                     pace.took(time.perf_counter() - started)
                 self._follower.update(camera, frame)
-                self._show(frame, camera, controls, simulation.finished, f"{rate.count(steps):,.0f} steps/s{pace.text}")
+                rate.count(steps, frame.time - before if steps else 0.0)
+                told = rate.text(pace, frame.units) if compiled or not going else WORD
+                self._show(frame, camera, controls, simulation.finished, told, passed)
+                compiled = True
         finally:
+            self._film.end()
             if not self.handed_on:
-                self._window.destroy()
+                self.glass.destroy()
+
+    def _layout_of(self, frame: Frame, controls: Controls) -> Layout:
+        boxes = self._sliders.shown or self._scenes.shown or controls.help or not self._scene.has_film_look(frame)
+        return Layout.of(self.glass.size, boxes=boxes)
+
+    def _wait_for(self, title: str) -> None:
+        """Show the title of a scene that is being compiled."""
+        self.glass.put(waiting_picture(title, self.glass.size, self.spec.background))
+        self.glass.show()
 
     def _go_back(self, simulation: Steerable, times: int) -> Frame:
         """Go back by the given number of frames, or by as many as are kept."""
@@ -168,140 +175,120 @@ class Window:
         self._bare = simulation.frame()
         return self._scene.appearance.dress(self._bare)
 
-    def _scene_share(self) -> float:
-        """The scene's share of the window's height, where panels are below the scene."""
-        size = self._window.get_window_shape()
-        division = self._panels.division(size)
-        return 1.0 if division is None else float(division.scene[1] / size[1])
-
-    def _aspect(self) -> float:
-        return self._panels.aspect(self._window.get_window_shape(), self.spec.camera)
-
     def _read_input(self, controls: Controls, camera: Camera, frame: Frame, seconds: float) -> None:
-        keys = [event.key for event in self._window.get_events(ti.ui.PRESS)]
-        held = {key for key in HELD_KEYS if self._window.is_pressed(key)}
+        keys = self.glass.pressed()
+        held = self.glass.held(HELD_KEYS)
         held |= BUTTONS & set(keys)  # a click may begin and end between two frames
         shift = "Shift" in held or "Shift" in keys  # a key may go down and up between two frames
-        for key in keys:
+        size, part = self.glass.size, self._scene.part(self._layout.picture)
+        aspect = self._scene.aspect(self._layout.picture)
+        for key in [*self._boxes.keys, *keys]:
             if not self._scenes.press(key):
-                controls.press(key, shift=shift, camera=camera, frame=frame, aspect=self._aspect())
+                controls.press(key, shift=shift, camera=camera, frame=frame, aspect=aspect)
             if controls.take("scenes"):  # at once: the next keys of the same frame are for the list
                 self._scenes.toggle()
-        size = self._window.get_window_shape()
-        sliders = [self._sliders.box(size, self._caption_bottom())] if self._sliders.shown else []
-        controls.occupied = [*sliders, *([self._scenes.box(size)] if self._scenes.shown else [])]
-        with self._panels.aside(camera, self.spec.camera, size) as away:
-            controls.move(self._window.get_cursor_pos(), held, camera=camera, seconds=seconds, aspect=size[0] / size[1])
-            if (cursor := controls.take_click()) is not None:
-                self._picked.index = pick(discs(frame, camera, self.spec, size, away), cursor, size)
+        cursor = self.glass.cursor
+        pixel = cursor[0] * size[0], (1.0 - cursor[1]) * size[1]
+        self._mouse = Mouse(pixel, "LMB" in keys, "LMB" in held)
+        controls.occupied = [part.box_of(area) for area in self._boxes.areas]
+        away = any(area.holds(pixel) for area in self._boxes.areas)
+        clicks = self.glass.take_wheel()
+        if away and self._scenes.shown:
+            self._scenes.scroll(-clicks)
+        with seeing(camera, self._scene.film.factor(part.size)):
+            shape = part.width / part.height
+            controls.move(part.share(pixel), held, camera=camera, seconds=seconds, aspect=shape)
+            camera.zoom(self._boxes.zoom * (1.0 if away else ZOOM_PER_CLICK**clicks))
+        if controls.take_click() is not None:
+            self._scene.pick(frame, camera, self._layout.picture, pixel)
         if controls.take("follow"):
-            self._say(self._follower.next(self._picked.index))
+            self._say(self._follower.next(self._scene.picked.index))
+        if controls.take("look"):
+            self._say(self._scene.toggle_look(frame))
 
-    def _show(self, frame: Frame, camera: Camera, controls: Controls, finished: bool, rate: str) -> None:
-        self._trails.add(self._scene.appearance.with_drawn_velocity(frame))
+    def _show(self, frame: Frame, camera: Camera, controls: Controls, finished: bool, rate: str, seconds: float) -> None:
+        scene = self._scene
+        scene.trails.add(scene.appearance.with_drawn_velocity(frame))
         if controls.take("panels"):
             self._panels.toggle()
-        self._draw(frame, camera, controls.trails)
+        if controls.take("sliders"):
+            self._sliders.toggle()
         if controls.take("screenshot"):
-            self._save(frame)
-            self._draw(frame, camera, controls.trails)  # reading back empties the canvas
+            self._save(frame, camera, controls.trails)
         if controls.take("export"):
             self._say(self._panels.export())
         for request, action in (("save", self._desk.save), ("log", self._desk.log)):
             if controls.take(request):
                 self._say(action())
-        if controls.take("sliders"):
-            self._sliders.toggle()
         if controls.take("print_camera"):
             sys.stderr.write(camera.as_yaml())
             self._say("camera printed")
+        self._layout = self._layout_of(frame, controls)
+        picture = scene.draw(frame, camera, self._layout.picture, trails=controls.trails)
+        if controls.take("film"):
+            self._say(self._film.toggle(picture))
+        elif message := self._film.add(picture, seconds):
+            self._say(message)
         status = "finished" if finished else "running" if controls.running else "paused"
-        self._write(
-            [*caption_lines(frame), f"{status}, {rate}   H: help", self._current_message()],
-            controls.help and not self._scenes.shown,
+        told = scene.trails.message if controls.trails else ""
+        line = f"{status}, {rate}   H: help" + ("   D: plain spheres" if picture is None else "")
+        self._put_boxes(frame, controls, [line, self._current_message() or told], picture is None)
+        if picture is None:
+            self._boxes.draw(self.glass)
+        else:
+            self.glass.put(self._composed(picture))
+        self.glass.show()
+        if self._boxes.moved and (message := self._desk.move(self._boxes.moved)):
+            self._say(message)
+        self._open_scene(controls)
+
+    def _put_boxes(self, frame: Frame, controls: Controls, status: list[str], plain: bool) -> None:
+        """Lay out the boxes; where GGUI draws the scene, they hold its caption and its legend as well."""
+        index = self._scene.picked.index
+        shown = index is not None and index < len(self._bare.position)
+        self._boxes.begin()
+        self._boxes.put(
+            self._layout,
+            self._mouse,
+            running=controls.running,
+            filming=self._film.on,
+            look="plain spheres" if plain else "as in films",
+            status=status,
+            caption=caption_lines(frame) if plain and self.spec.caption else (),
+            legend=legend_lines(self._scene.appearance.legend()) if plain else (),
+            picked=described(self._bare, index) if index is not None and shown else (),
+            with_help=controls.help,
         )
-        legend = legend_lines(self._scene.appearance.legend())
-        self._picked.write(self._window, self._bare, 7 * LEGEND_COLUMNS + 40 if legend else 8)
-        if self._sliders.shown:
-            self._move_sliders()
-        if self._scenes.shown:
-            self._list_scenes(controls)
-        with self._loss():
-            self._window.show()
+        self._boxes.end()
 
-    def _draw(self, frame: Frame, camera: Camera, with_trails: bool) -> None:
-        size = self._window.get_window_shape()
-        with self._panels.aside(camera, self.spec.camera, size) as self._scene.shift:
-            self._scene.draw(frame, camera, self._trails if with_trails else None)
-            if self._picked.index is not None:
-                self._picked.draw(self._window.get_canvas(), discs(frame, camera, self.spec, size, self._scene.shift), size)
-            if has_overlay(self.spec):
-                division = self._panels.division(size)
-                part = size if division is None else division.scene
-                self._names.put(*overlay_layer(frame, self.spec, camera, size, self._scene.shift, part), size)
-                self._names.draw(self._window.get_canvas(), size)
-        self._panels.draw(self._window.get_canvas(), size, self._window.get_cursor_pos())
+    def _composed(self, picture: np.ndarray) -> np.ndarray:
+        """The whole window: the picture and the boxes."""
+        area, (width, height) = self._layout.picture, self.glass.size
+        whole = np.full((height, width, 3), GROUND, np.uint8)
+        whole[area.top : area.top + area.height, area.left : area.left + area.width] = picture
+        self._boxes.paste(whole)
+        return whole
 
-    def _save(self, frame: Frame) -> None:
-        """Write the picture, without the panels, into the working directory, with the first free number in its name."""
-        path = next(path for number in range(10**6) if not (path := Path(f"screenshot_{number:04d}.png")).exists())
-        with self._loss():
-            picture = read_back(self._window)
-        if self.spec.caption:
-            draw_caption(picture, frame, self.spec.background)
-        rows = round(self._scene_share() * len(picture))
-        draw_legend(picture[:rows], self._scene.appearance.legend(), self.spec.background)
+    def _save(self, frame: Frame, camera: Camera, with_trails: bool) -> None:
+        """Write the picture, without the boxes, into the folder of outputs."""
+        (path,) = numbered("screenshot", ".png")
+        picture = self._scene.draw(frame, camera, self._layout.picture, trails=with_trails, marked=False)
+        if picture is None:
+            area, part = self._layout.picture, self._scene.part(self._layout.picture)
+            picture = self.glass.read_back()[: area.height, area.left :].copy()
+            if self.spec.caption:
+                draw_caption(picture, frame, self.spec.background)
+            draw_legend(picture[: part.height, : part.width], self._scene.appearance.legend(), self.spec.background)
         try:
             save_picture(picture, path)
             self._say(f"saved {path}")
         except OutputError as error:
             self._say(str(error))
 
-    def _write(self, lines: list[str], with_help: bool) -> None:
-        """Text over the picture. GGUI's font is 13 pixels high and knows Latin-1 only."""
-        width, height = self._window.get_window_shape()
-        gui = self._window.get_gui()
-        if self.spec.caption:
-            columns = max(CAPTION_COLUMNS, *(len(line) for line in lines))
-            with gui.sub_window(
-                "scene", 8 / width, 8 / height, (7 * columns + 24) / width, (17 * CAPTION_ROWS + 32) / height
-            ) as panel:
-                for line in lines:
-                    panel.text(line)
-        if legend := legend_lines(self._scene.appearance.legend()):
-            columns, deep = max(LEGEND_COLUMNS, *(len(line) for line in legend)), (17 * len(legend) + 32) / height
-            top = self._scene_share() - 8 / height - deep
-            with gui.sub_window("legend", 8 / width, top, (7 * columns + 24) / width, deep) as panel:
-                for line in legend:
-                    panel.text(line)
-        if with_help:
-            columns, rows = 54, len(HELP)
-            left = 1.0 - (7 * columns + 32) / width
-            with gui.sub_window("keys", left, 8 / height, (7 * columns + 24) / width, (17 * rows + 32) / height) as panel:
-                for keys, does in HELP:
-                    panel.text(f"{keys:24s}{does}")
-
-    def _caption_bottom(self) -> int:
-        """Height of the caption in pixels, at most."""
-        return 17 * CAPTION_ROWS + 48 if self.spec.caption else 8
-
-    def _move_sliders(self) -> None:
-        """Draw the sliders, and set the moved parameters; the next step uses them."""
-        size = self._window.get_window_shape()
-        gui = self._window.get_gui()
-        with gui.sub_window("sliders", *self._sliders.box(size, self._caption_bottom())) as panel:
-            moved = self._sliders.draw(panel)
-        if moved and (message := self._desk.move(moved)):
-            self._say(message)
-
-    def _list_scenes(self, controls: Controls) -> None:
-        """Draw the list of scenes, and hand the window on to the chosen scene if it can be opened."""
-        size = self._window.get_window_shape()
-        # The number of rows is part of the name by which GGUI identifies the panel, since GGUI never resizes a panel.
-        rows = self._scenes.rows(size[1])
-        with self._window.get_gui().sub_window(f"scenes###{rows}", *self._scenes.box(size)) as panel:
-            self._scenes.draw(panel, size[1])
+    def _open_scene(self, controls: Controls) -> None:
+        """Hand the window on to the scene that was chosen from the list, if the scene can be opened."""
         if (name := self._scenes.take()) is not None:
+            self._wait_for(self._desk.title_of(name))
             self._scenes.message = self._desk.open(name)
             self.handed_on = controls.quit = not self._scenes.message
 

@@ -1,16 +1,14 @@
-"""The picked particle in a window: a ring around the particle, and a text about it at the lower rim."""
+"""The picked particle in a window, and a ring around it where GGUI draws the scene."""
 
 from typing import Any
 
 import numpy as np
 import taichi as ti
 
-from mpp_taichi.views._base import Frame
-from mpp_taichi.views.picking import CORNERS, Discs, described, ring
+from mpp_taichi.views.picking import CORNERS, Discs, ring
 
 COLOR = (0.9, 0.62, 0.0)  # orange of Okabe and Ito
 RING_WIDTH = 2.0  # pixels
-COLUMNS, ROWS = 52, 4  # GGUI never resizes a panel after its first frame
 
 
 class WindowMark:
@@ -32,15 +30,3 @@ class WindowMark:
             self._ends = ti.Vector.field(2, ti.f32, 2 * CORNERS)
         self._ends.from_numpy(ends.astype(np.float32))
         canvas.lines(self._ends, RING_WIDTH / size[1], color=COLOR)
-
-    def write(self, window: "ti.ui.Window", frame: Frame, left: int) -> None:
-        """Write the text about the particle at the lower rim, `left` pixels from the left rim."""
-        if self.index is None or self.index >= len(frame.position):
-            return
-        width, height = window.get_window_shape()
-        rows = 17 * ROWS + 32
-        with window.get_gui().sub_window(
-            "picked", left / width, 1.0 - (rows + 8) / height, (7 * COLUMNS + 24) / width, rows / height
-        ) as panel:
-            for line in described(frame, self.index):
-                panel.text(line)

@@ -473,18 +473,18 @@ def test_a_bad_scene_fails_before_taichi_is_imported(scene):
 class ScriptedWindow:
     """Stands for a window: runs to the end, goes back, runs a part, and is closed."""
 
-    def __init__(self, spec, size=(0, 0), *, title="", dimensions=3, panels=None, desk=None, glass=None, loss=None):
+    def __init__(self, spec, size=(0, 0), *, title="", dimensions=3, panels=None, desk=None, glass=None, loss=None, look=""):
         self.title, self.panels, self.desk, self.glass, self.handed_on = title, panels, desk, glass, False
 
     def run(self, simulation, *, steps_per_frame=1, paused=False):
         while not simulation.finished:
-            simulation.advance(steps_per_frame)
+            simulation.advance(max(1, round(steps_per_frame)))
         end = simulation.frame()
         assert end.time == self.end and end.title == "Kepler"
         (plot,) = self.panels.plots
         assert plot.x[-1] == self.end
-        assert self.panels.export() == "saved kepler_0000.csv, kepler_0000.svg"
-        assert self.panels.export() == "saved kepler_0001.csv, kepler_0001.svg"
+        assert self.panels.export() == "saved out/kepler_0000.csv, out/kepler_0000.svg"
+        assert self.panels.export() == "saved out/kepler_0001.csv, out/kepler_0001.svg"
         simulation.advance(1)  # a single step beyond the end
         assert simulation.frame().time > self.end
         simulation.restart()

@@ -413,10 +413,12 @@ def test_ggui_draws_what_is_added_to_a_scene(ggui_works) -> None:
         assert (picture & wider).sum() / picture.sum() > 0.95
 
 
-def test_ggui_forgets_the_last_frame(ggui_works) -> None:
+def test_ggui_forgets_the_last_frame_and_leaves_no_file(ggui_works, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
     view = open_offscreen(view_spec(), SIZE, renderer="ggui")
     view.draw(frame_of([-3, 0, 0], 0.5))
     column, _, width, _ = silhouette(view.draw(frame_of([3, 0, 0], 0.5)))
     view.close()
     view.close()
+    assert list(tmp_path.iterdir()) == [], "the panel library of GGUI would write its layout here"
     assert column > SIZE[0] / 2 and width < SIZE[0] / 4

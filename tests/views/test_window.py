@@ -18,9 +18,13 @@ import yaml
 from pictures import frame_of
 from PIL import Image
 
+from mpp_taichi.device import backends
 from mpp_taichi.scene.spec import CameraSpec, ViewSpec
+from mpp_taichi.scene.view_spec import SkySpec
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.overlay import overlay_layer
+from mpp_taichi.views.renderer import Renderer
+from mpp_taichi.views.waiting import waiting_picture
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
@@ -86,6 +90,13 @@ print("end", flush=True)
 """
 
 
+SKY = """panels = None
+from mpp_taichi.scene.view_spec import SkySpec
+sky = SkySpec(stars=500)
+"""
+COLORS = [[1, 0.8, 0.1], [0.2, 0.5, 1], [1, 0.3, 0.2]]
+
+
 @pytest.fixture(scope="module")
 def display() -> Iterator[str]:
     """A display in memory on a number that is free."""
@@ -136,7 +147,8 @@ class Session:
             stderr=self.errors,
         )
         self.window = self.wait_for(lambda: self.tool("search", "--onlyvisible", "--name", title).split()[:1])[0]
-        self.wait_for(lambda: self.picture().max() > 100)
+        self.title = title
+        self.wait_for(lambda: (seen := self.picture()).max() > 100 and not self.is_compiling(seen))
 
     def tool(self, *arguments: object) -> str:
         """Run xdotool."""
@@ -168,6 +180,10 @@ class Session:
         subprocess.run(["import", "-window", "root", str(path)], env=self.environment, check=True, timeout=20)
         screen = np.asarray(Image.open(path).convert("RGB")).astype(int)
         return screen[CORNER[1] : CORNER[1] + WINDOW[1], CORNER[0] : CORNER[0] + WINDOW[0]]
+
+    def is_compiling(self, seen: np.ndarray) -> bool:
+        """Whether the window shows the picture that is there while a scene is being compiled."""
+        return np.array_equal(seen, waiting_picture(self.title, WINDOW, ViewSpec().background))
 
     def scene(self) -> np.ndarray:
         """The part of the window that no panel covers."""
@@ -274,7 +290,7 @@ def test_help_trails_and_picture(session: Session) -> None:
     session.press("h")
     session.wait_for(lambda: changed(plain, session.picture()) < 20)
     session.press("c")
-    saved = session.wait_for(lambda: list(session.folder.glob("screenshot_*.png")))
+    saved = session.wait_for(lambda: list(session.folder.glob("out/screenshot_*.png")))
     picture = np.asarray(Image.open(saved[0])).astype(int)
     assert picture.shape == (WINDOW[1], WINDOW[0], 3)
     assert changed(picture[130:], plain[130:]) < 50, "the picture is what the window shows"
@@ -308,19 +324,34 @@ def test_panels_are_those_of_a_film_and_say_what_the_cursor_points_at(display: s
         session.close()
 
 
-def test_names_and_scale_bar_stand_where_a_film_has_them(display: str, tmp_path: Path) -> None:
-    program = PROGRAM.replace("ViewSpec(camera=camera)", "ViewSpec(camera=camera, labels=True, scale_bar=True)")
+@pytest.mark.parametrize("look", ["film", "plain"])
+def test_names_and_scale_bar_stand_where_a_film_has_them(display: str, tmp_path: Path, look: str) -> None:
+    """In the look of films the picture is that of a film, to the last bit, below the status of the window."""
+    program = PROGRAM.replace("ViewSpec(camera=camera)", "ViewSpec(camera=camera, labels=True, scale_bar=True, sky=sky)")
     program = program.replace('title="Planets", extra', 'name=("Sonne", "Erde", "Überß"), title="Planets", extra')
+    program = program.replace("panels=panels)", f"panels=panels, look={look!r})").replace("panels = None", SKY)
     session = Session(display, tmp_path, program=program)
     try:
         camera = CameraSpec(position=(0, 0, 8), look_at=(0, 0, 0), up=(0, 1, 0))
         places = [[0, 0, 0], [2, 0, 0], [1.2, 0, 0]]
-        frame = frame_of(places, [0.4, 0.15, 0.2], name=("Sonne", "Erde", "Überß"))
-        view = ViewSpec(camera=camera, labels=True, scale_bar=True)
-        rows, columns, colors = overlay_layer(frame, view, Camera(camera, frame, aspect=16 / 9), WINDOW, (0.0, 0.0), WINDOW)
-        assert len(rows) > 300
+        names = ("Sonne", "Erde", "Überß")
+        frame = frame_of(
+            places, [0.4, 0.15, 0.2], COLORS, name=names, between=np.array([[0, 1]]), spring_color=[[0.5, 0.9, 0.5]]
+        )
+        view = ViewSpec(camera=camera, labels=True, scale_bar=True, sky=SkySpec(stars=500))
         picture = session.picture()
-        np.testing.assert_array_equal(picture[rows, columns], colors)
+        if look == "film":
+            backends.start("cpu", "f32")
+            np.testing.assert_array_equal(picture[130:], Renderer(view, WINDOW).draw(frame)[130:])
+        else:
+            seen = Camera(camera, frame, aspect=16 / 9)
+            rows, columns, colors = overlay_layer(frame, view, seen, WINDOW, (0.0, 0.0), WINDOW)
+            assert len(rows) > 300
+            np.testing.assert_array_equal(picture[rows, columns], colors)
+        session.press("d")
+        session.wait_for(lambda: changed(picture[130:], session.scene()) > 20)
+        session.press("d")
+        session.wait_for(lambda: np.array_equal(picture[130:], session.scene()))
         session.press("i", seconds=0.6)
         assert changed(picture[130:], session.scene()) > 100, "names go along with their bodies"
         session.press("Escape")
@@ -371,6 +402,8 @@ def test_closing_the_window_ends_cleanly(session: Session, display: str) -> None
 
 
 def test_nothing_is_left_in_the_working_directory(session: Session) -> None:
+    time.sleep(5.5)  # the time after which the panel library writes its file while a window is open
+    session.press("h")
     session.tool("key", "--window", session.window, "q")
     assert session.end() == 0
     assert {path.name for path in session.folder.iterdir()} <= {"log.txt", "errors.txt", "screen.png"}  # the test's own

@@ -9,11 +9,12 @@ from test_window import CORNER, WINDOW, Session, display
 
 import mpp_taichi as mpp
 from mpp_taichi.scene.spec import CameraSpec, ViewSpec
+from mpp_taichi.views import pace
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.camera import Camera
 from mpp_taichi.views.controls import MANY_STEPS, Controls
 from mpp_taichi.views.following import CENTER, Follower
-from mpp_taichi.views.pace import Pace
+from mpp_taichi.views.pace import MOST_FRAMES, Pace
 from mpp_taichi.views.picking import discs, pick, ring
 from mpp_taichi.views.slider_panel import Knob, SliderPanel
 
@@ -136,16 +137,35 @@ def test_the_camera_goes_along_with_what_it_follows():
 
 
 def test_pace_and_the_way_back_are_asked_for_by_arrows():
-    controls, pace = Controls(), Pace(3)
+    controls, steps = Controls(), Pace(3)
     for key, shift in (("Up", False), ("Left", True), ("Left", False)):
         controls.press(key, shift=shift, camera=None, frame=None, aspect=1.0)
     assert controls.take_steps_back() == MANY_STEPS + 1 and not controls.running and controls.take_steps_back() == 0
-    pace.change(controls.take_faster())
-    assert pace.take() == 6 and pace.text == " x2"
-    pace.took(1.0)
-    assert [pace.take() for _ in range(3)] == [3, 3, 3], "halved where steps are slow"
-    pace.change(-4)
-    assert [pace.take() for _ in range(16)].count(1) == 6 and pace.text == " x1/8", "3/8 steps a frame"
+    steps.change(controls.take_faster())
+    assert steps.take() == 6 and steps.text == " x2"
+    steps.took(1.0)
+    assert [steps.take() for _ in range(3)] == [3, 3, 3], "halved where steps are slow"
+    steps.change(-4)
+    assert [steps.take() for _ in range(16)].count(1) == 6 and steps.text == " x1/8", "3/8 steps a frame"
+
+
+def test_a_run_keeps_pace_with_the_clock_and_its_speed_is_told(monkeypatch):
+    """At 3 steps in a 60th of a second, in frames of any length, 180 steps are taken in a second."""
+    for frames in (7, 20, 60):
+        paced = Pace(3)
+        assert sum(paced.take(1.0 / frames) for _ in range(frames)) in (179, 180), "but for a rounding of the last step"
+    slow = Pace(0.05)
+    assert 2 <= sum(slow.take(1.0 / 60.0) for _ in range(60)) <= 3, "a scene of 3 steps in a second"
+    assert Pace(3).take(10.0) == 3 * MOST_FRAMES, "a long wait is not made up for"
+    now = [0.0]
+    monkeypatch.setattr(pace.time, "perf_counter", lambda: now[0])
+    for taken, expected in ((180, "1 s = 12.0 h, 180 steps/s"), (60, "1 s = 4.0 h of 12.0 h, 60 steps/s")):
+        rate = pace.Rate()
+        for _ in range(taken):
+            now[0] += 1.0 / taken
+            rate.count(1, 1.0 / 360.0)
+        assert rate.text(Pace(3), {"time": "day"}) == expected
+    assert rate.text(Pace(3), None) == "1 s = 0.167 of 0.500, 60 steps/s"
 
 
 # --- a real window ------------------------------------------------------------------------------------------------------------
@@ -259,13 +279,13 @@ def test_a_slider_picking_the_way_back_and_the_log_in_a_real_window(display, tmp
         session.wait_for(lambda: abs(pixels(session.picture(), ORANGE, left=300)[0] - WINDOW[0] / 2) < 2)
         for key in ("s", "l"):
             session.press(key)
-        session.wait_for(lambda: list(tmp_path.glob("scene_log_*.yaml")) and list(tmp_path.glob("scene_0000.npz")))
+        session.wait_for(lambda: list(tmp_path.glob("out/scene_log_*.yaml")) and list(tmp_path.glob("out/scene_0000.npz")))
         session.press("Escape")
         assert session.end() == 0 and session.complaints() == ""
     finally:
         session.close()
-    log = tmp_path / "scene_log_0000.yaml"
+    log = tmp_path / "out" / "scene_log_0000.yaml"
     assert yaml.safe_load(log.read_text(encoding="utf-8"))["timeline"][0]["at"] == 0.0
-    state = mpp.Snapshot.load(tmp_path / "scene_0000.npz")
+    state = mpp.Snapshot.load(tmp_path / "out" / "scene_0000.npz")
     with mpp.Simulation(log, backend="cpu", precision="f64") as again:
         assert np.array_equal(again.run().snapshot().position, state.position) and again.step_count == state.step == 2

@@ -15,6 +15,7 @@ from test_window import WINDOW, Session, display
 from test_window_desk import GRAB, PIXEL, pixels
 
 from mpp_taichi.views.controls import HELP, MANY_STEPS, ZOOM_PER_HEIGHT
+from mpp_taichi.views.pace import MOST_FRAMES
 
 __all__ = ["display"]  # a fixture
 SCENE = """\
@@ -180,10 +181,10 @@ def drags(hand):
 
 
 def pace_and_the_way_back(hand):
-    """Up, down, space, left arrow with Shift. Steps that take long are fewer for a while, never more than asked for."""
+    """Up, down, space, left arrow with Shift. Frames have the steps of their time, up to a limit."""
     hand.press("Up")
     hand.press("space")
-    hand.wait_for(lambda: 8 in hand.steps()[1])
+    hand.wait_for(lambda: max(hand.steps()[1], default=0) >= 8)
     hand.press("space")
     for _ in range(3):
         hand.press("Down")
@@ -192,7 +193,7 @@ def pace_and_the_way_back(hand):
     hand.wait_for(lambda: len(hand.steps()[1]) > quick + MANY_STEPS + 5)
     hand.press("space")
     counts, by = hand.steps()
-    assert max(by[:quick]) == 8 and set(by[quick:]) == {1}
+    assert 8 <= max(by[:quick]) <= 8 * MOST_FRAMES and max(by[quick:]) <= MOST_FRAMES
     hand.press("shift", "Left")
     hand.wait_for(lambda: hand.said()[-1].endswith("again"))
     assert hand.steps()[0][-1] == counts[-1 - MANY_STEPS]
