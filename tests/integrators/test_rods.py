@@ -5,6 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from mpp_taichi import SceneError, Simulation, StabilityError, component
+from mpp_taichi.quantities._base import Setting
+from mpp_taichi.recorders._simulation_sample import SimulationSample
 
 GRAVITY, MASSES, LENGTHS, ANGLES = 9.81, (1.0, 1.5), (1.0, 0.7), (1.0, 0.3)
 TAKES_RODS = component.marked("integrators", "takes_rods")
@@ -221,3 +223,23 @@ def test_scenes_without_rods_compile_nothing_for_rods():
     with Simulation(scene, backend="cpu") as s:
         assert s.phase.total_force.rods is None
         assert not [name for name in s.state.field_sizes() if name.startswith("rod_")]
+
+
+def test_the_force_of_a_rod_is_the_tension_of_a_pendulum():
+    """m (g cos θ + L ω²) = m g (3 cos θ − 2 cos θ₀) of one rod; the upper of two rods at rest holds both weights."""
+    scene = chain([(0, 0, 0), (2.0, 0, 0)], masses=[1, 3.0])
+    with Simulation(scene, backend="cpu") as s:
+        s.run(duration=1.0)
+        watched = SimulationSample(s)
+        force = component.build("quantities", "rod_force", {"between": (0, 1)})
+        force.begin(Setting(s.spec, s.start))
+        cosine = -s.snapshot().position[1, 2] / 2.0
+        # Leapfrog of 1e-3 s: energy and angle are right to (ω dt)², 1e-5.
+        assert force.measure(watched) == pytest.approx(3.0 * GRAVITY * 3.0 * cosine, rel=1e-4)
+    hanging = chain([(0, 0, 0), (0, 0, -1), (0, 0, -2)], masses=[1, 2.0, 3.0])
+    with Simulation(hanging, backend="cpu") as s:
+        s.run(steps=3)
+        for between, weight in (((0, 1), 5.0), ((1, 2), 3.0)):
+            force = component.build("quantities", "rod_force", {"between": between})
+            force.begin(Setting(s.spec, s.start))
+            assert force.measure(SimulationSample(s)) == pytest.approx(weight * GRAVITY, rel=1e-12)
