@@ -76,7 +76,7 @@ class Bound(Field):
 
 
 _BOUND_FIELDS: dict[str, Any] = {
-    "below": (Annotated[dict | None, Bound(Number())], Describe(None, description="upper bound (|value| of a vector)")),
+    "below": (Annotated[dict | None, Bound(Number())], Describe(None, description="bound of the absolute value")),
     "above": (Annotated[dict | None, Bound(Number())], Describe(None, description="lower bound")),
     "near": (Annotated[float | None, Number()], Describe(None, description="the value expected")),
     "within": (Annotated[dict | None, Bound(Number(minimum=0.0))], Describe(None, description="|value − near| / |near|")),
