@@ -106,6 +106,13 @@ def test_what_knows_no_rods_says_so(words, message, tmp_path, capfd):
     assert message in capfd.readouterr().err
 
 
+def test_h5md_holds_the_ends_of_the_rods(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    assert main(["convert", written(tmp_path), str(tmp_path / "rods.h5md"), "--quiet"]) == 0
+    with h5py.File(tmp_path / "rods.h5md") as file:
+        assert file["connectivity/rods"][:].tolist() == [[0, 1], [1, 2]]
+
+
 def test_a_particle_list_knows_no_rods(tmp_path, capfd):
     assert main(["convert", written(tmp_path), str(tmp_path / "rods.plist")]) != 0
     assert "a particle list has springs, and no rods" in capfd.readouterr().err
