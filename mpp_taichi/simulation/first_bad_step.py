@@ -61,7 +61,10 @@ def bent_rod(before: Snapshot, trouble: Trouble, *, step: int, time: float) -> S
     if trouble.singular:
         message = f"{rod} is in line with other rods, which fix its length already: its force is not determined there"
     else:
-        message = f"no force along {rod} keeps its length, as rods turn too far in one step; try a smaller dt"
+        message = (
+            f"no force along {rod} keeps its length: rods turn too far in one step, or come into line with rods that fix their "
+            "lengths already; try a smaller dt"
+        )
     error = StabilityError(f"step {step}, time {time:.9g}: {message}")
     error.step, error.time, error.particle = step, time, particle
     return error
