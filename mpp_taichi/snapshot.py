@@ -14,9 +14,12 @@ FORMAT_VERSION = 1
 MERGED_ARRAYS = ("mass", "radius", "charge", "free", "merged_into")
 """The properties of a particle that merging changes, beside its place and velocity."""
 MASS_ROUNDING = 1e-5  # of the whole mass, as sums in f32 over many mergers leave it
+ROD_ROUNDING = 1e-6
+"""Relative difference of two lengths that are the same length, rounded to single precision."""
 _ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color", "free")
 _COLUMNS = {"position": (3,), "velocity": (3,), "color": (3,), "free": (3,), "between": (2,)}
 _SPRING_ARRAYS = ("between", "stiffness", "damping", "rest_length", "color")
+_ROD_ARRAYS = ("between", "length", "color")
 _COMOVING_ARRAYS = ("origin", "drift", "elapsed", "position", "velocity")
 
 
@@ -37,6 +40,24 @@ class Springs:
 
     def __len__(self) -> int:
         """Count the springs."""
+        return len(self.between)
+
+
+@dataclass(frozen=True, eq=False)
+class Rods:
+    """Rigid rods as arrays, one entry per rod.
+
+    between   indices (i, j) of the two ends, shape (rod_count, 2)
+    length    the constant distance of the two ends [length], (rod_count,)
+    color     red, green, blue in 0…1, shape (rod_count, 3)
+    """
+
+    between: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int32))
+    length: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    color: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def __len__(self) -> int:
+        """Count the rods."""
         return len(self.between)
 
 
@@ -79,6 +100,7 @@ class Snapshot:
     free: np.ndarray
     name: tuple[str, ...]
     springs: Springs = field(default_factory=Springs)
+    rods: Rods = field(default_factory=Rods)
     time: float = 0.0
     step: int = 0
     dt: float | None = None  # of the run that led here, where it is known [time]
@@ -103,12 +125,15 @@ class Snapshot:
         """The particles of `start` where they are here, at this time and step, merged as they are here.
 
         Raises:
-            StateError: these are other particles, or other springs link them.
+            StateError: these are other particles, or other springs or rods link them.
         """
         if self.particle_count != start.particle_count:
             raise StateError(f"the state has {self.particle_count:,} particles, the scene {start.particle_count:,}")
         if not np.array_equal(self.springs.between, start.springs.between):
             raise StateError(f"the {len(self.springs):,} springs of the state are not the {len(start.springs):,} of the scene")
+        same_rods = np.array_equal(self.rods.between, start.rods.between)
+        if not (same_rods and np.allclose(self.rods.length, start.rods.length, rtol=ROD_ROUNDING, atol=0.0)):
+            raise StateError(f"the {len(self.rods):,} rods of the state are not the {len(start.rods):,} of the scene")
         if np.any(self.mass < 0.0) or np.any(self.radius < 0.0):
             raise StateError("the state holds a mass or a radius below 0")
         merges = start.merged_into is not None and self.merged_into is not None
@@ -130,6 +155,8 @@ class Snapshot:
         path = Path(path)
         arrays = {key: getattr(self, key) for key in _ARRAYS}
         arrays |= {f"spring_{key}": getattr(self.springs, key) for key in _SPRING_ARRAYS}
+        if len(self.rods):
+            arrays |= {f"rod_{key}": getattr(self.rods, key) for key in _ROD_ARRAYS}
         if self.merged_into is not None:
             arrays["merged_into"] = self.merged_into
         if self.comoving is not None:
@@ -151,6 +178,8 @@ class Snapshot:
                 springs = Springs(**{key: data[f"spring_{key}"] for key in _SPRING_ARRAYS})
                 arrays = {key: data[key] for key in _ARRAYS}
                 names = tuple(str(entry) for entry in data["name"])
+                if "rod_between" in data:
+                    arrays["rods"] = Rods(**{key: data[f"rod_{key}"] for key in _ROD_ARRAYS})
                 arrays["merged_into"] = data["merged_into"] if "merged_into" in data else None
                 if "comoving_origin" in data:
                     arrays["comoving"] = Comoving(**{key: data[f"comoving_{key}"] for key in _COMOVING_ARRAYS})
@@ -164,8 +193,9 @@ class Snapshot:
         """ValueError where arrays, read from a file, do not match the fields of this class, or the version is another."""
         if version != FORMAT_VERSION:
             raise ValueError(f"its format is version {version}, this program reads version {FORMAT_VERSION}")
-        count, links = np.size(self.mass), np.size(self.springs.stiffness)
-        for owner, keys, rows in ((self, _ARRAYS, count), (self.springs, _SPRING_ARRAYS, links)):
+        count, links, bars = np.size(self.mass), np.size(self.springs.stiffness), np.size(self.rods.length)
+        owners = ((self, _ARRAYS, count), (self.springs, _SPRING_ARRAYS, links), (self.rods, _ROD_ARRAYS, bars))
+        for owner, keys, rows in owners:
             for key in keys:
                 array, shape = getattr(owner, key), (rows, *_COLUMNS.get(key, ()))
                 if array.shape != shape or array.dtype.kind not in "fiub":

@@ -81,8 +81,12 @@ def _without(spec: SceneSpec) -> list[tuple[str, SceneSpec]]:
         (force.name, replace(spec, forces=spec.forces[:number] + spec.forces[number + 1 :]))
         for number, force in enumerate(spec.forces)
     ]
-    if spec.springs:
-        variants.append((component.marked("forces", "acts_on_springs")[0], replace(spec, springs=())))
+    rigid = [entry for _, entry in spec.rigid_entries]
+    elastic = tuple(entry for entry in spec.springs if entry not in rigid)
+    if elastic:
+        variants.append((component.marked("forces", "acts_on_springs")[0], replace(spec, springs=tuple(rigid))))
+    if rigid:
+        variants.append((rigid[0].name, replace(spec, springs=elastic)))
     if spec.contacts is not None and not _flies(spec):
         variants.append(("hard_spheres", replace(spec, contacts=None, walls=())))
     return variants

@@ -76,8 +76,9 @@ class Request:
         return not isinstance(self.rewind, Excerpt)
 
     def frame_count(self, spec: SceneSpec) -> int:
-        """The number of frames of the film."""
-        return round((self.fps or spec.record.fps) * (self.film_seconds or spec.record.seconds))
+        """The number of frames of the film; a single frame shows the start, so that a picture of the end needs two."""
+        count = round((self.fps or spec.record.fps) * (self.film_seconds or spec.record.seconds))
+        return max(2, count) if self.still is not None and count > 0 else count
 
     def for_another_scene(self) -> "Request":
         """The part of the request that holds for a scene opened in its window: how to run, without any file."""

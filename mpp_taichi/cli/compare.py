@@ -17,6 +17,7 @@ from mpp_taichi.cli import _options
 from mpp_taichi.cli._study_journal import add_journal, study_journal, torn, went_on
 from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, put_json, say
 from mpp_taichi.cli.accuracy import names, span_of_time
+from mpp_taichi.errors import UnsupportedError
 from mpp_taichi.scene.pair_forces import is_pair_force
 
 if TYPE_CHECKING:
@@ -56,6 +57,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
     wishes = _wishes(arguments)
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
+    if spec.rigid_entries:
+        raise UnsupportedError(f"no other backend keeps the lengths of {spec.rods_named}: there is nothing to compare")
     if arguments.ladder and not any(is_pair_force(force.name) for force in spec.forces):
         raise UsageError("--ladder is of sums over pairs, and the scene has no force between all particles")
     from mpp_taichi.accuracy.budget import Budget

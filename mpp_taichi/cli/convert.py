@@ -73,6 +73,7 @@ def _tell(arguments: argparse.Namespace, source: "Source") -> None:
         put_json(found)
     elif not arguments.quiet:
         more = f" and {len(state.springs)} springs" if len(state.springs) else ""
+        more += f" and {len(state.rods)} rods" if len(state.rods) else ""
         more += f", {frames} frames" if source.trajectory is not None else ""
         put(f"wrote {arguments.target}: {state.particle_count} particles{more}")
 

@@ -62,6 +62,7 @@ def _facts(simulation: "Simulation", plan_asked: str) -> dict[str, Any]:
         "precision": simulation.device.precision,
         "particle_count": simulation.state.particle_count,
         "spring_count": len(simulation.start.springs),
+        "rod_count": len(simulation.start.rods),
         "effects": effect_names(simulation),
         "integrator": simulation.spec.integrator.name,
         "contacts": None if simulation.spec.contacts is None else simulation.spec.contacts.solver.name,
@@ -113,7 +114,8 @@ def _lines(found: dict[str, Any]) -> list[str]:
     if found["force_evaluations_per_step"] is None:
         evaluations = "as many force evaluations as each step needs"
     rows = [
-        f"{found['scene']}: {found['particle_count']:,} particles, {found['spring_count']:,} springs",
+        f"{found['scene']}: {found['particle_count']:,} particles, {found['spring_count']:,} springs"
+        + (f", {found['rod_count']:,} rods" if found["rod_count"] else ""),
         f"compiled   {', '.join(found['effects']) or 'no effect'}; {found['integrator']}, {evaluations}",
         *([f"contacts   {found['contacts']}; its own fields are not listed below"] if found["contacts"] else []),
         f"device     {found['backend']}: {found['device']}, {found['precision']}",

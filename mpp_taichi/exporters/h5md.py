@@ -139,6 +139,9 @@ def _write_springs(file: Any, group: Any, snapshot: Snapshot) -> None:
     if len(snapshot.springs):
         springs = file.create_dataset("connectivity/springs", data=snapshot.springs.between, dtype="i4")
         springs.attrs["particles_group"] = group.ref
+    if len(snapshot.rods):
+        rods = file.create_dataset("connectivity/rods", data=snapshot.rods.between, dtype="i4")
+        rods.attrs["particles_group"] = group.ref
 
 
 def _fixed_length(text: str) -> np.bytes_:

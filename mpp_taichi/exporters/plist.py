@@ -29,6 +29,8 @@ def text(source: Source) -> str:
 
 def _springs(source: Source, rest: np.ndarray) -> Iterable[str]:
     springs = source.state.springs
+    if len(source.state.rods):
+        raise source.refuse("a particle list has springs, and no rods")
     if not len(springs):
         return
     distance = np.linalg.norm(rest[springs.between[:, 1]] - rest[springs.between[:, 0]], axis=1)

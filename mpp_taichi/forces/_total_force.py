@@ -55,13 +55,15 @@ class TotalForce:
         merges: bool = False,
         derivatives: int = 0,
         two_parts: bool = False,
+        rods: Any = None,
     ):
         """Sort the forces by the loop that they need; `merges` says whether bodies may merge.
 
         `derivatives` says which derivatives of the acceleration are summed too: the jerk (1), or the jerk and the snap (2).
-        `two_parts` says that sums are double-single numbers.
+        `two_parts` says that sums are double-single numbers. `rods` are the constraints of rigid rods (RodProjection), whose
+        forces are no part of the sum: the methods that keep the lengths of rods apply them.
         """
-        self.derivatives = derivatives
+        self.derivatives, self.rods, self.has_rods = derivatives, rods, rods is not None
         self.forces = forces
         self.particle_count = particle_count
         self.dimensions = dimensions
@@ -119,7 +121,7 @@ class TotalForce:
     @property
     def needs(self) -> frozenset:
         """Union of the needs of all forces."""
-        return frozenset().union(*(force.needs for force in self.forces))
+        return frozenset().union(*(force.needs for force in self.forces), () if self.rods is None else self.rods.needs)
 
     def tree_potential(self, state: Any) -> np.ndarray:
         """Shares of the particles of the first replica in the potential energy, where it is summed `by_tree`."""

@@ -11,6 +11,7 @@ from mpp_taichi.importers._words import Word, words
 SUFFIXES = (".txt",)
 G = 6.67e-11  # the assignment's own [m³ / (kg s²)]
 DURATION, STEP = 157_788_000.0, 25_000.0  # of its reference run: five years, in steps of seven hours [s]
+RADIUS = "universe_radius"  # name of the constant of a scene that keeps R, which no formula needs
 MOST_BODIES = 1_000_000
 COLORS = {
     "sun": [1.0, 0.85, 0.3],
@@ -65,6 +66,7 @@ def read(text: str, source: str) -> dict[str, Any]:
         bodies.append(body | {"radius": radius / 60.0} | ({"color": COLORS[stem]} if stem in COLORS else {}))
     return {
         "title": PurePath(source).stem,
+        "constants": {RADIUS: radius},
         "dimensions": 2,
         "particles": [{"body": body} for body in bodies],
         "forces": [{"newtonian_gravity": {"strength": G}}],

@@ -46,6 +46,7 @@ class Integrator:
     begins_anew          chooses each step only by the motion at its beginning, so that a step can be cut at a contact
     flies                takes no steps: a contact solver that flies moves the particles
     takes_sliders        False: forces cannot be changed while the scene runs, since the method keeps constants made of them
+    takes_rods           keeps the lengths of rigid rods, and its order with them
     made_for             flags of forces: the method goes with forces that have one of them, and with no other force
     made_for_reason      why the method goes with no other force
     orbits_central_body  moves all bodies on orbits around one of them, whose index is the parameter `central`; the parameter
@@ -86,6 +87,7 @@ class Integrator:
     begins_anew = False
     flies = False
     takes_sliders = True
+    takes_rods = False
     made_for: tuple = ()
     made_for_reason = ""
     orbits_central_body = False
@@ -133,9 +135,13 @@ class Integrator:
     def arrange(self, state: Any) -> None:
         """Give the work fields their first values, after the state was set from outside and before `prepare`."""
 
+    def drifts_along_rods(self) -> int:
+        """Drifts in a step that keep the lengths of rods, of a method that `takes_rods`."""
+        raise TypeError(f"{type(self).__name__} keeps no lengths of rods")
+
     def in_vectors(self, state: Any, total_force: Any) -> bool:
         """Whether a kernel that runs whole steps in one thread is compiled with explicit vectors."""
-        return self.launchers.vectors and total_force.pairs_in_tiles and not state.carries_low
+        return self.launchers.vectors and total_force.pairs_in_tiles and not state.carries_low and not total_force.has_rods
 
     def prepare(self, state: Any, total_force: Any, time: float, sum_forces: SumForces) -> None:
         """Prepare the values that a step expects from the step before, after the state was set from outside."""

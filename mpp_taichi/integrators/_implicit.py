@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.ordering import bandwidth, narrow_order
 from mpp_taichi.device import bulk_copy
 from mpp_taichi.device.fast_taichi.serial_loops import is_short
 from mpp_taichi.integrators._base import Integrator, SumForces
@@ -16,7 +17,6 @@ from mpp_taichi.solvers.banded import Banded
 from mpp_taichi.solvers.conjugate_gradients import ConjugateGradients
 from mpp_taichi.solvers.newton import Newton
 from mpp_taichi.solvers.newton_matrix import NewtonMatrix
-from mpp_taichi.solvers.ordering import bandwidth, narrow_order
 from mpp_taichi.solvers.report import SolverReport
 from mpp_taichi.types import Template
 

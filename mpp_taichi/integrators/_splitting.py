@@ -36,6 +36,11 @@ def of_leapfrogs(*weights: float) -> tuple[tuple[float, ...], tuple[float, ...]]
     return (kicks[0] / 2, *between, kicks[0] / 2), kicks
 
 
+def _without_rounding(number: float) -> float:
+    """The number, or 0 where it is only the rounding of a sum of coefficients."""
+    return 0.0 if abs(number) < 1e-14 else number
+
+
 class Splitting(Integrator):
     """Composition of drifts x += c h v and kicks v += d h a(x), taken in turn.
 
@@ -54,6 +59,7 @@ class Splitting(Integrator):
     symplectic = True
     can_use_tree = True
     takes_low_parts = True
+    takes_rods = True
     launchers = Launchers(vectors=True)
 
     @property
@@ -77,6 +83,36 @@ class Splitting(Integrator):
     def nodes(self) -> tuple:
         """Sums of the drifts before each kick."""
         return tuple(node for node, _kick, _drift in self.entries[1:])
+
+    @property
+    def drift_parts(self) -> tuple:
+        """The two parts of the drift of each stage where rods keep their lengths; a part of 0 is none.
+
+        A drift along rods is symmetric, but it is exact only to second order. A splitting of order p for exact drifts D and
+        kicks K is a composition of the maps D K and K D of lengths α₁, α₂, … in turn, which has order p for any such maps: the
+        table's coefficients are sums of two successive α. Hence a drift of α₁ + α₂ becomes two drifts. Up to second order a
+        symmetric table needs no parts. Source: McLachlan, SIAM J. Sci. Comput. 16 (1995) 151; Hairer, Lubich & Wanner,
+        Geometric Numerical Integration (2006), theorem III.3.17.
+        """
+        if self.order <= 2:
+            return tuple((drift, 0.0) for _node, _kick, drift in self.entries)
+        parts, earlier = [], 0.0
+        for number, (_node, kick, drift) in enumerate(self.entries):
+            if number > 0 or self.begins_with_kick:
+                earlier = _without_rounding(kick - earlier)
+            later = _without_rounding(drift - earlier)
+            parts.append((earlier, later) if drift != 0.0 or earlier != 0.0 else (0.0, 0.0))
+            earlier = later
+        return tuple(parts)
+
+    @property
+    def most_parts(self) -> int:
+        """2 where some drift has two parts; else 1."""
+        return 2 if any(late != 0.0 for _early, late in self.drift_parts) else 1
+
+    def drifts_along_rods(self) -> int:
+        """The parts of the drifts that are not 0."""
+        return sum(part != 0.0 for parts in self.drift_parts for part in parts)
 
     @property
     def kick_method(self) -> tuple:
@@ -130,12 +166,17 @@ class Splitting(Integrator):
         return self.drifts[0] != 0.0 and self.drifts[-1] != 0.0
 
     def looks_stages_up(self, total_force: Any) -> bool:
-        """For damped kicks with many slopes: each slope holds all forces, and takes half a second to compile."""
-        return bool(total_force.depends_on_velocity) and self.evaluations * len(self.kick_method[1]) > MOST_SLOPES
+        """For damped kicks with many slopes: each slope holds all forces, and takes half a second to compile; and for rods."""
+        slopes = self.evaluations * len(self.kick_method[1])
+        return total_force.has_rods or bool(total_force.depends_on_velocity and slopes > MOST_SLOPES)
 
     def loops(self, k: int, total_force: Any) -> int:
         """One loop for kick and drift, or for each slope of a damped kick; one more for a drift that waits for all kicks."""
         _node, kick, drift = self.entries[k]
+        if total_force.has_rods:
+            slopes = len(self.kick_method[1]) if total_force.depends_on_velocity else 1
+            drifts = sum(part != 0.0 for part in self.drift_parts[k]) if k == 0 else self.most_parts
+            return (0 if kick == 0.0 else 2 * slopes) + drifts
         if kick == 0.0:
             return 1 if drift != 0.0 else 0
         if total_force.depends_on_velocity:
@@ -148,7 +189,13 @@ class Splitting(Integrator):
         """A kick and the drift after it; a coefficient of zero compiles to nothing."""
         node, kick, drift = ti.static(self.entries[k])
         sums = ti.static(self.sums(k, total_force))
-        if ti.static(kick != 0.0):
+        if ti.static(total_force.has_rods):
+            if ti.static(kick != 0.0):
+                self.kick_and_drift(state, total_force, first, time + node * dt, k, kick * dt, 0.0, sums, False)
+            for part in ti.static(self.drift_parts[k]):
+                if ti.static(part != 0.0):
+                    total_force.rods.drift(state, first, part * dt)
+        elif ti.static(kick != 0.0):
             self.kick_and_drift(state, total_force, first, time + node * dt, k, kick * dt, drift * dt, sums, drift != 0.0)
         elif ti.static(drift != 0.0):
             self.drift(state, total_force, first, k, drift * dt)
@@ -170,12 +217,20 @@ class Splitting(Integrator):
     @ti.func
     def stage_after_force(self, state: Template, total_force: Template, first, time: Template, dt: Template, k):
         """A stage whose coefficients are looked up while the kernel runs, so that all stages share one copy of the code."""
-        node, kick, drift = 0.0, 0.0, 0.0
+        node, kick, drift, early, late = 0.0, 0.0, 0.0, 0.0, 0.0
         for c in ti.static(range(1, self.evaluations + 1)):
             if k == c:
                 node, kick, drift = self.entries[c]
+                if ti.static(total_force.has_rods):
+                    early, late = self.drift_parts[c]
         sums = ti.static(self.sums(1, total_force))
-        self.kick_and_drift(state, total_force, first, time + node * dt, k, kick * dt, drift * dt, sums, True)
+        if ti.static(total_force.has_rods):
+            self.kick_and_drift(state, total_force, first, time + node * dt, k, kick * dt, 0.0, sums, False)
+            total_force.rods.drift(state, first, early * dt)
+            if ti.static(self.most_parts > 1):
+                total_force.rods.drift(state, first, late * dt)
+        else:
+            self.kick_and_drift(state, total_force, first, time + node * dt, k, kick * dt, drift * dt, sums, True)
 
     @ti.func
     def stage_and_opening(self, state: Template, total_force: Template, first, time: Template, dt: Template, opens):
@@ -218,6 +273,8 @@ class Splitting(Integrator):
                 kick_particle(state, i, kick_time, 2 * k, state.acceleration[i])
                 if ti.static(drifts):
                     drift_particle(state, i, drift_time, 2 * k + 1)
+        if ti.static(total_force.has_rods):
+            total_force.rods.project(state, first, state.velocity)
         # The kicks of other particles read the positions, so the drift is a loop of its own.
         if ti.static(drifts and (sums or total_force.depends_on_velocity)):
             self.drift(state, total_force, first, k, drift_time)
@@ -264,6 +321,8 @@ class Splitting(Integrator):
                         state.velocity[i] = velocity + h * end[s] * slope
                 else:
                     state.scratch[s][i] = slope  # the velocity stays: the slopes of other particles read it
+            if ti.static(total_force.has_rods and s < len(end) - 1):
+                total_force.rods.project(state, first, state.scratch[s])
         if ti.static(len(end) == 1):
             for i in range(first, first + total_force.particle_count):
                 kick_particle(state, i, h, 2 * stage, state.scratch[0][i])

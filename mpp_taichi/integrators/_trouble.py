@@ -10,11 +10,13 @@ class Trouble:
     kind      not_finite   a position or velocity is NaN or infinite
               unsolved     the equations of an implicit step have no solution that Newton's method found
               stalled      an adaptive method asks for a step that is too short for the time to change
+              bent         the length of a rod, from `particle` to `other`, cannot be kept
               lost         Kepler's equation of an orbit was not solved
               off_lattice  a coordinate is beyond the end of the lattice of a method of integers
     particle  index over all replicas
-    steps     for unsolved: how many steps of the launch every replica did solve
+    steps     for unsolved and bent: how many steps of the launch every replica did solve
     time      for stalled: where the last step ended [time]
+    singular  for bent: other rods fix the length of the rod already
     reason    for off_lattice: the rest of the sentence that begins with the particle's name
     """
 
@@ -23,11 +25,13 @@ class Trouble:
     steps: int = 0
     time: float = 0.0
     reason: str = ""
+    other: int = -1
+    singular: bool = False
 
     @property
     def is_located(self) -> bool:
         """Whether the launch itself stopped at the step in question, so that no search for that step is needed."""
-        return self.kind in ("unsolved", "stalled")
+        return self.kind in ("unsolved", "stalled", "bent")
 
 
 def not_finite(particle: int) -> Trouble | None:

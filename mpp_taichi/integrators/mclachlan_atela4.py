@@ -15,5 +15,6 @@ class MclachlanAtela4(Splitting):
     dt: float = param(above=0.0, unit="time", help="time step")
     order = 4
     takes_velocity = False
+    takes_rods = False
     drifts = (0.0, 0.5153528374311229364, -0.085782019412973646, 0.4415830236164665242, 0.1288461583653841854)
     kicks = (0.1344961992774310892, -0.2248198030794208058, 0.7563200005156682911, 0.3340036032863214255)

@@ -30,5 +30,6 @@ class Rkn8(Splitting):
     order = 8
     steps_about_center = True
     takes_velocity = False
+    takes_rods = False
     drifts = (*A, A9, *reversed(A))
     kicks = (*B, B9, B9, *reversed(B))

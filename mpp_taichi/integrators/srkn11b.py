@@ -21,5 +21,6 @@ class Srkn11b(Splitting):
     order = 6
     steps_about_center = True
     takes_velocity = False
+    takes_rods = False
     drifts = (*A, A6, *reversed(A))
     kicks = (*B, B6, B6, *reversed(B))

@@ -24,5 +24,6 @@ class Srkn14a(Splitting):
     order = 6
     steps_about_center = True
     takes_velocity = False
+    takes_rods = False
     drifts = (*A, A8, *reversed(A))
     kicks = (*B, B7, B7, *reversed(B))

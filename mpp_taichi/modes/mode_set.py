@@ -105,6 +105,8 @@ def find_modes(
     """
     if not len(start.springs):
         raise ModeError("modes: the scene has no springs")
+    if len(start.rods):
+        raise ModeError("modes: the modes of springs beside rods, which hold freedoms, are not known")
     placed = placed_at_rest(spec, start)
     lattices = layout_of(spec).lattices
     pairs = [list(numbers) for numbers in show if max(numbers[1:]) > 1]  # these count along the axes of a lattice

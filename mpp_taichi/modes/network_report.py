@@ -34,9 +34,9 @@ def network_facts(
 
     `most_freedoms` is the largest network whose spectrum is solved. For a larger network without tension, Maxwell's rule gives
     the least number of zero-frequency modes, and its highest frequency is the given one, if one is given. Unknown facts are
-    left out.
+    left out; beside rods, which hold freedoms, all are unknown.
     """
-    if not len(start.springs) or len(start.springs) > max(QUICK_SPRINGS, 3 * most_freedoms):
+    if not len(start.springs) or len(start.rods) or len(start.springs) > max(QUICK_SPRINGS, 3 * most_freedoms):
         return {}
     placed = placed_at_rest(spec, start)
     network = linearise(placed, dimensions=spec.dimensions)

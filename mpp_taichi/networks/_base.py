@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mpp_taichi.snapshot import Springs
+from mpp_taichi.snapshot import Rods, Springs
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +23,11 @@ class NetworkContext:
 
 
 class Network(ABC):
-    """A generator of springs. Its parameters are declared in its file."""
+    """A generator of springs, or of rods. Its parameters are declared in its file."""
 
     links_lattice = False  # True: links the neighbours in the lattice that the parameter `of` names, with a `prestretch`
+
+    is_rigid = False  # True: makes rods in place of springs
 
     @abstractmethod
     def spring_count(self, lattice: Callable[[str], tuple[int, tuple[int, int, int]]]) -> int:
@@ -34,6 +36,10 @@ class Network(ABC):
     @abstractmethod
     def generate(self, context: NetworkContext) -> Springs:
         """Make the springs; PlacementError where they cannot be made."""
+
+    def rods(self, position: np.ndarray) -> Rods:
+        """The rods between particles at these positions, (particle_count, 3), where the network `is_rigid`."""
+        return Rods()
 
 
 def make_springs(

@@ -43,6 +43,10 @@ class RunSample(Protocol):
         """The sum over all forces that have a potential."""
 
     @property
+    def acceleration(self) -> np.ndarray:
+        """Accelerations of the particles by the forces, without rods and contacts, (particle_count, 3)."""
+
+    @property
     def gravity(self) -> float:
         """The strength G of gravity now; 0 without gravity."""
 

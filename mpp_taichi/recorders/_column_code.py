@@ -52,7 +52,7 @@ def encode(name: str, values: np.ndarray, byte_count: int) -> EncodedColumn:
     share = (np.where(seen, values, low) - low) / np.where(step > 0.0, step, 1.0)
     code = np.where(seen, np.minimum(np.rint(share), last), last + 1).astype(np.int32)
     order, residual = _smallest(code, 8 * byte_count)
-    folded = np.where(residual < 0, -2 * residual - 1, 2 * residual).astype("<u4")
+    folded = np.ascontiguousarray(np.where(residual < 0, -2 * residual - 1, 2 * residual), dtype="<u4")
     parts = folded.view(np.uint8).reshape(-1, 4)
     return EncodedColumn(name, low, step, byte_count, order, b"".join(parts[:, plane].tobytes() for plane in range(byte_count)))
 

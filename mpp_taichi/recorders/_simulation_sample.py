@@ -4,6 +4,8 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mpp_taichi.snapshot import Snapshot
 
 if TYPE_CHECKING:
@@ -31,6 +33,12 @@ class SimulationSample:
         if "mechanics" in vars(self):
             return self.mechanics["potential_energy"]
         return self._simulation.phase.energy_meter.potential_energy(self.time)
+
+    @cached_property
+    def acceleration(self) -> np.ndarray:
+        """Accelerations of the particles by the forces, without rods and contacts, (particle_count, 3)."""
+        found: np.ndarray = self._simulation.accelerations(self.snapshot)
+        return found
 
     @cached_property
     def mechanics(self) -> dict[str, Any]:

@@ -177,11 +177,15 @@ def tolerance(near: float, within: float) -> float:
 
 
 def bound_text(expectation: Expectation, precision: str, value: float | None = None) -> str:
-    """`< 1e-06`, `> 3`, `6.28 ± 1e-05 (relative)`; with more digits where a `value` would read like the bound."""
+    """`< 1e-06`, `> 3`, `6.28 ± 1e-05 (relative)`; with more digits where a `value` would read like the bound.
+
+    `below` bounds the absolute value; where a `value` is below 0 the text says so, `|value| < 0.1`.
+    """
     parts = []
     if expectation.below is not None:
         bound = expectation.below[precision]
-        parts.append(f"< {told_apart(bound, abs(_finite(value, bound)))[0]}")
+        compared = "|value| < " if value is not None and value < 0.0 else "< "
+        parts.append(compared + told_apart(bound, abs(_finite(value, bound)))[0])
     if expectation.above is not None:
         bound = expectation.above[precision]
         parts.append(f"> {told_apart(bound, _finite(value, bound))[0]}")

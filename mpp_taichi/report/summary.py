@@ -112,6 +112,7 @@ def summarize(
         "effects": list(dict.fromkeys(name for phase in phases for name in phase.effects)),
         "particle_count": count,
         "spring_count": len(simulation.start.springs),
+        "rod_count": len(simulation.start.rods),
         "steps": simulation.step_count,
         "time": simulation.time,
         "wall_seconds": total,

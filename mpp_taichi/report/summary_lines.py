@@ -22,6 +22,7 @@ def lines(
 ) -> list[str]:
     """The summary, in the order in which a person reads; `verbose` adds how the run was computed, and how fast."""
     springs = f", {found['spring_count']:,} springs" if found["spring_count"] else ""
+    springs += f", {found['rod_count']:,} rods" if found.get("rod_count") else ""
     rows = [
         ("status", found["status"]),
         *(("because", reason) for reason in _reasons(found, verdicts, error)),

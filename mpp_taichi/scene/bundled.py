@@ -35,6 +35,8 @@ def scene_file(source: str | Path) -> Path:
 def missing_scene(file: str) -> str:
     """The message about a scene file that does not exist: it names the nearest file and the nearest bundled scene."""
     path = Path(file)
+    if file == "-":
+        return "-: no scene is read from standard input; write a file, and make a scene of it by: mpp-taichi convert FILE"
     if path.suffix.lower() not in SUFFIXES:
         told = f"{printable(file)}: no such file and no scene of the program{_nearest(path) or ';'}"
         return f"{told} `mpp-taichi scenes` lists the scenes"

@@ -85,6 +85,9 @@ def check_contacts(spec: SceneSpec, tree: Node, faults: Faults) -> None:
         if spec.integrator.flag("integrators", "flies"):
             faults.add(spec.integrator.location, f"integrator.{name}", f"needs contacts with solver: {name}")
         return
+    for number, entry in spec.rigid_entries:
+        rule = "cannot be beside contacts: a bounce would need impulses along the rods; make it a spring"
+        faults.add(entry.location, f"springs[{number}].{entry.name}", rule)
     solver = spec.contacts.solver
     place, key = tree.value["contacts"].value["hard_spheres"].value["solver"].location, "contacts.hard_spheres.solver"
     forward = bool(spec.integrator.flag("integrators", "moves_forward_alone"))

@@ -17,6 +17,9 @@ from mpp_taichi.scene.scalars import read_plain
 
 _DEEPEST_DICT = yaml_limits.DEPTH_ALLOWED
 
+NOT_FOREIGN = ("", ".yaml", ".yml", ".json", ".npz")
+"""Suffixes of files that are no files of other programs."""
+
 
 class Node:
     """A value and its place.
@@ -110,7 +113,15 @@ def read_file(path: Path, file: str, faults: Faults) -> Node:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise SceneError(f"{printable(file)}: cannot read the scene: {reason}") from None
-    return read_text(yaml_limits.decode(data, file), file, faults)
+    try:
+        return read_text(yaml_limits.decode(data, file), file, faults)
+    except SceneError as error:
+        if path.suffix.lower() in NOT_FOREIGN:
+            raise
+        convert = f"mpp-taichi convert {printable(file)} {printable(path.with_suffix('.yaml').name)}"
+        *others, last = error.faults
+        told = f"{last}; of a file of another program, `{convert}` makes a scene"
+        raise SceneError(*others, told, excerpts=error.excerpts) from None
 
 
 def read_text(text: str, file: str, faults: Faults) -> Node:

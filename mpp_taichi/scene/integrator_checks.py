@@ -20,6 +20,10 @@ def check_integrator(spec: SceneSpec, faults: Faults) -> None:
     rule = refused_formulas(spec.integrator.name, spec)
     if rule:
         faults.add(place, key, rule)
+    if spec.rigid_entries and not spec.integrator.flag("integrators", "takes_rods"):
+        allowed = ", ".join(component.marked("integrators", "takes_rods"))
+        faults.add(place, key, f"does not keep the lengths of {spec.rods_named}, allowed: {allowed}")
+        return
     made_for = spec.integrator.flag("integrators", "made_for")
     if not made_for:
         return

@@ -18,7 +18,7 @@ from mpp_taichi.scene.repeat_words import KEYS, WORD
 
 _KIND_WORDS = {
     "generators": "generator of particles",
-    "networks": "generator of springs",
+    "networks": "generator of springs or rods",
     "forces": "force",
     "integrators": "integrator",
     "walls": "wall",

@@ -76,7 +76,7 @@ class Bound(Field):
 
 
 _BOUND_FIELDS: dict[str, Any] = {
-    "below": (Annotated[dict | None, Bound(Number())], Describe(None, description="upper bound (|value| of a vector)")),
+    "below": (Annotated[dict | None, Bound(Number())], Describe(None, description="bound of the absolute value")),
     "above": (Annotated[dict | None, Bound(Number())], Describe(None, description="lower bound")),
     "near": (Annotated[float | None, Number()], Describe(None, description="the value expected")),
     "within": (Annotated[dict | None, Bound(Number(minimum=0.0))], Describe(None, description="|value − near| / |near|")),
@@ -120,7 +120,7 @@ def _scene_model(selection: Selection, extra_folders: tuple[Path, ...]) -> type[
         dimensions=_key(Whole(minimum=2, maximum=3), 3, "2 for a scene in the x–y plane"),
         seed=_key(Whole(minimum=0, maximum=2**53), 0, "seed of all random numbers of the scene"),
         particles=(_list_of(particles), Describe(min_length=1, description="generators, in the order of the indices")),
-        springs=(_list_of(springs), Describe([], description="springs between particles")),
+        springs=(_list_of(springs), Describe([], description="springs and rods between particles")),
         spring_types=(
             types | None,
             Describe(None, description="parameters of a kind of springs, for entries with `type: name`"),

@@ -271,6 +271,17 @@ class SceneSpec:
         """Whether a slider may give damping to springs without damping."""
         return any(slider.steps[-1] == "damping" for slider in self.sliders)
 
+    @property
+    def rigid_entries(self) -> list[tuple[int, ComponentSpec]]:
+        """Number and entry of each entry of `springs:` that makes rods in place of springs."""
+        rigid = {name for name in {entry.name for entry in self.springs} if component.flag("networks", name, "is_rigid")}
+        return [(k, entry) for k, entry in enumerate(self.springs) if entry.name in rigid] if rigid else []
+
+    @property
+    def rods_named(self) -> str:
+        """The name of the entries that make rods, in the plural, for messages."""
+        return " and ".join(dict.fromkeys(f"{entry.name}s" for _, entry in self.rigid_entries))
+
     def forces_with(self, key: str) -> list[ComponentSpec]:
         """The forces whose flag `key` is true, in the order of the scene."""
         return [force for force in self.forces if force.flag("forces", key)]
@@ -283,5 +294,6 @@ class SceneSpec:
     def effects(self, spring_count: int) -> list[str]:
         """The names of all effects: forces, springs where the scene has some, contacts and walls."""
         names = [entry.name for entry in self.forces] + (component.marked("forces", "acts_on_springs") if spring_count else [])
+        names += list(dict.fromkeys(entry.name for _, entry in self.rigid_entries))
         contacts = ["hard_spheres"] if self.contacts is not None else []
         return names + contacts + list(dict.fromkeys(wall.name for wall in self.walls))

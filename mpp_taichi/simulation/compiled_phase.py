@@ -60,6 +60,12 @@ class CompiledPhase:
         self.work = phase.work
         self.integrator = component.build("integrators", spec.integrator.name, spec.integrator.parameters)
         two_parts = forces_have_low_parts(device.precision)
+        rods = None
+        if len(start.rods):
+            from mpp_taichi.solvers.rod_projection import RodProjection  # only for scenes that have rods
+
+            refusals.check_rods(spec, device)
+            rods = RodProjection(start, spec.dimensions)
         self.live = LiveParameters(spec.forces, compose(spec, start), two_parts=two_parts)
         self.total_force = TotalForce(
             self.live.forces,
@@ -68,6 +74,7 @@ class CompiledPhase:
             merges=start.merged_into is not None,
             derivatives=self.integrator.derivatives,
             two_parts=two_parts,
+            rods=rods,
         )
         refusals.check_numbers(start, self.total_force, device.precision)
         refusals.check_sines(spec, self.total_force.forces, device)
@@ -82,6 +89,8 @@ class CompiledPhase:
             replica_count=self.replica_count,
         )
         self.contacts, self.state = self._allocate(event_log)
+        if rods is not None:
+            rods.fill(self.state)
         if any(target.kind == "springs" for slider in spec.sliders for target in slider.targets):
             self.state.write_springs(start)  # so that the kernels that write them are compiled before a slider moves
         if self.contacts is not None:
@@ -107,6 +116,8 @@ class CompiledPhase:
             refusals.check_range(start, self.total_force, device.precision)
             scratch_count += integrator.low_scratch_count() * (2 if forces_have_low_parts(device.precision) else 1)
             fields = {**fields, "step_parts": ("pair", len(integrator.step_numbers(1.0)))}
+        if self.total_force.has_rods:
+            fields = {**fields, **self.total_force.rods.work_fields()}
         solver = self._contact_solver(event_log) if spec.contacts is not None else None
         if solver is not None:
             fields = {**fields, **solver.work_fields(start.particle_count)}

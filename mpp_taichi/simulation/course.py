@@ -5,12 +5,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from mpp_taichi.errors import SceneError
 from mpp_taichi.scene import sliders
 from mpp_taichi.scene.load import change_scene
 from mpp_taichi.scene.spec import Event, SceneSpec, SliderSpec
 from mpp_taichi.scene.timeline import MOVES_ALLOWED
-from mpp_taichi.snapshot import Snapshot
+from mpp_taichi.simulation.first_bad_step import label
+from mpp_taichi.snapshot import Rods, Snapshot
 from mpp_taichi.start.assemble import assemble, springs_of
 from mpp_taichi.step import plans
 
@@ -55,9 +58,26 @@ def phases_of(spec: SceneSpec) -> tuple[Phase, ...]:
             phases.append(moved_on(phases[-1], event))
             continue
         made = assemble(event.scene, placed_as=spec)
-        particles = replace(made, position=start.position, velocity=start.velocity * made.free)
+        particles = replace(
+            made, position=start.position, velocity=start.velocity * made.free, rods=_rods_of(phases[-1], made, event)
+        )
         phases.append(Phase(event.at, event.scene, particles, event.changes))
     return tuple(phases)
+
+
+def _rods_of(before: Phase, made: Snapshot, event: Event) -> Rods:
+    """The rods of a phase: of the phase before, all or some, with the lengths that they have.
+
+    Raises:
+        SceneError: the event adds a rod, whose length only the run could say.
+    """
+    known = {tuple(sorted(pair)): k for k, pair in enumerate(before.particles.rods.between.tolist())}
+    pairs = [tuple(sorted(pair)) for pair in made.rods.between.tolist()]
+    if new := [pair for pair in pairs if pair not in known]:
+        ends = " and ".join(label(made, end) for end in new[0])
+        raise SceneError(f"{event.location}: timeline: adds a rod between {ends}; a timeline may remove rods, and add none")
+    kept = np.array([known[pair] for pair in pairs], dtype=int)
+    return replace(made.rods, length=before.particles.rods.length[kept])
 
 
 def moved_on(before: Phase, event: Event) -> Phase:

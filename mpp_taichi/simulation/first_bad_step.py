@@ -54,6 +54,22 @@ def unsolved(before: Snapshot, particle: int, *, dt: float, step: int, time: flo
     return error
 
 
+def bent_rod(before: Snapshot, trouble: Trouble, *, step: int, time: float) -> StabilityError:
+    """The error for a step that could not keep the length of a rod; `before` is the state before the step."""
+    particle, other = trouble.particle % before.particle_count, trouble.other
+    rod = f"the rod between {label(before, particle)} and {label(before, other)}"
+    if trouble.singular:
+        message = f"{rod} is in line with other rods, which fix its length already: its force is not determined there"
+    else:
+        message = (
+            f"no force along {rod} keeps its length: rods turn too far in one step, or come into line with rods that fix their "
+            "lengths already; try a smaller dt"
+        )
+    error = StabilityError(f"step {step}, time {time:.9g}: {message}")
+    error.step, error.time, error.particle = step, time, particle
+    return error
+
+
 def unsolved_orbit(before: Snapshot, particle: int, *, step: int, time: float) -> StabilityError:
     """The error for a step in which Kepler's equation of an orbit was not solved; `before` is the state before the step."""
     error = StabilityError(

@@ -84,6 +84,7 @@ def line(simulation: Any) -> str:
     """Title, time, steps, particles and method; nothing is computed or copied from the device for it."""
     spec, device = simulation.spec, simulation.device
     springs = f", {len(simulation.start.springs):,} springs" if len(simulation.start.springs) else ""
+    springs += f", {len(simulation.start.rods):,} rods" if len(simulation.start.rods) else ""
     return (
         f"{spec.title or spec.source}: t = {simulation.time:.6g}, {simulation.step_count:,} steps; "
         f"{simulation.start.particle_count:,} particles{springs}; {spec.integrator.name}, dt {simulation.dt:.6g}, "

@@ -53,6 +53,16 @@ def check_contacts(spec: SceneSpec, solver: ContactSolver, count: int, *, device
         raise SceneError(f"{spec.contacts.solver.location}: {name} keeps no log of events, allowed: event_driven, merging")
 
 
+def check_rods(spec: SceneSpec, device: Device) -> None:
+    """Refuse rigid rods on a device that is no CPU, where one thread would do the work of all.
+
+    Raises:
+        UnsupportedError: the device is no CPU.
+    """
+    if not device.on_cpu:
+        raise UnsupportedError(f"{spec.rods_named} run on the CPU only, not on {device.backend}; use --backend cpu")
+
+
 def check_sines(spec: SceneSpec, forces: Sequence[Any], device: Device) -> None:
     """Refuse forces with a sine under f64 on Vulkan, whose kernels have the sine in f32 only.
 
@@ -73,6 +83,8 @@ def check_low_parts(spec: SceneSpec, integrator: Any, forces: Sequence[Any], pre
         PrecisionError: such a component is there.
     """
     refused = None if integrator.takes_low_parts else f"the method {spec.integrator.name}"
+    if spec.rigid_entries:
+        refused = f"the solver of {spec.rods_named}"
     if spec.contacts is not None:
         refused = f"the contact solver {spec.contacts.solver.name}"
     if tree_of(spec) is not None and forces_see_low_parts(precision):

@@ -119,6 +119,8 @@ class WatchedLaunches:
         self._clock.move(trouble.steps, dt)
         if report is not None:
             self._accounts.solver_report.add(report)
+        if trouble.kind == "bent":
+            raise first_bad_step.bent_rod(phase.snapshot(self._clock), trouble, **self._next_step(dt))
         raise first_bad_step.unsolved(phase.snapshot(self._clock), particle, dt=dt, **self._next_step(dt))
 
     def _count_contacts(self, phase: CompiledPhase, saved: SavedFields) -> None:

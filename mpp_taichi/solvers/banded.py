@@ -3,9 +3,9 @@
 import numpy as np
 import taichi as ti
 
+from mpp_taichi.arithmetic.ordering import bandwidth
 from mpp_taichi.solvers._sums import dot
 from mpp_taichi.solvers.newton_matrix import NewtonMatrix
-from mpp_taichi.solvers.ordering import bandwidth
 from mpp_taichi.types import Template
 
 

@@ -17,11 +17,13 @@ from mpp_taichi.scene.layout import ParticleLayout, build, layout_of
 from mpp_taichi.scene.network_warnings import warn_of_networks
 from mpp_taichi.scene.physics_checks import check_physics
 from mpp_taichi.scene.spec import ComponentSpec, SceneSpec
-from mpp_taichi.snapshot import Snapshot, Springs
+from mpp_taichi.snapshot import Rods, Snapshot, Springs
 from mpp_taichi.start.overlaps import start_of_contacts
+from mpp_taichi.start.rod_checks import check_rods
 
 _PARTICLE_ARRAYS = ("position", "velocity", "mass", "radius", "charge", "color", "free")
 _SPRING_ARRAYS = ("between", "stiffness", "damping", "rest_length", "color")
+_ROD_ARRAYS = ("between", "length", "color")
 
 
 def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot:
@@ -38,8 +40,10 @@ def assemble(spec: SceneSpec, *, placed_as: SceneSpec | None = None) -> Snapshot
     arrays["velocity"] = np.where(arrays["free"], arrays["velocity"], 0.0)  # along a held axis a given velocity is ignored
     springs = _link(spec, layout, rest_position)
     merged_into = np.full(len(names), -1, np.int32) if merges(spec) else None
-    snapshot = Snapshot(**arrays, name=names, springs=springs, merged_into=merged_into)
+    rods = _rods(spec, arrays["position"])
+    snapshot = Snapshot(**arrays, name=names, springs=springs, rods=rods, merged_into=merged_into)
     check_physics(spec, snapshot, layout, moved=placed_as is not None)
+    check_rods(spec, snapshot, layout, moved=placed_as is not None)
     if placed_as is None:
         warn_of_networks(spec, snapshot, layout)
         if spec.contacts is not None:
@@ -121,6 +125,12 @@ def _link(spec: SceneSpec, layout: ParticleLayout, rest_position: np.ndarray) ->
 def _joined(made: Iterable[Springs]) -> Springs:
     parts = [Springs(), *made]
     return Springs(**{key: np.concatenate([getattr(part, key) for part in parts]) for key in _SPRING_ARRAYS})
+
+
+def _rods(spec: SceneSpec, position: np.ndarray) -> Rods:
+    """The rods of a scene, as long as the positions say."""
+    parts = [Rods(), *(build("networks", entry).rods(position) for _, entry in spec.rigid_entries)]
+    return Rods(**{key: np.concatenate([getattr(part, key) for part in parts]) for key in _ROD_ARRAYS})
 
 
 def _centered(snapshot: Snapshot) -> Snapshot:

@@ -29,7 +29,7 @@ class AccelerationMeter:
     def measure(self, snapshot: Snapshot) -> np.ndarray:
         """Accelerations [length / time²] of the particles of a snapshot, (particle_count, 3), in float64.
 
-        They are the accelerations by the smooth forces: 0 along an axis that is held, and without contacts and walls.
+        They are the accelerations by the smooth forces: 0 along an axis that is held, without rods, contacts and walls.
         """
         result = np.zeros((self.particle_count, 3))
         if not self.total_force.forces:

@@ -72,7 +72,7 @@ def launcher_for(
     launched = sums_are_launched(total_force, plan, on_cpu)
     few = on_cpu and state.particle_count <= FEW
     grain = CPU_GRAIN if on_cpu else 1
-    quickly: Mode = quick_compilation if integrator.launchers.quickly else nullcontext
+    quickly: Mode = quick_compilation if integrator.launchers.quickly or total_force.has_rods else nullcontext
     in_vectors = plan != "parallel" and on_cpu and integrator.in_vectors(state, total_force)
     compiled: Mode = explicit_vectors if in_vectors else quickly
     stage_loops: AbstractContextManager = SerialLoops() if few and launched and not total_force.bonds else nullcontext()

@@ -109,17 +109,21 @@ class Launcher(ABC):
         The begin of a step is computed from its number, so that a force that depends on time gives the same bits however the
         steps of a run are divided into launches.
         """
-        if self._carries_low and dt != self._numbers_of:
-            self._write_step_numbers(dt)
+        self._begin_launch(dt)
         self.launch(time, dt, first, last)
         self.state.pass_time(last - first, dt)
 
     def advance_metered(self, time: float, dt: float, first: int, last: int, meter: Any) -> None:
         """`advance`, and a meter of powers measures after every step."""
-        if self._carries_low and dt != self._numbers_of:
-            self._write_step_numbers(dt)
+        self._begin_launch(dt)
         self.launch_metered(time, dt, first, last, meter)
         self.state.pass_time(last - first, dt)
+
+    def _begin_launch(self, dt: float) -> None:
+        if self._carries_low and dt != self._numbers_of:
+            self._write_step_numbers(dt)
+        if self.total_force.has_rods:
+            self.total_force.rods.begin_launch(self.state)
 
     @abstractmethod
     def launch(self, time: float, dt: float, first: int, last: int) -> None:
@@ -144,6 +148,8 @@ class Launcher(ABC):
         n, state = self.state.particle_count, self.state
         springs = state.spring_neighbor.shape[0] if "spring_neighbor" in state.quantities else 0
         per_evaluation = (n * n if self.total_force.has_pairs else 0) + springs + 8 * n
+        if self.total_force.has_rods:
+            per_evaluation += self.total_force.rods.loop_iterations()
         return 1 + max(1, self.integrator.evaluations) * per_evaluation
 
     def facts(self) -> dict[str, Any]:
@@ -160,7 +166,18 @@ class Launcher(ABC):
 
     def trouble(self) -> Trouble | None:
         """Why the run cannot go on, or None; to be asked after `collect`. Waits for the device."""
-        return self.integrator.trouble(self.state, self.parts.finite.first_bad_particle())
+        rods = self._trouble_of_rods() if self.total_force.has_rods else None
+        return rods or self.integrator.trouble(self.state, self.parts.finite.first_bad_particle())
+
+    def _trouble_of_rods(self) -> Trouble | None:
+        """The first rod whose length was not kept."""
+        found = self.total_force.rods.failure(self.state)
+        if found is None:
+            return None
+        drifts, row, singular = found
+        band = self.total_force.rods.band
+        steps = drifts // self.integrator.drifts_along_rods()
+        return Trouble("bent", int(band.first[row]), steps=steps, other=int(band.second[row]), singular=singular)
 
     def clear_trouble(self) -> None:
         """Forget earlier trouble: the state is again as it was before."""

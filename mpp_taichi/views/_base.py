@@ -20,7 +20,7 @@ class Frame:
     position     [length], shape (particle_count, 3); NaN for a particle that has merged into another
     radius       [length], shape (particle_count,)
     color        red, green, blue in 0…1 as displayed (sRGB), shape (particle_count, 3)
-    between      particle indices of the two ends of each spring, shape (spring_count, 2)
+    between      particle indices of the two ends of each spring, and after them of each rod, shape (spring_count, 2)
     spring_color as `color`, shape (spring_count, 3)
     center       point at which a camera without a target is directed [length]; the middle of the bounding box when None
     velocity     [length / time], shape (particle_count, 3); shows a camera without a position in which plane particles move
@@ -38,7 +38,7 @@ class Frame:
     dimmed       drawn with less contrast, as positions have lost their meaning
     outline      segments of walls [length], shape (count, 2, 3)
     mass, charge, name   of the particles, shape (particle_count,); None, or no names, where they are unknown
-    rest_length, stiffness   of the springs, shape (spring_count,); None where they are unknown
+    rest_length, stiffness   of the springs, of a rod its length and infinity; shape (spring_count,), None where unknown
     """
 
     position: np.ndarray
@@ -87,7 +87,7 @@ class Frame:
         if mass.sum() > 0.0:
             x, y, z = mass @ snapshot.position / mass.sum()
             center = (float(x), float(y), float(z))
-        springs = snapshot.springs
+        springs, rods = snapshot.springs, snapshot.rods
         place = snapshot.position if walls is None else walls.inside(snapshot.position)
         if not snapshot.present.all():
             place = np.where(snapshot.present[:, None], place, np.nan)
@@ -95,8 +95,8 @@ class Frame:
             position=place,
             radius=snapshot.radius,
             color=snapshot.color,
-            between=springs.between,
-            spring_color=springs.color,
+            between=np.concatenate([springs.between, rods.between]) if len(rods) else springs.between,
+            spring_color=np.concatenate([springs.color, rods.color]) if len(rods) else springs.color,
             time=snapshot.time,
             title=title,
             clock=clock,
@@ -110,8 +110,8 @@ class Frame:
             outline=np.zeros((0, 2, 3)) if walls is None else walls.at(snapshot.time),
             mass=snapshot.mass,
             charge=snapshot.charge,
-            rest_length=springs.rest_length,
-            stiffness=springs.stiffness,
+            rest_length=np.concatenate([springs.rest_length, rods.length]) if len(rods) else springs.rest_length,
+            stiffness=np.concatenate([springs.stiffness, np.full(len(rods), np.inf)]) if len(rods) else springs.stiffness,
             name=snapshot.name,
         )
 

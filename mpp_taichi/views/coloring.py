@@ -58,7 +58,8 @@ def _strain(frame: Frame) -> _Values:
 def _tension(frame: Frame) -> _Values:
     if frame.rest_length is None or frame.stiffness is None:
         return None
-    return np.asarray(frame.stiffness * (_spring_length(frame) - frame.rest_length))
+    with np.errstate(invalid="ignore"):  # the stiffness of a rod is infinite
+        return np.asarray(frame.stiffness * (_spring_length(frame) - frame.rest_length))
 
 
 PARTICLE_QUANTITIES: dict[str, Callable[[Frame], _Values]] = {
@@ -99,10 +100,12 @@ class Coloring:
         return self._particles.colors(PARTICLE_QUANTITIES[self._particles.name](frame), seen)
 
     def spring_colors(self, frame: Frame) -> np.ndarray | None:
-        """Colours of the springs as displayed, shape (spring_count, 3), or None as for the particles."""
+        """Colours of the springs as displayed, shape (spring_count, 3), or None as for the particles; rods keep their own."""
         if self._springs is None:
             return None
-        return self._springs.colors(SPRING_QUANTITIES[self._springs.name](frame), np.ones(len(frame.between), bool))
+        elastic = np.ones(len(frame.between), bool) if frame.stiffness is None else np.isfinite(frame.stiffness)
+        found = self._springs.colors(SPRING_QUANTITIES[self._springs.name](frame), elastic)
+        return found if found is None or elastic.all() else np.where(elastic[:, None], found, frame.spring_color)
 
     def legend(self) -> list[ColorBar | GroupKey]:
         """The legend of the colours, for the frames so far."""

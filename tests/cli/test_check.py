@@ -73,6 +73,13 @@ def test_each_precision_has_its_own_bound():
     assert bound_text(expectation(near=2.0, within=both(0.01)), "f64") == "2 ± 0.01 (relative)"
 
 
+@pytest.mark.parametrize("value, words", [(-0.14, "|value| < 0.1"), (-0.06, "|value| < 0.1"), (0.14, "< 0.1"), (0.06, "< 0.1")])
+def test_the_bound_of_a_number_below_0_says_that_it_bounds_the_absolute_value(value, words):
+    bounded = expectation(below=both(0.1))
+    assert holds(bounded, value, "f64") == (abs(value) < 0.1)
+    assert bound_text(bounded, "f64", value) == words
+
+
 def test_the_period_of_a_kepler_orbit_is_found_whatever_the_sampling(folder, capsys):
     # Vis viva with G (m₁ + m₂) = 1.001 at pericentre 0.7, v² = 1.3 / 0.7; leapfrog at dt = 0.01 shifts the period by 5e-5.
     axis = 1.0 / (2.0 / 0.7 - 1.3 / 0.7 / 1.001)

@@ -193,6 +193,14 @@ def test_record_frames_needs_no_encoder(scene, monkeypatch):
     assert sorted(entry.name for entry in Path("pictures").iterdir()) == [f"frame_{k:06d}.png" for k in range(3)]
 
 
+def test_a_still_of_a_film_of_one_frame_shows_the_end(scene):
+    size = ["--size", "64x48", "--fps", "10", "-q", "--no-archive"]
+    assert main(["record", scene(), "--still", "one.png", "--duration", "0.1", *size]) == 0
+    assert main(["record", scene(), "--still", "two.png", "--duration", "0.2", *size]) == 0
+    assert main(["record", scene(), "--frames", "start", "--duration", "0.1", *size]) == 0
+    assert Path("one.png").read_bytes() == Path("two.png").read_bytes() != Path("start/frame_000000.png").read_bytes()
+
+
 def test_without_a_display_a_run_becomes_a_film_and_says_so(scene, capsys):
     name = scene(record={"size": [64, 48], "fps": 5, "seconds": 1})
     assert main([name]) == 0

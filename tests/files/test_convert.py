@@ -81,6 +81,24 @@ def test_the_planets_of_the_assignment_are_where_its_program_has_them(tmp_path):
     assert lines == FIVE_YEARS
 
 
+def test_the_radius_of_a_universe_is_kept_when_it_is_written_again(tmp_path):
+    """R is far beyond the last body here; without it, the picture of the assignment's program would be another."""
+    text = PLANETS.replace("2.50e11", "7.50e+11").replace("2.50e+11", "7.50e+11")
+    names = [written(tmp_path, "planets.txt", text), tmp_path / "planets.yaml", tmp_path / "again.txt"]
+    for source, target in zip(names, names[1:]):
+        assert main(["convert", str(source), str(target), "--quiet"]) == 0
+    assert names[2].read_text().split()[:2] == [PLANETS.split()[0], "7.50e+11"]
+
+
+@pytest.mark.parametrize("verb", ["run", "check"])
+def test_a_verb_that_takes_scenes_names_the_conversion_of_a_file_of_another_program(tmp_path, verb, capsys):
+    path = written(tmp_path, "planets.txt", PLANETS)
+    assert main([verb, str(path)]) == 2
+    told = capsys.readouterr()
+    assert f"`mpp-taichi convert {path} planets.yaml` makes a scene" in told.out + told.err
+    assert main(["run", "-"]) == 2 and "no scene is read from standard input" in capsys.readouterr().err
+
+
 def test_quirks_of_universe_files_are_read(tmp_path):
     _, scene = import_scene(written(tmp_path, "odd.txt", ODD))
     bodies = [entry["body"] for entry in scene["particles"]]

@@ -8,11 +8,11 @@ import pytest
 from reference import rigid_pendulum
 
 from mpp_taichi import Simulation, StabilityError, component
+from mpp_taichi.arithmetic.ordering import bandwidth, narrow_order
 from mpp_taichi.cli.main import main
 from mpp_taichi.integrators import _implicit
 from mpp_taichi.solvers import newton
 from mpp_taichi.solvers.conjugate_gradients import ConjugateGradients
-from mpp_taichi.solvers.ordering import bandwidth, narrow_order
 from scenes import everything
 
 IMPLICIT = [name for name in component.names("integrators") if component.declaration("integrators", name).base == "Implicit"]

@@ -97,6 +97,11 @@ def _decoded(column, frames):
     return found
 
 
+def test_the_bytes_of_a_column_do_not_depend_on_the_order_of_its_array_in_memory():
+    values = np.random.default_rng(3).normal(size=(7, 3))
+    assert encode("a", np.asfortranarray(values), 2).packed() == encode("a", values, 2).packed()
+
+
 def test_a_smooth_motion_takes_few_bits():
     """A circle in 300 frames: third differences of 2¹⁶ (2π/300)³/2 = 0.3 steps beside √20 roundings of up to half a step."""
     angle = np.linspace(0, 2 * np.pi, 300)[:, None] + np.arange(50)
