@@ -132,7 +132,9 @@ def _put_table(results: list[dict[str, Any]]) -> None:
         for row in result["expect"]:
             reason = f"  ({row['reason']})" if row["reason"] else ""
             value = row.get("told", row["value"])  # a journal of an earlier version has only the number
-            lines.append(f"      {_mark(row['passed'])}  {row['label']} = {value}, expected {row['bound']}{reason}")
+            lines.append(
+                f"      {_mark(row['passed'])}  {row.get('named') or row['label']} = {value}, expected {row['bound']}{reason}"
+            )
         if not result["expect"] and "error" not in result:
             lines.append("      it expects nothing")
     passed = sum(result["exit_code"] == 0 for result in results)

@@ -28,6 +28,8 @@ class Verdict:
     bound: str
     passed: bool
     reason: str = ""
+    named: str = ""
+    """The label with the names of particles in place of their indices, `orbital_period(of=earth, around=sun)`."""
     told: str = ""
     """The value for a reader, with so many digits that it is seen on which side of a bound it lies."""
 
@@ -58,6 +60,7 @@ class Watcher:
         for number, expectation in enumerate(self.expectations):
             if expectation.quantity not in SUMMARY_QUANTITIES:
                 self._diagnostics[number] = diagnostic_of(expectation)
+        self._setting: Setting | None = None
         self._due_step: int | None = None
         self._seen_step = -1
         self.shortest = math.inf
@@ -83,7 +86,7 @@ class Watcher:
         self._due_step = simulation.step_count + steps
 
     def _begin(self, simulation: "Simulation") -> None:
-        setting = Setting(simulation.spec, simulation.start)
+        self._setting = setting = Setting(simulation.spec, simulation.start)
         self._each(lambda diagnostic: diagnostic.begin(setting))
 
     def _each(self, do: Callable[[Diagnostic], None]) -> None:
@@ -106,7 +109,9 @@ class Watcher:
         for expectation, (value, reason) in zip(self.expectations, self.values(summary)):
             passed = value is not None and holds(expectation, value, precision)
             bound, told = bound_text(expectation, precision, value), value_text(expectation, precision, value)
-            rows.append(Verdict(expectation.quantity, _shown(expectation), value, bound, passed, reason, told))
+            shown = _shown(expectation)
+            named = _label(expectation.quantity, shown | _names(expectation, self._setting))
+            rows.append(Verdict(expectation.quantity, shown, value, bound, passed, reason, named, told))
         return rows
 
     def values(self, summary: Mapping[str, Any]) -> list[tuple[float | None, str]]:
@@ -157,6 +162,21 @@ def _shown(expectation: Expectation) -> dict[str, Any]:
         for key, value in expectation.parameters.items()
         if key not in usual or value != usual[key]
     }
+
+
+def _names(expectation: Expectation, setting: Setting | None) -> dict[str, str]:
+    """The names of the particles that parameters refer to, by parameter."""
+    kind = kind_of(expectation.quantity)
+    if kind is None or setting is None:
+        return {}
+    found = {}
+    for parameter in component.declaration(kind, expectation.quantity).parameters:
+        value = expectation.parameters.get(parameter.name)
+        if value is not None and parameter.type in ("Particle", "Particles"):
+            found[parameter.name] = setting.name_of(value)
+        elif value is not None and parameter.type == "Pair":
+            found[parameter.name] = f"({', '.join(map(setting.name_of, value))})"
+    return found
 
 
 def holds(expectation: Expectation, value: float, precision: str) -> bool:

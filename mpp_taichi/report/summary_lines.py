@@ -74,7 +74,8 @@ def _reasons(found: Mapping[str, Any], verdicts: Sequence[Any], error: Exception
 def verdict_line(verdict: Any) -> str:
     """`pass  relative_energy_error_max = 2.1e-09, expected < 1e-06`."""
     reason = f" ({verdict.reason})" if verdict.reason else ""
-    return f"{'pass' if verdict.passed else 'FAIL'}  {verdict.label} = {verdict.told}, expected {verdict.bound}{reason}"
+    mark, name = "pass" if verdict.passed else "FAIL", verdict.named or verdict.label
+    return f"{mark}  {name} = {verdict.told}, expected {verdict.bound}{reason}"
 
 
 def _time_unit(found: Mapping[str, Any]) -> str:
