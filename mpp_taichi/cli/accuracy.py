@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 from mpp_taichi import __version__, component
 from mpp_taichi.cli import _options
 from mpp_taichi.cli._terminal import UsageError, output_reserved, plain, put, put_json, say
-from mpp_taichi.errors import UnsupportedError
 from mpp_taichi.precision import PRECISIONS
 
 if TYPE_CHECKING:
@@ -85,12 +84,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Measure, print and write; the exit code is 0 also when the time budget ended first."""
     from mpp_taichi.accuracy.problem import pose
-    from mpp_taichi.scene.cross_checks import no_reference
     from mpp_taichi.scene.load import load_scene
 
     spec = load_scene(arguments.scene, overrides=arguments.overrides)
-    if spec.rigid_entries:
-        raise UnsupportedError(no_reference(spec))
     quantity, of = asked_of(spec, arguments.of)
     try:
         problem = pose(spec, arguments.until, of)

@@ -43,8 +43,6 @@ def _check_accuracy(spec: SceneSpec, tree: Node, faults: Faults) -> None:
     if spec.accuracy is None:
         return
     place = tree.value["accuracy"].place
-    if spec.rigid_entries:
-        faults.add(place, "accuracy", no_reference(spec))
     if spec.run.duration is None:
         faults.add(place, "accuracy", "needs run.duration: the step is to be chosen")
     if spec.accuracy.of is not None:
@@ -52,11 +50,6 @@ def _check_accuracy(spec: SceneSpec, tree: Node, faults: Faults) -> None:
             wanted_entries(spec, spec.accuracy.of)
         except ValueError as error:
             faults.add(tree.value["accuracy"].value["of"].location, "accuracy.of", str(error))
-
-
-def no_reference(spec: SceneSpec) -> str:
-    """The reason why errors of scenes with rods are not measured."""
-    return f"no method that gives reference solutions keeps the lengths of {spec.rods_named}; compare two steps"
 
 
 def _check_expect(spec: SceneSpec, faults: Faults) -> None:

@@ -94,9 +94,7 @@ def test_rods_are_drawn_in_their_own_colours():
 @pytest.mark.parametrize(
     "words, message",
     [
-        (["accuracy"], "no method that gives reference solutions keeps the lengths of rods"),
         (["compare"], "keeps the lengths of rods: there is nothing to compare"),
-        (["run", "--headless", "--no-archive", "--set", "accuracy=1e-3"], "keeps the lengths of rods"),
         (["run", "--headless", "--no-archive", "--precision", "df64"], "the solver of rods does not carry low parts"),
         (["run", "--headless", "--no-archive", "--set", "modes={}"], "modes of springs beside rods"),
     ],
