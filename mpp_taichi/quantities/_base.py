@@ -10,6 +10,7 @@ import numpy as np
 from mpp_taichi.component import Particles
 from mpp_taichi.contacts._report import ContactReport
 from mpp_taichi.errors import StabilityError
+from mpp_taichi.scene.human_units import unit_of
 from mpp_taichi.scene.layout import ParticleLayout, layout_of
 from mpp_taichi.scene.spec import SceneSpec
 from mpp_taichi.snapshot import Snapshot
@@ -17,7 +18,6 @@ from mpp_taichi.snapshot import Snapshot
 Dimension = tuple[int, int, int]
 """Powers of length, time and mass."""
 ENERGY: Dimension = (2, -2, 1)
-_SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class NoResultError(StabilityError):
@@ -81,16 +81,7 @@ class Setting:
 
     def unit(self, dimension: Dimension) -> str:
         """`AU/day`, `Msun AU²/day²`; empty for pure numbers, and where the scene names no units."""
-        if self.spec.units is None:
-            return ""
-        names = tuple(self.spec.units[each] for each in ("length", "time", "mass"))
-        parts = [(name, power) for name, power in zip(names, dimension) if power]
-        above, below = ([_power(name, abs(power)) for name, power in parts if power * sign > 0] for sign in (1, -1))
-        return "/".join([" ".join(reversed(above)) or "1", *below]) if parts else ""
-
-
-def _power(name: str, power: int) -> str:
-    return name if power == 1 else name + str(power).translate(_SUPERSCRIPTS)
+        return unit_of(self.spec.units, dimension)
 
 
 class Quantity(ABC):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from mpp_taichi.scene.units import LENGTHS, TIMES
 
 SYMBOLS = {"us": "µs", "hour": "h", "day": "d", "um": "µm"}
+SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 EASY = (1.0, 1000.0)  # the length of a run in its own unit that needs no other unit: from … up to
 LEAST_TIME = 2.0  # of a chosen unit, the length of a run
 EASY_LENGTHS = (0.01, 10_000.0)
@@ -22,6 +23,20 @@ READINGS = 100.0  # a time scale has between so many and ten times so many readi
 def symbol(unit: str) -> str:
     """The sign of a unit in pictures and texts."""
     return SYMBOLS.get(unit, unit)
+
+
+def unit_of(units: Mapping[str, str] | None, dimension: tuple[int, int, int]) -> str:
+    """`AU/day`, `Msun AU²/day²`, from powers of length, time and mass; empty for pure numbers, and without units."""
+    if units is None:
+        return ""
+    names = tuple(units[each] for each in ("length", "time", "mass"))
+    parts = [(name, power) for name, power in zip(names, dimension) if power]
+    above, below = ([_power(name, abs(power)) for name, power in parts if power * sign > 0] for sign in (1, -1))
+    return "/".join([" ".join(reversed(above)) or "1", *below]) if parts else ""
+
+
+def _power(name: str, power: int) -> str:
+    return name if power == 1 else name + str(power).translate(SUPERSCRIPTS)
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,11 @@
 """Colouring: particles and springs in the colours of a quantity, and the legend that relates colours to numbers."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
 
+from mpp_taichi.scene.human_units import unit_of
 from mpp_taichi.scene.view_spec import ColorBySpec, ColorScaleSpec, GroupColorsSpec, SpringColorBySpec
 from mpp_taichi.views._base import Frame
 from mpp_taichi.views.color_maps import GROUP_COLORS, colors_of
@@ -74,6 +75,13 @@ PARTICLE_QUANTITIES: dict[str, Callable[[Frame], _Values]] = {
     "index": lambda frame: np.arange(len(frame.position), dtype=float),
 }
 """Values of all particles of a frame; None where the frame does not hold the quantity."""
+DIMENSIONS = {  # powers of length, time and mass, of the quantities that are no pure numbers
+    "speed": (1, -1, 0),
+    "kinetic_energy": (2, -2, 1),
+    "mass": (0, 0, 1),
+    **dict.fromkeys(("radius", "x", "y", "z", "length"), (1, 0, 0)),
+    "tension": (1, -2, 1),
+}
 SPRING_QUANTITIES: dict[str, Callable[[Frame], _Values]] = {"strain": _strain, "tension": _tension, "length": _spring_length}
 SIGNED = ("strain", "tension")  # quantities whose zero must be visible
 
@@ -86,6 +94,7 @@ class Coloring:
         self._groups: GroupColorsSpec | None = particles.group if particles is not None else None
         self._particles = _chosen(particles, PARTICLE_QUANTITIES)
         self._springs = _chosen(springs, SPRING_QUANTITIES)
+        self._units: Mapping[str, str] | None = None
 
     def particle_colors(self, frame: Frame) -> np.ndarray | None:
         """Colours of the particles as displayed, shape (particle_count, 3); None where no quantity is asked for, or known."""
@@ -96,6 +105,7 @@ class Coloring:
             return colors
         if self._particles is None:
             return None
+        self._units = frame.units
         seen = np.isfinite(frame.position).all(axis=1)
         return self._particles.colors(PARTICLE_QUANTITIES[self._particles.name](frame), seen)
 
@@ -103,6 +113,7 @@ class Coloring:
         """Colours of the springs as displayed, shape (spring_count, 3), or None as for the particles; rods keep their own."""
         if self._springs is None:
             return None
+        self._units = frame.units
         elastic = np.ones(len(frame.between), bool) if frame.stiffness is None else np.isfinite(frame.stiffness)
         found = self._springs.colors(SPRING_QUANTITIES[self._springs.name](frame), elastic)
         return found if found is None or elastic.all() else np.where(elastic[:, None], found, frame.spring_color)
@@ -113,7 +124,9 @@ class Coloring:
         if self._groups is not None:
             names = tuple(name for name, _, _ in self._groups.of)
             entries.append(GroupKey(names, GROUP_COLORS[np.arange(len(names)) % len(GROUP_COLORS)]))
-        return entries + [bar for scale in (self._particles, self._springs) if scale is not None and (bar := scale.bar())]
+        return entries + [
+            bar for scale in (self._particles, self._springs) if scale is not None and (bar := scale.bar(self._units))
+        ]
 
 
 class _Scale:
@@ -149,11 +162,12 @@ class _Scale:
             self.high = max(self.high, -self.low)
             self.low = -self.high
 
-    def bar(self) -> ColorBar | None:
-        """The entry of the scale in the legend, once there are values."""
+    def bar(self, units: Mapping[str, str] | None) -> ColorBar | None:
+        """The entry of the scale in the legend, once there are values: `speed [AU/day]`, unless the scene has a text for it."""
         if not self.low <= self.high:
             return None
-        label = self.spec.label or self.name.replace("_", " ")
+        unit = unit_of(units, DIMENSIONS.get(self.name, (0, 0, 0)))
+        label = self.spec.label or self.name.replace("_", " ") + (f" [{unit}]" if unit else "")
         return ColorBar(label, self.map, self.low, self.high, self.spec.logarithmic)
 
 

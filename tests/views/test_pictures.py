@@ -130,6 +130,23 @@ def test_color_tables_are_the_published_ones() -> None:
         assert np.abs(colors_of(share, ours) - colormaps[theirs](share)[:, :3]).max() < 0.02
 
 
+@pytest.mark.parametrize(
+    ("asked", "label"),
+    [
+        ({"speed": ColorScaleSpec()}, "speed [AU/day]"),
+        ({"kinetic_energy": ColorScaleSpec()}, "kinetic energy [Msun AU²/day²]"),
+        ({"index": ColorScaleSpec()}, "index"),
+        ({"speed": ColorScaleSpec(label="how fast")}, "how fast"),
+    ],
+)
+def test_the_legend_has_the_unit_of_the_scene(asked, label) -> None:
+    units = {"length": "AU", "time": "day", "mass": "Msun"}
+    frame = frame_of(np.zeros((2, 3)), 0.1, velocity=np.array([[3.0, 4, 0], [0, 0, 0]]), mass=np.ones(2), units=units)
+    look = Appearance(ViewSpec(color_by=ColorBySpec(**asked)))
+    look.dress(frame)
+    assert legend_lines(look.legend())[0].startswith(f"{label}: ")
+
+
 def test_colors_follow_the_quantity_and_the_legend_says_which() -> None:
     frame = frame_of(np.zeros((4, 3)), 0.1, velocity=np.array([[3.0, 4, 0], [0, 0, 0], [0, 2.5, 0], [np.nan, 0, 0]]))
     look = Appearance(ViewSpec(color_by=ColorBySpec(speed=ColorScaleSpec())))
