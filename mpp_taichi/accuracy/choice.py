@@ -153,7 +153,8 @@ def _why(trials: Trials, chosen: Trial, study: Study) -> str:
         return _why_among_runs(chosen, values)
     part = "" if study.problem.span == study.whole else f" over the first t = {study.problem.span:.4g}"
     said = f"its error was {chosen.error}{part}, in {duration(chosen.seconds)}"
-    others = [offer for offer in trials.offers if offer.integrator != chosen.configuration.integrator]
+    known = [offer for offer in trials.offers if offer.is_known or offer in measured]
+    others = [offer for offer in known if offer.integrator != chosen.configuration.integrator]
     if others:
         other = min(others, key=lambda offer: measured.get(offer, offer.seconds))
         ratio = measured.get(other, other.seconds) / chosen.seconds

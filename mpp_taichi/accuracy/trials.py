@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.contact_methods import exact_solvers
 from mpp_taichi.accuracy.front import QUANTITIES, StudyRow
-from mpp_taichi.accuracy.offers import Offer, offers_for
+from mpp_taichi.accuracy.offers import LEAST_POWER, Offer, offers_for
 from mpp_taichi.accuracy.sample import Configuration, MeasuredError
 from mpp_taichi.accuracy.study import Study
 from mpp_taichi.accuracy.workbench import Workbench
@@ -21,7 +21,6 @@ ALIKE = 1.5  # ratio of times: offers that seem slower than the best trial by mo
 TRIALS_SHARE = 0.05  # of a budget
 POWER_OF_TOLERANCE = {"tolerance": 1.0}  # by the name of the control: of the error of an adaptive method, where it is not known
 LARGE_POWER = 2.0  # of the error by other controls
-LEAST_POWER = 0.5
 ROUNDS = 8  # in which the trials are timed in turns
 REPEATS = 3
 LOOKS_OF_ADAPTIVE = 1000  # samples in a run of a method that needs no step

@@ -164,6 +164,15 @@ def test_offered_steps_are_those_whose_error_equals_the_target():
         assert offer.seconds == pytest.approx(cost * offer.fineness)
 
 
+def test_a_ladder_that_ends_close_to_the_target_is_offered_beyond_its_last_run():
+    close = [row(steps, 1.0 / steps**4, seconds=1e-3 * steps) for steps in (10, 30)]
+    far = [row(steps, 1.0 / steps**2, seconds=1e-9, integrator="pefrl") for steps in (10, 30)]
+    rising = [row(steps, 1e-6 * steps, seconds=1e-9, integrator="rk4") for steps in (10, 30)]
+    (offer,) = offers_for([*close, *far, *rising], "position", 1e-7)
+    assert offer.integrator == "leapfrog" and offer.fineness == pytest.approx(1e7 ** (1 / 4))
+    assert offer.seconds == pytest.approx(1e-3 * offer.fineness)
+
+
 def test_a_budget_that_ends_while_methods_are_tried_does_not_end_the_trials(tmp_path, monkeypatch):
     def climb_and_end(sweep, ladders, *, share, first, climb=StepSweep.climb):
         climb(sweep, ladders, share=share, first=first)
