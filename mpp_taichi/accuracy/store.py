@@ -76,6 +76,10 @@ class Store:
         if sample.end is not None:
             with whole_file(self.folder / f"{key}.npy", "the positions of a sample") as temporary:
                 np.save(temporary, sample.end)
+        self.save_when_due()
+
+    def save_when_due(self) -> None:
+        """Write all samples where it is time for it."""
         if clock.monotonic() >= self._due:
             self.save()
 

@@ -123,6 +123,7 @@ class StepSweep:
                 expected = sum(sample.seconds[:1]) + (0.0 if self._is_compiled(name) else self._compile_seconds(name))
                 if wanted and expected < self.budget.left(share):
                     sample.seconds.append(self.bench.machine(name).time(sample.configuration, self.budget))
+                    self.store.save_when_due()  # so that a kill does not cost all repeats
 
     def weigh(self, *, share: float) -> None:
         """Measure the electrical energy of the runs, where the machine counts it and the share of the budget lasts."""

@@ -4,13 +4,16 @@ import json
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from mpp_taichi.accuracy import store as store_of
+from mpp_taichi.accuracy.budget import Budget
 from mpp_taichi.accuracy.sample import Configuration, Sample
 from mpp_taichi.accuracy.store import Store
+from mpp_taichi.accuracy.sweep import StepSweep
 
 KNOWN = {"scene": "s"}
 
@@ -60,3 +63,22 @@ def test_samples_are_written_now_and_then(tmp_path, monkeypatch):
         store.add(sample(steps))
         written.append(len(json.loads(store.path.read_text())["samples"]) if store.path.exists() else 0)
     assert written == [0, 0, 3, 3, 5]
+
+
+def test_repeats_of_runs_are_written_while_they_go_on(tmp_path, monkeypatch):
+    monkeypatch.setattr(store_of, "EVERY", 0.0)
+    monkeypatch.setattr(store_of, "SHARE", 1e9)
+    store, written = Store(tmp_path, KNOWN), []
+
+    class Timer:
+        name, compile_seconds = "leapfrog", 0.0
+
+        def time(self, *_):
+            written.append([len(each["seconds"]) for each in json.loads(store.path.read_text())["samples"]])
+            return 0.25
+
+    for steps in (1, 2):
+        store.add(sample(steps))
+    bench = SimpleNamespace(backend="cpu", precision="f64", machines={"leapfrog": Timer()}, machine=lambda _: Timer())
+    StepSweep(bench, store, Budget(1e9), {}, lambda _: 0.0).repeat(share=1.0)
+    assert written == [[1, 1], [2, 1], [2, 2], [3, 2], [3, 3], [4, 3], [4, 4], [5, 4]]
