@@ -9,18 +9,23 @@ ALL_MASTER_DEVICES = 1
 WHEEL_UP, WHEEL_DOWN = 4, 5  # buttons of X
 
 
+_HEAD = [  # of every event of an extension
+    ("type", ctypes.c_int),
+    ("serial", ctypes.c_ulong),
+    ("send_event", ctypes.c_int),
+    ("display", ctypes.c_void_p),
+    ("extension", ctypes.c_int),
+    ("evtype", ctypes.c_int),
+]
+
+
 class _EventMask(ctypes.Structure):
     _fields_ = [("deviceid", ctypes.c_int), ("mask_len", ctypes.c_int), ("mask", ctypes.POINTER(ctypes.c_ubyte))]
 
 
 class _Cookie(ctypes.Structure):
     _fields_ = [
-        ("type", ctypes.c_int),
-        ("serial", ctypes.c_ulong),
-        ("send_event", ctypes.c_int),
-        ("display", ctypes.c_void_p),
-        ("extension", ctypes.c_int),
-        ("evtype", ctypes.c_int),
+        *_HEAD,
         ("cookie", ctypes.c_uint),
         ("data", ctypes.c_void_p),
         ("padding", ctypes.c_long * 24),
@@ -29,12 +34,7 @@ class _Cookie(ctypes.Structure):
 
 class _RawEvent(ctypes.Structure):
     _fields_ = [
-        ("type", ctypes.c_int),
-        ("serial", ctypes.c_ulong),
-        ("send_event", ctypes.c_int),
-        ("display", ctypes.c_void_p),
-        ("extension", ctypes.c_int),
-        ("evtype", ctypes.c_int),
+        *_HEAD,
         ("time", ctypes.c_ulong),
         ("deviceid", ctypes.c_int),
         ("sourceid", ctypes.c_int),
