@@ -236,7 +236,8 @@ def constant(state: Any, number: float) -> DoubleSingle:
     if not isinstance(number, (int, float)):
         raise TypeError("a number of one part meets a double-single number")
     high, low = split(np.array(float(number)))
-    return _made(state, [ti.lang.expr.make_constant_expr(float(part), ti.f32) for part in (high, low)])
+    # Guarded as well: a compiler for Vulkan drops the low part where a constant is added to zeros, as a uniform field is.
+    return _made(state, [rounded(state, ti.lang.expr.make_constant_expr(float(part), ti.f32)) for part in (high, low)])
 
 
 def root_of_number(number: DoubleSingle) -> DoubleSingle:

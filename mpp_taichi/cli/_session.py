@@ -360,7 +360,7 @@ class _Run:
             | (self.right.summary() if self.right else {})
         )
         precision = self.simulation.device.precision
-        verdicts = self.watcher.verdicts(summary, precision) if self._reached_the_end() else []
+        verdicts = self.watcher.verdicts(summary, precision, self.simulation) if self._reached_the_end() else []
         failed = any(not verdict.passed for verdict in verdicts)
         verdict, code = self.simulation.verdict, 0
         if self.error is not None:

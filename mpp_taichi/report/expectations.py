@@ -60,7 +60,6 @@ class Watcher:
         for number, expectation in enumerate(self.expectations):
             if expectation.quantity not in SUMMARY_QUANTITIES:
                 self._diagnostics[number] = diagnostic_of(expectation)
-        self._setting: Setting | None = None
         self._due_step: int | None = None
         self._seen_step = -1
         self.shortest = math.inf
@@ -86,7 +85,7 @@ class Watcher:
         self._due_step = simulation.step_count + steps
 
     def _begin(self, simulation: "Simulation") -> None:
-        self._setting = setting = Setting(simulation.spec, simulation.start)
+        setting = Setting(simulation.spec, simulation.start)
         self._each(lambda diagnostic: diagnostic.begin(setting))
 
     def _each(self, do: Callable[[Diagnostic], None]) -> None:
@@ -103,14 +102,18 @@ class Watcher:
             self.record(simulation)
         self._each(lambda diagnostic: diagnostic.finish())
 
-    def verdicts(self, summary: Mapping[str, Any], precision: str) -> list[Verdict]:
-        """Judge every expectation; `summary` holds the quantities that every run measures anyway."""
+    def verdicts(self, summary: Mapping[str, Any], precision: str, simulation: "Simulation | None" = None) -> list[Verdict]:
+        """Judge every expectation; `summary` holds the quantities that every run measures anyway.
+
+        The particles have their names where a simulation is given.
+        """
+        setting = None if simulation is None else Setting(simulation.spec, simulation.start)
         rows = []
         for expectation, (value, reason) in zip(self.expectations, self.values(summary)):
             passed = value is not None and holds(expectation, value, precision)
             bound, told = bound_text(expectation, precision, value), value_text(expectation, precision, value)
             shown = _shown(expectation)
-            named = _label(expectation.quantity, shown | _names(expectation, self._setting))
+            named = _label(expectation.quantity, shown | _names(expectation, setting))
             rows.append(Verdict(expectation.quantity, shown, value, bound, passed, reason, named, told))
         return rows
 

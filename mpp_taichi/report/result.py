@@ -79,7 +79,7 @@ def run(
             simulation.judge.see(row)
         summary = summarize(simulation, table, stopwatch, plan_asked="auto")
         summary |= told
-        verdicts = watcher.verdicts(summary, simulation.device.precision)
+        verdicts = watcher.verdicts(summary, simulation.device.precision, simulation)
         verdict = simulation.verdict
         summary["status"] = verdict.status if all(each.passed for each in verdicts) else "failed"
         summary["findings"] = [vars(each) for each in verdict.findings]

@@ -21,7 +21,7 @@ def test_particles_pairs_and_groups_have_their_names_and_others_their_index():
     with Simulation(spec, backend="cpu") as simulation:
         simulation.run(steps=10, recorders=[watcher])
         watcher.finish(simulation)
-    verdicts = watcher.verdicts({"relative_energy_error_max": 1e-9}, "f64")
+        verdicts = watcher.verdicts({"relative_energy_error_max": 1e-9}, "f64", simulation)
     named = [verdict_line(each).split(" = ")[0] for each in verdicts]
     assert named == ["pass  speed(of=moon)", "pass  distance(between=(sun, particle 1))", "pass  relative_energy_error_max"]
     assert [each.label for each in verdicts][:2] == ["speed(of=2)", "distance(between=(0, 1))"]
