@@ -9,7 +9,7 @@ ALL_MASTER_DEVICES = 1
 WHEEL_UP, WHEEL_DOWN = 4, 5  # buttons of X
 
 
-_HEAD = [  # of every event of an extension
+_HEAD: list[tuple[str, Any]] = [  # of every event of an extension
     ("type", ctypes.c_int),
     ("serial", ctypes.c_ulong),
     ("send_event", ctypes.c_int),
