@@ -90,13 +90,12 @@ class FilmChecks:
         """The largest distance of a particle from the path, at any time of a run, relative to the size of the system."""
         path = self._path
         assert path is not None
-        times = run.times[(run.times >= path.times[0]) & (run.times <= path.times[-1])]
-        after = np.clip(np.searchsorted(path.times, times), 1, len(path.times) - 1)
-        spans = path.times[after] - path.times[after - 1]
+        after = np.clip(np.searchsorted(path.times, run.times), 1, len(path.times) - 1)
         largest = 0.0
-        for time, number, span, position in zip(times, after, spans, run.position):
+        for time, number, position in zip(run.times, after, run.position):
             before, behind = ((path.position[k], path.velocity[k]) for k in (number - 1, number))
-            there = cubic((time - path.times[number - 1]) / span, span, before, behind)
+            begin, span = path.times[number - 1], path.times[number] - path.times[number - 1]
+            there = cubic((time - begin) / span, span, before, behind)
             largest = max(largest, float(np.linalg.norm(position - there, axis=-1).max()) / size)
         return largest
 

@@ -118,8 +118,9 @@ class Machine:
             conserved.append(PhaseLooks(self.stepper.cost.kept))
             if follow:
                 trace.begins.append(self.simulation.state.read())
-            kept = (sample, conserved[-1], places)
-            took, counted, position = self._run_leg(leg, budget, *kept, follow=follow, is_first=number == 0)
+            took, counted, position = self._run_leg(
+                leg, budget, sample, conserved[-1], places, follow=follow, is_first=number == 0
+            )
             seconds += took
             evaluations += self._evaluations(leg, counted, sample)
             control = self.simulation.launcher.facts().get("step_control")
@@ -263,6 +264,7 @@ class Machine:
     ) -> tuple[float, int, np.ndarray]:
         """The steps of a leg with its samples: seconds, iterations of the solver or collisions, positions at the end."""
         seconds, solver_steps, position = 0.0, 0, self.problem.start.position
+        kept = followed(self.problem) if follow else None
         for before, stop in zip((0, *leg.stops), leg.stops):
             try:
                 took, iterations, solved = self.stepper.advance(leg, before, stop, budget)
@@ -281,7 +283,6 @@ class Machine:
                 break
             looks.rows.append(found)
             if follow and (is_first or stop):  # the end of the leg before is the begin of this leg
-                kept = followed(self.problem)
                 places.append((found["time"], position[kept], velocity[kept]))
         trouble = self.simulation.launcher.trouble() if self.stepper.chooses_steps else None
         if trouble is not None and trouble.kind == "stalled":

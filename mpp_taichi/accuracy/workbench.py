@@ -1,7 +1,8 @@
 """Workbench: a problem compiled for several methods on one device.
 
-A device has one precision at a time: a workbench of another precision ends the present workbench. Most of the time of a study
-is that of the compiler, so methods are compiled in short: their steps have the bits of a run, and take up to a tenth longer.
+A device has one precision at a time: a workbench of another precision ends the present workbench. The compiler takes most
+of the time of a study, so a workbench compiles its methods by `short_compilation`: a step computes the same bits as a step of a
+run, and takes up to a tenth longer.
 """
 
 from mpp_taichi.accuracy.machine import Machine

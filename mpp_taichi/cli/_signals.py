@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mpp_taichi.simulation.simulation import Simulation
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-ANSWER_SECONDS = 1.5  # for Python to answer the first signal, where nothing is to be saved
+ANSWER_SECONDS = unanswered_signal.SECONDS  # for Python to answer the first signal, where nothing is to be saved
 
 
 class Interrupted(Exception):  # noqa: N818 - it is no error

@@ -10,6 +10,7 @@ from mpp_taichi.device.fast_taichi.short_compilation import OPTION, short_compil
 from mpp_taichi.scene.load import load_scene
 from scenes import cluster, kepler
 
+backends.import_taichi()  # which decides which parts are on
 METHODS = ["leapfrog", "rk4", "dop853", "kahan_li8", "ias15", "taylor", "adaptive_dop853", "hermite6", "implicit_midpoint"]
 SCENES = {"pair": kepler(0.5), "vectors": cluster(9)}
 

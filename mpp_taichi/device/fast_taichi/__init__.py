@@ -31,15 +31,7 @@ from typing import Any
 
 from mpp_taichi.device.fast_taichi import switch
 
-REPLACING = (
-    "source_cache",
-    "launch_cache",
-    "serial_loops",
-    "worker_threads",
-    "quick_compilation",
-    "short_compilation",
-    "explicit_vectors",
-)
+REPLACING = ("source_cache", "launch_cache", "serial_loops", "worker_threads", "quick_compilation", "explicit_vectors")
 """The parts that have an `install` of their own; the others ask `switch.is_on` while a kernel is compiled."""
 
 

@@ -9,14 +9,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from mpp_taichi.device import own_runtime
+from mpp_taichi.device.fast_taichi import switch
 
 OPTION = "cfg_optimization"  # Taichi's name of the analysis, in its settings
-_mode = {"installed": False, "short": False}
-
-
-def install() -> None:
-    """Let `short_compilation` have its effect."""
-    _mode["installed"] = True
+_mode = {"short": False}
 
 
 def analyses() -> bool:
@@ -28,7 +24,7 @@ def analyses() -> bool:
 def short_compilation() -> Iterator[None]:
     """Compile the kernels that are first called inside without the analysis, also in a runtime that starts inside."""
     before = _mode["short"]
-    _set(short=_mode["installed"])
+    _set(short=switch.is_on("short_compilation"))
     try:
         yield
     finally:
